@@ -23,8 +23,8 @@ QUIET = 0.3
 """Share of the lower threshold that the noise of a speed may make."""
 BUNCHED = 0.3
 """Share of the mean step that the usual one is at least, unless stamps come in bursts."""
-MOST_PAIRS = 10**8
-"""Pairs of samples over which slopes are taken at most, so that a wrong rate costs no time."""
+MOST_BESIDE, MOST_PAIRS = 100, 10**8
+"""Samples before and after one, and pairs of all, over which slopes are taken at most, so that a wrong rate costs no time."""
 
 
 def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.ndarray:
@@ -32,7 +32,7 @@ def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.nda
     positions = as_samples(positions, "positions")
     time = as_stamps(time, len(positions), 3)
     half = max(1, round(as_number(window, "window") / _usual_step(time, window)) // 2)
-    half = min(half, (len(time) - 1) // 2, max(10, math.isqrt(MOST_PAIRS // len(time))))
+    half = min(half, (len(time) - 1) // 2, MOST_BESIDE, max(10, math.isqrt(MOST_PAIRS // len(time))))
     index = np.arange(len(time))[:, None] + np.arange(-half, half + 1)
     inside = (index >= 0) & (index < len(time))
     first, second = np.triu_indices(2 * half + 1, 1)

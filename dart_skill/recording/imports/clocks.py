@@ -25,12 +25,16 @@ STEADY = 0.1
 """Where the usual step differs from the mean one by less than this share, times follow a rate."""
 HONEST = 0.1
 """Smallest share of the log time that a clock goes forward in it, if it is one of seconds; its inverse is the largest."""
+FEWEST_STEPS = 0.2
+"""Smallest share of the usual step of the log time that the usual step of stamps is; its inverse is the largest."""
 BACK_NS = 500_000_000
 """A stamp that runs back by more is no late message [ns]."""
 APART_NS = 500_000_000
 """Clocks whose stamps are farther apart, by the log, are not the same [ns]."""
-DRIFTS_NS = 100_000_000
+DRIFTS_NS = 20_000_000
 """Clocks that drift apart by less over a recording are not told of [ns]."""
+MOST_DRIFT = 0.05
+"""No clock of a computer or camera runs faster or slower than another by a larger share."""
 BIN_NS = NS_PER_S
 """Log time over which the difference of two clocks is taken together [ns]."""
 OVERFLOWS = {2**32: "32 bits of nanoseconds", 2**32 * 10**3: "32 bits of microseconds", 2**32 * NS_PER_S: "32 bits of seconds"}
@@ -104,7 +108,8 @@ def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np
         faults.append(
             _fault(UNSTAMPED, body, stamps[filled], text, "time: log" if gone > 0.05 * n else "", gone, repaired=gone <= 0.05 * n)
         )
-    return filled, faults + (_rate_fault(body, stamps[filled], log_ns[filled]) or _overflow(body, stamps[filled]))
+    known, log = stamps[filled], log_ns[filled]
+    return filled, faults + (_overflow(body, known) or _rate_fault(body, known, log) or _step_fault(body, known, log))
 
 
 def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
@@ -113,12 +118,12 @@ def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault
         return []
     order = np.argsort(log_ns, kind="stable")
     low, high = order[len(order) // 10], order[-1 - len(order) // 10]
-    steps = np.diff(stamps[order])
-    elapsed, lasted = float(np.median(steps) * (len(steps))), float(log_ns[high] - log_ns[low]) / 0.8
-    whole = float(stamps[high] - stamps[low]) / 0.8
-    if lasted < 1e8 or elapsed <= 0.0 or whole <= 0.0:
+    lasted, whole = float(log_ns[high] - log_ns[low]) / 0.8, float(stamps[high] - stamps[low]) / 0.8
+    if lasted < 1e8:
         return []
     rate = whole / lasted
+    if rate < 0.0:
+        return [_fault(SET_BACK, body, stamps, "stamps run backwards all the time", "time: log")]
     if HONEST <= rate <= 1.0 / HONEST:
         return []
     told = f"stamps go forward by {1e-9 * whole:.6g} s while {1e-9 * lasted:.1f} s were recorded"
@@ -126,6 +131,18 @@ def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault
         if unit != "s" and 1.0 / 3.0 < rate * ns / NS_PER_S < 3.0:
             return [_fault(UNIT, body, stamps, f"{told}: their seconds are {unit} in truth", f"time: {unit}")]
     return [_fault(UNIT, body, stamps, f"{told}: seconds or nanoseconds are filled in wrongly", "time: log")]
+
+
+def _step_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
+    """Of stamps that go forward rightly over seconds, but not from one message to the next, as where nanoseconds are microseconds."""
+    if len(stamps) < LEAST or _unsteadiness(1e-9 * (log_ns - log_ns[0])) > 0.5:
+        return []
+    step, logged = float(np.median(np.diff(stamps))), float(np.median(np.diff(log_ns)))
+    rate = rate_of(1e-9 * (np.maximum.accumulate(stamps) - stamps[0]))
+    if (rate is not None and rate.is_bunched) or FEWEST_STEPS * logged < step < logged / FEWEST_STEPS:
+        return []
+    text = f"stamps go forward by {1e-6 * step:.3f} ms from one message to the next, which are {1e-6 * logged:.3f} ms apart: "
+    return [_fault(UNIT, body, stamps, f"{text}the nanoseconds are filled in wrongly", "time: log")]
 
 
 def _overflow(body: str, stamps: np.ndarray) -> list[Fault]:
@@ -152,7 +169,8 @@ def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[F
     if len(late) < 2:
         return []
     medians = {name: int(np.median(list(bins.values()))) for name, bins in late.items()}
-    reference = min(late, key=lambda name: abs(medians[name] - _common(medians)))
+    common = _common(medians)
+    reference = next(name for name in late if abs(medians[name] - common) < APART_NS)
     faults = []
     for name, bins in late.items():
         both = sorted(set(bins) & set(late[reference]))
@@ -169,11 +187,11 @@ def _common(medians: Mapping[str, int]) -> int:
 
 
 def _lateness(stamps: np.ndarray, log_ns: np.ndarray) -> dict[int, int]:
-    """By how much messages were recorded after their stamps [ns], the median of each second of log time."""
+    """By how much messages were recorded after their stamps [ns], of the earlier ones of each second of log time."""
     order = np.argsort(log_ns, kind="stable")
     bins, first = np.unique(log_ns[order] // BIN_NS, return_index=True)
     groups = np.split((log_ns - stamps)[order], first[1:])
-    return {int(k): int(np.median(group - group[0])) + int(group[0]) for k, group in zip(bins, groups, strict=True)}
+    return {int(k): int(np.sort(group)[len(group) // 10]) for k, group in zip(bins, groups, strict=True)}
 
 
 def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray, off: np.ndarray) -> list[Fault]:
@@ -182,7 +200,7 @@ def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray
     rest = 1e-9 * (off - level)
     slope = _slope(at, rest) if len(at) >= 5 else 0.0
     from_line = rest - slope * (at - np.median(at))
-    drifts = abs(slope) * np.ptp(at) > 1e-9 * DRIFTS_NS and np.median(np.abs(from_line)) < 0.1 * abs(slope) * np.ptp(at)
+    drifts = MOST_DRIFT > abs(slope) > 1e-9 * DRIFTS_NS / np.ptp(at) and np.median(np.abs(from_line)) < 0.1 * abs(slope) * np.ptp(at)
     spread = from_line - np.median(from_line) if drifts else rest
     steps = np.flatnonzero(np.abs(np.diff(spread)) > 1e-9 * APART_NS)
     if 0 < len(steps) <= 5:

@@ -23,9 +23,9 @@ from dart_skill.world import joint_names
 JOINTS = "joints"
 """What the arm's joints are called in faults and in a mapping."""
 APART = 0.02
-"""Two voices that are farther apart do not say the same of a joint: of an arm that moves less than a radian [rad], else of its range."""
-AT_ONCE_NS = 100_000_000
-"""Messages of two voices that are nearer to each other in time can be compared [ns]."""
+"""Positions that are farther apart are not the same: of an arm that moves less than a radian [rad], else of its range."""
+AT_ONCE_NS = 250_000_000
+"""Messages that are nearer to each other in time can be compared [ns]."""
 SILENCE_NS = 1_000_000_000
 """A voice that is silent for longer may have been replaced by another one [ns]."""
 OFTEN = 10
@@ -132,9 +132,8 @@ def read_states(
     if not asked:
         raise ValueError(f"{where.topic}: no message as the mapping describes it, only {_seen(voices)}")
     namings = [where.names] if where.names else _namings(asked, where.topic)
-    states = _rows(asked, namings, where)
-    kept = _numbered(states)
-    return replace(kept, faults=(*kept.faults, *_of_others(voices, namings, kept)))
+    states, taken = _rows(asked, namings, where)
+    return replace(states, faults=(*states.faults, *_of_others(voices, taken, states)))
 
 
 def joint_stream(states: States, stamps: np.ndarray, where: SignalSource) -> tuple[JointStream, list[Fault]]:
@@ -262,9 +261,10 @@ def _listed(names: Sequence[str], most: int = 12) -> str:
 # the rows
 
 
-def _rows(voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSource) -> States:
-    """Rows of the joints that are called so; those of a later naming only where those of the earlier ones are silent."""
+def _rows(voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSource) -> tuple[States, list[tuple[str, ...]]]:
+    """Rows of the joints that are called so, and what they are called; those of a later naming only where the earlier ones are silent."""
     parts: list[States] = []
+    taken = []
     for names in namings:
         rows = _rows_of(voices, names, where)
         before = np.sort(np.concatenate([part.log_ns for part in parts])) if parts else np.empty(0, np.int64)
@@ -272,11 +272,10 @@ def _rows(voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSou
             if parts:
                 rows = replace(rows, faults=(*rows.faults, _note(rows, len(rows), f"from here on they are called {_listed(names)}")))
             parts.append(rows)
+            taken.append(names)
     if not parts:
         raise ValueError(_why_none(voices, namings, where))
-    if len(parts) == 1:
-        return parts[0]
-    return _merged(parts, parts[0].names)
+    return _merged(parts), taken
 
 
 def _rows_of(voices: list[_Voice], names: tuple[str, ...], where: SignalSource) -> States:
@@ -285,11 +284,7 @@ def _rows_of(voices: list[_Voice], names: tuple[str, ...], where: SignalSource) 
     if not names or not whole:
         unnamed = [voice for voice in voices if not voice.names and voice.position.shape[1] == N_JOINTS]
         whole = whole or (unnamed if not any(set(names) & set(voice.names) for voice in voices) else [])
-    if whole:
-        rows = [_row_states(voice, names) for voice in whole]
-        told = whole, [states for states in rows]
-        return _unanimous(*told, where)
-    return _joined(voices, names)
+    return _unanimous(whole, [_row_states(voice, names) for voice in whole], where) if whole else _numbered(_joined(voices, names))
 
 
 def _row_states(voice: _Voice, names: tuple[str, ...]) -> States:
@@ -301,33 +296,35 @@ def _row_states(voice: _Voice, names: tuple[str, ...]) -> States:
     return States(voice.stamp_ns, voice.log_ns, position, velocity, names)
 
 
-def _merged(parts: Sequence[States], names: tuple[str, ...]) -> States:
+def _merged(parts: Sequence[States]) -> States:
     """Rows of several, in the order of recording."""
     stamps, log_ns, position, velocity = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("stamp_ns", "log_ns", "position", "velocity")
     )
     faults = tuple(fault for part in parts for fault in part.faults)
-    return States(stamps, log_ns, position, velocity, names, faults).take(np.argsort(log_ns, kind="stable"))
+    return States(stamps, log_ns, position, velocity, parts[0].names, faults).take(np.argsort(log_ns, kind="stable"))
 
 
 def _unanimous(voices: list[_Voice], rows: list[States], where: SignalSource) -> States:
-    """All rows, without those of a voice that contradicts and is known to be none of the arm.
+    """All rows, without those of a publisher that says the same all the time while the others move.
 
-    ValueError where that is not known.
+    ValueError where two contradict each other, and nothing tells which of them is the arm's.
     """
-    faults: list[Fault] = []
-    kept: list[int] = []
-    for k in sorted(range(len(rows)), key=lambda k: (_is_still(rows[k].position), -len(rows[k]))):
-        against = next((j for j in kept if _contradict(rows[j], rows[k])), None)
-        if against is None:
-            kept.append(k)
-        elif _is_still(rows[k].position) and not _is_still(rows[against].position):
-            faults.append(_silenced(rows[k], str(voices[k])))
-        else:
-            raise ValueError(_contradiction(voices[against], voices[k], rows[against], rows[k], where))
-    merged = _merged([rows[k] for k in sorted(kept)], rows[0].names)
-    merged, found = _of_one_mind(merged, where)
-    return replace(merged, faults=(*merged.faults, *faults, *found))
+    merged, faults = _numbered(_merged(rows)), []
+    kept = list(range(len(rows)))
+    while len(back := _leaps_back(merged)) >= OFTEN:
+        still = [k for k in kept if _is_still(rows[k].position)]
+        if still and len(still) < len(kept):
+            faults += [_silenced(rows[k], str(voices[k])) for k in still]
+            kept = [k for k in kept if k not in still]
+            merged = _numbered(_merged([rows[k] for k in kept]))
+            continue
+        if len(kept) > 1:
+            one, other = sorted(sorted(kept, key=lambda k: -len(rows[k]))[:2])
+            raise ValueError(_contradiction(voices[one], voices[other], rows[one], rows[other], where))
+        merged, found = _without_constant(merged, back, where)
+        faults.append(found)
+    return replace(merged, faults=(*merged.faults, *faults))
 
 
 def _is_still(position: np.ndarray) -> bool:
@@ -345,33 +342,15 @@ def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=1)
 
 
-def _contradict(one: States, other: States) -> bool:
-    """Whether two say different things of the joints at the same time."""
-    if len(one) < 2:
-        return False
-    after = np.clip(np.searchsorted(one.log_ns, other.log_ns), 1, len(one) - 1)
-    before = after - 1
-    near = (other.log_ns >= one.log_ns[0]) & (other.log_ns <= one.log_ns[-1]) & (one.log_ns[after] - one.log_ns[before] < AT_ONCE_NS)
-    if not near.any():
-        return False
-    off = np.minimum(_turns(other.position, one.position[before]), _turns(other.position, one.position[after]))[near]
-    off = off[np.isfinite(off)]
-    return len(off) > 0 and float(np.mean(off > _apart(one.position))) > 0.1
-
-
-def _of_one_mind(states: States, where: SignalSource) -> tuple[States, list[Fault]]:
+def _without_constant(states: States, back: np.ndarray, where: SignalSource) -> tuple[States, Fault]:
     """Without the rows of a second publisher that says the same all the time, in messages that look like those of the first.
 
-    ValueError if a second one moves, too.
+    back: rows that leap away and back (k,). ValueError if a second one moves, too.
     """
-    back = _leaps_back(states)
-    if len(back) < OFTEN:
-        return states, []
-    values, count = np.unique(states.position[back], axis=0, return_counts=True)
+    values, count = np.unique(states.position[back] + 0.0, axis=0, return_counts=True)
     same = (states.position == values[np.argmax(count)]).all(axis=1)
-    rest = states.take(~same)
-    if count.max() > 0.9 * len(back) and len(_leaps_back(rest)) < OFTEN:
-        return rest, [_silenced(states.take(same), f"{int(same.sum())} messages")]
+    if count.max() >= OFTEN and len(_leaps_back(states.take(~same))) < OFTEN:
+        return states.take(~same), _silenced(states.take(same), f"{int(same.sum())} messages")
     k = back[len(back) // 2]
     raise ValueError(
         f"{where.topic}: two publishers give different positions of the same joints, {np.round(states.position[k - 1], 3).tolist()} and "
@@ -484,17 +463,18 @@ def _numbered(states: States) -> States:
 
 
 def _of_others(voices: list[_Voice], namings: list[tuple[str, ...]], states: States) -> list[Fault]:
-    """A note for all joints that are not the arm's, and one for all messages that are no use."""
-    used = {name for names in namings[:1] for name in names}
+    """A note for all joints that are not the arm's, and one for all messages that are no use. namings: that were taken."""
+    used = {name for names in namings for name in names}
     notes = []
     foreign: Counter[str] = Counter()
     useless: Counter[str] = Counter()
     for voice in voices:
-        layout = voice.layout(namings[0]) if namings[0] else None
+        layouts = [voice.layout(names) for names in namings if names]
+        layout = None if not layouts or any(one.order is not None for one in layouts) else layouts[0]
         for name in dict.fromkeys(voice.names):
             if name not in used:
                 foreign[name] += len(voice)
-        if layout is not None and layout.order is None and not layout.is_of_others and voice.names:
+        if layout is not None and not layout.is_of_others and voice.names:
             useless[layout.why.partition(": ")[0]] += len(voice)
         if not voice.names and namings[0] and len(voices) > 1:
             useless["has no names"] += len(voice)

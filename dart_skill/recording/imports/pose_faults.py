@@ -171,8 +171,7 @@ def _on_grid(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     time = (stream.stamp_ns - stream.stamp_ns[:1]) * 1e-9
     runs = [run for run in _runs(time) if np.sum(~doubled[run]) >= LEAST_RUN]
     if (bursts := bunched(stream.body, stream.stamp_ns)) is not None:
-        stream, faults = _first_of_a_stamp(stream, doubled)
-        return stream, [*bursts[1], *faults]
+        return stream, bursts[1]
     if not runs or _all_regular(time[~doubled]):
         return _first_of_a_stamp(stream, doubled)
     period, coherence = _frame_period(time, runs)

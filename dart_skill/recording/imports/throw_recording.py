@@ -148,10 +148,10 @@ def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], m
     joints, found = _joints(mapping.joints, taken.get(JOINTS), folder)
     faults += [*found, *clocks_apart(_clocks(mapping, taken, {fault.body for fault in faults if not fault.repaired}))]
     if mend:
-        timeless = {fault.body for fault in faults if fault.kind == UNSTAMPED and not fault.repaired}
+        timeless = {fault.body for fault in faults if fault.is_of_time}
         repaired, found = repair({role: body for role, body in bodies.items() if len(body) and role not in timeless})
         bodies |= repaired
-        faults += found
+        faults += [*found, *_never_moving(bodies)]
     else:
         faults = []
     for role, where in mapping.bodies.items():
@@ -177,6 +177,18 @@ def _clocks(mapping: RecordingMapping, taken: dict[str, Any], faulty: set[str]) 
         filled = stamps != 0
         found[role] = (timed(role, stamps[filled], None, where.clock).stamp_ns, log_ns[filled])
     return found
+
+
+def _never_moving(bodies: Mapping[str, PoseStream]) -> list[Fault]:
+    """Of hand and ball whose poses are all the same to the last bit."""
+    faults = []
+    for role in ("hand", "ball"):
+        stream = bodies.get(role)
+        if stream is not None and len(stream) >= FEW and not np.ptp(stream.position, axis=0).any():
+            start, stop = int(stream.stamp_ns.min()), int(stream.stamp_ns.max())
+            text = f"{len(stream)} poses that are the same to the last bit: a body that was lost, or is not the one that moved"
+            faults.append(Fault("stale", role, start, stop, len(stream), text, False))
+    return faults
 
 
 def _standing(bodies: Mapping[str, PoseStream], frame: str, still: dict[str, np.ndarray], faults: list[Fault]) -> dict[str, PoseStream]:
