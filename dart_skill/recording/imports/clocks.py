@@ -31,6 +31,8 @@ BACK_NS = 500_000_000
 """A stamp that runs back by more is no late message [ns]."""
 APART_NS = 500_000_000
 """Clocks whose stamps are farther apart, by the log, are not the same [ns]."""
+SAME_NS = 50_000_000
+"""Messages of one clock are recorded with delays that differ by less [ns]."""
 DRIFTS_NS = 20_000_000
 """Clocks that drift apart by less over a recording are not told of [ns]."""
 MOST_DRIFT = 0.05
@@ -70,7 +72,7 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
     by_log = clock.source == "log" and log_ns is not None
     times = log_ns if by_log and log_ns is not None else stamps
     if not by_log and log_ns is not None:
-        times = _in_seconds(stamps, clock.unit)  # of a table that was done when its numbers were read
+        times = in_seconds(stamps, clock.unit)  # of a table that was done when its numbers were read
         if not clock.is_regular:
             kept, faults = _stamp_faults(body, times, log_ns)
             times = times[kept]
@@ -79,8 +81,8 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
     return Timed(clock.corrected(times), kept, faults)
 
 
-def _in_seconds(stamps: np.ndarray, unit: str) -> np.ndarray:
-    """Stamps (n,) [ns] whose seconds are those of another unit in truth."""
+def in_seconds(stamps: np.ndarray, unit: str) -> np.ndarray:
+    """Stamps in truth (n,) [ns]. stamps: as recorded (n,) [ns], whose seconds are of a unit of TIME_UNITS. unit: its name."""
     return stamps if unit == "s" else stamps // round(NS_PER_S / TIME_UNITS[unit])
 
 
@@ -210,7 +212,8 @@ def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray
     if drifts:
         shift = 1e-9 * level - slope * (float(np.median(at)) - float(at[0]))
         text = f"the clock runs {'slower' if slope > 0 else 'faster'} than that of the {reference}, by {1e3 * abs(slope):.3f} ms a second"
-        return [_fault("drift", name, stamps, text, f"time_shift: {shift:.3f}, time_drift: {slope:.6f}")]
+        told = f"time_shift: {shift:.3f}, " if abs(shift) > 1e-9 * SAME_NS else ""
+        return [_fault("drift", name, stamps, text, f"{told}time_drift: {slope:.6f}")]
     if abs(level) <= APART_NS:
         return []
     hours = abs(level) > 0.9 * HOUR_NS and abs((level + HOUR_NS // 2) % HOUR_NS - HOUR_NS // 2) < APART_NS and abs(level) < 27 * HOUR_NS

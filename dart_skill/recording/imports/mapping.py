@@ -334,7 +334,7 @@ def _pose_keys(where: PoseSource) -> dict[str, Any]:
 
 def _signal_keys(where: SignalSource) -> dict[str, Any]:
     keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(where.table)
-    keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros") if getattr(where, name)}
+    keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros", "listed") if getattr(where, name)}
     return keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
 
 
@@ -483,6 +483,8 @@ def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
         angle=section.choice("angle", default.angle, ANGLE_UNITS),
         signs=tuple(section.take("signs", default.signs, _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
         zeros=section.vector("zeros", N_JOINTS, default.zeros),
+        listed=tuple(section.take("listed", default.listed, _are_names, "names of joints")),
+        frame=section.text("frame", default.frame),
     )
 
 

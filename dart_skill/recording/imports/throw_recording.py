@@ -31,7 +31,7 @@ from dart_skill.recording.bags import (
 from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
 from dart_skill.recording.imports.bag_topics import PART_NS, Poses, buttons, read_topics
-from dart_skill.recording.imports.clocks import bunched, clocks_apart, timed
+from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed
 from dart_skill.recording.imports.faults import GAP, NOTE, UNSTAMPED, Fault, in_words
 from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
 from dart_skill.recording.imports.mapping import (
@@ -175,7 +175,7 @@ def _clocks(mapping: RecordingMapping, taken: dict[str, Any], faulty: set[str]) 
             continue
         stamps, log_ns = (content.stamp_ns, content.log_ns) if isinstance(content, States) else (content.stamps, content.log)
         filled = stamps != 0
-        found[role] = (timed(role, stamps[filled], None, where.clock).stamp_ns, log_ns[filled])
+        found[role] = (where.clock.corrected(in_seconds(stamps[filled], where.clock.unit)), log_ns[filled])
     return found
 
 
