@@ -96,7 +96,8 @@ def _learn(options: argparse.Namespace) -> int:
     except TooFew as error:
         print(*fault_lines(error.report.faults), sep="\n", file=sys.stderr)
         raise
-    save_model(output, list(report.learned_from), skill.skill.configuration)
+    origin = {"clocks": report.clocks} if report.clocks else None
+    save_model(output, list(report.learned_from), skill.skill.configuration, origin=origin)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0
 
@@ -254,6 +255,7 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
         "source": report.source,
         "raw": report.raw,
         "faults": [asdict(fault) for fault in report.faults],
+        "clocks": report.clocks,
         "throws": [_throw_json(throw) for throw in report.throws],
         "learned_from": [one.id for one in report.learned_from],
         "weakness": report.weakness,

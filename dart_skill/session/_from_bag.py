@@ -11,14 +11,14 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import AS_ASKED, DROPPED, Demonstration, check_known, each_demonstration, unwanted
-from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, in_words, read_in_parts, read_recording
+from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, clocks_of, in_words, read_in_parts, read_recording
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
@@ -53,13 +53,15 @@ class LearnReport:
     * source: the recording.
     * raw: whether throws were found in the streams, not read from /demonstrations.
     * throws: what was found, in order of time.
-    * faults: of the recorded poses.
+    * faults: of the recorded poses, joint states and stamps.
+    * clocks: how the mapping had stamps read, as `clocks_of`.
     """
 
     source: str
     raw: bool
     throws: tuple[FoundThrow, ...] = ()
     faults: tuple[Fault, ...] = field(default=(), repr=False)
+    clocks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def learned_from(self) -> tuple[Demonstration, ...]:
@@ -98,7 +100,8 @@ def learn_from_bag(
     """
     chosen = configuration_of(configuration)
     reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)
-    report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw), True
+    clocks = clocks_of(mapping) if mapping else {}
+    report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw, clocks=clocks), True
     if raw:
         judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
         report, has_joints = _throws_in_parts(read_in_parts(path, mapping), report, thresholds, judged, memory)

@@ -1,14 +1,21 @@
 """Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong with their poses; ours as CSV files."""
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
+from dart_skill.recording.imports.bag_topics import POSE_TYPES
 from dart_skill.recording.imports.faults import Fault, fault_lines, in_words
 from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    OWN,
+    QUATERNION_ORDERS,
+    Clock,
     MappingError,
     PoseSource,
     RecordingMapping,
     SignalSource,
     Table,
+    clocks_of,
     flow_text,
     load_mapping,
     mapping_text,
@@ -17,11 +24,23 @@ from dart_skill.recording.imports.mapping import (
     parse_mapping,
     with_remedies,
 )
+from dart_skill.recording.imports.orientation_leaps import Leaps, find_leaps
 from dart_skill.recording.imports.pose_faults import repair
-from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform
+from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, PoseStream, RigidTransform, axes_matrix, nearest_axes
 from dart_skill.recording.imports.throw_recording import ThrowRecording, convert, read_in_parts, read_recording
 
 __all__ = [
+    "ANGLE_UNITS",
+    "AS_OURS",
+    "Axes",
+    "Clock",
+    "LENGTH_UNITS",
+    "OWN",
+    "POSE_TYPES",
+    "QUATERNION_ORDERS",
+    "UP_AXES",
+    "axes_matrix",
+    "nearest_axes",
     "Fault",
     "MAPPING",
     "JointStream",
@@ -34,9 +53,12 @@ __all__ = [
     "Table",
     "ThrowRecording",
     "bodies_to_csv",
+    "clocks_of",
     "convert",
+    "Leaps",
     "fault_lines",
     "in_words",
+    "find_leaps",
     "flow_text",
     "load_mapping",
     "mapping_text",

@@ -22,7 +22,7 @@ INFORMATION = (GAP, NOTE)
 class Fault:
     """What is wrong with the poses of a body, the states of the joints, or their stamps.
 
-    * kind: of poses not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, outlier; of joints those of
+    * kind: of poses not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, leap, outlier; of joints those of
       `joint_streams`; of stamps those of `clocks`; or what is no fault: of INFORMATION.
     * body: its name; of an exchange, both names; `joints` for the arm's.
     * start_ns, stop_ns: stamps of the first and last sample that is concerned.

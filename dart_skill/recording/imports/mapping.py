@@ -314,6 +314,15 @@ def mapping_text(mapping: RecordingMapping) -> str:
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140)
 
 
+def clocks_of(mapping: RecordingMapping) -> dict[str, dict[str, Any]]:
+    """How stamps are read, as the keys of a mapping by body, joints and signals; of those whose stamps are taken as they are, nothing.
+
+    * mapping: says it.
+    """
+    sources = {**mapping.bodies, **{name: getattr(mapping, name) for name in ("joints", "teacher", "command")}}
+    return {name: keys for name, where in sources.items() if where is not None and (keys := _clock_keys(where.clock))}
+
+
 def _pose_keys(where: PoseSource) -> dict[str, Any]:
     default = PoseSource()
     if where.fixed:
@@ -335,6 +344,7 @@ def _pose_keys(where: PoseSource) -> dict[str, Any]:
 def _signal_keys(where: SignalSource) -> dict[str, Any]:
     keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(where.table)
     keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros", "listed") if getattr(where, name)}
+    keys |= {"frame": where.frame} if where.frame else {}
     return keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
 
 

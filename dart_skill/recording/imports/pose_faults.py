@@ -16,6 +16,7 @@ import numpy as np
 from dart_skill.constants import GRAVITY
 from dart_skill.recording.imports.clocks import PAUSE, bunched, rate_of
 from dart_skill.recording.imports.faults import GAP, Fault, spans
+from dart_skill.recording.imports.orientation_leaps import find_leaps
 from dart_skill.recording.imports.pose_stream import PoseStream
 
 LATEST = 0.5  # a message that comes later than this is not sorted in [s]
@@ -50,8 +51,10 @@ def repair(streams: Mapping[str, PoseStream]) -> tuple[dict[str, PoseStream], li
         bodies[one], bodies[other], found = _unswapped(bodies[one], bodies[other])
         faults += found
     for body in bodies:
-        bodies[body], found = _without_outliers(bodies[body])
-        faults += found + _gaps(bodies[body])
+        for step in (_without_leaps, _without_outliers):
+            bodies[body], found = step(bodies[body])
+            faults += found
+        faults += _gaps(bodies[body])
     return bodies, sorted(faults, key=lambda fault: (fault.body, fault.start_ns, fault.kind))
 
 
@@ -412,7 +415,22 @@ def _matched(one: np.ndarray, other: np.ndarray, tolerance: int) -> tuple[np.nda
     return np.flatnonzero(near), j[near]
 
 
-# lone samples, and missing ones
+# orientations that leap, lone samples, and missing ones
+
+
+def _without_leaps(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
+    """Orientations that leapt to another solution brought back to the one that was seen more often."""
+    found = find_leaps(stream)
+    if found is None:
+        return stream, []
+    first, last = np.flatnonzero(found.leapt)[[0, -1]]
+    text = (
+        "the orientation of {count} poses leapt between two solutions, "
+        f"{np.degrees(found.angle):.0f} degrees apart, as of markers that look the same after this turn: brought back to "
+        + ("the one that was seen more often" if found.is_clear else "one of them, and nothing tells whether it is the right one")
+    )
+    fault = _fault("leap", stream, int(first), int(last), text, found.is_clear, int(found.leapt.sum()))
+    return found.mended(stream), [fault]
 
 
 def _without_outliers(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
