@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from dart_skill.session._auto_mapping import auto_mapping
     from dart_skill.session._belt import BeltSession
     from dart_skill.session._bench import BenchSession
-    from dart_skill.session._clock_offset import ClockOffset, clock_offset
     from dart_skill.session._darts_demo import Hit, darts_demo, play_leg, throw_dart
     from dart_skill.session._darts_run import (
         BLOCK,
@@ -59,7 +58,6 @@ else:
             "_auto_mapping": "auto_mapping",
             "_belt": "BeltSession",
             "_bench": "BenchSession",
-            "_clock_offset": "ClockOffset clock_offset",
             "_darts_demo": "Hit darts_demo play_leg throw_dart",
             "_darts_run": "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair before_the_throw darts_json darts_table "
             "summarise",
@@ -84,7 +82,6 @@ __all__ = [
     "BeltSession",
     "BenchSession",
     "Cause",
-    "ClockOffset",
     "Dart",
     "DartsRun",
     "DartsSummary",
@@ -113,7 +110,6 @@ __all__ = [
     "auto_mapping",
     "basket_in_words",
     "before_the_throw",
-    "clock_offset",
     "darts_demo",
     "darts_json",
     "darts_table",
