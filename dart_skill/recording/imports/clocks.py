@@ -170,9 +170,7 @@ def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[F
     late = {name: _lateness(stamps, log_ns) for name, (stamps, log_ns) in streams.items() if len(stamps) >= LEAST}
     if len(late) < 2:
         return []
-    medians = {name: int(np.median(list(bins.values()))) for name, bins in late.items()}
-    common = _common(medians)
-    reference = next(name for name in late if abs(medians[name] - common) < APART_NS)
+    reference = min(late, key=lambda name: _untrusted(name, late))
     faults = []
     for name, bins in late.items():
         both = sorted(set(bins) & set(late[reference]))
@@ -182,10 +180,17 @@ def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[F
     return faults
 
 
-def _common(medians: Mapping[str, int]) -> int:
-    """The lateness that most topics have; of two as many the one that is nearer to the log."""
-    values = list(medians.values())
-    return max(values, key=lambda one: (sum(abs(one - other) < APART_NS for other in values), -abs(one)))
+def _untrusted(name: str, late: Mapping[str, Mapping[int, int]]) -> tuple[int, int, int]:
+    """How little a clock is to be trusted: by how far it is from those of the others, how unsteady it is by the log, and how far from it.
+
+    late: lateness by second of log time, of each topic.
+    """
+    own = np.array(list(late[name].values()), dtype=np.int64)
+    off = []
+    for other in (bins for one, bins in late.items() if one != name):
+        both = sorted(set(other) & set(late[name]))
+        off.append(max((abs(other[k] - late[name][k]) for k in both), default=0) // DRIFTS_NS)
+    return int(np.median(off)), int(np.ptp(own)) // DRIFTS_NS, abs(int(own[len(own) // 2])) // APART_NS
 
 
 def _lateness(stamps: np.ndarray, log_ns: np.ndarray) -> dict[int, int]:
