@@ -20,6 +20,7 @@ from dart_skill_nodes.client.arm_listener import ArmListener
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, OfTheArm, Rivals, hear_joint_states
 from dart_skill_nodes.executables.commander import CommanderNode
+from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.process.node_base import make_executor
 
 PATIENCE = 30.0
@@ -214,6 +215,17 @@ def test_who_hears_a_gripper_only_says_whose_joints_come(beside):
     driver.until(lambda: driver.beside._states.of_the_arm.others, "a state")
     missing = driver.beside._missing_now()
     assert "names none of the arm's joints wam_j1 to wam_j7, but finger_left, finger_right" in missing and not driver.answers
+
+
+def test_the_recorder_takes_the_arms_states_beside_a_gripper(beside, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    driver = beside(DemonstrationRecorder(), QoSProfile(depth=10))
+    recorder = driver.beside
+    driver.speak_beside(["finger_left", "finger_right"])
+    driver.until(lambda: recorder._of_the_arm.voices and recorder._heard[JOINT_STATES] > 20, "states of both")
+    driver.until(lambda: recorder._arm_state() is not None, "a state")
+    np.testing.assert_array_equal(recorder._arm_state().position, list(ANGLES.values()))
+    assert not recorder.refusals.counts and recorder._newest[JOINT_STATES] < 3_600_000_000_000 and not recorder._fault
 
 
 def test_a_second_arm_under_the_same_names_is_refused(beside):
