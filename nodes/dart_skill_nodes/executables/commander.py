@@ -102,7 +102,6 @@ class GoalUnderWay:
 
 SIMULATED = "simulation/state"
 """Only a simulator publishes it."""
-NO_STATES = "no {} yet: is the arm, or wam_simulator, running?"
 NOT_FOR_AN_ARM = (
     "tracking is 'hand', which makes an arm with motors and cables oscillate, and no simulator runs: start the commander with "
     "tracking:=joints and friction_compensation:=1.0, as the layout hardware does"
@@ -293,7 +292,8 @@ class CommanderNode(GuardedNode):
     def _missing_now(self) -> str:
         if self._state is None:
             named = self._states.of_the_arm.others
-            return self._fault or (f"{self._states_name} {named}" if named else NO_STATES.format(self._states_name))
+            strange = f"{self._states_name} {named}" if named else ""
+            return self._fault or strange or f"no {self._states_name} yet: is the arm, or wam_simulator, running?"
         if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
             return NOT_FOR_AN_ARM
         if self._rivals:
