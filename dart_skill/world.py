@@ -96,14 +96,17 @@ def joint_names() -> tuple[str, ...]:
     return tuple(joint["name"] for joint in load_yaml("wam.yaml")["joints"])
 
 
-@lru_cache(maxsize=16)
-def joint_order(names: tuple[str, ...]) -> list[int] | slice:
+@lru_cache(maxsize=64)
+def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[int] | slice:
     """Where the arm's joints are among the names of a joint state, which may have more: indices, or a slice if they are the first in order.
+
+    * names: of the joint state.
+    * wanted: names of the arm's joints, default those of config/wam.yaml.
 
     ValueError names the first joint that is missing, or is named twice.
     """
-    wanted = joint_names()
-    if names[: len(wanted)] == wanted:
+    wanted = wanted or joint_names()
+    if names[: len(wanted)] == wanted and not set(wanted) & set(names[len(wanted) :]):
         return slice(len(wanted))
     for name in wanted:
         if names.count(name) != 1:

@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import json
 import shlex
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,9 +68,9 @@ def _learn(options: argparse.Namespace) -> int:
         _refuse_what_needs_a_bag(options)
         return options.run_on_graph(options)
     from dart_skill.recording import skill_of
-    from dart_skill.recording.imports import load_mapping
+    from dart_skill.recording.imports import fault_lines, load_mapping
     from dart_skill.recording.lerobot import is_dataset
-    from dart_skill.session import learn_from_bag
+    from dart_skill.session import NothingLearned, learn_from_bag
     from dart_skill.skill.learn import save_model
     from dart_skill.skill.protocol import load_skill
 
@@ -90,8 +91,13 @@ def _learn(options: argparse.Namespace) -> int:
     raw = not options.demonstrations_topic
     wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
     wanted["remember"] = REMEMBERED if options.remember is None else options.remember
-    skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
-    save_model(output, list(report.learned_from), skill.skill.configuration)
+    try:
+        skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
+    except NothingLearned as error:
+        print(*fault_lines(error.report.faults), sep="\n", file=sys.stderr)
+        raise
+    origin = {"clocks": report.clocks} if report.clocks else None
+    save_model(output, list(report.learned_from), skill.skill.configuration, origin=origin)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0
 
@@ -249,6 +255,7 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
         "source": report.source,
         "raw": report.raw,
         "faults": [asdict(fault) for fault in report.faults],
+        "clocks": report.clocks,
         "throws": [_throw_json(throw) for throw in report.throws],
         "learned_from": [one.id for one in report.learned_from],
         "weakness": report.weakness,

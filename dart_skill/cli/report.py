@@ -104,8 +104,10 @@ def _as_json(run: Run, output: Path) -> dict:
 
 
 def _as_text(run: Run, output: Path) -> str:
+    from dart_skill.recording.imports import fault_lines
     from dart_skill.session import footer
 
-    lines = [f"{len(run.shown)} demonstrations, {len(run.results)} throws of the arm: {footer(run.results)}"]
+    lines = fault_lines(fault for fault in run.recording.faults if not (fault.repaired or fault.is_information))
+    lines += [f"{len(run.shown)} demonstrations, {len(run.results)} throws of the arm: {footer(run.results)}"]
     lines += [f"report: {output}, {output.stat().st_size / 1e6:.1f} MB", f"next: dart-skill view {shlex.quote(str(run.bag))}"]
     return "\n".join(lines)

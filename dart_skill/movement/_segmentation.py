@@ -7,6 +7,7 @@ change it. The window is so wide that the noise, which is told from the samples,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,14 +21,18 @@ from dart_skill.movement._time import as_stamps
 
 QUIET = 0.3
 """Share of the lower threshold that the noise of a speed may make."""
+BUNCHED = 0.3
+"""Share of the mean step that the usual one is at least, unless stamps come in bursts."""
+MOST_BESIDE, MOST_PAIRS = 60, 10**8
+"""Samples before and after one, and pairs of all, over which slopes are taken at most, so that a wrong rate costs no time."""
 
 
 def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.ndarray:
     """Magnitude (n,) of the velocity of positions (n, d) at stamps (n,) [s], from the samples within a window [s]."""
     positions = as_samples(positions, "positions")
     time = as_stamps(time, len(positions), 3)
-    half = max(1, round(as_number(window, "window") / float(np.median(np.diff(time)))) // 2)
-    half = min(half, (len(time) - 1) // 2)
+    half = max(1, round(as_number(window, "window") / _usual_step(time, window)) // 2)
+    half = min(half, (len(time) - 1) // 2, MOST_BESIDE, max(10, math.isqrt(MOST_PAIRS // len(time))))
     index = np.arange(len(time))[:, None] + np.arange(-half, half + 1)
     inside = (index >= 0) & (index < len(time))
     first, second = np.triu_indices(2 * half + 1, 1)
@@ -36,6 +41,13 @@ def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.nda
     steps = np.where(inside[:, first] & inside[:, second], steps, np.nan)
     velocity = [row_medians((axis[index[:, second]] - axis[index[:, first]]) / steps) for axis in positions.T]
     return np.linalg.norm(velocity, axis=0)
+
+
+def _usual_step(time: np.ndarray, window: float) -> float:
+    """The usual step of stamps (n,) [s]; of stamps in bursts not that within a burst, of which a window [s] has no such number."""
+    steps = np.diff(time)
+    short = steps[steps <= window]
+    return max(float(np.median(steps)), BUNCHED * float(np.mean(short)) if len(short) else 0.0)
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         times_after,
     )
     from dart_skill.recording.grip_signal import OLDER_COMMAND, GripSignal, Opening, completed_command, read_command
+    from dart_skill.recording.joint_state import JointLayout, joint_layout
     from dart_skill.recording.log_time import LogTime
     from dart_skill.recording.marks import (
         AS_ASKED,
@@ -73,6 +74,7 @@ else:
                 "pose_rows read_demonstrations skill_of stamp_ns times_after"
             ),
             "grip_signal": "OLDER_COMMAND GripSignal Opening completed_command read_command",
+            "joint_state": "JointLayout joint_layout",
             "log_time": "LogTime",
             "marks": "AS_ASKED DROPPED MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped unwanted",
         },
@@ -90,6 +92,7 @@ __all__ = [
     "Demonstration",
     "GripSignal",
     "GraphBag",
+    "JointLayout",
     "LogTime",
     "MARK_TOPIC",
     "MARK_TYPE",
@@ -111,6 +114,7 @@ __all__ = [
     "fill_demonstration_message",
     "filled",
     "is_stamped",
+    "joint_layout",
     "message",
     "named",
     "pose_rows",

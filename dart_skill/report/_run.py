@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -166,9 +167,10 @@ def read_run(
     judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)
     _check_phases(described.phases, len(judged))
     skill, notes = learned or _learned(shown, described.configuration)
-    notes += [f"could not be cut: {throw.reason}" for throw in throws if throw.demonstration is None]
+    uncut = Counter(throw.reason for throw in throws if throw.demonstration is None)
+    notes += [f"{n} throws could not be cut: {why}" if n > 1 else f"could not be cut: {why}" for why, n in uncut.items()]
     return Run(
-        bag, described, recording, guided, own, judged, shown, skill, recording.command_stamps, (*notes, *fault_lines(recording.faults))
+        bag, described, recording, guided, own, judged, shown, skill, recording.command_stamps, (*fault_lines(recording.faults), *notes)
     )
 
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from dart_skill.session._demo import Job, throwing_demo
     from dart_skill.session._disagreement import Cause, Disagreement, disagreement
     from dart_skill.session._finding import find_throws
-    from dart_skill.session._from_bag import LearnReport, learn_from_bag
+    from dart_skill.session._from_bag import LearnReport, NothingLearned, learn_from_bag
     from dart_skill.session._from_lerobot import (
         learn_other_throws_from_dataset,
         learn_skill_from_dataset,
@@ -64,7 +64,7 @@ else:
             "_demo": "Job throwing_demo",
             "_disagreement": "Cause Disagreement disagreement",
             "_finding": "find_throws",
-            "_from_bag": "LearnReport learn_from_bag",
+            "_from_bag": "LearnReport NothingLearned learn_from_bag",
             "_from_lerobot": "learn_other_throws_from_dataset learn_skill_from_dataset learn_throws_from_dataset open_dataset "
             "skill_of_dataset",
             "_in_process": "Session Trial",
@@ -103,6 +103,7 @@ __all__ = [
     "SkillSession",
     "SkillTrial",
     "ThrowResult",
+    "NothingLearned",
     "Trial",
     "after_the_throw",
     "as_pair",

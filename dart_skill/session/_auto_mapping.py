@@ -6,7 +6,7 @@ import os
 from dataclasses import replace
 
 from dart_skill.recording import BagError, BagReader, TopicInfo
-from dart_skill.recording.imports import OWN, POSE_TYPES, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.imports import OWN, POSE_TYPES, PoseSource, RecordingMapping, SignalSource, read_recording, with_remedies
 from dart_skill.session._disagreement import Disagreement, disagreement
 
 
@@ -18,6 +18,7 @@ def auto_mapping(path: str | os.PathLike) -> tuple[RecordingMapping, Disagreemen
     BagError for a bag whose topics do not tell what is what, ValueError for a disagreement that no mapping mends.
     """
     named = _by_names(path)
+    named = with_remedies(named, (fault for fault in read_recording(path, named).faults if fault.is_of_time))
     found = disagreement(path, named)
     if found is not None and found.mapping is None:
         raise ValueError(f"{path}: {found}")

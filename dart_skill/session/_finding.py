@@ -61,7 +61,7 @@ def _fill(log: ThrowLog, recording: ThrowRecording) -> None:
     for role, stream in (("hand", log.hand), ("ball", log.ball), ("basket", log.basket)):
         body = recording.bodies[role]
         rows = np.hstack([body.position, body.quaternion]) if role == "hand" else body.position
-        log.rejected += len(rows) - stream.extend(body.stamp_ns, rows)
+        log.left_out[role] += len(rows) - stream.extend(body.stamp_ns, rows)
     joints = recording.joints
     if joints is not None:
         for k, stamp in enumerate(joints.stamp_ns.tolist()):

@@ -11,14 +11,14 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import AS_ASKED, DROPPED, Demonstration, check_known, each_demonstration, unwanted
-from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
+from dart_skill.recording import AS_ASKED, DROPPED, BagError, Demonstration, check_known, each_demonstration, unwanted
+from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, clocks_of, in_words, read_in_parts, read_recording
 from dart_skill.robot import Registration
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
@@ -39,6 +39,18 @@ MISSED = "missed the basket"
 """Why a throw is left out that somebody guided elsewhere."""
 
 
+MOST_FAULTS = 8
+"""So many are named where nothing can be learned."""
+
+
+class NothingLearned(ValueError):
+    """Too little to learn from. report: what was found, and what is wrong with it."""
+
+    def __init__(self, text: str, report: LearnReport):
+        super().__init__(text)
+        self.report = report
+
+
 @dataclass(frozen=True)
 class LearnReport:
     """What was found in a recording, and what became of it.
@@ -46,13 +58,15 @@ class LearnReport:
     * source: the recording.
     * raw: whether throws were found in the streams, not read from /demonstrations.
     * throws: what was found, in order of time.
-    * faults: of the recorded poses.
+    * faults: of the recorded poses, joint states and stamps.
+    * clocks: how the mapping had stamps read, as `clocks_of`.
     """
 
     source: str
     raw: bool
     throws: tuple[FoundThrow, ...] = ()
     faults: tuple[Fault, ...] = field(default=(), repr=False)
+    clocks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def learned_from(self) -> tuple[Demonstration, ...]:
@@ -87,11 +101,12 @@ def learn_from_bag(
     mapping: where everything is, for recordings that are not ours. raw: from the streams; else from the topic /demonstrations, as the
     recorder cut them. with_throws: also from misses and from the arm's own throws. without: ids of throws that are left out, besides the
     demonstrations that were dropped while they were recorded. remember: how many are learned from at most, so that neither memory nor
-    model grow with the recording (`ThrowMemory`); 0 for all. ValueError if there is too little to learn from.
+    model grow with the recording (`ThrowMemory`); 0 for all. `NothingLearned`, a ValueError, if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
     reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)
-    report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw), True
+    clocks = clocks_of(mapping) if mapping else {}
+    report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw, clocks=clocks), True
     if raw:
         judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
         report, has_joints = _throws_in_parts(read_in_parts(path, mapping), report, thresholds, judged, memory)
@@ -100,10 +115,10 @@ def learn_from_bag(
         report = replace(report, throws=tuple(memory.throws))
     _check_without(report, without)
     too_few = len(report.learned_from) < LEAST_DEMONSTRATIONS
-    if raw and has_joints and (too_few or report.weakness):
+    if raw and has_joints and (too_few or report.weakness) and not any(fault.is_of_time for fault in report.faults):
         _refuse_disagreement(path, mapping, report)
     if too_few:
-        raise ValueError(_too_few(report, has_joints))
+        raise NothingLearned(_too_few(report, has_joints), report)
     from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
 
     learned = PractisingSkill(list(report.learned_from), chosen, method)
@@ -120,7 +135,7 @@ def _is_far(registration: Registration) -> bool:
 
 
 def _refuse_disagreement(path: str | os.PathLike, mapping: RecordingMapping | None, report: LearnReport) -> None:
-    """ValueError that says why joints and cameras disagree, if they do."""
+    """`NothingLearned` that says why joints and cameras disagree, if they do."""
     from dart_skill.session._disagreement import disagreement  # a recording that can be learned from needs none
 
     found = disagreement(path, mapping)
@@ -128,7 +143,7 @@ def _refuse_disagreement(path: str | os.PathLike, mapping: RecordingMapping | No
         return
     learned = f"{report.source}: nothing is learned, though {len(report.learned_from)} of {len(report.throws)} throws could be"
     mend = "; 'dart-skill learn BAG --mapping auto' writes that mapping" if found.mapping is not None and mapping is None else ""
-    raise ValueError(f"{learned}: {found}{mend}")
+    raise NothingLearned("; ".join([*_main_faults(report.faults), f"{learned}: {found}{mend}"]), report)
 
 
 def throws_in_bag(
@@ -175,8 +190,13 @@ def _throws_in_parts(
 
 
 def _reasons(path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]) -> dict[str, str]:
-    """As `unwanted`; recordings that are not ours have no marks."""
-    return dict.fromkeys(without, AS_ASKED) if mapping else unwanted(path, without)
+    """As `unwanted`; what is no bag, as a folder of tables, has no marks."""
+    try:
+        return unwanted(path, without)
+    except BagError:
+        if mapping is None:
+            raise
+        return dict.fromkeys(without, AS_ASKED)
 
 
 def _unless(throw: FoundThrow, reasons: Mapping[str, str]) -> FoundThrow:
@@ -219,7 +239,14 @@ def _too_few(report: LearnReport, has_joints: bool) -> str:
         reasons.append("the ball flies out of no motion of the hand: are roles, up axis, units and the frame of the hand right?")
     if not has_joints:
         reasons.append("the arm's joint angles were not recorded: a mapping may name them under 'joints'")
-    return explained("; ".join([text, *reasons]))
+    return explained("; ".join([*_main_faults(report.faults), text, *reasons]))
+
+
+def _main_faults(faults: Sequence[Fault]) -> list[str]:
+    """The faults for which there is a remedy, or which could not be repaired, one of a kind for each body."""
+    kinds = {(fault.kind, fault.body): fault for fault in reversed(faults) if fault.remedy or not (fault.repaired or fault.is_information)}
+    ordered = sorted(kinds.values(), key=lambda fault: (not fault.remedy, fault.start_ns))
+    return [in_words(fault) for fault in ordered[:MOST_FAULTS]]
 
 
 def explained(reasons: str) -> str:

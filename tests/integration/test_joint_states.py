@@ -11,11 +11,16 @@ from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
+from dart_skill.recording import deserialize, joint_layout, serialize, typestore
+from dart_skill.recording.imports import SignalSource
+from dart_skill.recording.imports.joint_streams import read_states
+from dart_skill.recording.mcap import BagMessage
 from dart_skill.world import joint_names
 from dart_skill_nodes.client.arm_listener import ArmListener
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
+from dart_skill_nodes.comms.joint_states import JOINT_STATES, OfTheArm, Rivals, hear_joint_states
 from dart_skill_nodes.executables.commander import CommanderNode
+from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.process.node_base import make_executor
 
 PATIENCE = 30.0
@@ -42,6 +47,7 @@ def beside(ros):
     class Driver:
         def __init__(self, node, qos, names=NAMES):
             self.node, self.names, self.said, self._due = rclpy.create_node("driver"), names, 0, 0.0
+            self.other, self._others = None, None
             made.append(self)
             self.answers, self.diagnoses = [], []
             self.publisher = self.node.create_publisher(JointState, JOINT_STATES, qos)
@@ -50,6 +56,12 @@ def beside(ros):
             self.beside, self._executor = node, make_executor()
             self._executor.add_node(node)
             self._executor.add_node(self.node)
+
+        def speak_beside(self, names):
+            """Another node publishes states of these joints, in every step, with stamps of its own clock."""
+            self.other = rclpy.create_node("gripper")
+            self._executor.add_node(self.other)
+            self._others = self.other.create_publisher(JointState, JOINT_STATES, QoSProfile(depth=10)), names
 
         def _on_diagnostics(self, message):
             self.diagnoses += [(status.level, status.message) for status in message.status if status.name == "commander"]
@@ -61,7 +73,7 @@ def beside(ros):
 
         def close(self):
             self._executor.shutdown()
-            for node in (self.beside, self.node):
+            for node in filter(None, (self.beside, self.node, self.other)):
                 node.destroy_node()
 
         def until(self, condition, what):
@@ -71,6 +83,9 @@ def beside(ros):
                 if time.monotonic() > self._due:  # more of them than the node takes would leave no turn to its timers
                     self.said, self._due = self.said + 1, time.monotonic() + 0.002
                     self.publisher.publish(state(self.names, 2_000_000 * self.said))
+                    if self._others is not None:
+                        publisher, names = self._others
+                        publisher.publish(state(names, 3_600_000_000_000 + 1_000_000 * self.said))
                 self._executor.spin_once(timeout_sec=0.01)
 
     yield Driver
@@ -170,7 +185,8 @@ def test_the_law_of_the_simulated_arm_throws_nothing_beside_another_arm(beside):
         ({"name": []}, "0 names, 7 positions"),
         ({"velocity": []}, "0 velocities"),
         ({"name": [*NAMES[:6], "wam_j1"]}, "joint wam_j1 is named twice"),
-        ({"name": [f"joint_{k}" for k in range(7)]}, "joint wam_j1 is missing among joint_0"),
+        ({"name": [f"joint_{k}" for k in range(7)]}, "names none of the arm's joints wam_j1 to wam_j7, but joint_0"),
+        ({"name": NAMES[:6], "position": [0.0] * 6, "velocity": [0.0] * 6}, "joint wam_j7 is missing"),
     ],
 )
 def test_a_state_that_is_not_the_arms_is_refused_with_the_remedy(change, why):
@@ -179,3 +195,103 @@ def test_a_state_that_is_not_the_arms_is_refused_with_the_remedy(change, why):
         setattr(message, name, value)
     with pytest.raises(ValueError, match=f"/joint_states.*{why}.*driver"):
         conversions.arm_state(message)
+
+
+def test_a_gripper_on_the_same_topic_is_not_heard(beside):
+    """Neither its stamps of another clock nor its joints stop the arm; who has heard nothing else says so."""
+    driver = beside(CommanderNode(), QoSProfile(depth=10))
+    driver.speak_beside(["finger_left", "finger_right"])
+    driver.until(lambda: driver.other.count_publishers(JOINT_STATES) == 2, "two publishers")
+    driver.until(lambda: driver.beside._states.of_the_arm.voices, "that the gripper is heard")
+    driver.answers.clear()
+    driver.until(lambda: len(driver.answers) > 50, "answers beside a gripper")
+    stamps = [conversions.stamp_ns(answer.header.stamp) for answer in driver.answers]
+    assert all(a < b for a, b in zip(stamps, stamps[1:], strict=False)) and max(np.diff(stamps)) <= 4_000_000, "no state was lost"
+    assert not driver.beside.refusals.counts and not driver.beside._rivals
+
+
+def test_who_hears_a_gripper_only_says_whose_joints_come(beside):
+    driver = beside(CommanderNode(), QoSProfile(depth=10), ["finger_left", "finger_right"])
+    driver.until(lambda: driver.beside._states.of_the_arm.others, "a state")
+    missing = driver.beside._missing_now()
+    assert "names none of the arm's joints wam_j1 to wam_j7, but finger_left, finger_right" in missing and not driver.answers
+
+
+def test_the_recorder_takes_the_arms_states_beside_a_gripper(beside, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    driver = beside(DemonstrationRecorder(), QoSProfile(depth=10))
+    recorder = driver.beside
+    driver.speak_beside(["finger_left", "finger_right"])
+    driver.until(lambda: recorder._of_the_arm.voices and recorder._heard[JOINT_STATES] > 20, "states of both")
+    driver.until(lambda: recorder._arm_state() is not None, "a state")
+    np.testing.assert_array_equal(recorder._arm_state().position, list(ANGLES.values()))
+    assert not recorder.refusals.counts and recorder._newest[JOINT_STATES] < 3_600_000_000_000 and not recorder._fault
+
+
+def test_a_second_arm_under_the_same_names_is_refused(beside):
+    driver = beside(CommanderNode(), QoSProfile(depth=10))
+    driver.until(lambda: len(driver.answers) > 3, "an answer")
+    driver.speak_beside(REORDERED)
+    driver.until(lambda: driver.beside._rivals, "that nothing is commanded")
+    assert "driver and gripper publish /joint_states: end one of them" in driver.beside._rivals
+
+
+def test_states_that_leap_to_and_fro_are_of_two_arms():
+    """Also where one of two publishers sends other joints, too, so that counting them tells nothing."""
+    rivals, ours = Rivals(), list(ANGLES.values())
+    assert not any(rivals.see(conversions.arm_state(state(ns=2_000_000 * k))) for k in range(300))
+    zeros = state(ns=700_000_000)
+    zeros.position = [0.0] * 7
+    assert any(rivals.see(conversions.arm_state(one)) for _ in range(3) for one in (zeros, state(ns=702_000_000)))
+    assert rivals.are_there and ours != zeros.position
+
+
+KINDS = {
+    "ours": {},
+    "in another order": {"name": NAMES[::-1]},
+    "with fingers": {"name": REORDERED, "position": [9.0, *range(7), 9.0], "velocity": [9.0, *range(7), 9.0]},
+    "with mimic joints between": {"name": [*NAMES[:3], "mimic", *NAMES[3:]], "position": range(8), "velocity": range(8)},
+    "a gripper": {"name": ["finger"], "position": [0.1], "velocity": []},
+    "another arm": {"name": [f"left_{name}" for name in NAMES]},
+    "a part of the arm": {"name": NAMES[:4], "position": range(4), "velocity": range(4)},
+    "a name twice": {"name": [*NAMES[:6], NAMES[0]]},
+    "a name too many": {"name": [*NAMES, "finger"]},
+    "a position too many": {"position": range(8)},
+    "no position": {"position": [], "velocity": [], "effort": [1.0] * 7},
+    "a position that is none": {"position": [0.0] * 6 + [float("nan")]},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_live_graph_and_a_bag_read_the_same_row_from_the_same_message(kind):
+    message = state()
+    for name, value in KINDS[kind].items():
+        setattr(message, name, [float(x) for x in value] if name != "name" else list(value))
+    try:
+        live = conversions.arm_state(message)
+    except ValueError:
+        live = None
+    types = typestore()
+    data = serialize(types, "sensor_msgs/msg/JointState", message)
+    where = SignalSource("/joint_states", names=NAMES)
+    recorded = [BagMessage("/joint_states", "sensor_msgs/msg/JointState", k, data) for k in range(3)]
+    try:
+        states = read_states(recorded, types, lambda one: deserialize(types, one.type_name, one.data), where, lambda one: 0)
+    except ValueError:
+        states = None
+    assert (live is None) == (states is None), "both have a row, or neither"
+    assert OfTheArm()(data) == (not conversions.of_others(message))
+    if live is not None:
+        np.testing.assert_array_equal(states.position, np.tile(live.position, (3, 1)))
+        np.testing.assert_array_equal(states.velocity, np.tile(live.velocity, (3, 1)))
+
+
+def test_a_state_without_velocities_is_read_from_a_bag_and_refused_by_what_moves_the_arm():
+    """Positions over time tell them afterwards; a control law that has to wait for them would be late."""
+    message = state()
+    message.velocity = []
+    with pytest.raises(ValueError, match="0 velocities"):
+        conversions.arm_state(message)
+    position, velocity = joint_layout(tuple(message.name), 7, 0).row(np.array(message.position), np.empty(0))
+    np.testing.assert_array_equal(position, list(ANGLES.values()))
+    assert np.isnan(velocity).all()

@@ -292,7 +292,7 @@ HOSTILE = {
     "a pose that is none": (pose_topic("basket"), pose(z=NAN), "demonstration_recorder"),
     "a pose of a few bytes": (pose_topic("hand"), garbage(0), "demonstration_recorder"),
     "a pose of other bytes": (pose_topic("hand"), garbage(), "demonstration_recorder"),
-    "six joints": ("/joint_states", JointState(name=list("abcdef"), position=[0.0] * 6, velocity=[0.0] * 6), "commander"),
+    "six joints": ("/joint_states", JointState(name=joint_names()[:6], position=[0.0] * 6, velocity=[0.0] * 6), "commander"),
     "joints that are no numbers": ("/joint_states", JointState(name=joint_names(), position=[NAN] * 7, velocity=[0.0] * 7), "commander"),
     "a push of other bytes": ("/wam/teacher_wrench", garbage(), None),
     "a world before time began": ("/simulation/state", before_time(SimulationState()), "mock_optitrack"),

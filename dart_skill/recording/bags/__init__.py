@@ -9,7 +9,7 @@ from dart_skill.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags.check import Finding, check_bag, check_file
-    from dart_skill.recording.bags.columns import columns_of
+    from dart_skill.recording.bags.columns import Columns, columns_by_layout, columns_of
     from dart_skill.recording.bags.description import describe
     from dart_skill.recording.bags.messages import (
         definition,
@@ -36,7 +36,7 @@ else:
         __name__,
         {
             "check": "Finding check_bag check_file",
-            "columns": "columns_of",
+            "columns": "Columns columns_by_layout columns_of",
             "description": "describe",
             "messages": (
                 "definition deserialize encoded header_content interface_folder is_stamped message pose_content "
@@ -68,6 +68,8 @@ __all__ = [
     "check_bag",
     "check_file",
     "clock_message",
+    "Columns",
+    "columns_by_layout",
     "columns_of",
     "definition",
     "describe",

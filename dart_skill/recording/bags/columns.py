@@ -26,6 +26,26 @@ TIME = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
 LITTLE_ENDIAN = 1
 
 
+MOST_LAYOUTS = 16
+"""Of messages of a topic that are taken at once; what is laid out otherwise is read one by one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Messages that differ in stamps and numbers alone.
+
+    * example: one of them.
+    * index: places of all among the messages of their topic (n,).
+    * stamps: (n,) [ns].
+    * numbers: all float64 of each, in the order of its fields (n, k).
+    """
+
+    example: Any
+    index: np.ndarray
+    stamps: np.ndarray
+    numbers: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """What messages of a topic have in common with one of them: their length, and all but their stamp and their float64.
@@ -47,6 +67,12 @@ class Pattern:
             return None
         table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), len(self.first))
         return None if (table[:, self.common] != self.first[self.common]).any() else table
+
+    def stamps_and_numbers(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Stamps (n,) [ns] and all float64 (n, k) of messages that fit. table: of their bytes (n, length)."""
+        stamps = np.ascontiguousarray(table[:, STAMP]).view(TIME)[:, 0]
+        numbers = np.ascontiguousarray(table[:, self.bytes_of_numbers]).view("<f8")
+        return stamps["sec"].astype(np.int64) * NS_PER_S + stamps["nanosec"], numbers
 
 
 def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | None:
@@ -78,11 +104,29 @@ def columns_of(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> t
     """
     pattern = pattern_of(types, type_name, bytes(payloads[0]))
     table = None if pattern is None else pattern.table(payloads)
-    if pattern is None or table is None:
-        return None
-    stamps = np.ascontiguousarray(table[:, STAMP]).view(TIME)[:, 0]
-    numbers = np.ascontiguousarray(table[:, pattern.bytes_of_numbers]).view("<f8")
-    return pattern.example, stamps["sec"].astype(np.int64) * NS_PER_S + stamps["nanosec"], numbers
+    return None if pattern is None or table is None else (pattern.example, *pattern.stamps_and_numbers(table))
+
+
+def columns_by_layout(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> tuple[list[Columns], list[int]]:
+    """Messages of a topic by their layouts, and the places of those (ascending) that have to be read one by one.
+
+    * types: that know the messages.
+    * type_name: of all messages.
+    * payloads: (n,), CDR, each of which can be decoded.
+    """
+    left = np.arange(len(payloads))
+    found: list[Columns] = []
+    lengths = np.array([len(one) for one in payloads], dtype=int)
+    while len(left) and len(found) < MOST_LAYOUTS:
+        pattern = pattern_of(types, type_name, bytes(payloads[left[0]]))
+        if pattern is None:
+            break
+        alike = left[lengths[left] == lengths[left[0]]]
+        table = np.frombuffer(b"".join(payloads[k] for k in alike.tolist()), dtype=np.uint8).reshape(len(alike), -1)
+        fits = (table[:, pattern.common] == pattern.first[pattern.common]).all(axis=1)
+        found.append(Columns(pattern.example, alike[fits], *pattern.stamps_and_numbers(table[fits])))
+        left = left[~np.isin(left, alike[fits])]
+    return found, left.tolist()
 
 
 def _places(types: Typestore, type_name: str, example: Any, length: int) -> np.ndarray | None:

@@ -1,6 +1,9 @@
 """Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong with their poses; ours as CSV files."""
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
+from dart_skill.recording.imports.bag_topics import POSE_TYPES
+from dart_skill.recording.imports.faults import Fault, fault_lines, in_words
+from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
     LENGTH_UNITS,
@@ -12,17 +15,19 @@ from dart_skill.recording.imports.mapping import (
     RecordingMapping,
     SignalSource,
     Table,
+    clocks_of,
     flow_text,
     load_mapping,
     mapping_text,
     mended_joints,
     mended_pose,
     parse_mapping,
+    with_remedies,
 )
 from dart_skill.recording.imports.orientation_leaps import Leaps, find_leaps
-from dart_skill.recording.imports.pose_faults import Fault, fault_lines, repair
+from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, PoseStream, RigidTransform, axes_matrix, nearest_axes
-from dart_skill.recording.imports.throw_recording import POSE_TYPES, JointStream, ThrowRecording, convert, read_in_parts, read_recording
+from dart_skill.recording.imports.throw_recording import ThrowRecording, convert, read_in_parts, read_recording
 
 __all__ = [
     "ANGLE_UNITS",
@@ -48,9 +53,11 @@ __all__ = [
     "Table",
     "ThrowRecording",
     "bodies_to_csv",
+    "clocks_of",
     "convert",
     "Leaps",
     "fault_lines",
+    "in_words",
     "find_leaps",
     "flow_text",
     "load_mapping",
@@ -62,4 +69,5 @@ __all__ = [
     "read_recording",
     "repair",
     "throws_to_csv",
+    "with_remedies",
 ]

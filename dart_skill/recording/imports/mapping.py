@@ -6,7 +6,7 @@ docs/bags.md explains it, config/recordings/example.yaml has every key. Our own 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from dart_skill.constants import N_JOINTS, UNTURNED
+from dart_skill.recording.imports.faults import Fault
 from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, RigidTransform, axes_matrix
 from dart_skill.world import ROLES, the_world
 
@@ -127,6 +128,8 @@ class SignalSource:
     * angle: unit of the positions, of ANGLE_UNITS.
     * signs: 1 or -1 for each joint that turns the other way; empty for none.
     * zeros: what each joint of the arm says where the recording says 0 [rad]; empty for zeros.
+    * listed: names of all joints of the messages that are meant, as these list them; empty for any.
+    * frame: header.frame_id of the messages that are meant, "" for any.
     * clock: how stamps are read.
     """
 
@@ -136,6 +139,8 @@ class SignalSource:
     angle: str = "rad"
     signs: tuple[float, ...] = ()
     zeros: tuple[float, ...] = ()
+    listed: tuple[str, ...] = ()
+    frame: str = ""
     clock: Clock = field(default_factory=Clock)
 
 
@@ -198,6 +203,17 @@ def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
     if missing := [role for role in ROLES if role not in bodies]:
         raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, csv, motive or position")
     return RecordingMapping(bodies, signals.get("joints"), signals.get("teacher"), signals.get("command"), frame=frame)
+
+
+def with_remedies(mapping: RecordingMapping, faults: Iterable[Fault]) -> RecordingMapping:
+    """A mapping with what mends faults of stamps. faults: as a recording has them that was read with it. mapping: the one without."""
+    bodies, signals = dict(mapping.bodies), {name: getattr(mapping, name) for name in ("joints", "teacher", "command")}
+    for fault in faults:
+        group: dict[str, Any] = bodies if fault.body in bodies else signals
+        if fault.remedy and group.get(fault.body) is not None:
+            where = group[fault.body]
+            group[fault.body] = replace(where, clock=_clock(_Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body), where.clock))
+    return replace(mapping, bodies=bodies, **signals)
 
 
 class _Section:
@@ -298,6 +314,15 @@ def mapping_text(mapping: RecordingMapping) -> str:
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140)
 
 
+def clocks_of(mapping: RecordingMapping) -> dict[str, dict[str, Any]]:
+    """How stamps are read, as the keys of a mapping by body, joints and signals; of those whose stamps are taken as they are, nothing.
+
+    * mapping: says it.
+    """
+    sources = {**mapping.bodies, **{name: getattr(mapping, name) for name in ("joints", "teacher", "command")}}
+    return {name: keys for name, where in sources.items() if where is not None and (keys := _clock_keys(where.clock))}
+
+
 def _pose_keys(where: PoseSource) -> dict[str, Any]:
     default = PoseSource()
     if where.fixed:
@@ -318,7 +343,8 @@ def _pose_keys(where: PoseSource) -> dict[str, Any]:
 
 def _signal_keys(where: SignalSource) -> dict[str, Any]:
     keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(where.table)
-    keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros") if getattr(where, name)}
+    keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros", "listed") if getattr(where, name)}
+    keys |= {"frame": where.frame} if where.frame else {}
     return keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
 
 
@@ -435,7 +461,13 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
         where["table"] = _table(section, {"time": (1,), "position": (3,), "quaternion": (4, 0)})
     offset = _rigid(section, "offset", RigidTransform())
     section.nothing_else()
+    _check_clock(section, own.clock, "topic" in where)
     return replace(own, **where, offset=offset)
+
+
+def _check_clock(section: _Section, clock: Clock, is_topic: bool) -> None:
+    if clock.source == "log" and not is_topic:
+        raise MappingError(f"{section.place}: time is log, but only messages of a bag have a log time: give time: stamp here")
 
 
 def _signal_source(section: _Section, name: str) -> SignalSource:
@@ -461,6 +493,8 @@ def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
         angle=section.choice("angle", default.angle, ANGLE_UNITS),
         signs=tuple(section.take("signs", default.signs, _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
         zeros=section.vector("zeros", N_JOINTS, default.zeros),
+        listed=tuple(section.take("listed", default.listed, _are_names, "names of joints")),
+        frame=section.text("frame", default.frame),
     )
 
 
@@ -468,8 +502,12 @@ def _are_signs(value: Any) -> bool:
     return isinstance(value, list) and len(value) == N_JOINTS and all(_is_number(one) and abs(one) == 1 for one in value)
 
 
+def _are_names(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
 def _are_joints(value: Any) -> bool:
-    return isinstance(value, list) and len(set(value)) == N_JOINTS and all(isinstance(one, str) for one in value)
+    return _are_names(value) and len(set(value)) == len(value) == N_JOINTS
 
 
 def _table(section: _Section, wanted: Mapping[str, tuple[int, ...]]) -> Table:

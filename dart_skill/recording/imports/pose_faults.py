@@ -7,20 +7,18 @@ the body that it belongs to, or left out.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from dart_skill.constants import GRAVITY
+from dart_skill.recording.imports.clocks import PAUSE, bunched, rate_of
+from dart_skill.recording.imports.faults import GAP, Fault, spans
 from dart_skill.recording.imports.orientation_leaps import find_leaps
 from dart_skill.recording.imports.pose_stream import PoseStream
 
-INFORMATION = ("gap",)
-"""Kinds that are no fault: a body that the cameras do not see is not published."""
-PAUSE = 0.5  # a longer silence ends a run of frames: the clock or the world may have been set anew [s]
 LATEST = 0.5  # a message that comes later than this is not sorted in [s]
 LEAST_RUN = 20  # samples from which the frame rate is found
 STRAY_RMS, STRAY_MAX = 0.02, 0.1  # of stamps about a regular grid, in periods, beyond which they jitter
@@ -35,48 +33,6 @@ FASTEST = 8.0  # a path with faster steps is broken [m/s]
 NEAR_GRAVITY = 2.5  # what drag may make of the acceleration of a body in free flight [m/s^2]
 FLYING_FRAMES = 9  # over which a free flight is recognised
 SURE_FRAMES = 5  # of free flight by which one body must surpass the other to be told from it
-
-
-@dataclass(frozen=True)
-class Fault:
-    """What is wrong with the poses of a body.
-
-    * kind: not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, leap, outlier; or gap, which is no fault.
-    * body: its name; of an exchange, both names.
-    * start_ns, stop_ns: stamps of the first and last sample that is concerned.
-    * count: of samples; of a gap, of missing frames.
-    * message: what is wrong and what was done, for people.
-    * repaired: what is left is right as far as anybody can tell; samples that were left out count as repaired if nothing was known of them.
-    """
-
-    kind: str
-    body: str
-    start_ns: int
-    stop_ns: int
-    count: int
-    message: str
-    repaired: bool
-
-    @property
-    def is_information(self) -> bool:
-        """Whether it is no fault but good to know."""
-        return self.kind in INFORMATION
-
-
-def fault_lines(faults: Iterable[Fault]) -> list[str]:
-    """A line for each fault, and for each body how often it was not seen."""
-    faults = list(faults)
-    gaps: Counter[str] = Counter()
-    missing: Counter[str] = Counter()
-    for fault in (fault for fault in faults if fault.is_information):
-        gaps[fault.body] += 1
-        missing[fault.body] += fault.count
-    lines = [
-        f"{1e-9 * f.start_ns:10.3f} s  {f.body}: {f.message}{'' if f.repaired else ' (NOT REPAIRED)'}"
-        for f in faults
-        if not f.is_information
-    ]
-    return lines + [f"{body} was not seen {number} times, {missing[body]} frames in all" for body, number in gaps.items()]
 
 
 def repair(streams: Mapping[str, PoseStream]) -> tuple[dict[str, PoseStream], list[Fault]]:
@@ -190,7 +146,7 @@ def _without_stale(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     steps = _steps(stream.position)
     changes = np.abs(np.diff(stream.position, axis=0))
     grain = float(changes[changes > 0.0].min(initial=np.inf))
-    for first, last in _spans(same):  # samples first + 1 to last + 1 repeat sample `first`
+    for first, last in spans(same):  # samples first + 1 to last + 1 repeat sample `first`
         following = steps[last + 2 : last + 5]
         leap = last + 1 < len(steps) and len(following) > 0 and steps[last + 1] > max(1.4 * np.median(following), 10.0 * grain)
         stale[first + 1 : last + 2] = leap or not natural
@@ -200,7 +156,7 @@ def _without_stale(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
 def _is_rounded(stream: PoseStream, same: np.ndarray) -> bool:
     poses = stream.position[np.concatenate([[True], ~same])]
     returns = len(poses) - len(np.unique(poses, axis=0))
-    return 2 * returns >= len(_spans(same))
+    return 2 * returns >= len(spans(same))
 
 
 def _is_smooth(stream: PoseStream, same: np.ndarray) -> bool:
@@ -217,6 +173,8 @@ def _on_grid(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     doubled = np.concatenate([[False], np.diff(stream.stamp_ns) == 0])[: len(stream)]
     time = (stream.stamp_ns - stream.stamp_ns[:1]) * 1e-9
     runs = [run for run in _runs(time) if np.sum(~doubled[run]) >= LEAST_RUN]
+    if (bursts := bunched(stream.body, stream.stamp_ns)) is not None:
+        return stream, bursts[1]
     if not runs or _all_regular(time[~doubled]):
         return _first_of_a_stamp(stream, doubled)
     period, coherence = _frame_period(time, runs)
@@ -308,7 +266,7 @@ def _frames(time: np.ndarray, period: float) -> tuple[np.ndarray, bool]:
     nearest = np.floor(place - earliest).astype(int)
     places = np.arange(len(time))
     number = np.minimum.accumulate((nearest - places)[::-1])[::-1] + places
-    late = _spans(number < nearest)
+    late = spans(number < nearest)
     clear = all(first > 0 and number[first] - number[first - 1] == 1 for first, _ in late)
     in_time = number == nearest
     clear = clear and bool(np.all(np.diff(number) == 1) or np.std((place - number)[in_time]) < TELLING_FRAMES)
@@ -337,20 +295,20 @@ def _unswapped(one: PoseStream, other: PoseStream) -> tuple[PoseStream, PoseStre
     straight = _steps(a) + _steps(b)
     crossing = _distance(b[1:], a[:-1]) + _distance(a[1:], b[:-1])
     changes = (straight > 2.0 * crossing) & (straight - crossing > CLOSE)
-    spans, faults = [], []
+    exchanged, faults = [], []
     pieces = _pieces(one, period), _pieces(other, period)
     for run in _runs_of_both(stamps, pieces[0][i], pieces[1][j]):
         crossed = np.concatenate([[0], np.cumsum(changes[run.start : run.stop - 1])]) % 2 == 1
         wrong, sure, why = _which_is_wrong(one.body, other.body, a[run], b[run], stamps[run], period, crossed)
-        for first, last in _spans(wrong):
+        for first, last in spans(wrong):
             first, last = first + run.start, last + run.start
             text = f"{last - first + 1} frames under each other's names, told by {why}"
             names = f"{one.body} and {other.body}"
             text = f"{names}: {text}" if sure else f"{names}: two stretches are exchanged, and nothing tells which of them"
             faults.append(Fault("swap", names, int(stamps[first]), int(stamps[last]), int(last - first + 1), text, sure))
             if sure:
-                spans.append(_Span.of(stamps, run, first, last))
-    return (*_exchanged((one, other), pieces, spans, round(0.3e9 * period)), faults)
+                exchanged.append(_Span.of(stamps, run, first, last))
+    return (*_exchanged((one, other), pieces, exchanged, round(0.3e9 * period)), faults)
 
 
 @dataclass(frozen=True)
@@ -423,16 +381,16 @@ def _frames_in_flight(stamps: np.ndarray, position: np.ndarray, period: float) -
     return int(np.sum(whole & (_distance(acceleration, np.array([0.0, 0.0, -GRAVITY])) < NEAR_GRAVITY)))
 
 
-def _exchanged(streams: tuple, pieces: tuple, spans: list[_Span], margin: int) -> tuple[PoseStream, PoseStream]:
+def _exchanged(streams: tuple, pieces: tuple, stretches: list[_Span], margin: int) -> tuple[PoseStream, PoseStream]:
     """Both streams with the samples of some spans given to each other. What lies between frames of one kind and the other, with no partner
     to tell its kind, is left out.
     """
-    if not spans:
+    if not stretches:
         return streams
     given, kept = [], []
     for stream, piece in zip(streams, pieces, strict=True):
         inside, unclear = np.zeros((2, len(stream)), dtype=bool)
-        for span in spans:
+        for span in stretches:
             its, doubtful = span.parts(stream.stamp_ns, piece, margin)
             inside |= its
             unclear |= doubtful
@@ -506,10 +464,12 @@ def _gaps(stream: PoseStream) -> list[Fault]:
     if len(stream) < 3:
         return []
     steps = np.diff(stream.stamp_ns)
-    period = float(np.median(steps))
+    rate = rate_of((stream.stamp_ns - stream.stamp_ns[0]) * 1e-9)
+    usual = float(np.median(steps)) if rate is None else 1e9 * rate.interval
+    period = usual if rate is None else 1e9 * rate.period
     return [
-        _fault("gap", stream, k, k + 1, f"not seen for {1e-9 * steps[k]:.3f} s", False, round(steps[k] / period) - 1)
-        for k in np.flatnonzero(steps > 1.5 * period).tolist()
+        _fault(GAP, stream, k, k + 1, f"not seen for {1e-9 * steps[k]:.3f} s", False, max(1, round(steps[k] / period) - 1))
+        for k in np.flatnonzero(steps > 1.5 * usual).tolist()
     ]
 
 
@@ -527,12 +487,6 @@ def _stretches(ends: np.ndarray) -> list[slice]:
     return [slice(int(first), int(last)) for first, last in zip(edges[:-1], edges[1:], strict=True)]
 
 
-def _spans(mask: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of each stretch of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
-
-
 def _fault(kind: str, stream: PoseStream, first: int, last: int, text: str, repaired: bool, count: int | None = None) -> Fault:
     count = last - first + 1 if count is None else count
     stamps = stream.stamp_ns
@@ -540,7 +494,7 @@ def _fault(kind: str, stream: PoseStream, first: int, last: int, text: str, repa
 
 
 def _of_spans(kind: str, stream: PoseStream, mask: np.ndarray, text: str, repaired: bool) -> list[Fault]:
-    return [_fault(kind, stream, first, last, text, repaired) for first, last in _spans(mask)]
+    return [_fault(kind, stream, first, last, text, repaired) for first, last in spans(mask)]
 
 
 def _left_out(kind: str, stream: PoseStream, mask: np.ndarray, text: str, repaired: bool = True) -> tuple[PoseStream, list[Fault]]:

@@ -9,23 +9,18 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS, NS_PER_S, UNTURNED, Grip
+from dart_skill.constants import N_JOINTS, UNTURNED, Grip
 from dart_skill.recording.bags import (
     BagError,
-    BagMessage,
-    BagReader,
     BagWriter,
-    GraphBag,
-    columns_of,
     definition,
-    deserialize,
     header_content,
     pose_content,
     qos_yaml,
@@ -33,8 +28,12 @@ from dart_skill.recording.bags import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, Opening, read_commands
+from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
+from dart_skill.recording.imports.bag_topics import PART_NS, Poses, buttons, read_topics
+from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed
+from dart_skill.recording.imports.faults import GAP, NOTE, UNSTAMPED, Fault, in_words
+from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
     LENGTH_UNITS,
@@ -44,30 +43,14 @@ from dart_skill.recording.imports.mapping import (
     RecordingMapping,
     SignalSource,
 )
-from dart_skill.recording.imports.pose_faults import Fault, repair
+from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import PoseStream, transformed, with_continuous_signs
-from dart_skill.world import joint_names, the_world
+from dart_skill.world import the_world
 
-POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
-SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
-PART_NS, PAUSE_NS = 180_000_000_000, 500_000_000
-"""A part of a long recording takes so long, and ends with the next pause of so long, or when it is twice as long [ns]."""
-
-
-@dataclass(frozen=True, eq=False)
-class JointStream:
-    """The arm's own sensors, in the order of recording.
-
-    * stamp_ns: (n,) [ns].
-    * position: (n, 7) [rad].
-    * velocity: (n, 7) [rad/s].
-    * names: of the joints; may be empty.
-    """
-
-    stamp_ns: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    names: tuple[str, ...] = ()
+FEW = 10
+"""A body that was published less often, and did not move, stands still: it is published once, for all who come later."""
+STILL = 1e-3
+"""Poses that are nearer to each other are of a body that did not move [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +62,10 @@ class ThrowRecording:
     * joints: joint states, None if they were not recorded.
     * openings: when the hand was told to open, in order of time.
     * has_button: whether somebody recorded at all when the hand was told to open.
-    * faults: found in the poses.
+    * faults: found in poses, joint states and stamps.
     * frame_id: of the poses, default that of config/world.yaml.
     * command_stamps: of the commands to the arm (n,) [ns], in order of time; none where they were not recorded.
+    * recorded: how many poses of each body were recorded, by role, whatever was wrong with them.
     """
 
     source: str
@@ -92,6 +76,7 @@ class ThrowRecording:
     faults: tuple[Fault, ...]
     frame_id: str = the_world().frame_id
     command_stamps: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    recorded: Mapping[str, int] = field(default_factory=dict)
 
 
 def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None, mend: bool = True) -> ThrowRecording:
@@ -123,37 +108,101 @@ def read_in_parts(
     source, mapping = Path(source), mapping or OWN
     if not source.exists():
         raise BagError(f"{source}: no such bag or folder")
-    never_seen = {role: where for role, where in mapping.bodies.items() if not where.fixed}
-    for taken in _read_topics(source, mapping, part_ns if mapping is OWN else 0):
-        recording = _recording(source, mapping, taken, mend)
-        never_seen = {role: where for role, where in never_seen.items() if not len(recording.bodies[role])}
+    tracked = {role: where for role, where in mapping.bodies.items() if not where.fixed}
+    seen: set[str] = set()
+    recorded: Counter[str] = Counter()
+    faults: list[Fault] = []
+    still: dict[str, np.ndarray] = {}
+    for taken in read_topics(source, mapping, part_ns if mapping is OWN else 0):
+        recording = _recording(source, mapping, taken, mend, still)
+        seen |= {role for role, stream in recording.bodies.items() if len(stream)}
+        recorded.update(recording.recorded)
+        faults += [fault for fault in recording.faults if fault.kind != GAP][: FEW - len(faults)]
         if part_ns == 0:
-            _require_seen(never_seen)
+            _require_seen(tracked, seen, recorded, faults)
         yield recording
-    _require_seen(never_seen)
+    _require_seen(tracked, seen, recorded, faults)
 
 
-def _require_seen(never_seen: dict[str, PoseSource]) -> None:
-    for role, where in never_seen.items():
+def _require_seen(tracked: Mapping[str, PoseSource], seen: set[str], recorded: Mapping[str, int], faults: list[Fault]) -> None:
+    for role, where in tracked.items():
         name = where.topic or where.motive or (where.table.file if where.table else "")
-        raise ValueError(f"{name}: no pose of the {role}: was it tracked?")
+        if role in seen:
+            continue
+        if not recorded.get(role):
+            raise ValueError(f"{name}: no pose of the {role}: was it tracked?")
+        why = "; ".join(in_words(fault) for fault in faults if fault.body == role)
+        raise ValueError(f"{name}: {recorded[role]} poses of the {role} were recorded, and none of them is left: {why}")
 
 
-def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], mend: bool) -> ThrowRecording:
-    """What was collected, in our axes and units."""
+def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], mend: bool, still: dict[str, np.ndarray]) -> ThrowRecording:
+    """What was collected, in our axes and units. still: poses (7,) of bodies that were published once, by role; found ones are added."""
     folder = source if source.is_dir() else source.parent
-    bodies = {role: _body(role, where, taken, folder, mapping.frame) for role, where in mapping.bodies.items() if not where.fixed}
-    repaired, faults = repair({role: body for role, body in bodies.items() if len(body)}) if mend else ({}, [])
-    bodies |= repaired
+    faults: list[Fault] = []
+    bodies, recorded = {}, {}
+    for role, where in mapping.bodies.items():
+        if not where.fixed:
+            bodies[role], found = _body(role, where, taken, folder, mapping.frame)
+            recorded[role] = len(bodies[role]) + sum(fault.count for fault in found if fault.kind == UNSTAMPED and fault.repaired)
+            faults += found
+    joints, found = _joints(mapping.joints, taken.get(JOINTS), folder)
+    faults += [*found, *clocks_apart(_clocks(mapping, taken, {fault.body for fault in faults if not fault.repaired}))]
+    if mend:
+        timeless = {fault.body for fault in faults if fault.is_of_time}
+        repaired, found = repair({role: body for role, body in bodies.items() if len(body) and role not in timeless})
+        bodies |= repaired
+        faults += [*found, *_never_moving(bodies)]
+    else:
+        faults = []
     for role, where in mapping.bodies.items():
         if where.fixed:
-            bodies[role] = _resting(role, where.fixed, bodies["hand"].stamp_ns, mapping.frame)
-    joints = _joints(mapping.joints, taken.get("joints"), folder)
+            bodies[role] = _resting(role, np.array([*where.fixed, *UNTURNED]), bodies["hand"].stamp_ns, mapping.frame)
+    bodies |= _standing(bodies, mapping.frame, still, faults)
     openings = _openings(mapping, taken, folder)
-    has_button = any(name in taken or (where is not None and where.table) for name, where in _buttons(mapping))
+    has_button = any(name in taken or (where is not None and where.table) for name, where in buttons(mapping))
     commands = taken["command"].stamps if "command" in taken else ()
     stamps = np.unique(np.asarray(commands, dtype=np.int64))
-    return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame, stamps)
+    return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame, stamps, recorded)
+
+
+def _clocks(mapping: RecordingMapping, taken: dict[str, Any], faulty: set[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Stamps and log times (n,) [ns] of what has both, and no fault that is known."""
+    sources: dict[str, PoseSource | SignalSource | None] = {**mapping.bodies, JOINTS: mapping.joints, **dict(buttons(mapping))}
+    found = {}
+    for role, content in taken.items():
+        where = sources[role]
+        if where is None or where.clock.source == "log" or where.clock.is_regular or role in faulty:
+            continue
+        stamps, log_ns = (content.stamp_ns, content.log_ns) if isinstance(content, States) else (content.stamps, content.log)
+        filled = stamps != 0
+        found[role] = (where.clock.corrected(in_seconds(stamps[filled], where.clock.unit)), log_ns[filled])
+    return found
+
+
+def _never_moving(bodies: Mapping[str, PoseStream]) -> list[Fault]:
+    """Of hand and ball whose poses are all the same to the last bit."""
+    faults = []
+    for role in ("hand", "ball"):
+        stream = bodies.get(role)
+        if stream is not None and len(stream) >= FEW and not np.ptp(stream.position, axis=0).any():
+            start, stop = int(stream.stamp_ns.min()), int(stream.stamp_ns.max())
+            text = f"{len(stream)} poses that are the same to the last bit: a body that was lost, or is not the one that moved"
+            faults.append(Fault("stale", role, start, stop, len(stream), text, False))
+    return faults
+
+
+def _standing(bodies: Mapping[str, PoseStream], frame: str, still: dict[str, np.ndarray], faults: list[Fault]) -> dict[str, PoseStream]:
+    """Bodies that were published once or a few times at one place, at each stamp of the hand."""
+    found, hand = {}, bodies["hand"].stamp_ns
+    for role, stream in bodies.items():
+        if 0 < len(stream) < FEW < len(hand) and role not in ("hand", "ball") and np.ptp(stream.position, axis=0).max() < STILL:
+            still[role] = np.concatenate([stream.position[0], stream.quaternion[0]])
+            at = ", ".join(f"{x:.3f}" for x in still[role][:3])
+            text = f"published {len(stream)} times, always at ({at}): taken to stand there"
+            faults.append(Fault(NOTE, role, int(stream.stamp_ns[0]), int(stream.stamp_ns[-1]), len(stream), text, True))
+        if role in still and len(stream) < FEW:
+            found[role] = _resting(role, still[role], hand, frame)
+    return found
 
 
 def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
@@ -167,7 +216,7 @@ def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: Recor
     recording = read_recording(source, mapping)
     types = typestore()
     faults = [asdict(fault) for fault in recording.faults if not fault.is_information]
-    gaps = Counter(fault.body for fault in recording.faults if fault.is_information)
+    gaps = Counter(fault.body for fault in recording.faults if fault.kind == GAP)
     about = {"source": recording.source, "faults": json.dumps(faults), "gaps": json.dumps(gaps)}
     messages = sorted(_messages(recording), key=lambda item: item[1])
     with BagWriter(output, custom_data=about) as bag:
@@ -178,287 +227,74 @@ def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: Recor
     return recording
 
 
-# reading
-
-
-@dataclass
-class _Poses:
-    """stamps: (n,) [ns]; rows: x, y, z, qx, qy, qz, qw of each."""
-
-    stamps: Any
-    rows: Any
-
-
-@dataclass
-class _States:
-    """stamps: (n,) [ns]; names: of the first state; position, velocity: a row for each."""
-
-    stamps: Any
-    names: list[str]
-    position: Any
-    velocity: Any
-
-
-class _Signal(GripSignal):
-    """With the stamps of all commands (n,) [ns], in the order of recording."""
-
-    stamps: np.ndarray = np.empty(0, dtype=np.int64)
-
-    def begin_part(self) -> None:
-        """Forget the part before, but for pushes after which the arm is guided still, and whether the hand is held open."""
-        self.openings, self.stamps = [], np.empty(0, dtype=np.int64)
-        if self.pushes:
-            self.forget_before(self.pushes[-1] - GUIDED_NS)
-
-
-def _buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
-    return [("teacher", mapping.teacher), ("command", mapping.command)]
-
-
-def _read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterator[dict[str, Any]]:
-    """What was collected for each role that is a topic, part by part; all at once for 0, or where nobody told the hand to open."""
-    roles: dict[str, Any] = {**mapping.bodies, "joints": mapping.joints, **dict(_buttons(mapping))}
-    wanted = {role: where for role, where in roles.items() if where is not None and where.topic}
-    if not wanted:
-        yield {}
-        return
-    with (GraphBag if mapping is OWN else BagReader)(source, typestore) as bag:
-        there = {}
-        for role, where in wanted.items():
-            if where.topic in bag.topics:
-                there[role] = where
-            elif role not in mapping.optional:
-                raise BagError(f"{source}: no topic {where.topic} for '{role}', only {sorted(bag.topics)}: name it in a mapping")
-        signals = {role: _Signal() for role in there if role in ("teacher", "command")}
-        for part in _parts(bag.messages({where.topic for where in there.values()}, decode=False), part_ns if signals else 0):
-            yield _collected(part, there, bag, signals)
-
-
-def _parts(messages: Iterator[BagMessage], part_ns: int) -> Iterator[Iterator[BagMessage]]:
-    """The messages of each part, to be taken one after the other."""
-    first = next(messages, None)
-    if first is None:
-        yield iter(())
-    while first is not None:
-        part = _Part(first, messages, part_ns)
-        yield iter(part)
-        first = part.following
-
-
-class _Part:
-    """Messages up to the end of a part; afterwards `following` is the first of the next one, None if there is none."""
-
-    def __init__(self, first: BagMessage, messages: Iterator[BagMessage], part_ns: int):
-        self._first, self._messages, self._part_ns = first, messages, part_ns
-        self.following: BagMessage | None = None
-
-    def __iter__(self) -> Iterator[BagMessage]:
-        yield self._first
-        begin = last = self._first.stamp_ns
-        for message in self._messages:
-            lasted = message.stamp_ns - begin
-            if self._part_ns and lasted >= self._part_ns and (message.stamp_ns - last > PAUSE_NS or lasted >= 2 * self._part_ns):
-                self.following = message
-                return
-            last = message.stamp_ns
-            yield message
-
-
-def _collected(
-    messages: Iterator[BagMessage], wanted: dict[str, PoseSource | SignalSource], bag: BagReader, signals: dict[str, _Signal]
-) -> dict[str, Any]:
-    """What was collected of some messages for each role."""
-    collectors: dict[str, list[Callable]] = {}
-    collected: dict[str, Callable[[], Any]] = {}
-    for role, where in wanted.items():
-        collected[role], collect = _collector(role, where, bag.topics[where.topic].type_name, bag, signals)
-        collectors.setdefault(where.topic, []).append(collect)
-    for message in messages:
-        for collect in collectors[message.topic]:
-            collect(message)
-    return {role: content() for role, content in collected.items()}
-
-
-def _collector(
-    role: str, where: PoseSource | SignalSource, type_name: str, bag: BagReader, signals: dict[str, _Signal]
-) -> tuple[Callable[[], Any], Callable[[BagMessage], None]]:
-    """Two functions: what was collected of a topic in the end, and one that takes a message."""
-    name = type_name.rsplit("/", 1)[1]
-    kinds = {"joints": ("JointState",), "teacher": SIGNAL_TYPES, "command": SIGNAL_TYPES}.get(role, POSE_TYPES)
-    if name not in kinds:
-        raise BagError(f"{bag.path}: {where.topic} has type {type_name}; for '{role}' it must be one of {', '.join(kinds)}")
-    messages: list[BagMessage] = []
-    if role in ("teacher", "command"):
-        return lambda: _signal(messages, name, bag, signals[role]), messages.append
-    if role == "joints":
-        return lambda: _states(messages, bag), messages.append
-    assert isinstance(where, PoseSource)  # as every body has
-    return lambda: _poses(messages, role, where, name, bag), messages.append
-
-
-def _decoded(bag: BagReader, message: BagMessage) -> Any:
-    try:
-        return deserialize(bag.types, message.type_name, message.data)
-    except ValueError as error:
-        raise BagError(f"{bag.path}: topic {message.topic}: {error}") from error
-
-
-def _columns(messages: list[BagMessage], bag: BagReader) -> tuple[Any, np.ndarray, np.ndarray] | None:
-    """The first message, stamps [ns] and numbers of all, where they have everything else in common."""
-    if not messages:
-        return None
-    _decoded(bag, messages[0])  # or it says what is wrong with it
-    return columns_of(bag.types, messages[0].type_name, [message.data for message in messages])
-
-
-def _states(messages: list[BagMessage], bag: BagReader) -> _States:
-    columns = _columns(messages, bag)
-    if columns is not None:
-        first, stamps, numbers = columns
-        ends = np.cumsum([len(first.position), len(first.velocity)])
-        return _States(stamps, list(first.name), numbers[:, : ends[0]], numbers[:, ends[0] : ends[1]])
-    states = [_decoded(bag, message) for message in messages]
-    names = list(states[0].name) if states else []
-    return _States([_stamp_of(one) for one in states], names, [one.position for one in states], [one.velocity for one in states])
-
-
-def _poses(messages: list[BagMessage], role: str, where: PoseSource, name: str, bag: BagReader) -> _Poses:
-    columns = _columns(messages, bag) if name == "PoseStamped" else None
-    if columns is not None:
-        first, stamps, numbers = columns
-        _check_frame(first, role, where, messages[0].topic)
-        return _Poses(stamps, numbers)
-    poses = _Poses([], [])
-    for message in messages:
-        _take_poses(poses, role, where, name, message, _decoded(bag, message))
-    return poses
-
-
-def _take_poses(poses: _Poses, role: str, where: PoseSource, name: str, message: BagMessage, content: Any) -> None:
-    items = content.transforms if name == "TFMessage" else [content]
-    for item in items:
-        if where.child and getattr(item, "child_frame_id", where.child) != where.child:
-            continue
-        _check_frame(item, role, where, message.topic)
-        poses.stamps.append(_stamp_of(item))
-        poses.rows.append(_pose_row(name, item))
-
-
-def _check_frame(item: Any, role: str, where: PoseSource, topic: str) -> None:
-    frame = item.header.frame_id
-    if where.frame and frame != where.frame:
-        raise ValueError(f"{topic}: a pose of the {role} is in '{frame}', not '{where.frame}': give frame and axes in a mapping")
-
-
-def _stamp_of(item: Any) -> int:
-    return item.header.stamp.sec * NS_PER_S + item.header.stamp.nanosec
-
-
-def _pose_row(name: str, item: Any) -> tuple:
-    """x, y, z, qx, qy, qz, qw of a message."""
-    if name == "PointStamped":
-        return (item.point.x, item.point.y, item.point.z, *UNTURNED)
-    if name in ("TransformStamped", "TFMessage"):
-        p, q = item.transform.translation, item.transform.rotation
-    else:
-        pose = item.pose if name == "PoseStamped" else item.pose.pose
-        p, q = pose.position, pose.orientation
-    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
-
-
-def _signal(messages: list[BagMessage], name: str, bag: BagReader, signal: _Signal) -> _Signal:
-    """What was told by messages of a type of `SIGNAL_TYPES`, after what a signal was told by those of the part before."""
-    signal.begin_part()
-    if name == "WamCommand":
-        signal.stamps, pushed, grip = read_commands([message.data for message in messages])
-        for k in np.flatnonzero(pushed | (grip == Grip.OPEN)).tolist():  # all others tell nothing
-            signal.take_command(messages[k].data)
-    elif name == "Bool":
-        for message in messages:
-            signal.take_button(message.stamp_ns, bool(_decoded(bag, message).data))  # these types have no stamp of their own
-    else:
-        signal.openings = [message.stamp_ns for message in messages]
-    return signal
-
-
-def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> PoseStream:
-    scale, order = LENGTH_UNITS[where.length], QUATERNION_ORDERS[where.order]
+def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> tuple[PoseStream, list[Fault]]:
+    """The poses of a body in our axes, and what is wrong with their stamps."""
+    scale, order, log_ns = LENGTH_UNITS[where.length], QUATERNION_ORDERS[where.order], None
+    faults: list[Fault] = []
     if where.topic:
-        poses = taken[role]
-        rows = np.array(poses.rows, dtype=float).reshape(-1, 7)
-        stamps, position, quaternion = np.array(poses.stamps, dtype=np.int64), rows[:, :3], rows[:, 3:]
+        poses: Poses = taken.get(role, Poses(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 7))))
+        stamps, log_ns, position, quaternion = poses.stamps, poses.log, poses.rows[:, :3], poses.rows[:, 3:]
+        faults = _of_frames(role, poses, frame)
     elif where.table is not None:
         stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit)
     else:
         stamps, position, quaternion = read_motive(folder, where.motive, where.body)
         scale, order = 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
-    stream = PoseStream(role, where.clock.corrected(stamps), scale * position, quaternion[:, order], frame)
-    return (
-        stream if where.is_plain else transformed(stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse)
-    )
+    time = timed(role, stamps, log_ns, where.clock)
+    stream = PoseStream(role, time.stamp_ns, scale * position[time.kept], quaternion[time.kept][:, order], frame)
+    if not where.is_plain:
+        stream = transformed(stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse)
+    return stream, faults + time.faults
 
 
-def _resting(role: str, position: tuple, stamps: np.ndarray, frame: str) -> PoseStream:
-    """A body that was not tracked: at one place at each stamp."""
-    return PoseStream(role, stamps, np.tile(position, (len(stamps), 1)), np.tile(UNTURNED, (len(stamps), 1)), frame)
+def _of_frames(role: str, poses: Poses, frame: str) -> list[Fault]:
+    """What is to be said of poses in other frames than the one that is asked for."""
+    stamps = poses.stamps if len(poses.stamps) else np.zeros(1, dtype=np.int64)
+    start, stop = int(stamps.min()), int(stamps.max())
+    texts = [("frame", n, f"{n} poses in '{name}', and not in '{frame}', are left out") for name, n in poses.elsewhere.items()]
+    for name, n in poses.taken_for.items():
+        texts.append(
+            (
+                NOTE,
+                n,
+                f"{n} poses are in the frame '{name}', "
+                + (f"taken to be '{frame}'" if name else f"which nobody filled in: taken to be '{frame}'"),
+            )
+        )
+    return [Fault(kind, role, start, stop, n, text, True) for kind, n, text in texts]
 
 
-def _joints(where: SignalSource | None, states: _States | None, folder: Path) -> JointStream | None:
-    if where is None:
-        return None
+def _resting(role: str, pose: np.ndarray, stamps: np.ndarray, frame: str) -> PoseStream:
+    """A body that was not tracked: with one pose (7,) at each stamp."""
+    rows = np.tile(pose, (len(stamps), 1))
+    return PoseStream(role, stamps, rows[:, :3], rows[:, 3:], frame)
+
+
+def _joints(where: SignalSource | None, states: States | None, folder: Path) -> tuple[JointStream | None, list[Fault]]:
+    """The joint states in our angles, and what is wrong with them."""
+    if where is None or (where.table is None and states is None):
+        return None, []
+    log_ns = None
     if where.table is not None:
         columns = read_table(folder, where.table, where.clock.unit)
-        seen = np.isfinite(columns["position"]).all(axis=1)
-        stamps, position, velocity = columns["time"][seen], columns["position"][seen], columns["velocity"][seen]
-        names = where.names
-    elif states is None:
-        return None
+        n = len(columns["time"])
+        velocity = columns["velocity"] if columns["velocity"].shape[1] else np.full((n, N_JOINTS), np.nan)
+        unit = ANGLE_UNITS[where.angle]
+        states = States(columns["time"], columns["time"], unit * columns["position"], unit * velocity, where.names)
+        states = states.take(np.isfinite(states.position).all(axis=1))
     else:
-        stamps, known = np.array(states.stamps, dtype=np.int64), states.names
-        if not where.names and set(joint_names()) <= set(known):
-            where = replace(where, names=joint_names())
-        names = where.names or tuple(known)
-        position = _joint_columns(states.position, "position", where, known)
-        velocity = _joint_columns(states.velocity, "velocity", where, known)
-    stamps = where.clock.corrected(stamps)
-    position, velocity = _in_our_angles(position, where, True), _in_our_angles(velocity, where, False)
-    if not velocity.size and len(stamps) > 1:
-        velocity = np.gradient(position, 1e-9 * (stamps - stamps[0]), axis=0)
-    return JointStream(stamps, position, velocity.reshape(-1, N_JOINTS), names)
-
-
-def _in_our_angles(values: np.ndarray, where: SignalSource, has_zero: bool) -> np.ndarray:
-    """Positions or velocities (n, 7) of the joints in radians, as our arm counts them; zeros count for positions."""
-    if not values.size:
-        return values
-    signs = np.array(where.signs) if where.signs else 1.0
-    return ANGLE_UNITS[where.angle] * signs * values + (np.array(where.zeros) if has_zero and where.zeros else 0.0)
-
-
-def _joint_columns(rows: list | np.ndarray, field: str, where: SignalSource, known: list[str]) -> np.ndarray:
-    """(n, 7) of a field of joint states; (0, 7) if velocities were not recorded.
-
-    where: names the joints that are meant, in their order; `known` those that were recorded.
-    """
-    widths = {len(row) for row in rows}
-    if not widths or (field == "velocity" and not any(widths)):
-        return np.empty((0, N_JOINTS))
-    expected = len(known) if where.names else N_JOINTS
-    if wrong := widths - {expected}:
-        raise ValueError(f"{where.topic}: {min(wrong)} values of {field} instead of {expected}: name the arm's joints in a mapping")
-    rows = np.array(rows, dtype=float).reshape(len(rows), -1)
-    if where.names:
-        if missing := [name for name in where.names if name not in known]:
-            raise ValueError(f"{where.topic}: no joint '{missing[0]}', only {known}")
-        rows = rows[:, [known.index(name) for name in where.names]]
-    if rows.shape[1] != N_JOINTS:
-        raise ValueError(f"{where.topic}: {rows.shape[1]} values of {field} instead of {N_JOINTS}: name the arm's joints in a mapping")
-    return rows
+        assert states is not None  # as was just asked
+        log_ns = states.log_ns
+    time = timed(JOINTS, states.stamp_ns, log_ns, where.clock)
+    stream, found = joint_stream(states.take(time.kept), time.stamp_ns, where)
+    if not where.clock.is_regular and (bursts := bunched(JOINTS, stream.stamp_ns)) is not None:
+        found += bursts[1]
+    return stream, [*states.faults, *time.faults, *found]
 
 
 def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Opening, ...]:
     found, pushes, pushed_late = [], GripSignal(), 0
-    for name, where in _buttons(mapping):
+    for name, where in buttons(mapping):
         if where is None or (where.topic and name not in taken):
             continue
         signal = taken[name] if where.topic else None

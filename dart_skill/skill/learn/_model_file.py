@@ -32,12 +32,14 @@ class SavedModel(NamedTuple):
     * configuration: SkillConfiguration.
     * practised: (n, 6), `Correction.throws`; in older files (n, 4).
     * found: dict, what practice has found besides, `PractisingSkill.state`; None in older files, and before practice.
+    * origin: dict, how the recording was read that it was learned from, where that was not plain; else None.
     """
 
     demonstrations: list[Demonstration]
     configuration: SkillConfiguration
     practised: np.ndarray
     found: dict | None
+    origin: dict | None = None
 
 
 def save_model(
@@ -46,10 +48,12 @@ def save_model(
     configuration: SkillConfiguration,
     practised: np.ndarray = NO_THROWS,
     found: dict | None = None,
+    origin: dict | None = None,
 ) -> None:
     """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all.
 
     practised (n, 6): `Correction.throws`. found: what practice has found besides, `PractisingSkill.state`; default None: nothing.
+    origin: as of `SavedModel`; None where stamps were taken as they are.
     FileNotFoundError if there is no such folder, ValueError if the demonstrations are more than a model may have.
     """
     path = Path(path)
@@ -57,8 +61,9 @@ def save_model(
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
     content: dict[str, Any] = {"format": np.array(f"{KIND} {VERSION}"), "configuration": np.array(json.dumps(_plain(configuration)))}
     content["practised"] = np.asarray(practised, dtype=float)
-    if found is not None:
-        content["found"] = np.array(json.dumps(found, allow_nan=False))
+    for name, value in (("found", found), ("origin", origin)):
+        if value is not None:
+            content[name] = np.array(json.dumps(value, allow_nan=False))
     content |= numbered({name: getattr(one, name) for name in _fields_of(one)} for one in demonstrations)
     with new_file(path) as file:
         write_arrays(file, content)
@@ -76,11 +81,11 @@ def load_model(path: str | Path) -> SavedModel:
             _check_format(str(content.pop("format")))
             configuration = _configuration({**OLDER, **json.loads(str(content.pop("configuration")))})
             practised = _practised(content.pop("practised", NO_THROWS))
-            found = _found(content.pop("found", None))
+            found, origin = _found(content.pop("found", None)), _found(content.pop("origin", None))
             demonstrations = [_demonstration(values) for values in in_order(content)]
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
             raise ValueError(f"{path} is not a model file of dart_skill: {error or type(error).__name__}") from error
-    return SavedModel(demonstrations, configuration, practised, found)
+    return SavedModel(demonstrations, configuration, practised, found, origin)
 
 
 def _check_format(found: str) -> None:
@@ -101,7 +106,7 @@ def _practised(values: np.ndarray) -> np.ndarray:
 def _found(text: np.ndarray | None) -> dict | None:
     found = None if text is None else json.loads(str(text))
     if not isinstance(found, (dict, type(None))):
-        raise ValueError(f"what practice found is no object of JSON but {type(found).__name__}")
+        raise ValueError(f"what practice found, or where it is from, is no object of JSON but {type(found).__name__}")
     return found
 
 

@@ -14,13 +14,15 @@ from dart_skill.movement import VelocityThreshold, segment_containing
 from dart_skill.recording import SKILL, Demonstration
 from dart_skill.robot import wam_description
 from dart_skill.skill.observe._outcome import Outcome, Release, fit_release, judge_flight
-from dart_skill.skill.observe._sensor_log import RESET_NS, SensorLog, Stream
+from dart_skill.skill.observe._sensor_log import JOINTS, RESET_NS, SensorLog, Stream
 from dart_skill.surface import BASKETS, Game
 from dart_skill.world import THROWN, the_world
 
 THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
 ARRIVAL_NS = 50_000_000
 """Samples of so long before the end of watching may still be on their way."""
+LEAST_SAMPLES = 10
+"""Of each sensor, without which there is no demonstration."""
 BEFORE_NS = 200_000_000
 """The release is looked for from so long before the hand was told to open."""
 
@@ -65,6 +67,7 @@ class ThrowLog(SensorLog):
     def clear(self) -> None:
         """Forget everything."""
         super().clear()
+        self.whole: dict[str, Stream] = {}  # of which this log is a part, by sensor
         self.opened_ns: int | None = None
         self.left_ns: int | None = None
 
@@ -102,7 +105,19 @@ class ThrowLog(SensorLog):
         part = ThrowLog(self._joint_period_ns, self.skill)
         part.bodies = {role: stream.part(since_ns, until_ns) for role, stream in self.bodies.items()}
         part.joints = self.joints.part(since_ns, until_ns)
+        part.left_out, part.whole = self.left_out, {**self.bodies, JOINTS: self.joints}
         return part
+
+    def _too_few(self, what: str, stream: Stream) -> str:
+        """Why there are too few samples of a sensor: it is asked whether it is there only if nothing of it has come."""
+        n, whole = len(stream.stamps), self.whole.get(what, stream).stamps
+        if self.left_out[what] > len(whole):
+            which = "not numbers, or stamped no later than the one before, as where nobody fills in the stamps"
+            return f"only {n} samples of the {what}, and {self.left_out[what]} that do not count: {which}"
+        if len(whole) > n + LEAST_SAMPLES:
+            when = f"from {1e-9 * whole[0]:.3f} to {1e-9 * whole[-1]:.3f} s"
+            return f"only {n} samples of the {what} at that time, and {len(whole)} {when}: have all sensors one clock?"
+        return f"only {n} samples of the {what}: is it tracked and published?"
 
     def ball_between(self, since_ns: int, until_ns: int) -> tuple[np.ndarray, np.ndarray]:
         """Times (n,) [s] after the first instant and positions (n, 3) of the ball between two instants."""
@@ -131,9 +146,9 @@ class ThrowLog(SensorLog):
         thrown_ns = self.left_ns if self.opened_ns is None else self.opened_ns
         if thrown_ns is None:
             raise ValueError("the hand was never told to open: nothing was thrown")
-        for what, stream in (*self.bodies.items(), ("arm's joints", self.joints)):
-            if len(stream.stamps) < 10:
-                raise ValueError(f"only {len(stream.stamps)} samples of the {what}: is it tracked and published?")
+        for what, stream in (*self.bodies.items(), (JOINTS, self.joints)):
+            if len(stream.stamps) < LEAST_SAMPLES:
+                raise ValueError(self._too_few(what, stream))
         origin = self._first_of_the_world(thrown_ns)
         time, hand = self.hand.between(origin, 0.0, (until_ns - origin) * 1e-9)
         thrown = (thrown_ns - origin) * 1e-9

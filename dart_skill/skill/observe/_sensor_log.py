@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -12,6 +13,9 @@ from dart_skill.robot import all_finite
 
 RESET_NS = 500_000_000
 """Where the arm's own sensors were silent for longer, the world was set anew: what was seen before belongs to no movement after it."""
+
+JOINTS = "arm's joints"
+"""What the arm's own sensors are called."""
 
 
 @dataclass
@@ -59,7 +63,7 @@ class SensorLog:
     * roles: of the bodies.
     * joint_period_ns: joint states are thinned to about this period, the rate of the poses, counted from when the world was set anew [ns].
 
-    Attributes: turned, roles of the bodies whose orientation counts; rejected, how many samples were stale or not finite.
+    Attributes: turned, roles of the bodies whose orientation counts; left_out, how many samples of each sensor were stale or not finite.
     """
 
     def __init__(self, roles: Sequence[str], joint_period_ns: int = 10_000_000):
@@ -72,14 +76,19 @@ class SensorLog:
         self.bodies = {role: Stream() for role in self._roles}
         self.joints = Stream()
         self._joint_phase_ns = 0
-        self.rejected = 0
+        self.left_out: Counter[str] = Counter()
+
+    @property
+    def rejected(self) -> int:
+        """How many samples were stale or not finite."""
+        return sum(self.left_out.values())
 
     def take(self, role: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose of a body: position (3,) [m] and quaternion (4,)."""
         self._keep(role, stamp_ns, np.concatenate([position, quaternion]))
 
     def _keep(self, role: str, stamp_ns: int, row: np.ndarray) -> None:
-        self.rejected += not self.bodies[role].add(stamp_ns, row)
+        self.left_out[role] += not self.bodies[role].add(stamp_ns, row)
 
     def wants_joints(self, stamp_ns: int) -> bool:
         """Whether a joint state of this stamp would be kept."""
@@ -93,7 +102,9 @@ class SensorLog:
         if self.wants_joints(stamp_ns):
             if self._begins_a_world(stamp_ns):
                 self._joint_phase_ns = stamp_ns
-            self.rejected += not self.joints.add(stamp_ns, np.concatenate([position, velocity]))
+            self.left_out[JOINTS] += not self.joints.add(stamp_ns, np.concatenate([position, velocity]))
+        else:
+            self.left_out[JOINTS] += stamp_ns <= self.joints.stamps[-1]
 
     def _begins_a_world(self, stamp_ns: int) -> bool:
         return not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS

@@ -13,6 +13,7 @@ from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream
 from dart_skill.world import joint_order
 from dart_skill_nodes.client.live_arm import NO_DRIVERS
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.joint_states import OfTheArm
 from dart_skill_nodes.comms.names import CLOCK, COMMANDS, JOINT_STATES, pose_topics
 from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
 
@@ -22,7 +23,7 @@ class ArmListener:
 
     def __init__(self, node: Node):
         self._node, self._batches = node, RawBatches(node)
-        self._topics = pose_topics()
+        self._topics, self._of_the_arm = pose_topics(), OfTheArm()
         self._messages: dict[str, list[RawMessage]] = {name: [] for name in (JOINT_STATES, CLOCK, *self._topics.values())}
         for topic in self._messages:
             self._batches.listen(topic)
@@ -32,7 +33,7 @@ class ArmListener:
         newest = None
         for message in self._batches.take():
             self._messages[message.topic].append(message)
-            newest = message if message.topic == JOINT_STATES else newest
+            newest = message if message.topic == JOINT_STATES and self._of_the_arm(message.data) else newest
         if newest is None:
             return None
         state = conversions.decoded(newest.data, JointState)
@@ -70,6 +71,7 @@ class ArmListener:
 
     def _joints(self, when: np.ndarray, told: np.ndarray) -> JointStream:
         states = [(one.received_ns, conversions.decoded(one.data, JointState)) for one in self._messages[JOINT_STATES]]
+        states = [one for one in states if not conversions.of_others(one[1])] or states
         lengths = [len(message.position) for _, message in states]
         usual = max(set(lengths), key=lengths.count) if lengths else 0
         same = [(received, message) for received, message in states if len(message.position) == usual]

@@ -26,7 +26,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 from dart_skill.checks import as_place
 from dart_skill.constants import N_JOINTS, NS_PER_S
 from dart_skill.pace import PhaseRule
-from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message, filled, named
+from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message, filled, joint_layout, named
 from dart_skill.robot import (
     ArmState,
     Command,
@@ -54,7 +54,7 @@ from dart_skill.skill.protocol import (
 )
 from dart_skill.skill.protocol import Pose as BodyPose
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROW, THROWN, joint_order
+from dart_skill.world import THROW, THROWN
 
 if TYPE_CHECKING:
     from dart_skill.skill.model import Policy
@@ -222,17 +222,23 @@ def arm_state(message: JointState) -> ArmState:
 
 def state_of_joints(names: tuple[str, ...], position: np.ndarray, velocity: np.ndarray, ns: int) -> ArmState:
     """The state of the arm in what a driver says of its joints (n,) each; ValueError as of `arm_state`. ns: its stamp [ns]."""
-    if not len(names) == len(position) == len(velocity):
+    layout = joint_layout(names, len(position), len(velocity))
+    if not layout.is_of_others and not len(names) == len(position) == len(velocity):
         counts = f"{len(names)} names, {len(position)} positions and {len(velocity)} velocities"
         raise ValueError(f"/joint_states has {counts}: the driver must give one of each for every joint")
     try:
-        order = joint_order(names)
+        state = ArmState(ns, *layout.row(position, velocity))
     except ValueError as error:
         raise ValueError(f"/joint_states: {error}") from error
-    state = ArmState(ns, position[order], velocity[order])
     if not (all_finite(state.position) and all_finite(state.velocity)):
         raise ValueError(f"/joint_states: positions {state.position}, velocities {state.velocity}: the driver must give finite numbers")
     return state
+
+
+def of_others(message: JointState) -> str:
+    """Why a JointState says nothing of the arm, as that of a gripper; empty if it may."""
+    layout = joint_layout(tuple(message.name), len(message.position), len(message.velocity))
+    return layout.why if layout.is_of_others else ""
 
 
 def order_of(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:

@@ -1,19 +1,32 @@
 """/joint_states as every node hears them that answers them: with what the driver offers, in the order of the arm's joints by their names.
 
-One that was late on its way is left out. Names are looked at where a message becomes a state of the arm (`conversions.arm_state`).
+Others may publish on the topic, too, as a gripper's driver does: messages that name none of the arm's joints are not heard. One that was
+late on its way is left out. Names are looked at where a message becomes a state of the arm (`conversions.arm_state`).
 """
 
+import time
 from collections.abc import Callable
 
+import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from dart_skill.robot import ArmState
+from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns, state_of_joints
-from dart_skill_nodes.comms.fixed_layout import LayoutReader
+from dart_skill_nodes.comms.fixed_layout import BODY, LAYOUTS, LayoutReader
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.names import JOINT_STATES
 from dart_skill_nodes.comms.qos import LOOP
+
+BEGIN = 12
+"""Where a message goes on behind its encapsulation and its stamp."""
+OF_LATE = 5.0
+"""Who was heard within this time is there [s, wall clock]."""
+LEAP, FASTEST = 0.05, 10.0
+"""No joint is farther from its last position than this, and so much for each second between [rad], [rad/s]."""
+SEVERAL, FORGET = 3, 100
+"""So many leaps among so many states are no accident."""
 
 
 class InOrder:
@@ -34,11 +47,95 @@ class InOrder:
         self._callback(message)
 
 
-def hear_joint_states(node: Node, callback: Callable, raw: bool = False) -> MatchingSubscriptions:
+class OfTheArm:
+    """Tells messages on /joint_states that name a joint of the arm, or none at all, from those of others. A message is read whole once for
+    each list of names.
+
+    others: what those of others name; empty without one.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic):
+        self.others = ""
+        self._clock = clock
+        self._known: list[tuple[bytes, str]] = []  # frame and names, serialised, and why it is of others
+        self._heard: dict[str, float] = {}  # when others were heard last [s], by what they name
+
+    def __call__(self, message: JointState | bytes) -> bool:
+        """Whether a message, or a serialised one, is the arm's as far as names tell."""
+        why = self._why_not(message)
+        if why:
+            self.others = why
+            self._heard[why] = self._clock()
+        return not why
+
+    @property
+    def voices(self) -> int:
+        """How many others have been heard of late."""
+        now = self._clock()
+        return sum(now - heard < OF_LATE for heard in self._heard.values())
+
+    def _why_not(self, message: JointState | bytes) -> str:
+        if isinstance(message, JointState):
+            return conversions.of_others(message)
+        for begins, why in self._known:
+            if message.startswith(begins, BEGIN):
+                return why
+        try:
+            read = conversions.decoded(message, JointState)
+        except ValueError:
+            return ""  # whoever reads it says what is wrong with it
+        why = conversions.of_others(read)
+        self._known = [(message[BEGIN : _end_of_names(read)], why), *self._known[: LAYOUTS - 1]]
+        return why
+
+
+def _end_of_names(message: JointState) -> int:
+    """Where the names end in the bytes of a message (CDR)."""
+    at = BEGIN - BODY + 4 + len(message.header.frame_id.encode()) + 1
+    at += -at % 4 + 4
+    for name in message.name:
+        at += -at % 4 + 4 + len(name.encode()) + 1
+    return BODY + at
+
+
+class Rivals:
+    """Notices that states leap to and fro, as where two publish different states of the arm. are_there: whether they do."""
+
+    def __init__(self) -> None:
+        self._last: ArmState | None = None
+        self._leaps, self._count, self.are_there = 0, 0, False
+
+    def see(self, state: ArmState) -> bool:
+        """Whether states have leapt again and again, so that nobody knows whose they are. state: the next one."""
+        self._count += 1
+        if self._last is not None:
+            elapsed = 1e-9 * abs(state.stamp_ns - self._last.stamp_ns)
+            self._leaps += bool(np.abs(state.position - self._last.position).max() > LEAP + FASTEST * elapsed)
+        if self._count > FORGET:
+            self._count, self._leaps = 0, 0
+        self._last = state
+        self.are_there = self.are_there or self._leaps >= SEVERAL
+        return self.are_there
+
+
+class JointStates(MatchingSubscriptions):
+    """Subscription of /joint_states. of_the_arm: tells whose they are."""
+
+    def __init__(self, node: Node):
+        super().__init__(node)
+        self.of_the_arm = OfTheArm()
+
+
+def hear_joint_states(node: Node, callback: Callable, raw: bool = False) -> JointStates:
     """Call back with every state, serialised if raw: reliably from the start, best effort as soon as a driver offers no more."""
-    heard = MatchingSubscriptions(node)
+    heard = JointStates(node)
     in_order = InOrder(callback, leading_stamp_ns if raw else lambda message: stamp_ns(message.header.stamp))
-    heard.subscribe(JOINT_STATES, in_order, JointState, depth=LOOP.depth, raw=raw, at_once=True)
+
+    def hear(message) -> None:
+        if heard.of_the_arm(message):
+            in_order(message)
+
+    heard.subscribe(JOINT_STATES, hear, JointState, depth=LOOP.depth, raw=raw, at_once=True)
     return heard
 
 
@@ -47,9 +144,15 @@ class StateReader:
 
     def __init__(self) -> None:
         self._layouts = LayoutReader(JointState)
+        self._like: JointState | None = None
+        self._names: tuple[str, ...] = ()
+        self._ends = 0, 0  # of positions and velocities among the numbers
 
     def read(self, data: bytes) -> ArmState:
         """The state of the arm, in the order of its joints; ValueError for names and numbers that are not those, and other bytes."""
         like, ns, numbers = self._layouts.read(data)
-        positions, both = len(like.position), len(like.position) + len(like.velocity)
-        return state_of_joints(tuple(like.name), numbers[:positions], numbers[positions:both], ns)
+        if like is not self._like:
+            self._like, self._names = like, tuple(like.name)
+            self._ends = len(like.position), len(like.position) + len(like.velocity)
+        positions, both = self._ends
+        return state_of_joints(self._names, numbers[:positions], numbers[positions:both], ns)

@@ -17,6 +17,7 @@ from dart_skill.constants import NS_PER_S
 from dart_skill.recording import serialize, types_for
 from dart_skill.robot import Transform, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.joint_states import OfTheArm
 from dart_skill_nodes.comms.names import DESCRIPTION, JOINT_STATES, namespace_of
 from dart_skill_nodes.comms.qos import LATCHED
 
@@ -64,7 +65,7 @@ class TfMessages:
         self._description = f"{space}/{DESCRIPTION}"
         made = {self._description: (TEXT, LATCHED), "/tf_static": (TF, LATCHED), "/tf": (TF, QUALITY)}
         self.topics = {topic: made[topic] for topic in made if topic not in published}
-        self._begun = False
+        self._begun, self._of_the_arm = False, OfTheArm()
 
     def messages(self, topic: str, ns: int, data: bytes) -> Iterator[tuple[str, bytes]]:
         """Topics and serialised messages to follow a message of `topic`, received at `ns`; ValueError for one that cannot be shown."""
@@ -73,7 +74,7 @@ class TfMessages:
             yield from self._first(ns)
         if "/tf" not in self.topics:
             return
-        if (arm := _ARM.fullmatch(topic)) and not self._due.is_early(topic, ns):
+        if (arm := _ARM.fullmatch(topic)) and self._of_the_arm(data) and not self._due.is_early(topic, ns):
             state = conversions.arm_state(conversions.decoded(data, JointState))
             moved = joint_transforms(wam_description(), state.position)
             yield "/tf", _tf(_prefixed(moved, arm["space"], self._frame_id), state.stamp_ns)

@@ -31,7 +31,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
-from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
+from dart_skill_nodes.comms.joint_states import Rivals, StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, others, publishers, servers, subscribers
@@ -131,6 +131,7 @@ class CommanderNode(GuardedNode):
         self._strangers: list[str] = []  # who commands the arm, too
         self._arm_fault = ""  # why the arm's own safety module has stopped it
         self._rivals = ""  # why it is not known which arm's states come
+        self._leaps: Rivals | None = None  # where several publish states
         self._time = TimeOfTheArm(self)
         self._arm: Presence | None = None  # who publishes the states
         self._guide: Presence | None = None  # who guides an arm that was released to a simulated person
@@ -164,6 +165,9 @@ class CommanderNode(GuardedNode):
         except ValueError as error:
             self._fault = str(error)
             raise
+        if self._leaps is not None and self._leaps.see(state):
+            self._look_for_rivals()
+            return
         if self._seen is not None and self._seen.goes_on:
             self._seen.offer(state.stamp_ns, state)
         else:
@@ -287,7 +291,9 @@ class CommanderNode(GuardedNode):
 
     def _missing_now(self) -> str:
         if self._state is None:
-            return self._fault or f"no {self._states_name} yet: is the arm, or wam_simulator, running?"
+            named = self._states.of_the_arm.others
+            strange = f"{self._states_name} {named}" if named else ""
+            return self._fault or strange or f"no {self._states_name} yet: is the arm, or wam_simulator, running?"
         if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
             return NOT_FOR_AN_ARM
         if self._rivals:
@@ -383,10 +389,14 @@ class CommanderNode(GuardedNode):
             self._watch_goal(self._goal)
 
     def _look_for_rivals(self) -> None:
-        """Two who publish states are two arms, of which it commands none: nobody could say whose state a command answers."""
+        """Two who publish states of the arm are two arms, of which it commands none: nobody could say whose state a command answers. Who
+        publishes states of other joints, as of a gripper, is none of them, unless the arm's leap to and fro.
+        """
         drivers = others(self, JOINT_STATES)
+        self._leaps = (self._leaps or Rivals()) if len(drivers) > 1 else None
+        leap = self._leaps is not None and self._leaps.are_there
         rivals = ""
-        if len(drivers) > 1:
+        if leap or len(drivers) - self._states.of_the_arm.voices > 1:
             rivals = f"{' and '.join(drivers)} publish {self._states_name}: end one of them, nothing is commanded until then"
         if rivals and rivals != self._rivals:
             self.get_logger().error(rivals)

@@ -34,7 +34,7 @@ from dart_skill.skills.throw import Throw
 from dart_skill.world import THROW
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
-from dart_skill_nodes.comms.joint_states import StateReader
+from dart_skill_nodes.comms.joint_states import OfTheArm, StateReader
 from dart_skill_nodes.comms.names import COMMANDS, DEMONSTRATIONS, GUIDING, JOINT_STATES, MARKS, in_graph, pose_topic
 from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
@@ -75,7 +75,7 @@ class DemonstrationRecorder(BagKeeper):
         self.declare_parameter("autostart", True)
         self._bag, self._recording = None, False
         self._count, self._time, self._up_to = 0, LogTime(), 0
-        self._reader = StateReader()
+        self._reader, self._of_the_arm = StateReader(), OfTheArm()
         self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
         self._marked = Marks()
         self._unwritten: list[DemonstrationMark] = []
@@ -154,7 +154,10 @@ class DemonstrationRecorder(BagKeeper):
             return  # a last tick of the timer, when all is closed
         for message in self._messages.take():
             stamp_ns = self._bag.stamp_ns(message.topic, message.data)
-            usable = stamp_ns is None or self.refusals.accepts(self._full[message.topic], self._time.take, message.topic, stamp_ns)
+            usable = message.topic != JOINT_STATES or self._of_the_arm(message.data)  # else it is another's, as of a gripper
+            usable = usable and (
+                stamp_ns is None or self.refusals.accepts(self._full[message.topic], self._time.take, message.topic, stamp_ns)
+            )
             ns = self._time.now_ns if stamp_ns is None else stamp_ns
             if message.topic in self._recorded:  # whatever it is
                 self.refusals.accepts(self._full[message.topic], self._bag.write, message.topic, self._time.now_ns, ns, message.data)
@@ -225,7 +228,9 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, self._cameras_gone
             return response
         if silent := ", ".join(sorted(map(self.resolve_topic_name, self._silent | (set(self._role_of) & set(self._messages.missing))))):
+            others = self._of_the_arm.others if JOINT_STATES in self._silent else ""
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
+            response.message += f" {self.resolve_topic_name(JOINT_STATES)} {others}" if others else ""
             return response
         self._take()
         state = self._arm_state()

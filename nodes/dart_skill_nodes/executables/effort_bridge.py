@@ -72,8 +72,6 @@ class EffortBridgeNode(GuardedNode):
         self._tell()
 
     def _on_state(self, message: JointState) -> None:
-        if not set(joint_names()) & set(message.name):
-            return  # of the hand, say, whose driver publishes its joints on the same topic
         try:
             state = conversions.arm_state(message)
         except ValueError as error:

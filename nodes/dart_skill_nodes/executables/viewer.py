@@ -27,6 +27,7 @@ from dart_skill_nodes.client.pulled_lesson import PulledLesson
 from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
+from dart_skill_nodes.comms.joint_states import OfTheArm
 from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, DIAGNOSTICS, JOINT_STATES, in_graph, pose_topic
@@ -123,6 +124,7 @@ class Viewer(GuardedNode):
 
     def _subscribe(self, name_of: dict[str, str]) -> None:
         self._latest = LatestMessages(self)
+        self._of_the_arm = OfTheArm()
         self._latest.watch(JOINT_STATES, JointState)
         self._pose_topics = {role: pose_topic(name) for role, name in name_of.items()} | {"attractor": ATTRACTOR}
         for topic in self._pose_topics.values():
@@ -166,6 +168,7 @@ class Viewer(GuardedNode):
         if not states and not any(map(len, poses.values())):
             self._send_paths()
             return
+        states = [data for data in states if self._of_the_arm(data)]
         if states:
             self._scene.move_arm(conversions.arm_state(conversions.decoded(states[-1], JointState)).position)
         if len(poses["hand"]):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
-from dart_skill.recording.bags import columns_of, deserialize, header_content, pose_content, serialize, typestore
+from dart_skill.recording.bags import columns_by_layout, columns_of, deserialize, header_content, pose_content, serialize, typestore
 from dart_skill.recording.grip_signal import read_command, read_commands
 from dart_skill.recording.imports.pose_faults import usual_steps
 
@@ -111,3 +111,21 @@ def test_of_no_commands_there_is_nothing_and_of_other_bytes_an_error():
 def test_what_is_usual_among_steps_is_their_running_median(n):
     steps = np.random.default_rng(1).exponential(size=n)
     np.testing.assert_array_equal(usual_steps(steps), scipy.ndimage.median_filter(steps, 11, mode="nearest"))
+
+
+def test_messages_of_several_layouts_are_taken_by_layout():
+    kinds = [lambda stamp: state(stamp), lambda stamp: state(stamp, ("c", "ab", "def")), lambda stamp: state(stamp, velocities=0)]
+    payloads = [kinds[k % 3](k) for k in range(30)]
+    found, left = columns_by_layout(TYPES, STATE, payloads)
+    assert [columns.index.tolist() for columns in found] == [list(range(k, 30, 3)) for k in range(3)] and not left
+    for columns in found:
+        for k, numbers, stamp in zip(columns.index, columns.numbers, columns.stamps, strict=True):
+            one = deserialize(TYPES, STATE, payloads[k])
+            assert one.name == columns.example.name and stamp == k
+            np.testing.assert_array_equal(numbers, numbers_of(one))
+
+
+def test_of_more_layouts_than_can_be_kept_the_rest_is_read_one_by_one():
+    payloads = [state(k, (f"joint_{k}", "b", "c")) for k in range(40)]
+    found, left = columns_by_layout(TYPES, STATE, payloads)
+    assert [*(k for columns in found for k in columns.index), *left] == list(range(40)) and len(left) == 24

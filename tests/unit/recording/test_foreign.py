@@ -178,7 +178,7 @@ def test_sqlite_bags_are_read(tmp_path, types, poses):
 
 def test_a_frame_that_is_not_the_named_one_is_an_error(tmp_path, types, poses):
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
-    with pytest.raises(ValueError, match="/lab/hand: a pose of the hand is in 'map', not 'world'"):
+    with pytest.raises(ValueError, match="/lab/hand: all 200 poses of the hand are in 'map', not 'world'"):
         read_recording(bag, parse_mapping(topics(frame="world")))
 
 
@@ -214,7 +214,7 @@ def test_joints_are_taken_by_their_names(tmp_path, types, poses):
     joints = read_recording(bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints", "names": names}})).joints
     np.testing.assert_array_equal(joints.position, angles)
     np.testing.assert_allclose(joints.velocity, 100.0 / (N - 1), rtol=1e-9)
-    with pytest.raises(ValueError, match="8 values of position instead of 7: name the arm's joints"):
+    with pytest.raises(ValueError, match="messages that list gripper, j7, .*: name the arm's joints"):
         read_recording(bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints"}}))
     with pytest.raises(ValueError, match="no joint 'elbow', only"):
         read_recording(bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints", "names": [*names[:6], "elbow"]}}))

@@ -13,12 +13,25 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.cli import main
 from dart_skill.cli.learn import _file_for, add_to
-from dart_skill.recording import MARK_TOPIC, MARK_TYPE, BagReader, BagWriter, Opening, definition, qos_yaml, serialize, types_for, typestore
+from dart_skill.recording import (
+    MARK_TOPIC,
+    MARK_TYPE,
+    BagReader,
+    BagWriter,
+    Opening,
+    definition,
+    qos_yaml,
+    serialize,
+    type_hash,
+    types_for,
+    typestore,
+)
+from dart_skill.recording.imports import mapping_text, with_remedies
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.pose_stream import UP_AXES
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from dart_skill.robot import same_plan
-from dart_skill.session import find_throws, learn_from_bag
+from dart_skill.session import NothingLearned, find_throws, learn_from_bag
 from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import DEFAULT, load_model
@@ -366,3 +379,34 @@ def stamp_of(message):
 def test_a_bag_of_the_arms_own_throws_says_with_which_option_it_teaches(tmp_path, capsys):
     assert main(["learn", str(ROOT / "bags/throws"), "--output", str(tmp_path / "model.npz")]) == 1
     assert "thrown by the arm itself; with --with-throws" in capsys.readouterr().err
+
+
+def without_stamps(source, folder, topics):
+    """A copy of a bag in which nobody filled in the stamps of some topics."""
+    with BagReader(source) as bag, BagWriter(folder) as copy:
+        for name, topic in bag.topics.items():
+            copy.add_topic(name, topic.type_name, definition(bag.types, topic.type_name), qos_yaml(), type_hash(bag.types, topic.type_name))
+        for message in bag.messages(decode=False):
+            data = bytes(message.data)
+            data = data[:4] + bytes(8) + data[12:] if message.topic in topics else data
+            copy.write(message.topic, message.stamp_ns, message.stamp_ns, data)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("role", "topics"),
+    [("hand", [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]), ("joints", ["/joint_states"])],
+)
+def test_stamps_that_nobody_filled_in_are_told_first_and_the_log_time_teaches_the_same(recorded_session, tmp_path, capsys, role, topics):
+    """What was found is said also where nothing can be learned; nobody is asked whether a body was tracked of which poses were recorded."""
+    bag = without_stamps(recorded_session[0], tmp_path / "bag", topics)
+    with pytest.raises(NothingLearned, match=rf"{role}: nobody filled in the stamps of \d+ messages.*{role}: \{{time: log\}}") as error:
+        run([bag, "--output", tmp_path / "model.npz"])
+    assert "is it tracked" not in str(error.value)
+    assert f"{role}: nobody filled in the stamps" in capsys.readouterr().err
+    mapping = with_remedies(OWN, error.value.report.faults)
+    (tmp_path / "mapping.yaml").write_text(mapping_text(mapping))
+    assert run([bag, "--mapping", tmp_path / "mapping.yaml", "--json", "--output", tmp_path / "model.npz"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert len(said["learned_from"]) == 3 and said["clocks"][role] == {"time": ["log"]}
+    assert load_model(tmp_path / "model.npz").origin == {"clocks": said["clocks"]}

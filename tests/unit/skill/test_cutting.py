@@ -90,6 +90,22 @@ def test_what_is_missing_is_named(missing, message):
         filled(leave_out=(missing,)).cut("one", END_NS)
 
 
+def test_a_sensor_that_spoke_is_not_asked_whether_it_is_there():
+    """Nobody filled in its stamps, or its clock is another one: what has come is counted."""
+    log = filled(leave_out=("hand",))
+    for _ in range(300):
+        log.take("hand", 0, np.zeros(3), UPRIGHT)
+    with pytest.raises(ValueError, match="only 1 samples of the hand, and 299 that do not count: not numbers, or stamped no later"):
+        log.cut("one", END_NS)
+    log = filled(leave_out=("ball",))
+    for k in range(100):
+        log.take("ball", 10 * END_NS + k * MS, np.zeros(3), UPRIGHT)
+    with pytest.raises(ValueError, match=r"only 0 samples of the ball at that time, and 100 from .* s: have all sensors one clock\?"):
+        part = log.part(START_NS, END_NS)
+        part.add_opening(OPENED_NS)
+        part.cut("one", END_NS)
+
+
 def test_a_throw_without_the_button_is_none():
     with pytest.raises(ValueError, match="never told to open"):
         filled(opened=None).cut("one", END_NS)

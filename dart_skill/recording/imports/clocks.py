@@ -1,0 +1,364 @@
+"""The time of samples: what stamps are worth beside the times at which they were recorded, and what a mapping makes of both.
+
+A message has two times: its stamp, and the log time at which it was recorded, which is late but never early. Log time tells stamps that
+nobody filled in, seconds that are milliseconds, counters that overflow. Of several topics it tells whose clocks are apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dart_skill.constants import NS_PER_S
+from dart_skill.recording.imports.faults import BURSTS, SET_BACK, UNIT, UNSTAMPED, Fault
+from dart_skill.recording.imports.mapping import TIME_UNITS, Clock
+
+PAUSE = 0.5
+"""A longer silence ends a run of frames: the clock or the world may have been set anew [s]."""
+LEAST = 20
+"""Samples from which a rate is told."""
+BUNCHED = 0.3
+"""Where the usual step is a smaller share of the mean one, samples come in bursts."""
+STEADY = 0.1
+"""Where the usual step differs from the mean one by less than this share, times follow a rate."""
+HONEST = 0.1
+"""Smallest share of the log time that a clock goes forward in it, if it is one of seconds; its inverse is the largest."""
+FEWEST_STEPS = 0.2
+"""Smallest share of the usual step of the log time that the usual step of stamps is; its inverse is the largest."""
+BACK_NS = 500_000_000
+"""A stamp that runs back by more is no late message [ns]."""
+APART_NS = 500_000_000
+"""Clocks whose stamps are farther apart, by the log, are not the same [ns]."""
+SAME_NS = 50_000_000
+"""Messages of one clock are recorded with delays that differ by less [ns]."""
+DRIFTS_NS = 20_000_000
+"""Clocks that drift apart by less over a recording are not told of [ns]."""
+MOST_DRIFT = 0.05
+"""No clock of a computer or camera runs faster or slower than another by a larger share."""
+BIN_NS = NS_PER_S
+"""Log time over which the difference of two clocks is taken together [ns]."""
+OVERFLOWS = {2**32: "32 bits of nanoseconds", 2**32 * 10**3: "32 bits of microseconds", 2**32 * NS_PER_S: "32 bits of seconds"}
+OVERFLOWS |= {2**31: "31 bits of nanoseconds", 2**16 * 10**6: "16 bits of milliseconds", NS_PER_S: "nanoseconds without seconds"}
+"""After which time [ns] counters of so many bits begin anew."""
+HOUR_NS = 3600 * NS_PER_S
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """Times of samples as a mapping reads them.
+
+    * stamp_ns: (n,) [ns].
+    * kept: which samples have a time at all (n,).
+    * faults: what is wrong with the stamps that were recorded.
+    """
+
+    stamp_ns: np.ndarray
+    kept: np.ndarray
+    faults: list[Fault]
+
+
+def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock) -> Timed:
+    """The times of samples.
+
+    * body: its name, for faults.
+    * stamps: as recorded (n,) [ns].
+    * log_ns: when each was recorded (n,) [ns], None where nobody kept that.
+    * clock: what a mapping says of them.
+    """
+    faults: list[Fault] = []
+    kept = np.ones(len(stamps), dtype=bool)
+    by_log = clock.source == "log" and log_ns is not None
+    times = log_ns if by_log and log_ns is not None else stamps
+    if not by_log and log_ns is not None:
+        times = in_seconds(stamps, clock.unit)  # of a table that was done when its numbers were read
+        if not clock.is_regular:
+            kept, faults = _stamp_faults(body, times, log_ns)
+            times = times[kept]
+    if clock.is_regular:
+        times = regular(times, log_ns)
+    return Timed(clock.corrected(times), kept, faults)
+
+
+def in_seconds(stamps: np.ndarray, unit: str) -> np.ndarray:
+    """Stamps in truth (n,) [ns]. stamps: as recorded (n,) [ns], whose seconds are of a unit of TIME_UNITS. unit: its name."""
+    return stamps if unit == "s" else stamps // round(NS_PER_S / TIME_UNITS[unit])
+
+
+# stamps beside log times
+
+
+def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np.ndarray, list[Fault]]:
+    """Which samples have a stamp (n,), and what is wrong with the stamps as a whole."""
+    n, filled = len(stamps), stamps != 0
+    if n < 2:
+        return np.ones(n, dtype=bool), []
+    lasted = 1e-9 * float(log_ns.max() - log_ns.min())
+    recorded = f"they were recorded over {lasted:.1f} s"
+    if not filled.any():
+        return ~filled, [
+            _fault(UNSTAMPED, body, stamps, f"nobody filled in the stamps of {n} messages: all are 0; {recorded}", "time: log")
+        ]
+    if np.ptp(stamps) == 0 and lasted > 0.1:
+        text = f"all {n} messages have the same stamp, {1e-9 * stamps[0]:.3f} s; {recorded}"
+        return filled, [_fault(UNSTAMPED, body, stamps, text, "time: log")]
+    faults = []
+    if not filled.all():
+        gone = int(n - filled.sum())
+        text = f"nobody filled in the stamps of {gone} of {n} messages, which are 0: left out"
+        faults.append(
+            _fault(UNSTAMPED, body, stamps[filled], text, "time: log" if gone > 0.05 * n else "", gone, repaired=gone <= 0.05 * n)
+        )
+    known, log = stamps[filled], log_ns[filled]
+    return filled, faults + (_overflow(body, known) or _rate_fault(body, known, log) or _step_fault(body, known, log))
+
+
+def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
+    """Of a clock that goes a thousand times as fast as the log time, or a thousandth."""
+    if len(stamps) < LEAST:
+        return []
+    order = np.argsort(log_ns, kind="stable")
+    low, high = order[len(order) // 10], order[-1 - len(order) // 10]
+    lasted, whole = float(log_ns[high] - log_ns[low]) / 0.8, float(stamps[high] - stamps[low]) / 0.8
+    if lasted < 1e8:
+        return []
+    rate = whole / lasted
+    if rate < 0.0:
+        return [_fault(SET_BACK, body, stamps, "stamps run backwards all the time", "time: log")]
+    if HONEST <= rate <= 1.0 / HONEST:
+        return []
+    told = f"stamps go forward by {1e-9 * whole:.6g} s while {1e-9 * lasted:.1f} s were recorded"
+    for unit, ns in TIME_UNITS.items():
+        if unit != "s" and 1.0 / 3.0 < rate * ns / NS_PER_S < 3.0:
+            return [_fault(UNIT, body, stamps, f"{told}: their seconds are {unit} in truth", f"time: {unit}")]
+    return [_fault(UNIT, body, stamps, f"{told}: seconds or nanoseconds are filled in wrongly", "time: log")]
+
+
+def _step_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
+    """Of stamps that go forward rightly over seconds, but not from one message to the next, as where nanoseconds are microseconds."""
+    if len(stamps) < LEAST or _unsteadiness(1e-9 * (log_ns - log_ns[0])) > 0.5:
+        return []
+    step, logged = float(np.median(np.diff(stamps))), float(np.median(np.diff(log_ns)))
+    rate = rate_of(1e-9 * (np.maximum.accumulate(stamps) - stamps[0]))
+    if (rate is not None and rate.is_bunched) or FEWEST_STEPS * logged < step < logged / FEWEST_STEPS:
+        return []
+    text = f"stamps go forward by {1e-6 * step:.3f} ms from one message to the next, which are {1e-6 * logged:.3f} ms apart: "
+    return [_fault(UNIT, body, stamps, f"{text}the nanoseconds are filled in wrongly", "time: log")]
+
+
+def _overflow(body: str, stamps: np.ndarray) -> list[Fault]:
+    """Of stamps that run back again and again by the same time, or once by more than a late message."""
+    steps = np.diff(stamps)
+    back = -steps[steps < -BACK_NS]
+    if not len(back):
+        return []
+    usual = float(np.median(back))
+    counter = next((text for ns, text in OVERFLOWS.items() if abs(usual - ns) < max(0.02 * ns, 0.0)), "")
+    if len(back) > 1 and np.ptp(back) > 0.05 * usual and not counter:
+        return []
+    why = f"as a counter of {counter} does that overflows" if counter else "the clock was set, or a bag was played again"
+    text = f"stamps run back {len(back)} times by {1e-9 * usual:.3f} s, {why}"
+    return [_fault(SET_BACK, body, stamps, text, "time: log")] if counter or len(back) > 1 else []
+
+
+def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[Fault]:
+    """What is wrong with clocks whose stamps differ from those of others, by when both were recorded.
+
+    * streams: stamps (n,) and log times (n,) [ns] of each topic by its name in a mapping.
+    """
+    late = {name: _lateness(stamps, log_ns) for name, (stamps, log_ns) in streams.items() if len(stamps) >= LEAST}
+    if len(late) < 2:
+        return []
+    reference = min(late, key=lambda name: _untrusted(name, late))
+    faults = []
+    for name, bins in late.items():
+        both = sorted(set(bins) & set(late[reference]))
+        if name != reference and len(both) >= 3:
+            off = np.array([bins[k] - late[reference][k] for k in both], dtype=np.int64)
+            faults += _of_difference(name, reference, streams[name][0], np.array(both) * 1e-9 * BIN_NS, off)
+    return faults
+
+
+def _untrusted(name: str, late: Mapping[str, Mapping[int, int]]) -> tuple[int, int, int]:
+    """How little a clock is to be trusted: by how far it is from those of the others, how unsteady it is by the log, and how far from it.
+
+    late: lateness by second of log time, of each topic.
+    """
+    own = np.array(list(late[name].values()), dtype=np.int64)
+    off = []
+    for other in (bins for one, bins in late.items() if one != name):
+        both = sorted(set(other) & set(late[name]))
+        off.append(max((abs(other[k] - late[name][k]) for k in both), default=0) // DRIFTS_NS)
+    return int(np.median(off)), int(np.ptp(own)) // DRIFTS_NS, abs(int(own[len(own) // 2])) // APART_NS
+
+
+def _lateness(stamps: np.ndarray, log_ns: np.ndarray) -> dict[int, int]:
+    """By how much messages were recorded after their stamps [ns], of the earlier ones of each second of log time."""
+    order = np.argsort(log_ns, kind="stable")
+    bins, first = np.unique(log_ns[order] // BIN_NS, return_index=True)
+    groups = np.split((log_ns - stamps)[order], first[1:])
+    return {int(k): int(np.sort(group)[len(group) // 10]) for k, group in zip(bins, groups, strict=True)}
+
+
+def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray, off: np.ndarray) -> list[Fault]:
+    """Of stamps that would have to be later by `off` (k,) [ns] to agree with those of another topic, at log times (k,) [s]."""
+    level = int(np.median(off - off[0])) + int(off[0])
+    rest = 1e-9 * (off - level)
+    slope = _slope(at, rest) if len(at) >= 5 else 0.0
+    from_line = rest - slope * (at - np.median(at))
+    drifts = MOST_DRIFT > abs(slope) > 1e-9 * DRIFTS_NS / np.ptp(at) and np.median(np.abs(from_line)) < 0.1 * abs(slope) * np.ptp(at)
+    spread = from_line - np.median(from_line) if drifts else rest
+    steps = np.flatnonzero(np.abs(np.diff(spread)) > 1e-9 * APART_NS)
+    if 0 < len(steps) <= 5:
+        by, when = np.diff(spread)[steps[0]], at[steps[0] + 1] - at[0]
+        text = f"the clock was set by {-by:.3f} s, {when:.0f} s after the first message, against that of the {reference}"
+        return [_fault(SET_BACK, name, stamps, text, "time: log")]
+    if drifts:
+        shift = 1e-9 * level - slope * (float(np.median(at)) - float(at[0]))
+        text = f"the clock runs {'slower' if slope > 0 else 'faster'} than that of the {reference}, by {1e3 * abs(slope):.3f} ms a second"
+        told = f"time_shift: {shift:.3f}, " if abs(shift) > 1e-9 * SAME_NS else ""
+        return [_fault("drift", name, stamps, text, f"{told}time_drift: {slope:.6f}")]
+    if abs(level) <= APART_NS:
+        return []
+    hours = abs(level) > 0.9 * HOUR_NS and abs((level + HOUR_NS // 2) % HOUR_NS - HOUR_NS // 2) < APART_NS and abs(level) < 27 * HOUR_NS
+    kind = "a whole number of hours: a time zone" if hours else "another epoch" if abs(level) > 30 * 24 * HOUR_NS else "another clock"
+    side = "behind" if level > 0 else "ahead of"
+    text = f"stamps are {1e-9 * abs(level):.3f} s {side} those of the {reference}, by when both were recorded: {kind}"
+    return [_fault("clock", name, stamps, text, f"time_shift: {1e-9 * level:.3f}")]
+
+
+def _slope(at: np.ndarray, values: np.ndarray) -> float:
+    """Slope of the line that most points (k,) lie on (Theil, Sen), of not too many of them."""
+    chosen = np.unique(np.linspace(0, len(at) - 1, min(len(at), 300)).astype(int))
+    earlier, later = np.triu_indices(len(chosen), 1)
+    at, values = at[chosen], values[chosen]
+    return float(np.median((values[later] - values[earlier]) / (at[later] - at[earlier])))
+
+
+def _fault(kind: str, body: str, stamps: np.ndarray, text: str, remedy: str, count: int | None = None, repaired: bool = False) -> Fault:
+    count = len(stamps) if count is None else count
+    return Fault(kind, body, int(stamps.min()), int(stamps.max()), count, text, repaired, remedy)
+
+
+# rates
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often samples come.
+
+    * period: between two, on average, without silences [s].
+    * interval: between two bursts [s]; as the period where they come one by one.
+    * count: samples of a burst.
+    """
+
+    period: float
+    interval: float
+    count: int
+
+    @property
+    def is_bunched(self) -> bool:
+        """Whether samples come in bursts: their times are those of receipt, or of a slow clock."""
+        return self.count > 1
+
+
+def rate_of(time: np.ndarray) -> Rate | None:
+    """How often samples come at times (n,) [s], in ascending order; None of too few. It counts steps, and no frames between them."""
+    steps = np.diff(time)
+    steps = steps[steps < PAUSE]
+    if len(steps) < LEAST - 1 or steps.sum() <= 0.0:
+        return None
+    mean, median = float(np.mean(steps)), float(np.median(steps))
+    if median >= BUNCHED * mean:
+        return Rate(median, median, 1)
+    long = steps > mean
+    count = max(2, round(len(steps) / int(long.sum())))
+    interval = float(np.median(steps[long]) + (count - 1) * np.median(steps[~long]))
+    return Rate(interval / count, interval, count)
+
+
+def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
+    """The rate of samples that come in bursts, and that as a fault; None if they do not. body: its name. stamps: in ascending order."""
+    rate = rate_of((stamps - stamps[:1]) * 1e-9)
+    if rate is None or not rate.is_bunched:
+        return None
+    text = (
+        f"stamps come in bursts, {rate.count} within {1e3 * _within(stamps, rate):.1f} ms every {1e3 * rate.interval:.0f} ms: "
+        f"of receipt, and not of the frames, of which there are {1.0 / rate.period:.1f} a second"
+    )
+    return rate, [_fault(BURSTS, body, stamps, text, "time: regular")]
+
+
+def _within(stamps: np.ndarray, rate: Rate) -> float:
+    steps = 1e-9 * np.diff(stamps)
+    return float(np.median(steps[steps < 0.5 * rate.interval])) * (rate.count - 1)
+
+
+def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
+    """Evenly spaced times (n,) [ns] of samples, in the order of recording.
+
+    Of stamps and log times those that follow a rate better are the ruler. A stretch without a silence has the common period; where the
+    ruler follows a rate, a longer step in it is as many frames as fit into it, else no frame is taken to be missing. A sample is late and
+    never early: the earliest ones of a stretch say where its frames are.
+
+    * times: stamps of the samples [ns].
+    * log_ns: when they were recorded (n,) [ns], None where nobody kept that.
+    """
+    ruler = _ruler(times, log_ns)
+    order = np.maximum.accumulate(ruler)
+    time = (order - order[:1]) * 1e-9
+    rate = rate_of(time)
+    if rate is None:
+        return times
+    longest = PAUSE if not rate.is_bunched else min(PAUSE, 2.5 * rate.interval)
+    steps = np.diff(time)
+    frames = np.ones(len(steps)) if rate.is_bunched or not _is_steady(time) else np.maximum(1.0, np.rint(steps / rate.period))
+    ends = np.concatenate([[0], np.flatnonzero(steps > longest) + 1, [len(time)]])
+    numbers = [np.concatenate([[0.0], np.cumsum(frames[a : b - 1])]) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    period = _common_period(time, ends, numbers) or rate.period
+    found = times.copy()
+    for (first, last), number in zip(zip(ends[:-1], ends[1:], strict=True), numbers, strict=True):
+        origin = float(np.quantile(time[first:last] - period * number, 0.02))
+        found[first:last] = order[0] + np.rint(1e9 * (origin + period * number)).astype(np.int64)
+    return found
+
+
+def _ruler(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
+    """Stamps or log times (n,) [ns]: those that tell a rate. Log times of another epoch than the stamps keep that of the stamps."""
+    if log_ns is None or len(times) < LEAST:
+        return times
+    if np.ptp(times) == 0:
+        return log_ns
+    late = int(np.median(log_ns - times))
+    by_log = _unsteadiness((log_ns - log_ns[0]) * 1e-9)
+    by_stamp = _unsteadiness((np.maximum.accumulate(times) - times[0]) * 1e-9)
+    if by_log < STEADY and by_log < by_stamp:
+        return log_ns - (late if abs(late) > APART_NS else 0)
+    return times
+
+
+def _unsteadiness(time: np.ndarray) -> float:
+    """By which share the usual step of times (n,) [s] differs from the mean one."""
+    steps = np.diff(time)
+    steps = steps[(steps < PAUSE)]
+    return abs(1.0 - float(np.median(steps) / np.mean(steps))) if len(steps) and np.mean(steps) > 0.0 else np.inf
+
+
+def _is_steady(time: np.ndarray) -> bool:
+    """Whether most steps of times (n,) [s] are the usual one."""
+    steps = np.diff(time)
+    steps = steps[steps < PAUSE]
+    median = float(np.median(steps))
+    return float(np.mean(np.abs(steps - median) < 0.3 * median)) > 0.8
+
+
+def _common_period(time: np.ndarray, ends: np.ndarray, numbers: list[np.ndarray]) -> float:
+    """Slope of time over the number of the frame, of all stretches together [s]; 0 if there is none."""
+    above = below = 0.0
+    for first, last, number in zip(ends[:-1], ends[1:], numbers, strict=True):
+        if last - first >= LEAST:
+            centred = number - number.mean()
+            above += float(centred @ (time[first:last] - time[first:last].mean()))
+            below += float(centred @ centred)
+    return above / below if below else 0.0
