@@ -2,6 +2,7 @@
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
 from dart_skill.recording.imports.mapping import (
+    CaptureFile,
     MappingError,
     PoseSource,
     RecordingMapping,
@@ -15,6 +16,7 @@ from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform
 from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, convert, read_in_parts, read_recording
 
 __all__ = [
+    "CaptureFile",
     "Fault",
     "MAPPING",
     "JointStream",

@@ -34,16 +34,16 @@ from dart_skill.recording.bags import (
     typestore,
 )
 from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, Opening, read_commands
-from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
+from dart_skill.recording.imports._tables import read_pose_table, read_table
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
-    LENGTH_UNITS,
     OWN,
     QUATERNION_ORDERS,
     PoseSource,
     RecordingMapping,
     SignalSource,
 )
+from dart_skill.recording.imports.motion_capture import read_capture
 from dart_skill.recording.imports.pose_faults import Fault, repair
 from dart_skill.recording.imports.pose_stream import PoseStream, transformed, with_continuous_signs
 from dart_skill.world import joint_names, the_world
@@ -135,7 +135,7 @@ def read_in_parts(
 
 def _require_seen(never_seen: dict[str, PoseSource]) -> None:
     for role, where in never_seen.items():
-        name = where.topic or where.motive or (where.table.file if where.table else "")
+        name = where.topic or next(one.file for one in (where.table, where.capture) if one)
         raise ValueError(f"{name}: no pose of the {role}: was it tracked?")
 
 
@@ -382,16 +382,16 @@ def _signal(messages: list[BagMessage], name: str, bag: BagReader, signal: _Sign
 
 
 def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> PoseStream:
-    scale, order = LENGTH_UNITS[where.length], QUATERNION_ORDERS[where.order]
+    scale, order = where.metres, QUATERNION_ORDERS[where.order]
     if where.topic:
         poses = taken[role]
         rows = np.array(poses.rows, dtype=float).reshape(-1, 7)
         stamps, position, quaternion = np.array(poses.stamps, dtype=np.int64), rows[:, :3], rows[:, 3:]
     elif where.table is not None:
-        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit)
+        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit, where.length or "m")
     else:
-        stamps, position, quaternion = read_motive(folder, where.motive, where.body)
-        scale, order = 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
+        stamps, position, quaternion, axes = read_capture(folder, where)
+        where, scale, order = replace(where, axes=axes), 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
     stream = PoseStream(role, where.clock.corrected(stamps), scale * position, quaternion[:, order], frame)
     return (
         stream if where.is_plain else transformed(stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse)
@@ -407,7 +407,9 @@ def _joints(where: SignalSource | None, states: _States | None, folder: Path) ->
     if where is None:
         return None
     if where.table is not None:
-        columns = read_table(folder, where.table, where.clock.unit)
+        columns = read_table(folder, where.table, where.clock.unit, {"position": where.angle})
+        if (width := columns["position"].shape[1]) != N_JOINTS or columns["velocity"].shape[1] not in (0, N_JOINTS):
+            raise ValueError(f"{folder / where.table.file}: {width} columns of positions of {N_JOINTS} joints")
         seen = np.isfinite(columns["position"]).all(axis=1)
         stamps, position, velocity = columns["time"][seen], columns["position"][seen], columns["velocity"][seen]
         names = where.names
