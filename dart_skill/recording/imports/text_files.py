@@ -126,7 +126,7 @@ class TextFile:
             return "utf-16"
         if b"\0" in sample:
             even, odd = sample[0::2].count(0), sample[1::2].count(0)
-            if max(even, odd) < len(sample) // 4:
+            if min(even, odd) or max(even, odd) < len(sample) // 4:
                 raise self.error("no text file: it holds zeros")
             return "utf-16-le" if odd > even else "utf-16-be"
         try:

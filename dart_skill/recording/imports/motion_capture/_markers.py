@@ -61,7 +61,7 @@ def read_c3d(path: Path, where: CaptureFile) -> Capture:
             reader = optional("c3d").Reader(stream)
             names, first, rate = _labels(reader), reader.first_frame, float(reader.point_rate or 0.0)
             length, upright = _text(reader, "POINT:UNITS"), _text(reader, "POINT:Y_SCREEN")
-            points = np.array([frame[:, :4] for _, frame, _ in reader.read_frames(copy=False)], dtype=np.float32)
+            points = np.array([frame[:, :4].astype(np.float32) for _, frame, _ in reader.read_frames(copy=False)])
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}") from error
     except Exception as error:  # the package meets arbitrary bytes

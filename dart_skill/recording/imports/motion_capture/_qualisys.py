@@ -1,7 +1,7 @@
 """TSV exports of Qualisys' QTM, of markers (3D) and of bodies (6D): lines of a key and its values, then a line for each frame.
 
 Lengths are millimetres and angles degrees, as QTM always writes them. Rot[0] to Rot[8] are the matrix column by column. Without frames and
-times in the file a line is a frame.
+times in the file a line is a frame. QTM has z up, unless a mapping says something else.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from itertools import dropwhile
 
 from dart_skill.recording.imports.mapping import CaptureFile
 from dart_skill.recording.imports.motion_capture._capture import Body, Capture, agreed_rate
+from dart_skill.recording.imports.pose_stream import AS_OURS
 from dart_skill.recording.imports.text_files import Row, TextFile, Timing
 
 NAMES = ("MARKER_NAMES", "BODY_NAMES")
@@ -51,7 +52,7 @@ def read_qualisys(file: TextFile, where: CaptureFile, unit: str) -> Capture:
     def numbered() -> Iterator[Row]:
         return dropwhile(lambda row: not _is_number(row.cells[0].strip()), file.rows())
 
-    return Capture(file.path, bodies, lambda places: file.read(numbered(), timing, places, is_ragged=True), "mm")
+    return Capture(file.path, bodies, lambda places: file.read(numbered(), timing, places, is_ragged=True), "mm", AS_OURS)
 
 
 def looks_like_qualisys(lines: Sequence[str]) -> bool:

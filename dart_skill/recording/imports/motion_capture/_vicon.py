@@ -1,6 +1,7 @@
 """CSV exports of Vicon's Nexus and Tracker: blocks, each with its title, its rate, and three lines that name subjects, columns and units.
 
 A block begins three lines above the one of its columns, which are called Frame, Sub Frame, and X, Y, Z or RX, RY, RZ, (RW,) TX, TY, TZ.
+Both programs have z up, unless a mapping says something else.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from itertools import islice, takewhile
 
 from dart_skill.recording.imports.mapping import CaptureFile
 from dart_skill.recording.imports.motion_capture._capture import Body, Capture, agreed_rate, length_told
+from dart_skill.recording.imports.pose_stream import AS_OURS
 from dart_skill.recording.imports.text_files import Row, TextFile, Timing
 
 TITLES = ("trajectories", "segments", "objects", "model outputs", "joints", "devices")
@@ -75,7 +77,7 @@ def _block(file: TextFile, above: tuple[Row, Row, Row], where: CaptureFile) -> C
     def numbered() -> Iterator[Row]:
         return takewhile(lambda row: len(row.cells) > 1 and row.cells[0].strip().isdigit(), islice(_after(file, columns), is_told, None))
 
-    return Capture(file.path, bodies, lambda places: file.read(numbered(), timing, places, is_ragged=True), "".join(lengths))
+    return Capture(file.path, bodies, lambda places: file.read(numbered(), timing, places, is_ragged=True), "".join(lengths), AS_OURS)
 
 
 def _after(file: TextFile, above: Row) -> Iterator[Row]:
