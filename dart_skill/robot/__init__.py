@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
     from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
     from dart_skill.robot._guide import Fingers, Guidance, Guide, PlanGuide, References, paced
+    from dart_skill.robot._hand_eye import OrientationFit, PositionFit, fit_orientations, fit_positions, similarity, turn_angles
     from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
     from dart_skill.robot._model import ArmModel, HandState
     from dart_skill.robot._registration_file import load_registration, save_registration
@@ -30,6 +31,7 @@ else:
             "_commander": "STRETCHED Commander CommanderSettings Mode PlanRefused",
             "_effort_bridge": "BridgePhase BridgeSettings EffortBridge",
             "_guide": "Fingers Guidance Guide PlanGuide References paced",
+            "_hand_eye": "OrientationFit PositionFit fit_orientations fit_positions similarity turn_angles",
             "_impedance": "Impedance PoseGains Reference attractor_acceleration minimum_jerk rotation_error",
             "_model": "ArmModel HandState",
             "_registration_file": "load_registration save_registration",
@@ -66,7 +68,9 @@ __all__ = [
     "Pace",
     "PlanGuide",
     "BridgePhase",
+    "OrientationFit",
     "PlanRefused",
+    "PositionFit",
     "Registration",
     "RegistrationFit",
     "PoseGains",
@@ -85,6 +89,8 @@ __all__ = [
     "attractor_acceleration",
     "check_command",
     "check_push",
+    "fit_orientations",
+    "fit_positions",
     "fit_registration",
     "fixed_transforms",
     "joint_transforms",
@@ -94,7 +100,9 @@ __all__ = [
     "paced",
     "rotation_error",
     "same_plan",
+    "similarity",
     "save_registration",
+    "turn_angles",
     "wam_description",
     "with_box",
     "write_urdf",

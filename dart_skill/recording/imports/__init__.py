@@ -8,7 +8,11 @@ from dart_skill.recording.imports.mapping import (
     RecordingMapping,
     SignalSource,
     Table,
+    flow_text,
     load_mapping,
+    mapping_text,
+    mended_joints,
+    mended_pose,
     parse_mapping,
 )
 from dart_skill.recording.imports.pose_faults import Fault, fault_lines, repair
@@ -31,7 +35,11 @@ __all__ = [
     "bodies_to_csv",
     "convert",
     "fault_lines",
+    "flow_text",
     "load_mapping",
+    "mapping_text",
+    "mended_joints",
+    "mended_pose",
     "parse_mapping",
     "read_in_parts",
     "read_recording",

@@ -118,13 +118,13 @@ class PoseSource:
     * frame: header.frame_id that the messages must have, "" for any.
     * axes: where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
     * orientation_axes: the same for orientations, where a driver turns positions only; None: those of the positions.
-    * are_axes_told: whether the mapping says it; a file that does not say it either is refused.
-    * length: unit of lengths, of LENGTH_UNITS; empty: as a file says, else metres.
+    * length: unit of lengths, of LENGTH_UNITS.
     * order: of the numbers of a quaternion, of QUATERNION_ORDERS.
     * is_inverse: whether quaternions turn the axes of the world into those of the body, instead of the other way.
     * world: from the recorded axes, once they point like ours, to ours.
     * offset: the frame that we mean, in the axes of the tracked body.
     * clock: how stamps are read.
+    * told: which of up, xyz and length the mapping itself says: a file of motion capture may say them, too, or nobody does.
     """
 
     topic: str = ""
@@ -135,18 +135,13 @@ class PoseSource:
     frame: str = ""
     axes: Axes = AS_OURS
     orientation_axes: Axes | None = None
-    are_axes_told: bool = False
-    length: str = ""
+    length: str = "m"
     order: str = "xyzw"
     is_inverse: bool = False
     world: RigidTransform = field(default_factory=RigidTransform)
     offset: RigidTransform = field(default_factory=RigidTransform)
     clock: Clock = field(default_factory=Clock)
-
-    @property
-    def metres(self) -> float:
-        """Metres of the unit of lengths."""
-        return LENGTH_UNITS[self.length or "m"]
+    told: frozenset[str] = frozenset()
 
     @property
     def is_plain(self) -> bool:
@@ -284,11 +279,111 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
+def mended_pose(where: PoseSource, keys: Mapping[str, Any]) -> PoseSource:
+    """A source of poses with other values of some keys, as a mapping has them; MappingError.
+
+    * where: the source.
+    * keys: of the section of a body: topic, offset and those of axes.
+    """
+    section = _Section(keys, "mended")
+    found = replace(_axes(section, where), topic=section.text("topic", where.topic), offset=_rigid(section, "offset", where.offset))
+    section.nothing_else()
+    return found
+
+
+def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
+    """A source of joint states with other values of some keys, as a mapping has them; MappingError.
+
+    * where: the source.
+    * keys: of the section of the joints, but for topic and csv.
+    """
+    section = _Section(keys, "mended")
+    found = replace(_joint_keys(section, where), clock=_clock(section, where.clock))
+    part = section.section("columns")
+    if part is not None and where.table is not None:
+        columns = {name: _columns(part, name, (len(of_this),)) for name, of_this in where.table.columns.items() if of_this}
+        found = replace(found, table=replace(where.table, columns={**where.table.columns, **columns}))
+    section.nothing_else()
+    return found
+
+
+def flow_text(keys: Mapping[str, Any]) -> str:
+    """Keys and values of a mapping in one line of YAML. keys: by section."""
+    return yaml.safe_dump(dict(keys), default_flow_style=True, sort_keys=False, width=10**6).strip()[1:-1]
+
+
+def mapping_text(mapping: RecordingMapping) -> str:
+    """A mapping as the text of a file, which `load_mapping` reads as the same mapping. mapping: to be written."""
+    content: dict[str, Any] = {"frame": mapping.frame}
+    content |= {role: _pose_keys(where) for role, where in mapping.bodies.items()}
+    for name in ("joints", "teacher", "command"):
+        where = getattr(mapping, name)
+        if where is not None:
+            content[name] = _signal_keys(where)
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140)
+
+
+def _pose_keys(where: PoseSource) -> dict[str, Any]:
+    default = PoseSource()
+    if where.fixed:
+        return {"position": list(where.fixed)}
+    keys: dict[str, Any] = {name: getattr(where, name) for name in ("topic", "child", "frame") if getattr(where, name)}
+    keys |= _table_keys(where.table) | _capture_keys(where.capture)
+    keys |= {
+        name: getattr(where, name) for name in ("length", "order") if getattr(where, name) != getattr(default, name) or name in where.told
+    }
+    if where.axes != default.axes or where.told & {"up", "xyz"}:
+        keys["xyz"] = list(where.axes)
+    if where.orientation_axes is not None:
+        keys["orientation_xyz"] = list(where.orientation_axes)
+    if where.is_inverse:
+        keys["inverse"] = True
+    moved = {"transform": where.world, "offset": where.offset}
+    keys |= {name: _rigid_keys(one) for name, one in moved.items() if one.position.any() or one.quaternion[:3].any()}
+    return keys | _clock_keys(where.clock)
+
+
+def _signal_keys(where: SignalSource) -> dict[str, Any]:
+    keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(where.table)
+    keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros") if getattr(where, name)}
+    return keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
+
+
+def _table_keys(table: Table | None) -> dict[str, Any]:
+    if table is None:
+        return {}
+    columns = {name: list(found) if len(found) > 1 else found[0] for name, found in table.columns.items() if found}
+    form = {"delimiter": table.delimiter} if table.delimiter else {}
+    return {"table": table.file, **form, "header_lines": table.header_lines, "columns": columns}
+
+
+def _capture_keys(capture: CaptureFile | None) -> dict[str, Any]:
+    if capture is None:
+        return {}
+    which: dict[str, Any] = {"markers": list(capture.markers)} if capture.markers else {"body": capture.body}
+    more = {"rotation": list(capture.rotation), "rate": capture.rate, "space": capture.space}
+    return {"capture": capture.file, **which, **{name: value for name, value in more.items() if value}}
+
+
+def _rigid_keys(one: RigidTransform) -> dict[str, Any]:
+    return {"position": one.position.tolist(), "quaternion": one.quaternion.tolist()}
+
+
+def _clock_keys(clock: Clock) -> dict[str, Any]:
+    default = Clock()
+    words = [word for word, usual in ((clock.source, default.source), (clock.unit, default.unit)) if word != usual]
+    words += [REGULAR] if clock.is_regular else []
+    keys: dict[str, Any] = {"time": words} if words else {}
+    keys |= {"time_shift": 1e-9 * clock.shift_ns} if clock.shift_ns else {}
+    return keys | ({"time_drift": clock.drift} if clock.drift else {})
+
+
 def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
     default = default or PoseSource()
-    are_axes_told = default.are_axes_told or section.has("up") or section.has("xyz")
-    return PoseSource(
-        are_axes_told=are_axes_told,
+    keys = {key for key in ("up", "xyz", "length") if section.has(key)}
+    return replace(
+        default,
+        told=default.told | keys,
         axes=_pointing(section, default.axes),
         orientation_axes=_signed_axes(section, "orientation_xyz", default.orientation_axes),
         length=section.choice("length", default.length, LENGTH_UNITS),
@@ -417,19 +512,24 @@ def _signal_source(section: _Section, name: str) -> SignalSource:
     is_table = kind != "topic"
     clock = _clock(section)
     wanted: dict[str, tuple[int, ...]] = {"time": (1,)}
-    joints: dict[str, Any] = {}
+    source = SignalSource()
     if name == "joints":
         wanted |= {"position": (N_JOINTS, 1), "velocity": (N_JOINTS, 1, 0)}
-        joints = {
-            "names": tuple(section.take("names", (), _are_joints, f"the names of {N_JOINTS} joints")),
-            "angle": section.choice("angle", "rad", ANGLE_UNITS),
-            "signs": tuple(section.take("signs", (), _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
-            "zeros": section.vector("zeros", N_JOINTS, ()),
-        }
+        source = _joint_keys(section, source)
     table = _table(section, kind, wanted) if is_table else None
     topic = "" if is_table else section.text("topic")
     section.nothing_else()
-    return SignalSource(topic, table, clock=clock, **joints)
+    return replace(source, topic=topic, table=table, clock=clock)
+
+
+def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
+    return replace(
+        default,
+        names=tuple(section.take("names", default.names, _are_joints, f"the names of {N_JOINTS} joints")),
+        angle=section.choice("angle", default.angle, ANGLE_UNITS),
+        signs=tuple(section.take("signs", default.signs, _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
+        zeros=section.vector("zeros", N_JOINTS, default.zeros),
+    )
 
 
 def _are_signs(value: Any) -> bool:

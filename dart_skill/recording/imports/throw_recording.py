@@ -37,6 +37,7 @@ from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, Opening, rea
 from dart_skill.recording.imports._tables import read_pose_table, read_table
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
+    LENGTH_UNITS,
     OWN,
     QUATERNION_ORDERS,
     PoseSource,
@@ -382,13 +383,13 @@ def _signal(messages: list[BagMessage], name: str, bag: BagReader, signal: _Sign
 
 
 def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> PoseStream:
-    scale, order = where.metres, QUATERNION_ORDERS[where.order]
+    scale, order = LENGTH_UNITS[where.length], QUATERNION_ORDERS[where.order]
     if where.topic:
         poses = taken[role]
         rows = np.array(poses.rows, dtype=float).reshape(-1, 7)
         stamps, position, quaternion = np.array(poses.stamps, dtype=np.int64), rows[:, :3], rows[:, 3:]
     elif where.table is not None:
-        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit, where.length or "m")
+        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit, where.length)
     else:
         stamps, position, quaternion, axes = read_capture(folder, where)
         where, scale, order = replace(where, axes=axes), 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says

@@ -1,7 +1,7 @@
 """Files of motion capture programs: the same poses come out of every form of every program, and what a file does not say is asked for.
 
-The forms are made here anew. They follow OptiTrack's documentation of CSV exports, examples of Motive 1.0 to 3.1 in public parsers, exports of
-Nexus and Tracker in public readers of them, QTM's TSV files of public data sets, and the formats TRC, C3D and BVH.
+The forms are made here anew. They follow OptiTrack's documentation of CSV exports, public parsers of exports of Motive 1.0 to 3.1, of Nexus
+and of Tracker, QTM's TSV files in public data sets, and the formats TRC, C3D and BVH.
 """
 
 import sys
@@ -60,7 +60,10 @@ def assert_read(recording, poses, is_turned=True, atol=2e-6, start=0.0):
 # --- Motive ---
 
 
-def motive_rows(poses, unit="m", rotation="Quaternion", kind="Rigid Body", time="Time (Seconds)", words=("Rotation", "Position"), extra="Mean Marker Error", prefix=""):  # fmt: skip
+WORDS = ("Rotation", "Position")
+
+
+def motive_rows(poses, unit="m", rotation="Quaternion", kind="Rigid Body", time="Time (Seconds)", words=WORDS, extra="Error", prefix=""):
     """Rows of cells below the first line."""
     axes = "XYZW" if rotation == "Quaternion" else "" if rotation == "None" else "XYZ"
     what, axis, types, names, ids = ["", ""], ["Frame", time], ["", "Type"], ["", "Name"], ["", "ID"]
@@ -134,6 +137,7 @@ FORMS = {
     "words in Japanese": {"words": ("回転", "位置"), "extra": "誤差"},
     "no line of numbers": {"without": ("ids",)},
     "no line of types": {"without": ("types",)},
+    "mean marker error": {"extra": "Mean Marker Error"},
     "marker quality": {"extra": "Marker Quality"},
     "with the asset's name": {"prefix": "Skeleton 001:"},
 }
@@ -207,7 +211,9 @@ def write_motive_markers(folder, poses, kind="Rigid Body Marker", name="{0}:Mark
     write(folder / "take.csv", [about(rotation="None", space=space), [], *rows.values(), *numbers])
 
 
-@pytest.mark.parametrize(("kind", "name"), [("Rigid Body Marker", "{0}:Marker{1}"), ("Marker", "{0}:Marker{1}"), ("Rigid Body Marker", "{0}_{1}")])
+@pytest.mark.parametrize(
+    ("kind", "name"), [("Rigid Body Marker", "{0}:Marker{1}"), ("Marker", "{0}:Marker{1}"), ("Rigid Body Marker", "{0}_{1}")]
+)
 def test_markers_of_motive_give_a_body(tmp_path, poses, kind, name):
     write_motive_markers(tmp_path, poses, kind, name)
     three = [{"markers": [name.format(body, k) for k in (1, 2, 3)]} for body in BODIES]
@@ -251,7 +257,12 @@ ASKED = [
     (about(space="Local"), {"kind": "Bone"}, {"space": "global"}, "space is 'global' in the mapping, but the file itself says 'Local'"),
     (about(), {}, {"length": "mm"}, "length is 'mm' in the mapping, but the file itself says 'm'"),
     (about(rotation="ZYX"), {"rotation": "ZYX"}, {"rotation": "XYZ"}, "rotation is 'XYZ' in the mapping, but the file itself says 'ZYX'"),
-    (about(rotation="ZYX"), {"rotation": "ZYX"}, {"rotation": ["ZYX", "rad"]}, "rotation is 'rad' in the mapping, but the file itself says 'deg'"),
+    (
+        about(rotation="ZYX"),
+        {"rotation": "ZYX"},
+        {"rotation": ["ZYX", "rad"]},
+        "rotation is 'rad' in the mapping, but the file itself says 'deg'",
+    ),
     (about(), {}, {"rotation": "XYZ"}, "rotation is 'XYZ' in the mapping, but 'Hand' has a quaternion in the file"),
     ([*about(), "Length Units", "Feet"], {}, {}, "'Length Units' is told twice, as 'Meters' and as 'Feet'"),
 ]
@@ -378,7 +389,13 @@ def test_units_that_vicon_does_not_tell_are_asked_for(tmp_path, poses):
 def test_marker_trajectories_of_nexus_stand_behind_other_blocks(tmp_path, poses):
     devices = [["Devices"], ["1000"], ["", "", "Force"], ["Frame", "Sub Frame", "Fx", "Fy", "Fz"], ["", "", "N", "N", "N"]]
     devices += [[str(k), str(s), "1", "2", "3"] for k in range(3) for s in range(10)] + [[]]
-    angles = [["Model Outputs"], ["100"], ["", "", "Hand:Wrist", "", ""], ["Frame", "Sub Frame", "X", "Y", "Z"], ["", "", "deg", "deg", "deg"]]
+    angles = [
+        ["Model Outputs"],
+        ["100"],
+        ["", "", "Hand:Wrist", "", ""],
+        ["Frame", "Sub Frame", "X", "Y", "Z"],
+        ["", "", "deg", "deg", "deg"],
+    ]
     angles += [["1", "0", "1", "2", "3"], []]
     markers = {}
     for name, (position, turn) in poses.items():
@@ -424,8 +441,15 @@ def test_bodies_of_qtm_are_read_by_their_matrices(tmp_path, poses):
 def test_the_columns_of_the_matrix_are_those_of_a_published_file(tmp_path):
     """A line of a public recording (shiplab/dt_cv): roll -0.6563 degrees, and Rot[5] is -0.01145."""
     columns = ["PSVH X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{k}]" for k in range(9))]
-    line = "-194.91974 2.24150 0.99661 -0.65630 0.09391 0.05772 4.98536 1.00000 0.00099 -0.00165 -0.00101 0.99993 -0.01145 0.00164 0.01145 0.99993"
-    rows = [["NO_OF_FRAMES", "1"], ["FREQUENCY", "100"], ["BODY_NAMES", "PSVH"], ["Frame", "Time", *columns], ["1", "0.00000", *line.split()]]
+    line = "-194.91974 2.24150 0.99661 -0.65630 0.09391 0.05772 4.98536"
+    line += " 1.00000 0.00099 -0.00165 -0.00101 0.99993 -0.01145 0.00164 0.01145 0.99993"
+    rows = [
+        ["NO_OF_FRAMES", "1"],
+        ["FREQUENCY", "100"],
+        ["BODY_NAMES", "PSVH"],
+        ["Frame", "Time", *columns],
+        ["1", "0.00000", *line.split()],
+    ]
     write(tmp_path / "take.tsv", rows, "\t")
     body = read(tmp_path, "take.tsv", hand={"body": "PSVH"}, ball={"body": "PSVH"}).bodies["hand"]
     expected = Rotation.from_euler("XYZ", [-0.65630, 0.09391, 0.05772], degrees=True)

@@ -88,7 +88,7 @@ def poses_of(capture: Capture, where: PoseSource) -> tuple[np.ndarray, np.ndarra
     chosen = _chosen(capture, where.capture)
     if refusal := next((body.refusal for body in chosen if body.refusal), ""):
         raise capture.error(f"'{chosen[0].name}': {refusal}")
-    scale = LENGTH_UNITS[agreed(capture, "length", capture.length, where.length, LENGTH_UNITS)]
+    scale = LENGTH_UNITS[agreed(capture, "length", capture.length, where.length if "length" in where.told else "", LENGTH_UNITS)]
     axes = _axes(capture, where)
     body = _with_turn(capture, chosen[0], where.capture.rotation)
     stamps, numbers = capture.read([place for one in chosen for place in (*one.position, *one.rotation)])
@@ -133,8 +133,9 @@ def length_told(text: str) -> str:
 
 
 def _axes(capture: Capture, where: PoseSource) -> Axes:
-    if where.are_axes_told or capture.axes is None:
-        if not where.are_axes_told:
+    is_told = bool(where.told & {"up", "xyz"})
+    if is_told or capture.axes is None:
+        if not is_told:
             hint = f"add 'up:' to the mapping, one of {', '.join(UP_AXES)} (y is the default of Motive)"
             raise capture.error(f"the file does not say which axis points up: {hint}")
         return where.axes

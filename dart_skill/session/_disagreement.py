@@ -1,0 +1,441 @@
+"""Why the joints and the cameras of a recording disagree about the hand: each cause is tried, and the best explanation says what mends it.
+
+The recording is read with its numbers as they stand. What the mapping says of them is tried first. Then the causes are looked for: clocks
+that differ, another body, the convention of the joints, unit and axes of positions, and how orientations are told.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dart_skill.constants import N_JOINTS
+from dart_skill.quaternions import matrices
+from dart_skill.recording import BagReader
+from dart_skill.recording.imports import (
+    PoseStream,
+    RecordingMapping,
+    ThrowRecording,
+    flow_text,
+    mended_joints,
+    mended_pose,
+    read_recording,
+)
+from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, Clock, PoseSource
+from dart_skill.recording.imports.pose_stream import UP_AXES, Axes, axes_matrix, nearest_axes
+from dart_skill.recording.imports.throw_recording import POSE_TYPES
+from dart_skill.robot import ArmModel, Sightings, measure_registration, turn_angles
+from dart_skill.rotations import of_matrices
+from dart_skill.session._alignment import ClockOffset, Instants, clock_offset, diverse_instants, joints_at
+from dart_skill.session._joint_conventions import APART, GOOD, ConventionSearch, Explanation, JointConvention
+
+AGREED_POSITION = 0.015
+"""Root mean square of positions up to which joints and cameras agree [m]."""
+AGREED_ANGLE = 0.08
+"""The same of orientations [rad]."""
+LATE = 0.02
+"""Offset of clocks that matters [s]."""
+REACH = 0.3
+"""Farthest offset from the one by movements that is looked for [s]."""
+FINE = 0.002
+"""Step in which it is looked for [s]."""
+PIECES = 5
+"""Parts of a recording whose offsets are compared."""
+STEADY = 0.012
+"""Difference between offsets of parts that may be chance [s]."""
+UNIT_ERROR = 0.05
+"""Share by which a length may differ from one of LENGTH_UNITS and still be told in it."""
+TURNED = 0.1
+"""Turn of a world or of a body that a mapping must say [rad]."""
+MOVED = 0.1
+"""Shift of a world or of a body that a mapping must say [m]."""
+LEAP = 0.5
+"""Angle from which an orientation has leapt to another solution [rad]."""
+FEWEST_LEAPS = 0.02
+"""Share of orientations from which such leaps are a cause."""
+AWAY = 0.3
+"""Distance at which a ball has left the hand [m]."""
+SOON = 0.6
+"""Longest time from the command to open the hand until the ball is so far away [s]."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause for which joints and cameras disagree.
+
+    * text: what it is, in words.
+    * line: of a mapping, which mends it; empty where none does.
+    """
+
+    text: str
+    line: str = ""
+
+    def __str__(self) -> str:
+        return self.text + (f" [mapping: {self.line}]" if self.line else "")
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """Why joints and cameras disagree about the hand.
+
+    * before: position [m] and orientation [rad] by which they disagree as the recording is read, root mean squares; inf where their stamps
+      have no time in common.
+    * after: the same with all causes mended.
+    * causes: what explains it; none where nothing does.
+    * mapping: with which the recording reads right, as far as one can mend it; None where nothing explains it.
+    """
+
+    before: tuple[float, float]
+    after: tuple[float, float]
+    causes: tuple[Cause, ...]
+    mapping: RecordingMapping | None
+
+    @property
+    def explained(self) -> float:
+        """Share of the mean square of the disagreement that the causes explain, from 0 to 1."""
+        was, left = (float(np.hypot(p / AGREED_POSITION, a / AGREED_ANGLE)) for p, a in (self.before, self.after))
+        return max(0.0, 1.0 - (left / was) ** 2) if self.mapping is not None else 0.0
+
+    @property
+    def can_be_mended(self) -> bool:
+        """Whether a mapping mends all of it."""
+        return self.mapping is not None and self.after[0] < AGREED_POSITION and self.after[1] < AGREED_ANGLE
+
+    def __str__(self) -> str:
+        head = f"joints and cameras disagree about the hand by {_far(self.before)}"
+        causes = "; ".join(map(str, self.causes))
+        if self.mapping is None:
+            return f"{head}: {causes}"
+        return f"{head}: {causes}. This explains {100 * self.explained:.1f} % of it and leaves {_far(self.after)}"
+
+
+def disagreement(path: str | os.PathLike, mapping: RecordingMapping | None = None) -> Disagreement | None:
+    """Why joints and cameras of a recording disagree; None where they agree, or where one of them was not recorded.
+
+    * path: of the recording.
+    * mapping: by which it is read; None: a bag of ours.
+    """
+    told = mapping or OWN
+    as_it_stands = read_recording(path, _as_it_stands(told), mend=False)
+    if as_it_stands.joints is None or len(as_it_stands.joints.stamp_ns) < 2 or len(as_it_stands.bodies["hand"]) < 2:
+        return None
+    before = _errors(path, told)
+    if before[0] < AGREED_POSITION and before[1] < AGREED_ANGLE:
+        return None
+    search = _Search(path, told, as_it_stands)
+    causes, mended = search.run()
+    return Disagreement(before, _errors(path, mended) if mended else before, tuple(causes), mended)
+
+
+def _far(error: tuple[float, float]) -> str:
+    if not np.isfinite(error[0]):
+        return "more than can be told, as their stamps have no time in common"
+    length = f"{100 * error[0]:.1f} cm" if error[0] < 10.0 else f"{error[0]:.0f} m"
+    return f"{length} and {np.degrees(error[1]):.1f} degrees"
+
+
+def _as_it_stands(told: RecordingMapping) -> RecordingMapping:
+    """The mapping that reads the same topics and columns, with their numbers as they stand."""
+
+    def plain(clock: Clock) -> Clock:
+        return replace(clock, shift_ns=0, drift=0.0)
+
+    def body(where: PoseSource) -> PoseSource:
+        kept = ("topic", "child", "table", "motive", "body", "fixed", "frame")
+        return PoseSource(**{name: getattr(where, name) for name in kept}, clock=plain(where.clock))
+
+    joints = told.joints and replace(told.joints, angle="rad", signs=(), zeros=(), clock=plain(told.joints.clock))
+    return replace(told, bodies={role: body(where) for role, where in told.bodies.items()}, joints=joints)
+
+
+def _errors(path: str | os.PathLike, mapping: RecordingMapping) -> tuple[float, float]:
+    """Position [m] and orientation [rad] by which joints and cameras disagree in a world that may stand anywhere, root mean squares."""
+    recording = read_recording(path, mapping, mend=False)
+    assert recording.joints is not None  # as there were some before
+    both = [diverse_instants(recording.bodies["hand"], recording.joints, 0.0, slow) for slow in (True, False)]
+    model, parts = ArmModel(), []
+    for seen in both:
+        good = np.isfinite(seen.quaternion).all(axis=1)
+        parts.append(
+            Sightings.of_joints(model, seen.joints[good], np.zeros_like(seen.joints[good]), seen.position[good], seen.quaternion[good])
+        )
+    together = Sightings.together(parts)
+    if len(together) < 3:
+        return np.inf, np.inf
+    fit = measure_registration(together)
+    return fit.position_error, fit.angle_error
+
+
+class _Search:
+    """The search for the causes of one recording. `run` gives them, and the mapping that mends them."""
+
+    def __init__(self, path: str | os.PathLike, told: RecordingMapping, recording: ThrowRecording):
+        assert told.joints is not None and recording.joints is not None  # as the caller has looked
+        self._path, self._told, self._recording, self._model = path, told, recording, ArmModel()
+        self._hand, self._joints, self._where = recording.bodies["hand"], recording.joints, told.bodies["hand"]
+        told_joints, ones = told.joints, (1.0,) * N_JOINTS
+        self._convention = JointConvention(
+            told_joints.angle, signs=told_joints.signs or ones, zeros=told_joints.zeros or tuple(0.0 for _ in ones)
+        )
+        self._told_offset = 1e-9 * (self._where.clock.shift_ns - told_joints.clock.shift_ns)
+        self._causes: list[Cause] = []
+        self._mending: dict[str, dict[str, Any]] = {"hand": {}, "axes": {}, "joints": {}}
+
+    def run(self) -> tuple[list[Cause], RecordingMapping | None]:
+        offset = clock_offset(self._hand, self._joints)
+        coarse = offset.offset if offset.is_clear else self._told_offset
+        found, topic = self._explanation(coarse)
+        if found.positions.error > AGREED_POSITION:
+            return [self._hopeless(offset, found)], None
+        if topic:
+            self._blame(f"{topic} moves as the hand does, and {self._where.topic} does not", "hand", topic=topic)
+        self._blame_clocks(found, coarse)
+        self._blame_joints(found.convention)
+        world = self._blame_positions(found)
+        self._blame_orientations(found, world)
+        return self._causes, self._mended(topic)
+
+    def _blame(self, text: str, section: str = "", **keys: Any) -> None:
+        line = flow_text({section: keys}) if section else ""
+        self._causes.append(Cause(text, line))
+        if section:
+            self._mending[section] |= keys
+
+    # what explains most
+
+    def _explanation(self, offset: float) -> tuple[Explanation, str]:
+        """What explains most with an offset of the clocks, and the topic of the body that is the hand, if it is another one."""
+        search = self._search(self._hand, offset)
+        plain = search.plain(self._convention)
+        if plain.cost(self._convention) <= GOOD:
+            return plain, ""
+        for topic, stream in self._other_bodies():
+            other = self._search(stream, offset).plain(self._convention)
+            if other.error <= GOOD:
+                self._hand = stream
+                return other, topic
+        return search.best(self._convention), ""
+
+    def _search(self, hand: PoseStream, offset: float) -> ConventionSearch:
+        seen = diverse_instants(hand, self._joints, offset, slow=True)
+        return ConventionSearch(self._model, seen.joints, seen.position, seen.quaternion)
+
+    def _other_bodies(self) -> Iterator[tuple[str, PoseStream]]:
+        """Every other topic with poses of the bag, and what was recorded there."""
+        if not self._where.topic:
+            return
+        with BagReader(self._path) as bag:
+            kinds = {name: info.type_name.rsplit("/", 1)[-1] for name, info in bag.topics.items() if info.count}
+        for topic in sorted(name for name, kind in kinds.items() if kind in POSE_TYPES and kind != "TFMessage"):
+            if topic != self._where.topic:
+                one = RecordingMapping({"hand": PoseSource(topic=topic, clock=_as_it_stands(self._told).bodies["hand"].clock)})
+                yield topic, read_recording(self._path, one, mend=False).bodies["hand"]
+
+    def _hopeless(self, offset: ClockOffset, found: Explanation) -> Cause:
+        if max(offset.correlation, offset.as_stamped) < 0.5:
+            return Cause(
+                "arm and hand do not move at the same times, whatever their clocks say: are both of the same session, and is it the hand?"
+            )
+        far = f"{100 * found.positions.error:.1f} cm"
+        return Cause(
+            "they move at the same times, but no order, unit, sign or zero of the joints and no axes explain where:"
+            f" the best leaves {far}. Is it another arm than config/wam.yaml describes, or does the body not sit on its hand?"
+        )
+
+    # clocks
+
+    def _blame_clocks(self, found: Explanation, coarse: float) -> None:
+        late, drift, steady = self._lateness(found, coarse)
+        if not steady:
+            self._blame("the clocks of joints and cameras jump against each other: record both with one clock, or cut the recording there")
+        ours, theirs = 1e-9 * self._where.clock.shift_ns, 1e-9 * self._told.joints.clock.shift_ns  # type: ignore[union-attr]
+        if drift:
+            text = f"the clock of the joints gains {1e3 * drift:.3f} ms a second on that of the cameras"
+            share = 1.0 / (1.0 + drift)
+            self._blame(text, "joints", time_drift=round(-drift * share, 9), time_shift=round(ours - late * share, 6))
+        elif abs(late - self._told_offset) > LATE:
+            apart = late - self._told_offset
+            by = f"{1e3 * abs(apart):.0f} ms {'late' if apart > 0.0 else 'early'}"
+            if self._hand_opens_in_time():
+                self._blame(f"the stamps of the joints are {by} against those of the cameras", "joints", time_shift=round(ours - late, 6))
+            else:
+                text = f"the clock of the arm is {by} against that of the cameras"
+                self._blame(text, "axes", time_shift=round(late + theirs, 6))
+
+    def _lateness(self, found: Explanation, coarse: float) -> tuple[float, float, bool]:
+        """The joints' stamps after the cameras' at their middle [s], what is added each second, and whether that is all."""
+        instants = diverse_instants(self._hand, self._joints, coarse, slow=False)
+        camera = instants.seconds - coarse
+        offsets = coarse + np.arange(-REACH, REACH + FINE, FINE)
+        misfit = np.array([self._misfit(found, instants, camera, one) for one in offsets])  # (offsets, instants)
+        best = float(offsets[np.argmin(np.nanmean(misfit, axis=1))])
+        pieces = [rows for rows in np.array_split(np.argsort(camera), PIECES) if len(rows) >= 4]
+        times = np.array([camera[rows].mean() for rows in pieces])
+        lates = np.array([offsets[np.argmin(np.nanmean(misfit[:, rows], axis=1))] for rows in pieces])
+        if len(pieces) < 3 or np.ptp(lates) < STEADY:
+            return best, 0.0, True
+        slope, start = np.polyfit(times, lates, 1)
+        steady = bool(np.abs(start + slope * times - lates).max() < STEADY)
+        return (float(start), float(slope), True) if steady else (best, 0.0, False)
+
+    def _misfit(self, found: Explanation, instants: Instants, camera: np.ndarray, offset: float) -> np.ndarray:
+        """Distances (n,) between the hand by the joints with an offset and as the cameras saw it; nan without joints."""
+        fit = found.positions
+        values, known = joints_at(self._joints, camera + offset)
+        joints = found.convention.joints(np.where(known[:, None], values, 0.0))
+        place, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
+        back = (instants.position - fit.shift) @ fit.world / fit.scale
+        return np.where(known, np.linalg.norm(back - place - rotation @ fit.lever, axis=1), np.nan)
+
+    def _hand_opens_in_time(self) -> bool:
+        """Whether the ball leaves the hand soon after the arm was told to open it: then arm and cameras have one clock."""
+        hand, ball = self._recording.bodies["hand"], self._recording.bodies["ball"]
+        late = []
+        for opening in self._recording.openings:
+            rows = np.flatnonzero((hand.stamp_ns >= opening.stamp_ns) & (hand.stamp_ns < opening.stamp_ns + 2_000_000_000))
+            if not len(rows) or not len(ball):
+                continue
+            nearest = np.clip(np.searchsorted(ball.stamp_ns, hand.stamp_ns[rows]), 0, len(ball) - 1)
+            apart = np.linalg.norm(ball.position[nearest] - hand.position[rows], axis=1) * LENGTH_UNITS[self._where.length]
+            if apart[0] < AWAY and (apart > AWAY).any():
+                late.append(1e-9 * float(hand.stamp_ns[rows[np.argmax(apart > AWAY)]] - opening.stamp_ns))
+        return not late or bool(np.median(late) < SOON)
+
+    # joints
+
+    def _blame_joints(self, found: JointConvention) -> None:
+        told, numbers = self._convention, range(1, N_JOINTS + 1)
+        if found.angle != told.angle:
+            name = {"deg": "degrees", "rad": "radians"}[found.angle]
+            self._blame(f"the joints are in {name}", "joints", angle=found.angle)
+        if found.order != told.order:
+            self._blame("the joints are recorded in another order", "joints", **self._in_order(found.order))
+        if found.signs != told.signs:
+            other = [str(k) for k, was, now in zip(numbers, told.signs, found.signs, strict=True) if was != now]
+            self._blame(f"joints are counted the other way: {', '.join(other)}", "joints", signs=[int(one) for one in found.signs])
+        if found.zeros != told.zeros:
+            other = [
+                f"{k} by {np.degrees(now - was):.1f} degrees"
+                for k, was, now in zip(numbers, told.zeros, found.zeros, strict=True)
+                if was != now
+            ]
+            self._blame(f"joints have other zeros: {', '.join(other)}", "joints", zeros=[round(one, 4) for one in found.zeros])
+
+    def _in_order(self, order: Sequence[int]) -> dict[str, Any]:
+        """The keys of a mapping that put the recorded joints in order."""
+        table = self._told.joints and self._told.joints.table
+        if table is None:
+            return {"names": [self._joints.names[k] for k in order]}
+        columns = {name: list(found) for name, found in table.columns.items()}
+        return {"columns": {name: [found[k] for k in order] if len(found) == N_JOINTS else found for name, found in columns.items()}}
+
+    # positions
+
+    def _blame_positions(self, found: Explanation) -> tuple[np.ndarray, Axes]:
+        """Unit, axes and place of the cameras' world; returns the turn (3, 3) of a mapping, and the axes of positions."""
+        fit, where = found.positions, self._where
+        unit = min(LENGTH_UNITS, key=lambda one: abs(np.log(fit.scale * LENGTH_UNITS[one])))
+        if abs(fit.scale * LENGTH_UNITS[unit] - 1.0) > UNIT_ERROR:
+            self._blame(f"a metre of the arm is {fit.scale:.4g} of the cameras: calibrate them, or is it another arm?")
+        elif unit != where.length:
+            self._blame(f"positions are in {unit}", "axes", length=unit)
+        to_arm = fit.world.T
+        shift = -to_arm @ fit.shift / fit.scale
+        told = _matrix(where.axes)
+        told_turn = matrices(where.world.quaternion)
+        if np.linalg.det(told) * np.linalg.det(to_arm) > 0.0 and _turn(told_turn @ told @ fit.world) < TURNED:
+            if np.linalg.norm(shift - where.world.position) < MOVED:
+                return told_turn, where.axes
+        axes = where.axes if _is_near(to_arm, told) else nearest_axes(to_arm)
+        if axes != where.axes:
+            self._blame(_pointing(axes), "axes", **_axes_key(axes))
+        turn = to_arm @ _matrix(axes).T
+        if _turn(turn) < TURNED and np.linalg.norm(shift) < MOVED:
+            if where.world.position.any() or _turn(told_turn) > 0.0:
+                self._blame("the base of the arm stands where our axes begin", "axes", transform={"position": [0.0, 0.0, 0.0]})
+            return np.eye(3), axes
+        text = f"the base of the arm stands elsewhere in the world of the cameras, turned by {np.degrees(_turn(turn)):.0f} degrees"
+        self._blame(text, "axes", transform=_rigid(shift, turn))
+        return turn, axes
+
+    # orientations
+
+    def _blame_orientations(self, found: Explanation, world: tuple[np.ndarray, Axes]) -> None:
+        turn, axes = world
+        reading, fit, where = found.reading, found.orientations, self._where
+        if reading is None or fit is None:
+            self._blame("the hand has no orientation: track it as a rigid body of at least three markers")
+            return
+        if reading.order != where.order:
+            self._blame(f"quaternions are told as {', '.join(reading.order)}", "axes", order=reading.order)
+        if reading.is_inverse != where.is_inverse:
+            self._blame("orientations turn the world into the body", "axes", inverse=reading.is_inverse)
+        needed = (-1.0 if reading.is_mirrored else 1.0) * turn.T @ fit.world.T
+        told = where.orientation_axes or axes
+        if not _is_near(needed, _matrix(told), APART):
+            nearest = nearest_axes(needed)
+            if not _is_near(needed, _matrix(nearest), APART):
+                self._blame("positions and orientations are told in worlds that are turned against each other")
+            else:
+                text = "orientations are told in other axes than positions"
+                self._blame(text, "axes", orientation_xyz=list(nearest))
+        self._blame_body(fit.hand, found.positions.lever)
+        leaps = fit.residual > LEAP
+        if FEWEST_LEAPS <= np.mean(leaps):
+            angle = np.degrees(np.median(fit.residual[leaps]))
+            self._blame(
+                f"the orientation of the hand leaps to another solution in {100 * np.mean(leaps):.0f} % of the frames,"
+                f" turned by {angle:.0f} degrees: arrange its markers so that no turn makes them look the same"
+            )
+
+    def _blame_body(self, hand: np.ndarray, lever: np.ndarray) -> None:
+        """How the tracked body sits on the hand, if that is not as the mapping says."""
+        told = self._where.offset
+        turned, shift = hand.T, -hand.T @ lever
+        if _turn(turned.T @ matrices(told.quaternion)) > TURNED or np.linalg.norm(shift - told.position) > MOVED:
+            text = f"the tracked body sits otherwise on the hand, {100 * np.linalg.norm(lever):.0f} cm away and turned by"
+            self._blame(f"{text} {np.degrees(_turn(turned)):.0f} degrees", "hand", offset=_rigid(shift, turned))
+
+    def _mended(self, topic: str) -> RecordingMapping:
+        """The mapping with all that mends the recording."""
+        told, axes, joints = self._told, self._mending["axes"], self._mending["joints"]
+        bodies = {role: where if where.fixed else mended_pose(where, axes) for role, where in told.bodies.items()}
+        bodies["hand"] = mended_pose(bodies["hand"], self._mending["hand"])
+        assert told.joints is not None  # as it was read
+        return replace(told, bodies=bodies, joints=mended_joints(told.joints, joints))
+
+
+def _matrix(axes: Axes) -> np.ndarray:
+    found = axes_matrix(axes)
+    assert found is not None  # as `Axes` are
+    return found
+
+
+def _turn(rotation: np.ndarray) -> float:
+    """Angle of a rotation (3, 3) [rad]."""
+    return float(turn_angles(rotation[None])[0])
+
+
+def _is_near(one: np.ndarray, other: np.ndarray, within: float = np.pi / 4.0) -> bool:
+    """Whether two orthogonal matrices are turned by less than an angle [rad] against each other, and mirrored alike."""
+    between = one @ other.T
+    return bool(np.linalg.det(between) > 0.0) and _turn(between) < within
+
+
+def _rigid(position: np.ndarray, rotation: np.ndarray) -> dict[str, list[float]]:
+    quaternion = of_matrices(rotation[None])[0]
+    return {"position": np.round(position, 4).tolist(), "quaternion": np.round(quaternion, 5).tolist()}
+
+
+def _axes_key(axes: Axes) -> dict[str, Any]:
+    up = [name for name, one in UP_AXES.items() if one == axes]
+    return {"up": up[0]} if up else {"xyz": list(axes)}
+
+
+def _pointing(axes: Axes) -> str:
+    handed = "left-handed axes" if np.linalg.det(_matrix(axes)) < 0.0 else "other axes"
+    return f"positions are told in {handed}: our x, y, z are their {', '.join(axes)}"

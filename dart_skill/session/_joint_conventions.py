@@ -1,0 +1,233 @@
+"""How another recording may count the joints of the arm: in another order, unit or direction, or from other zeros."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+from itertools import permutations, product
+
+import numpy as np
+
+from dart_skill.constants import N_JOINTS
+from dart_skill.quaternions import matrices
+from dart_skill.recording.imports.mapping import ANGLE_UNITS, QUATERNION_ORDERS
+from dart_skill.robot import ArmModel, OrientationFit, PositionFit, fit_orientations, fit_positions, similarity, turn_angles
+
+ROUGH = 16
+"""Instants at which every order and every choice of signs is tried."""
+BEST = 30
+"""How many of them are looked at closely."""
+GRID = np.pi / 18.0
+"""Step in which the zero of one joint is looked for [rad]."""
+ANY_ZERO = 3.0
+"""Standard deviation of a joint's zero, where other things explain as much [rad]."""
+GOOD_POSITION = 0.005
+"""What good cameras and a good arm leave of a position [m]."""
+GOOD_ANGLE = 0.03
+"""What they leave of an orientation [rad]."""
+GOOD = 1.5
+"""Error, in these parts, of an explanation that needs no better one."""
+NEGLIGIBLE = 0.5
+"""Errors below this are alike, in these parts."""
+FAR = 10.0
+"""Residual beyond which a sample counts less in the search for zeros, in these parts."""
+SMALL_ZERO = 0.005
+"""A smaller difference of a zero is none [rad]."""
+MIRROR = np.diag([1.0, 1.0, -1.0])
+"""Mirrors the z axis of a body that is told in left-handed axes."""
+APART = 0.3
+"""Turns beyond this are no inaccuracy of a world or a body that was set up to agree [rad]."""
+LIKELY = 3
+"""Readings of orientations that are looked at closely."""
+LEAST_TURNED = 10
+"""Instants with an orientation from which they tell something."""
+IN_RADIANS = 2.2 * np.pi
+"""Angles beyond this are no radians of an arm whose joints turn less than once [rad]."""
+
+
+@dataclass(frozen=True)
+class JointConvention:
+    """How recorded joints become those of the arm: unit * sign * recorded[order] + zero.
+
+    * angle: unit, of ANGLE_UNITS.
+    * order: for each joint of the arm, the place of its number in the recording.
+    * signs: 1 or -1 for each joint of the arm.
+    * zeros: for each joint of the arm [rad].
+    """
+
+    angle: str = "rad"
+    order: tuple[int, ...] = tuple(range(N_JOINTS))
+    signs: tuple[float, ...] = (1.0,) * N_JOINTS
+    zeros: tuple[float, ...] = (0.0,) * N_JOINTS
+
+    def joints(self, recorded: np.ndarray) -> np.ndarray:
+        """Joints (..., 7) of the arm [rad] from recorded ones (..., 7)."""
+        return ANGLE_UNITS[self.angle] * np.array(self.signs) * recorded[..., list(self.order)] + np.array(self.zeros)
+
+
+@dataclass(frozen=True)
+class QuaternionReading:
+    """How the four numbers of a recorded orientation are read.
+
+    * order: of QUATERNION_ORDERS.
+    * is_inverse: whether they turn the axes of the world into those of the body.
+    * is_mirrored: whether they are told in left-handed axes.
+    """
+
+    order: str = "xyzw"
+    is_inverse: bool = False
+    is_mirrored: bool = False
+
+    def rotations(self, recorded: np.ndarray) -> np.ndarray:
+        """Rotations (n, 3, 3) of recorded numbers (n, 4); of left-handed axes those after the world was mirrored at its origin."""
+        found = matrices(recorded[:, QUATERNION_ORDERS[self.order]])
+        found = found.transpose(0, 2, 1) if self.is_inverse else found
+        return -found @ MIRROR if self.is_mirrored else found
+
+
+def _turn_between(turned: OrientationFit, moved: PositionFit, reading: QuaternionReading) -> float:
+    """Angle between the worlds of orientations and of positions [rad]; half a turn if only one of them is mirrored."""
+    mirrored = bool(np.linalg.det(moved.world) < 0.0)
+    if mirrored != reading.is_mirrored:
+        return np.pi
+    return float(turn_angles((turned.world.T @ (-moved.world if mirrored else moved.world))[None])[0])
+
+
+READINGS = tuple(QuaternionReading(*one) for one in product(QUATERNION_ORDERS, (False, True), (False, True)))
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A convention, a reading, and how well they explain what the cameras saw of the hand.
+
+    * convention: of the joints.
+    * reading: of the orientations; None where too few were recorded.
+    * positions, orientations: the fits; the latter None without a reading.
+    """
+
+    convention: JointConvention
+    reading: QuaternionReading | None
+    positions: PositionFit
+    orientations: OrientationFit | None
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether the cameras' axes are left-handed."""
+        return bool(np.linalg.det(self.positions.world) < 0.0)
+
+    @property
+    def error(self) -> float:
+        """What is left, in parts of what good cameras and a good arm leave."""
+        turn = 0.0 if self.orientations is None else self.orientations.error / GOOD_ANGLE
+        return float(np.hypot(self.positions.error / GOOD_POSITION, turn))
+
+    def cost(self, told: JointConvention) -> float:
+        """The error, doubled for each difference from what is told and for a mirrored world; told: of the joints."""
+        differences = sum(getattr(self.convention, field.name) != getattr(told, field.name) for field in fields(told))
+        return max(self.error, NEGLIGIBLE) * 2.0 ** (differences + self.is_mirrored)
+
+
+class ConventionSearch:
+    """The search for the convention by which the hand moves as cameras saw it, wherever these stand and whatever their unit is.
+
+    * model: of the arm.
+    * recorded: (n, 7) joints as they were recorded.
+    * position: (n, 3) of the hand, in any axes and unit.
+    * quaternion: (n, 4) of the hand, in any order; nan where none was recorded.
+    """
+
+    def __init__(self, model: ArmModel, recorded: np.ndarray, position: np.ndarray, quaternion: np.ndarray):
+        self._model, self._recorded, self._seen = model, recorded, position
+        self._turned = np.flatnonzero(np.isfinite(quaternion).all(axis=1))
+        enough = len(self._turned) >= LEAST_TURNED
+        self._readings = {one: one.rotations(quaternion[self._turned]) for one in READINGS} if enough else {}
+
+    def explain(self, convention: JointConvention) -> Explanation:
+        """How well a convention explains what was seen."""
+        joints = convention.joints(self._recorded)
+        place, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
+        positions = fit_positions(self._seen, place, rotation)
+        if not self._readings:
+            return Explanation(convention, None, positions, None)
+        rotation = rotation[self._turned]
+        rough = {one: fit_orientations(seen, rotation, rounds=0).error for one, seen in self._readings.items()}
+        likely = sorted(rough, key=lambda one: rough[one])[:LIKELY]
+        fits = {one: fit_orientations(self._readings[one], rotation) for one in likely}
+
+        def cost(one: QuaternionReading) -> float:
+            apart = (one.order != "xyzw") + one.is_inverse + (_turn_between(fits[one], positions, one) > APART)
+            apart += 0.5 * float(turn_angles(fits[one].hand[None])[0] > APART)
+            return max(fits[one].error, NEGLIGIBLE * GOOD_ANGLE) * 2.0**apart
+
+        best = min(fits, key=cost)
+        return Explanation(convention, best, positions, fits[best])
+
+    def plain(self, told: JointConvention) -> Explanation:
+        """The better one of what is told, and the same in the unit that the numbers suggest."""
+        return min((self.explain(replace(told, angle=unit)) for unit in self._units(told)), key=lambda one: one.cost(told))
+
+    def _units(self, told: JointConvention) -> list[str]:
+        return list(dict.fromkeys([told.angle, "deg" if np.abs(self._recorded).max() > IN_RADIANS else "rad"]))
+
+    def best(self, told: JointConvention) -> Explanation:
+        """The convention that explains most, with as few differences from what is told as will do.
+
+        * told: tried first.
+        """
+        units = self._units(told)
+        found = [self.explain(replace(told, angle=unit)) for unit in units]
+        ways = [self._other_order, self._other_signs, self._other_zeros]
+        tried = []
+        for way in ways:
+            if min(one.cost(told) for one in found) > GOOD:
+                tried.append(way(replace(told, angle=units[-1])))
+                found.append(self.explain(tried[-1]))
+        for convention, way in zip(tried, (self._other_signs, self._other_zeros), strict=False):
+            if min(one.cost(told) for one in found) > GOOD:
+                found.append(self.explain(way(convention)))
+        return min(found, key=lambda one: one.cost(told))
+
+    def _other_order(self, told: JointConvention) -> JointConvention:
+        return self._closest(told, (replace(told, order=tuple(told.order[k] for k in one)) for one in permutations(range(N_JOINTS))))
+
+    def _other_signs(self, told: JointConvention) -> JointConvention:
+        return self._closest(told, (replace(told, signs=one) for one in product((1.0, -1.0), repeat=N_JOINTS)))
+
+    def _closest(self, told: JointConvention, choices: Iterable[JointConvention]) -> JointConvention:
+        """The one of many that explains most: all are looked at roughly, the best of them closely."""
+        every = list(choices)
+        rough = slice(None, None, max(1, len(self._seen) // ROUGH))
+        joints = np.concatenate([one.joints(self._recorded[rough]) for one in every])
+        place, _, _ = self._model.hand_states(joints, np.zeros_like(joints))
+        seen, bodies = self._seen[rough], place.reshape(len(every), -1, 3)
+        scale, world, shift = similarity(seen, bodies)
+        back = np.einsum("mnd,mde->mne", seen[None] - shift[:, None], world) / np.maximum(scale, 1e-9)[:, None, None]
+        misfit = np.square(back - bodies).sum(axis=(1, 2)) / np.square(bodies - bodies.mean(axis=1, keepdims=True)).sum(axis=(1, 2))
+        close = [self.explain(every[k]) for k in np.argsort(misfit, kind="stable")[:BEST]]
+        return min(close, key=lambda one: one.cost(told)).convention
+
+    def _other_zeros(self, told: JointConvention) -> JointConvention:
+        """Zeros of the joints between base and hand: those of the first and the last are turns of the world and of the body."""
+        from scipy.optimize import least_squares
+
+        def moved(zeros: np.ndarray) -> JointConvention:
+            return replace(told, zeros=tuple(float(one) for one in np.array(told.zeros) + np.concatenate([[0.0], zeros, [0.0]])))
+
+        inner = np.eye(N_JOINTS - 2)
+        alone = [turn * axis for axis in inner for turn in np.arange(-np.pi, np.pi, GRID)]
+        start = min(alone, key=lambda one: self.explain(moved(one)).error)
+
+        def misfit(zeros: np.ndarray) -> np.ndarray:
+            found = self.explain(moved(zeros))
+            turned = np.empty(0) if found.orientations is None else found.orientations.residual / GOOD_ANGLE
+            return np.concatenate([found.positions.residual / GOOD_POSITION, turned, zeros / ANY_ZERO])
+
+        of_one = np.flatnonzero(start)
+        fit = least_squares(lambda x: misfit(x[0] * np.sign(start[of_one]) * inner[of_one[0]]) if len(of_one) else misfit(start),
+                            [float(np.abs(start).max())], loss="soft_l1", diff_step=1e-4, max_nfev=25)  # fmt: skip
+        single = moved(fit.x[0] * np.sign(start))
+        if self.explain(single).error < GOOD:
+            return single
+        fit = least_squares(misfit, fit.x[0] * np.sign(start), loss="soft_l1", f_scale=FAR, diff_step=1e-4, max_nfev=25)
+        zeros = (fit.x + np.pi) % (2.0 * np.pi) - np.pi
+        return moved(np.where(np.abs(zeros) < SMALL_ZERO, 0.0, zeros))
