@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path, PurePath
 
-SUFFIXES = (".mcap", ".db3")
+ROS1_SUFFIX = ".bag"
+SUFFIXES = (".mcap", ".db3", ROS1_SUFFIX)
 
 
 def part_number(file: Path) -> tuple[str, int]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
 
 from dart_skill.files import open_file, require_file
-from dart_skill.recording.bags._files import SUFFIXES, files_in, named_files, part_number
+from dart_skill.recording.bags._files import ROS1_SUFFIX, SUFFIXES, files_in, named_files, part_number
 from dart_skill.recording.bags._metadata import (
     METADATA_FILE,
     METADATA_VERSION,
@@ -32,6 +32,8 @@ from dart_skill.recording.mcap import END_OF_TIME, LARGEST_UNPACKED, USUAL_RATIO
 if TYPE_CHECKING:
     from mcap.records import Attachment
     from rosbags.typesys.store import Typestore
+
+    from dart_skill.recording.bags._ros1 import Ros1Source
 
 _RECOVER = (
     "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
@@ -100,7 +102,7 @@ class BagReader:
 
     * topics: TopicInfo by name.
     * files: a list of BagFile, in order.
-    * storage: how rosbag2 calls the format of the files: mcap or sqlite3.
+    * storage: how rosbag2 calls the format of the files: mcap or sqlite3; ros1 for a bag of ROS 1.
     * metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither tells them.
     * custom_data: names and texts of the metadata, as `BagWriter` got them.
     * start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
@@ -118,7 +120,8 @@ class BagReader:
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
         self.custom_data: dict[str, str] = dict(source.custom_data)
         self.message_count = sum(topic.count for topic in self.topics.values())
-        self.storage = "sqlite3" if any(".db3" in file.path.suffixes for file in self.files) else "mcap"
+        suffixes = {suffix for file in self.files for suffix in file.path.suffixes}
+        self.storage = "sqlite3" if ".db3" in suffixes else "ros1" if ROS1_SUFFIX in suffixes else "mcap"
 
     @property
     def types(self) -> Typestore:
@@ -436,7 +439,7 @@ def _storage_files(path: Path) -> list[Path]:
     if not path.is_dir():
         require_file(path)
     if path.is_file() and path.suffix not in SUFFIXES:
-        raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file")
+        raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1")
     files = [path] if path.is_file() else files_in(path)
     if not files and not any(path.glob("*.zstd")):
         raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")
@@ -478,8 +481,12 @@ def _thinned(messages: Iterable[BagMessage], every_ns: int) -> Iterator[BagMessa
             yield one
 
 
-def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource | _RosbagsSource:
+def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource | _RosbagsSource | Ros1Source:
     """What reads the bag."""
+    if files and files[0].suffix == ROS1_SUFFIX:
+        from dart_skill.recording.bags._ros1 import Ros1Source
+
+        return Ros1Source(files[0])
     if metadata is None:
         return _McapSource(path, files, None) if files[0].suffix == ".mcap" else _RosbagsSource(path, files, None)
     try:

@@ -240,8 +240,8 @@ def marker_poses(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     whole = np.isfinite(markers).all(axis=(1, 2))
     if markers.shape[1] < FEWEST_MARKERS or not whole.any():
-        quaternion = UNTURNED if markers.shape[1] < FEWEST_MARKERS else np.full(4, np.nan)
-        return markers.mean(axis=1), np.tile(quaternion, (len(markers), 1))
+        alike = UNTURNED if markers.shape[1] < FEWEST_MARKERS else (np.nan,) * 4
+        return markers.mean(axis=1), np.tile(alike, (len(markers), 1))
     shape = _shape(markers[whole])
     seen = np.isfinite(markers).all(axis=2)
     fit = seen.sum(axis=1) >= FEWEST_MARKERS
