@@ -89,7 +89,9 @@ def test_commas_that_could_mean_two_things_are_refused(tmp_path):
     numbers = rows()
     numbers[3][1] = "1,234"
     write(tmp_path / "hand.csv", [NAMES], ";", numbers=numbers)
-    with pytest.raises(ValueError, match="line 5: '1,234' has a comma and other numbers have a point: export it without commas for thousands"):
+    with pytest.raises(
+        ValueError, match="line 5: '1,234' has a comma and other numbers have a point: export it without commas for thousands"
+    ):
         read(tmp_path, "hand.csv")
     write(tmp_path / "hand.csv", [NAMES], ",", numbers=rows(comma=True))
     with pytest.raises(ValueError, match="line 2: 16 cells for 8 columns: are these decimal commas"):
