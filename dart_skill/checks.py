@@ -18,7 +18,7 @@ FEW = 16
 
 
 def unmasked(value: Any) -> Any:
-    """What was given; as floats, with nan in their places, where parts are masked or pandas may have no values: neither passes for a number.
+    """What was given; as floats, with nan in their places, where parts are masked or pandas has no values: neither passes for a number.
 
     value: array, nested lists, Series or DataFrame. TypeError and ValueError for what is masked or missing, but not numeric.
     """
