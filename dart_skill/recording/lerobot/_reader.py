@@ -20,8 +20,8 @@ READ = ("v2.", "v3.")
 CONVERTER = "python -m lerobot.scripts.convert_dataset_v1_to_v2"
 LATE = 1e-3
 """A frame may be so far from frame_index / fps, where float32 rounds [s]."""
-OBSERVED = "observation"
-"""How keys of what was seen begin: commands may have elements of the same names."""
+COMMANDED = "action"
+"""How keys of commands begin: what was seen may have elements of the same names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class LeRobotDataset:
 
         episode: which one. ValueError if a feature has several of that name.
         """
-        for key in sorted(self.names, key=lambda key: not key.startswith(OBSERVED)):
+        for key in sorted(self.names, key=lambda key: key.startswith(COMMANDED)):
             found = self.names[key].count(name)
             if found > 1:
                 raise ValueError(f"{self.path}: {found} elements of {key} are called '{name}': give them different names in {format_.INFO}")

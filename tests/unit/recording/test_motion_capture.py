@@ -5,6 +5,7 @@ and of Tracker, QTM's TSV files in public data sets, and the formats TRC, C3D an
 """
 
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -503,7 +504,7 @@ def test_a_trc_file_without_a_unit_is_asked_for_it(tmp_path, poses):
 
 
 def write_c3d(path, poses, unit="mm", rate=100.0, upright="+Z", lost=()):
-    """Markers of both bodies, by the package itself."""
+    """Markers of both bodies, by the package itself, which warns that nothing analog is in it."""
     import c3d
 
     writer = c3d.Writer(point_rate=rate, point_units=unit)
@@ -516,7 +517,8 @@ def write_c3d(path, poses, unit="mm", rate=100.0, upright="+Z", lost=()):
     writer.set_point_labels([f"{name}{k}" for name in poses for k in (1, 2, 3)])
     if upright:
         writer.set_screen_axis(X="+X", Y=upright)
-    with open(path, "wb") as stream:
+    with open(path, "wb") as stream, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         writer.write(stream)
 
 

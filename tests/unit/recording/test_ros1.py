@@ -140,3 +140,20 @@ def test_a_bag_without_its_end_names_the_remedy(tmp_path, ros1):
     (tmp_path / "lab.bag").write_bytes(b"no bag at all\n")
     with pytest.raises(BagError, match="lab.bag: "):
         BagReader(tmp_path / "lab.bag")
+
+
+def as_ros1(source, path):
+    """Poses and joint states of a bag as a bag of ROS 1."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with BagReader(source) as bag, Writer(path) as writer:
+        kinds = ("geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState")
+        names = [name for name, topic in bag.topics.items() if topic.type_name in kinds]
+        connections = {name: writer.add_connection(name, bag.topics[name].type_name, typestore=store) for name in names}
+        for message in bag.messages(names):
+            stamp = message.data.header.stamp
+            time = store.types["builtin_interfaces/msg/Time"](sec=stamp.sec, nanosec=stamp.nanosec)
+            told = store.types[HEADER](seq=0, stamp=time, frame_id=message.data.header.frame_id)
+            fields = {name: getattr(message.data, name) for name in message.data.__dataclass_fields__ if not name.startswith("__")}
+            content = store.types[message.type_name](**{**fields, "header": told})
+            writer.write(connections[message.topic], message.stamp_ns, store.serialize_ros1(content, message.type_name))
+    return path
