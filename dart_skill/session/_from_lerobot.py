@@ -156,14 +156,14 @@ def _some(names: Sequence[str]) -> str:
 
 def _columns(dataset: LeRobotDataset, episode: Episode, names: Sequence[str]) -> np.ndarray:
     """(n, k) of elements by their names; ValueError names the first one that is missing."""
-    columns = {name: dataset.column(episode, name) for name in names}
-    missing = [name for name, column in columns.items() if column is None]
+    found = [dataset.column(episode, name) for name in names]
+    missing = [name for name, column in zip(names, found, strict=True) if column is None]
     if missing:
         others = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         there = "; ".join(f"{key}: {_some(elements)}" for key, elements in dataset.names.items()) or "none"
         remedy = "write these names into meta/info.json (docs/recordings.md)"
         raise ValueError("; ".join([f"{dataset.path}: no element is called '{missing[0]}'{others}, only {there}", *dataset.notes, remedy]))
-    return np.column_stack(list(columns.values()))
+    return np.column_stack([column for column in found if column is not None])
 
 
 def _seen(dataset: LeRobotDataset, episode: Episode, role: str) -> tuple[np.ndarray, np.ndarray]:

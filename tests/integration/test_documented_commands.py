@@ -315,7 +315,7 @@ TYPED = {
     "dart-skill learn monday --demonstrations-topic --output same.npz": Run(says="learned from 2 of 2 throws", leaves="same.npz"),
     "dart-skill learn thursday --mapping thursday.yaml": FOREIGN,
     "dart-skill bag info lab.bag": ROS1,
-    "dart-skill learn lab.bag --mapping lab.yaml": ROS1,
+    "dart-skill learn lab.bag --mapping thursday.yaml": ROS1,
     "dart-skill bag upgrade wednesday --output wednesday_new": Elsewhere(
         "unit/recording/test_upgrade.py::test_the_command_says_what_it_did"
     ),

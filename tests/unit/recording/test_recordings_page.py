@@ -12,8 +12,8 @@ from dart_skill.cli import main
 from dart_skill.recording.imports import parse_mapping, read_recording
 from tests.paths import DOCS
 from tests.unit.recording.test_motion_capture import (
-    N,
     TIME,
+    N,
     in_y_up,
     marker_places,
     write_c3d,
@@ -55,7 +55,8 @@ def folder(tmp_path, poses):
     path = tmp_path / "thursday"
     path.mkdir()
     at, turn = poses["Hand"]
-    rows = [f"{1e3 * t!r};" + ";".join(map(repr, map(float, [*(1e3 * p), *q[[3, 0, 1, 2]]]))) for t, p, q in zip(TIME.tolist(), at, turn.as_quat(), strict=True)]  # fmt: skip
+    table = np.column_stack([1e3 * TIME, 1e3 * at, turn.as_quat()[:, [3, 0, 1, 2]]])
+    rows = [";".join(map(repr, row)) for row in table.tolist()]
     (path / "hand.csv").write_text("\n".join(["t;x;y;z;qw;qx;qy;qz", *rows]).replace(".", ","))
     joints = ["\t".join(["t", *(f"q{k}" for k in range(1, 8))])]
     joints += ["\t".join(map(repr, map(float, [t, *np.degrees(0.1 * np.arange(7) + t)]))) for t in TIME.tolist()]
@@ -116,9 +117,9 @@ def test_a_bag_of_ros1_is_named_itself(tmp_path, recorded_session, monkeypatch, 
     block["hand"]["topic"] = "/vrpn_mocap/hand/pose"
     block["ball"] = {"topic": "/vrpn_mocap/ball/pose"}
     block["basket"] = {"topic": "/vrpn_mocap/basket/pose"}
-    (tmp_path / "lab.yaml").write_text(yaml.safe_dump(block))
-    assert "dart-skill bag info lab.bag" in PAGE and "dart-skill learn lab.bag --mapping lab.yaml" in PAGE
+    (tmp_path / "thursday.yaml").write_text(yaml.safe_dump(block))
+    assert "dart-skill bag info lab.bag" in PAGE and "dart-skill learn lab.bag --mapping thursday.yaml" in PAGE
     assert main("bag info lab.bag".split()) == 0
     assert "geometry_msgs/msg/PoseStamped" in capsys.readouterr().out
-    assert main("learn lab.bag --mapping lab.yaml".split()) == 0
+    assert main("learn lab.bag --mapping thursday.yaml".split()) == 0
     assert "learned from" in capsys.readouterr().out
