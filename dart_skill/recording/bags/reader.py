@@ -44,6 +44,8 @@ _FORMATS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL:
 
 OF_A_GRAPH = {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/demonstrations": "dart_skill_msgs/msg/Demonstration"}
 """Topics by which a graph is known in a bag, without its namespace, and their types."""
+MAPPED = (".csv", ".tsv", ".txt", ".npy", ".npz", ".mat", ".parquet", ".c3d", ".trc", ".bvh")
+"""Endings of files that a mapping describes (docs/recordings.md)."""
 MOST_LINES, MOST_LINES_OF_ALL, LARGEST_DEFINITION = 5_000, 20_000, 1_000_000
 """Of the definition of a type, with all that it nests, of all definitions of a bag, and characters of one: they take 0.4 ms a line."""
 
@@ -425,11 +427,13 @@ def _told_extent(item: dict) -> tuple[int, int, int]:
 
 
 def _of_tables(folder: Path) -> str:
-    """What to say of a folder that holds CSV files instead of a bag; empty for another one."""
-    if not any(folder.glob("*.csv")):
+    """What to say of a folder that holds tables or motion capture instead of a bag; empty for another one."""
+    found = sorted({file.suffix.lower() for file in folder.iterdir()} & set(MAPPED))
+    if not found:
         return ""
     own = folder / "mapping.yaml"
-    return f"; its CSV files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
+    what = "CSV" if ".csv" in found else found[0]
+    return f"; its {what} files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
 
 
 def _storage_files(path: Path) -> list[Path]:
@@ -439,7 +443,9 @@ def _storage_files(path: Path) -> list[Path]:
     if not path.is_dir():
         require_file(path)
     if path.is_file() and path.suffix not in SUFFIXES:
-        raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1")
+        raise BagError(
+            f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1; others need --mapping"
+        )
     files = [path] if path.is_file() else files_in(path)
     if not files and not any(path.glob("*.zstd")):
         raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")

@@ -25,6 +25,13 @@ DELIMITERS = ("\t", ";", ",")
 """Between cells, in the order in which they are tried: a comma may be a decimal one where there are others."""
 MISSING = {"", "null", "na", "n/a", "#n/a", "#nv", "none", "-", "--", "-nan(ind)", "nan(ind)", "1.#qnan", "1.#ind", "-1.#ind", "-1.#qnan"}
 """What cells without a number hold, in small letters."""
+OTHERS = {
+    b"PK\x03\x04": "a workbook or an archive: save the sheet as CSV",
+    b"\xd0\xcf\x11\xe0": "an old workbook: save the sheet as CSV",
+    b"\x89HDF": "HDF5: save its arrays as .npz",
+    b"\x80": "maybe a pickle, which may run anything: save it as CSV, .npz or .parquet",
+}
+"""What to do with files that are no text, by their first bytes."""
 SAMPLE = 65_536
 """So many bytes at the beginning tell encoding and delimiter."""
 LAST_LINES = 10
@@ -127,7 +134,8 @@ class TextFile:
         if b"\0" in sample:
             even, odd = sample[0::2].count(0), sample[1::2].count(0)
             if min(even, odd) or max(even, odd) < len(sample) // 4:
-                raise self.error("no text file: it holds zeros")
+                known = next((text for magic, text in OTHERS.items() if sample.startswith(magic)), "export it as text")
+                raise self.error(f"no text file: {known}")
             return "utf-16-le" if odd > even else "utf-16-be"
         try:
             sample.decode("utf-8-sig")

@@ -136,6 +136,10 @@ FORMS = {
     "commas in notes, in quotes": {"first": about(notes='"third try, ""good"""')},
     "words in Spanish": {"words": ("Rotación", "Posición"), "extra": "Error medio"},
     "words in Japanese": {"words": ("回転", "位置"), "extra": "誤差"},
+    "a note of two lines": {"first": [*about(notes="first line\r\nsecond line")]},
+    "a note of two lines in quotes": {"first": about(notes='"first line\r\nsecond, line"')},
+    "types in German": {"kind": "Starrer Körper"},
+    "cells that a spreadsheet adds": {"first": [*about(), "", "", ""]},
     "no line of numbers": {"without": ("ids",)},
     "no line of types": {"without": ("types",)},
     "mean marker error": {"extra": "Mean Marker Error"},
@@ -148,6 +152,14 @@ FORMS = {
 def test_other_forms_of_a_motive_export_are_read(tmp_path, poses, form):
     write_motive(tmp_path, poses, **form)
     assert_read(read(tmp_path, up="y"), poses)
+
+
+def test_labels_of_the_header_may_be_in_any_language(tmp_path, poses):
+    head, numbers = motive_rows(in_y_up(poses), kind="Starrer Körper")
+    head["types"][1], head["names"][1], head["ids"][1] = "Typ", "Bezeichnung", "Kennung"
+    for order in (("types", "names", "ids"), ("types", "ids", "names")):
+        write(tmp_path / "take.csv", [about(), [], *(head[name] for name in (*order, "what", "axis")), *numbers])
+        assert_read(read(tmp_path, up="y"), poses)
 
 
 def test_bodies_without_names_are_called_by_their_numbers(tmp_path, poses):
@@ -368,6 +380,13 @@ def test_quaternions_of_vicon_need_no_mapping(tmp_path, poses, title, blank):
     assert_read(read(tmp_path), poses)
 
 
+def test_semicolons_and_decimal_commas_of_vicon(tmp_path, poses):
+    write_vicon(tmp_path, poses)
+    text = (tmp_path / "take.csv").read_text()
+    (tmp_path / "take.csv").write_text(text.replace(",", ";").replace(".", ","))
+    assert_read(read(tmp_path), poses)
+
+
 @pytest.mark.parametrize("turn", ["helical", "XYZ"])
 @pytest.mark.parametrize("angle", ["deg", "rad"])
 def test_three_numbers_of_an_orientation_of_vicon_are_asked_for(tmp_path, poses, turn, angle):
@@ -425,6 +444,7 @@ def write_qualisys(path, poses, kind="6D", named=True, timed=True, matrix=True, 
             columns += ["Roll", "Pitch", "Yaw", "Residual", *([f"Rot[{k}]" for k in range(9)] if matrix else [])]
             parts += [turn.as_euler("XYZ", degrees=True), np.ones((N, 1))]
             parts += [turn.as_matrix().transpose(0, 2, 1).reshape(N, 9)] if matrix else []
+    rows += [["EVENT", "Start", "1", "0.0"]]
     rows += [columns] if named else [["TRAJECTORY_TYPES", *["Measured"] * len(poses)]] if kind == "3D" else []
     table = np.hstack(parts)
     for k in range(N):
@@ -627,7 +647,14 @@ def test_files_that_only_their_program_reads_say_what_to_export(tmp_path, file, 
         read(tmp_path, file, up="y")
 
 
-@pytest.mark.parametrize(("content", "message"), [(b"", "the file is empty"), (b"\1\0\0\0" * 99, "no text file: it holds zeros")])
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "the file is empty"),
+        (b"\1\0\0\0" * 99, "no text file: export it as text"),
+        (b"PK\3\4" + bytes(99), "no text file: a workbook"),
+    ],
+)
 def test_what_holds_no_text_is_refused(tmp_path, content, message):
     (tmp_path / "take.csv").write_bytes(content)
     with pytest.raises(ValueError, match=f"take.csv: {message}"):

@@ -54,7 +54,7 @@ def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
         return _old(file, head)
     if numbers is None or len(head) < 2:
         raise file.error("no CSV export of Motive: it begins with 'Format Version', and lines above the numbers name the columns")
-    about = _about(file, head[0])
+    about = _about(file, head)
     bodies = _bodies(file, head, about, where)
     timing = _timing(file, head, about, where, unit)
     rows = partial(_from, file, numbers.number)
@@ -87,14 +87,15 @@ def _from(file: TextFile, line: int) -> Iterator[Row]:
     return (row for row in file.rows() if row.number >= line)
 
 
-def _about(file: TextFile, row: Row) -> dict[str, str]:
-    """Values of the known keys of the first line, by the key in small letters."""
-    cells = [cell.strip() for cell in row.cells]
+def _about(file: TextFile, head: Sequence[Row]) -> dict[str, str]:
+    """Values of the known keys of the first line, by the key in small letters; a note may have made several lines of it."""
     found: dict[str, str] = {}
-    for cell, value in zip(cells, [*cells[1:], ""], strict=True):
-        key = cell.lower()
-        if key in KEYS and found.setdefault(key, value) != value:
-            raise file.error(f"'{cell}' is told twice, as '{found[key]}' and as '{value}': correct the header", row)
+    for row in takewhile(lambda row: row.cells[0].strip(), head[:-2]):
+        cells = [cell.strip() for cell in row.cells]
+        for cell, value in zip(cells, [*cells[1:], ""], strict=True):
+            key = cell.lower()
+            if key in KEYS and found.setdefault(key, value) != value:
+                raise file.error(f"'{cell}' is told twice, as '{found[key]}' and as '{value}': correct the header", row)
     return found
 
 
@@ -105,7 +106,9 @@ def _bodies(file: TextFile, head: Sequence[Row], about: dict[str, str], where: C
     types = labelled.get("type") or next((cells for cells in above if any(_is_kind(cell) for cell in cells[2:])), [])
     others = [cells for cells in above if cells is not types and cells[1].strip().lower() not in LABELS[2:]]
     idents = labelled.get("id", [])
-    names = labelled.get("name") or next(iter(others), []) or idents
+    wanted = {where.body, *where.markers}
+    names = labelled.get("name") or next((cells for cells in above if wanted & set(map(str.strip, cells))), [])
+    names = names or next(iter(others), []) or idents
     groups: dict[tuple[str, str, str, int], dict[tuple[str, str], int]] = {}
     latest: dict[tuple[str, str, str], int] = {}
     for place, axis in enumerate(axes):
@@ -161,7 +164,7 @@ def _body(kind: str, name: str, ident: str, columns: dict[tuple[str, str], int],
 
 def _refused(body: Body, space: str) -> Body:
     """The body, with the reason if its columns may tell of it against its parent."""
-    if body.kind.lower() != "bone" or space == "global":
+    if not body.kind.lower().endswith("bone") or space == "global":
         return body
     if space == "local":
         refusal = "the positions of bones are relative to their parents: export it with world coordinates (Coordinate Space: Global)"

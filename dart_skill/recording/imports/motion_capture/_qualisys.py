@@ -35,10 +35,10 @@ def read_qualisys(file: TextFile, where: CaptureFile, unit: str) -> Capture:
         first, *values = (cell.strip() for cell in row.cells)
         if _is_number(first):
             break
-        if first.replace("_", "").isalpha() and first.isupper() and "_" in first or first in ("FREQUENCY", "DESCRIPTION"):
-            about[first] = values
-        else:
+        if any(cell == "X" or cell.endswith(" X") for cell in (first, *values)):
             columns = [first, *values]
+        else:
+            about[first] = values
     else:
         raise file.error("there are no numbers in it")
     names = [name for key in NAMES for name in about.get(key, ()) if name]
