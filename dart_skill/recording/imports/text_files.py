@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
@@ -38,6 +39,8 @@ LAST_LINES = 10
 """So many lines at the end of the sample tell the delimiter: those before them may be a header."""
 LATEST_NS = 2**62
 """Later than any time of a recording [ns]."""
+SCALES = {unit: int(scale) for unit, scale in TIME_UNITS.items()}
+"""Nanoseconds of each unit of time, as whole numbers."""
 CHUNK = 4096
 """Rows that become numbers at a time."""
 
@@ -46,7 +49,7 @@ class Row(NamedTuple):
     """A line that is not empty: its number, from 1, and its cells."""
 
     number: int
-    cells: list[str]
+    cells: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,9 @@ class TextFile:
         try:
             with io.TextIOWrapper(open_file(self.path), self._encoding, errors="replace") as stream:
                 numbered = self._quoted(stream) if self._is_quoted else self._split(stream)
-                yield from (Row(number, cells) for number, cells in numbered if any(map(str.strip, cells)))
+                yield from (
+                    Row(number, cells) for number, cells in numbered if any(map(str.strip, cells[:1])) or any(map(str.strip, cells))
+                )
         except csv.Error as error:
             raise self.error(f"no CSV file: {error}") from error
 
@@ -96,25 +101,29 @@ class TextFile:
         * places: indices of the columns.
         * is_ragged: whether cells may be missing at the end of a row.
         """
-        last = max((*places, timing.place or 0))
+        place, last = timing.place, max((*places, timing.place or 0))
+        pick = itemgetter(*places) if len(places) > 1 else lambda cells: tuple(cells[one] for one in places)
         times: list[int] = []
         parts: list[np.ndarray] = []
         chunk: list[Row] = []
-        for row in rows:
-            number, cells = row
+        for number, cells in rows:
             if len(cells) <= last:
-                if not is_ragged:
-                    missing = min(place for place in (*places, timing.place or 0) if place >= len(cells))
-                    raise self.error(f"{len(cells)} columns, column {missing + 1} is missing: is it the right delimiter?", row)
-                cells = cells + [""] * (last + 1 - len(cells))
-            times.append(len(times) if timing.place is None else self._time(Row(number, cells), timing))
-            chunk.append(Row(number, [cells[place] for place in places]))
+                cells = self._filled(Row(number, cells), timing, places, is_ragged)
+            times.append(len(times) if place is None else self._time(cells[place], number, timing))
+            chunk.append(Row(number, pick(cells)))
             if len(chunk) == CHUNK:
                 parts.append(self._numbers(chunk))
                 chunk = []
         parts.append(self._numbers(chunk).reshape(len(chunk), len(places)))
         stamps = np.rint(np.array(times) * (NS_PER_S / timing.rate)) if timing.rate else times
         return np.array(stamps, dtype=np.int64), np.concatenate(parts)
+
+    def _filled(self, row: Row, timing: Timing, places: Sequence[int], is_ragged: bool) -> list[str]:
+        """The cells of a row that ends too early."""
+        missing = [one for one in (*places, timing.place or 0) if one >= len(row.cells)]
+        if not is_ragged:
+            raise self.error(f"{len(row.cells)} columns, column {min(missing) + 1} is missing: is it the right delimiter?", row)
+        return [*row.cells, *[""] * (max(missing) + 1 - len(row.cells))]
 
     def _beginning(self) -> bytes:
         try:
@@ -194,15 +203,14 @@ class TextFile:
         except ValueError:
             raise self.error(f"'{text}' is no number", row) from None
 
-    def _time(self, row: Row, timing: Timing) -> int:
-        assert timing.place is not None
-        text = row.cells[timing.place].strip()
+    def _time(self, cell: str, number: int, timing: Timing) -> int:
+        text = cell.strip()
         try:
             time = nanoseconds(text, timing.unit) if not timing.rate else int(float(text))
         except (ValueError, OverflowError):
-            raise self.error(f"time '{text}' is no number", row) from None
+            raise self.error(f"time '{text}' is no number", Row(number, [])) from None
         if abs(time) >= LATEST_NS:
-            raise self.error(f"time '{text}' is no time of a recording: is '{timing.unit}' its unit?", row)
+            raise self.error(f"time '{text}' is no time of a recording: is '{timing.unit}' its unit?", Row(number, []))
         return time
 
 
@@ -215,7 +223,7 @@ def nanoseconds(text: str, unit: str = "s") -> int:
     * unit: of the number, of TIME_UNITS.
     """
     try:
-        return int((Decimal(text.replace(",", ".", 1)) * int(TIME_UNITS[unit])).to_integral_value())
+        return int((Decimal(text.replace(",", ".", 1)) * SCALES[unit]).to_integral_value())
     except (InvalidOperation, ValueError):
         if text[:5].count("-") != 1:
             raise ValueError(f"'{text}' is no time") from None
