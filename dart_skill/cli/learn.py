@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from dart_skill.skill.protocol import Skill
     from dart_skill.skills.throw import Throw
 
+AUTO = Path("auto")
+"""What stands for a mapping that is found in the recording."""
 NEXT = "next: dart-skill demo{} --model {}"
 
 
@@ -31,9 +33,10 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
     text = "rosbag2 folder, .mcap or .db3 file, folder with CSV files, or LeRobot dataset; none: the learner of the graph that runs learns"
     parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help=text)
-    parser.add_argument(
-        "--mapping", metavar="FILE", type=Path, help="names topics, columns, axes and units (config/recordings/example.yaml)"
+    text = (
+        "names topics, columns, axes and units (config/recordings/example.yaml); auto: found in the recording, and written beside the model"
     )
+    parser.add_argument("--mapping", metavar="FILE", type=Path, help=text)
     parser.add_argument(
         "--output",
         metavar="MODEL",
@@ -79,6 +82,8 @@ def _learn(options: argparse.Namespace) -> int:
         raise ValueError(f"{output} exists already: name another file with --output")
     if is_dataset(options.bag):
         return _learn_dataset(options, output)
+    if options.mapping == AUTO:
+        options.mapping = _write_mapping(options)
     if not options.mapping and (name := skill_of(options.bag)) != THROW:
         return _learn_skill(options, load_skill(name), output)
     mapping = load_mapping(options.mapping) if options.mapping else None
@@ -89,6 +94,26 @@ def _learn(options: argparse.Namespace) -> int:
     save_model(output, list(report.learned_from), skill.skill.configuration)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0
+
+
+def _write_mapping(options: argparse.Namespace) -> Path | None:
+    """Find the mapping of a bag, and write it; returns its file, None where the bag reads right without one."""
+    from dart_skill.files import new_file
+    from dart_skill.recording.imports import mapping_text
+    from dart_skill.session import auto_mapping
+
+    mapping, found = auto_mapping(options.bag)
+    if found is None and mapping.is_own:
+        return None
+    path = _file_for(options.bag).with_name(f"{_file_for(options.bag).stem.removesuffix('_model')}_mapping.yaml")
+    if path.exists():
+        raise ValueError(f"{path} exists already: give it with --mapping, or move it away")
+    about = f"# {options.bag.name}: {found}\n" if found else ""
+    with new_file(path) as file:
+        file.write((about + mapping_text(mapping)).encode())
+    if not options.json:
+        print("\n".join([*([f"{found}"] if found else []), f"mapping: {path}"]))
+    return path
 
 
 def _file_for(bag: Path) -> Path:
@@ -191,7 +216,7 @@ def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
         else ""
     )
     lines.append(f"learned from {len(learned)} of {len(report.throws)} throws with '{model.configuration.name}'{delay}")
-    lines += filter(None, [skill.practice.patterns()])
+    lines += filter(None, [report.weakness, skill.practice.patterns()])
     lines.append(f"model {model.model_id}: {output}")
     return "\n".join(lines + _next(THROW, output))
 
@@ -226,6 +251,7 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
         "faults": [asdict(fault) for fault in report.faults],
         "throws": [_throw_json(throw) for throw in report.throws],
         "learned_from": [one.id for one in report.learned_from],
+        "weakness": report.weakness,
         "patterns": skill.practice.patterns(),
         "configuration": skill.skill.configuration.name,
         "model_id": skill.skill.model_id,

@@ -47,7 +47,17 @@ if TYPE_CHECKING:
     )
     from dart_skill.recording.grip_signal import OLDER_COMMAND, GripSignal, Opening, completed_command, read_command
     from dart_skill.recording.log_time import LogTime
-    from dart_skill.recording.marks import AS_ASKED, MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped, unwanted
+    from dart_skill.recording.marks import (
+        AS_ASKED,
+        DROPPED,
+        MARK_TOPIC,
+        MARK_TYPE,
+        Marks,
+        check_known,
+        demonstration_id,
+        read_dropped,
+        unwanted,
+    )
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
@@ -64,7 +74,7 @@ else:
             ),
             "grip_signal": "OLDER_COMMAND GripSignal Opening completed_command read_command",
             "log_time": "LogTime",
-            "marks": "AS_ASKED MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped unwanted",
+            "marks": "AS_ASKED DROPPED MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped unwanted",
         },
     )
 
@@ -72,6 +82,7 @@ __all__ = [
     "AS_ASKED",
     "DEMONSTRATION_TOPIC",
     "DEMONSTRATION_TYPE",
+    "DROPPED",
     "SKILL",
     "BagError",
     "BagReader",

@@ -16,6 +16,8 @@ from dart_skill.world import MARK_TOPIC
 
 AS_ASKED = "as asked"
 """The reason why a demonstration is left out that somebody named."""
+DROPPED = "dropped while it was recorded"
+"""The reason why a demonstration is left out that was dropped by its mark."""
 MARK_TYPE = "dart_skill_msgs/msg/DemonstrationMark"
 
 
@@ -65,7 +67,7 @@ def unwanted(bag_path: str | os.PathLike, without: Iterable[str]) -> dict[str, s
 
     without: ids that somebody names. BagError if the marks are of another type.
     """
-    return {**dict.fromkeys(read_dropped(bag_path), "dropped while it was recorded"), **dict.fromkeys(without, AS_ASKED)}
+    return {**dict.fromkeys(read_dropped(bag_path), DROPPED), **dict.fromkeys(without, AS_ASKED)}
 
 
 def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:

@@ -21,8 +21,12 @@ LEVER = 0.1
 """Standard deviation of where the tracked body may be on the hand [m]."""
 PRECISE = 0.01
 """Standard deviation of a position, against which that counts [m]."""
-TOLERATED = 3.0
+TOLERATED = 6.0
 """Residuals beyond so many medians are of samples that are not explained."""
+LEAST_ANGLE = 0.002
+"""Median of residuals that no cameras fall below [rad]."""
+LEAST_ROWS = 4
+"""Samples that a beginning needs."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class PositionFit:
     @property
     def error(self) -> float:
         """Root mean square of what is left, without a tenth of the samples [m]."""
-        return float(np.sqrt(np.mean(np.sort(np.square(self.residual))[: max(1, round(0.9 * len(self.residual)))])))
+        return _trimmed(self.residual, 0.9)
 
 
 @dataclass(frozen=True)
@@ -65,8 +69,13 @@ class OrientationFit:
 
     @property
     def error(self) -> float:
-        """Root mean square of what is left, without a tenth of the samples [rad]."""
-        return float(np.sqrt(np.mean(np.sort(np.square(self.residual))[: max(1, round(0.9 * len(self.residual)))])))
+        """Root mean square of what is left, of the better two thirds of the samples [rad]."""
+        return _trimmed(self.residual, 2.0 / 3.0)
+
+
+def _trimmed(residual: np.ndarray, share: float) -> float:
+    """Root mean square of the smallest residuals (n,), of a share of them."""
+    return float(np.sqrt(np.mean(np.sort(np.square(residual))[: max(1, round(share * len(residual)))])))
 
 
 def fit_positions(seen: np.ndarray, place: np.ndarray, rotation: np.ndarray, may_mirror: bool = True) -> PositionFit:
@@ -78,12 +87,14 @@ def fit_positions(seen: np.ndarray, place: np.ndarray, rotation: np.ndarray, may
     """
     scale, world, shift = (part[0] for part in similarity(seen, place[None], may_mirror))
     fit = _position_fit(seen, place, rotation, float(scale), world, shift, np.zeros(3))
+    best = fit
     for _ in range(ROUNDS):
-        following = _better_positions(fit, place, rotation, seen)
-        if following.error >= (1.0 - SETTLED) * fit.error:
-            break
-        fit = following
-    return fit
+        fit = _better_positions(fit, place, rotation, seen)
+        if fit.error >= (1.0 - SETTLED) * best.error and fit.error > 0.5 * best.error:
+            best = min(best, fit, key=lambda one: one.error)
+            continue
+        best = fit
+    return best
 
 
 def _position_fit(
@@ -136,18 +147,22 @@ def similarity(seen: np.ndarray, bodies: np.ndarray, may_mirror: bool = True) ->
     return scale, world, centre - scale[:, None] * np.einsum("mde,me->md", world, centres)
 
 
-def fit_orientations(seen: np.ndarray, rotation: np.ndarray, rounds: int = ROUNDS) -> OrientationFit:
-    """The fit of rotations (n, 3, 3) that cameras saw to those by the arm (n, 3, 3); samples that nothing explains count little.
+def fit_orientations(seen: np.ndarray, rotation: np.ndarray, rounds: int = ROUNDS, starts: int = 1) -> OrientationFit:
+    """The fit of rotations (n, 3, 3) that cameras saw to those by the arm (n, 3, 3); samples that nothing explains do not count.
 
     It begins with the closed form of Shah, "Solving the robot-world/hand-eye calibration problem using the Kronecker product", 2013.
 
     * seen: of the tracked body, in the world of the cameras.
     * rotation: of the hand, by the arm's kinematics.
     * rounds: in which samples that are not explained lose weight, at most.
+    * starts: beginnings that are tried: with all samples, and each with a few of them, which may be free of those that are not explained.
     """
-    fit = _orientation_fit(seen, rotation, *_closed_form(seen, rotation))
+    parts = [np.arange(len(seen)), *(np.arange(k, len(seen), starts - 1) for k in range(starts - 1))]
+    begun = [_orientation_fit(seen, rotation, *_closed_form(seen[rows], rotation[rows])) for rows in parts if len(rows) >= LEAST_ROWS]
+    fit = min(begun, key=lambda one: float(np.median(one.residual)))
     for _ in range(rounds):
-        weight = 1.0 / (1.0 + np.square(fit.residual / (TOLERATED * max(float(np.median(fit.residual)), 1e-3))))
+        farthest = TOLERATED * max(float(np.median(fit.residual)), LEAST_ANGLE)
+        weight = np.square(np.maximum(0.0, 1.0 - np.square(fit.residual / farthest)))
         world = _rotation(np.einsum("n,nij,nkj->ik", weight, seen, rotation @ fit.hand))
         hand = _rotation(np.einsum("n,nji,njk->ik", weight, world @ rotation, seen))
         before, fit = fit, _orientation_fit(seen, rotation, world, hand)

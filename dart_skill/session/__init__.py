@@ -16,6 +16,7 @@ from dart_skill.session._summary import (
 )
 
 if TYPE_CHECKING:
+    from dart_skill.session._auto_mapping import auto_mapping
     from dart_skill.session._belt import BeltSession
     from dart_skill.session._bench import BenchSession
     from dart_skill.session._darts_demo import Hit, darts_demo, play_leg, throw_dart
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
         summarise,
     )
     from dart_skill.session._demo import Job, throwing_demo
+    from dart_skill.session._disagreement import Cause, Disagreement, disagreement
     from dart_skill.session._finding import find_throws
     from dart_skill.session._from_bag import LearnReport, learn_from_bag
     from dart_skill.session._from_lerobot import (
@@ -53,12 +55,14 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
+            "_auto_mapping": "auto_mapping",
             "_belt": "BeltSession",
             "_bench": "BenchSession",
             "_darts_demo": "Hit darts_demo play_leg throw_dart",
             "_darts_run": "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair before_the_throw darts_json darts_table "
             "summarise",
             "_demo": "Job throwing_demo",
+            "_disagreement": "Cause Disagreement disagreement",
             "_finding": "find_throws",
             "_from_bag": "LearnReport learn_from_bag",
             "_from_lerobot": "learn_other_throws_from_dataset learn_skill_from_dataset learn_throws_from_dataset open_dataset "
@@ -77,6 +81,7 @@ __all__ = [
     "BLOCK",
     "BeltSession",
     "BenchSession",
+    "Cause",
     "Dart",
     "DartsRun",
     "DartsSummary",
@@ -86,6 +91,7 @@ __all__ = [
     "LegSummary",
     "LearnReport",
     "DemoSummary",
+    "Disagreement",
     "ExportedDataset",
     "FPS",
     "PictureMaker",
@@ -100,11 +106,13 @@ __all__ = [
     "Trial",
     "after_the_throw",
     "as_pair",
+    "auto_mapping",
     "basket_in_words",
     "before_the_throw",
     "darts_demo",
     "darts_json",
     "darts_table",
+    "disagreement",
     "error_quantile",
     "find_throws",
     "footer",

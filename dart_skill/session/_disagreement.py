@@ -28,10 +28,10 @@ from dart_skill.recording.imports import (
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, Clock, PoseSource
 from dart_skill.recording.imports.pose_stream import UP_AXES, Axes, axes_matrix, nearest_axes
 from dart_skill.recording.imports.throw_recording import POSE_TYPES
-from dart_skill.robot import ArmModel, Sightings, measure_registration, turn_angles
+from dart_skill.robot import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
 from dart_skill.rotations import of_matrices
 from dart_skill.session._alignment import ClockOffset, Instants, clock_offset, diverse_instants, joints_at
-from dart_skill.session._joint_conventions import APART, GOOD, ConventionSearch, Explanation, JointConvention
+from dart_skill.session._joint_conventions import APART, STARTS, ConventionSearch, Explanation, JointConvention
 
 AGREED_POSITION = 0.015
 """Root mean square of positions up to which joints and cameras agree [m]."""
@@ -49,6 +49,8 @@ STEADY = 0.012
 """Difference between offsets of parts that may be chance [s]."""
 UNIT_ERROR = 0.05
 """Share by which a length may differ from one of LENGTH_UNITS and still be told in it."""
+UNIT_NAMES = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches", "ft": "feet"}
+"""Units of length in words."""
 TURNED = 0.1
 """Turn of a world or of a body that a mapping must say [rad]."""
 MOVED = 0.1
@@ -57,6 +59,8 @@ LEAP = 0.5
 """Angle from which an orientation has leapt to another solution [rad]."""
 FEWEST_LEAPS = 0.02
 """Share of orientations from which such leaps are a cause."""
+SAME_MOVEMENTS = 0.7
+"""Correlation from which two recordings are of the same movements."""
 AWAY = 0.3
 """Distance at which a ball has left the hand [m]."""
 SOON = 0.6
@@ -106,9 +110,12 @@ class Disagreement:
         return self.mapping is not None and self.after[0] < AGREED_POSITION and self.after[1] < AGREED_ANGLE
 
     def __str__(self) -> str:
-        head = f"joints and cameras disagree about the hand by {_far(self.before)}"
+        """In words."""
         causes = "; ".join(map(str, self.causes))
-        if self.mapping is None:
+        if self.before[0] < AGREED_POSITION and self.before[1] < AGREED_ANGLE:
+            return f"joints and cameras saw the same movements, but not in our axes: {causes}"
+        head = f"joints and cameras disagree about the hand by {_far(self.before)}"
+        if not any(one.line for one in self.causes):
             return f"{head}: {causes}"
         return f"{head}: {causes}. This explains {100 * self.explained:.1f} % of it and leaves {_far(self.after)}"
 
@@ -123,17 +130,22 @@ def disagreement(path: str | os.PathLike, mapping: RecordingMapping | None = Non
     as_it_stands = read_recording(path, _as_it_stands(told), mend=False)
     if as_it_stands.joints is None or len(as_it_stands.joints.stamp_ns) < 2 or len(as_it_stands.bodies["hand"]) < 2:
         return None
-    before = _errors(path, told)
-    if before[0] < AGREED_POSITION and before[1] < AGREED_ANGLE:
+    before, agrees = _errors(path, told, mend=False)
+    if agrees:
         return None
     search = _Search(path, told, as_it_stands)
     causes, mended = search.run()
-    return Disagreement(before, _errors(path, mended) if mended else before, tuple(causes), mended)
+    return Disagreement(before, _errors(path, mended, mend=True)[0] if mended else before, tuple(causes), mended)
+
+
+def _agrees(found: Explanation) -> bool:
+    turned = 0.0 if found.orientations is None else found.orientations.error
+    return found.positions.error < AGREED_POSITION and turned < AGREED_ANGLE
 
 
 def _far(error: tuple[float, float]) -> str:
     if not np.isfinite(error[0]):
-        return "more than can be told, as their stamps have no time in common"
+        return "all that they tell, as their stamps have no time in common"
     length = f"{100 * error[0]:.1f} cm" if error[0] < 10.0 else f"{error[0]:.0f} m"
     return f"{length} and {np.degrees(error[1]):.1f} degrees"
 
@@ -152,22 +164,27 @@ def _as_it_stands(told: RecordingMapping) -> RecordingMapping:
     return replace(told, bodies={role: body(where) for role, where in told.bodies.items()}, joints=joints)
 
 
-def _errors(path: str | os.PathLike, mapping: RecordingMapping) -> tuple[float, float]:
-    """Position [m] and orientation [rad] by which joints and cameras disagree in a world that may stand anywhere, root mean squares."""
-    recording = read_recording(path, mapping, mend=False)
+def _errors(path: str | os.PathLike, mapping: RecordingMapping, mend: bool) -> tuple[tuple[float, float], bool]:
+    """Position [m] and orientation [rad] by which joints and cameras disagree in a world that may stand anywhere, root mean squares; and
+    whether they agree, and stand where the mapping says.
+    """
+    recording = read_recording(path, mapping, mend=mend)
     assert recording.joints is not None  # as there were some before
     both = [diverse_instants(recording.bodies["hand"], recording.joints, 0.0, slow) for slow in (True, False)]
-    model, parts = ArmModel(), []
-    for seen in both:
-        good = np.isfinite(seen.quaternion).all(axis=1)
-        parts.append(
-            Sightings.of_joints(model, seen.joints[good], np.zeros_like(seen.joints[good]), seen.position[good], seen.quaternion[good])
-        )
-    together = Sightings.together(parts)
-    if len(together) < 3:
-        return np.inf, np.inf
-    fit = measure_registration(together)
-    return fit.position_error, fit.angle_error
+    joints, position, quaternion = (np.concatenate([getattr(one, name) for one in both]) for name in ("joints", "position", "quaternion"))
+    if len(joints) < 3:
+        return (np.inf, np.inf), False
+    turned = np.isfinite(quaternion).all(axis=1)
+    if turned.sum() < 3:
+        place, rotation, _ = ArmModel().hand_states(joints, np.zeros_like(joints))
+        return (fit_positions(position, place, rotation, may_mirror=False).error, 0.0), False
+    joints, position, quaternion = joints[turned], position[turned], quaternion[turned]
+    fit = measure_registration(Sightings.of_joints(ArmModel(), joints, np.zeros_like(joints), position, quaternion))
+    where = fit.registration
+    turns = [_turn(matrices(np.array(one))) for one in (where.turn, where.hand_turn)]
+    shifts = [np.linalg.norm(one) for one in (where.shift, where.hand_shift)]
+    agrees = fit.position_error < AGREED_POSITION and fit.angle_error < AGREED_ANGLE and max(turns) < TURNED and max(shifts) < MOVED
+    return (fit.position_error, fit.angle_error), bool(agrees)
 
 
 class _Search:
@@ -182,22 +199,28 @@ class _Search:
             told_joints.angle, signs=told_joints.signs or ones, zeros=told_joints.zeros or tuple(0.0 for _ in ones)
         )
         self._told_offset = 1e-9 * (self._where.clock.shift_ns - told_joints.clock.shift_ns)
+        self._is_hand: PoseSource | None = None  # another body than the mapping says
         self._causes: list[Cause] = []
         self._mending: dict[str, dict[str, Any]] = {"hand": {}, "axes": {}, "joints": {}}
 
     def run(self) -> tuple[list[Cause], RecordingMapping | None]:
         offset = clock_offset(self._hand, self._joints)
-        coarse = offset.offset if offset.is_clear else self._told_offset
-        found, topic = self._explanation(coarse)
+        found, coarse = self._explanation(offset)
         if found.positions.error > AGREED_POSITION:
             return [self._hopeless(offset, found)], None
-        if topic:
-            self._blame(f"{topic} moves as the hand does, and {self._where.topic} does not", "hand", topic=topic)
-        self._blame_clocks(found, coarse)
+        late, drift, steady = self._lateness(found, coarse)
+        if not drift and steady and abs(late - coarse) > STEADY:  # with it, also slow movements tell more
+            found = self._search(self._hand, late).explain(found.convention, STARTS)
+            late, drift, steady = self._lateness(found, late)
+        if self._is_hand is not None:
+            name, told = (where.topic or where.body or getattr(where.table, "file", "") for where in (self._is_hand, self._where))
+            keys = {"hand": {"topic": name}} if self._is_hand.topic else {}
+            self._causes.append(Cause(f"{name} moves as the hand does, and {told} does not", flow_text(keys) if keys else ""))
+        self._blame_clocks(late, drift, steady)
         self._blame_joints(found.convention)
         world = self._blame_positions(found)
         self._blame_orientations(found, world)
-        return self._causes, self._mended(topic)
+        return self._causes, self._mended()
 
     def _blame(self, text: str, section: str = "", **keys: Any) -> None:
         line = flow_text({section: keys}) if section else ""
@@ -207,36 +230,45 @@ class _Search:
 
     # what explains most
 
-    def _explanation(self, offset: float) -> tuple[Explanation, str]:
-        """What explains most with an offset of the clocks, and the topic of the body that is the hand, if it is another one."""
+    def _explanation(self, clocks: ClockOffset) -> tuple[Explanation, float]:
+        """What explains most, and with which offset of the clocks; another body takes the place of the hand where only that explains it."""
+        offset = self._offset(clocks)
         search = self._search(self._hand, offset)
         plain = search.plain(self._convention)
-        if plain.cost(self._convention) <= GOOD:
-            return plain, ""
-        for topic, stream in self._other_bodies():
-            other = self._search(stream, offset).plain(self._convention)
-            if other.error <= GOOD:
-                self._hand = stream
-                return other, topic
-        return search.best(self._convention), ""
+        if plain.is_good or (_agrees(plain) and not plain.is_mirrored):
+            return plain, offset
+        if plain.positions.error > AGREED_POSITION:
+            for stream, where in self._other_bodies():
+                its = self._offset(clock_offset(stream, self._joints))
+                other = self._search(stream, its).plain(self._convention)
+                if other.is_good:
+                    self._hand, self._is_hand = stream, where
+                    return other, its
+        return search.best(self._convention), offset
+
+    def _offset(self, clocks: ClockOffset) -> float:
+        return clocks.offset if clocks.is_clear else self._told_offset
 
     def _search(self, hand: PoseStream, offset: float) -> ConventionSearch:
         seen = diverse_instants(hand, self._joints, offset, slow=True)
         return ConventionSearch(self._model, seen.joints, seen.position, seen.quaternion)
 
-    def _other_bodies(self) -> Iterator[tuple[str, PoseStream]]:
-        """Every other topic with poses of the bag, and what was recorded there."""
+    def _other_bodies(self) -> Iterator[tuple[PoseStream, PoseSource]]:
+        """Every other body that was recorded, and where: those of the mapping, and in a bag every topic with poses."""
+        for role, where in self._told.bodies.items():
+            if role != "hand" and not where.fixed:
+                yield self._recording.bodies[role], where
         if not self._where.topic:
             return
+        known = {where.topic for where in self._told.bodies.values()}
         with BagReader(self._path) as bag:
             kinds = {name: info.type_name.rsplit("/", 1)[-1] for name, info in bag.topics.items() if info.count}
-        for topic in sorted(name for name, kind in kinds.items() if kind in POSE_TYPES and kind != "TFMessage"):
-            if topic != self._where.topic:
-                one = RecordingMapping({"hand": PoseSource(topic=topic, clock=_as_it_stands(self._told).bodies["hand"].clock)})
-                yield topic, read_recording(self._path, one, mend=False).bodies["hand"]
+        for topic in sorted(name for name, kind in kinds.items() if kind in POSE_TYPES and kind != "TFMessage" and name not in known):
+            one = RecordingMapping({"hand": replace(_as_it_stands(self._told).bodies["hand"], topic=topic, frame="")})
+            yield read_recording(self._path, one, mend=False).bodies["hand"], replace(self._where, topic=topic, frame="")
 
     def _hopeless(self, offset: ClockOffset, found: Explanation) -> Cause:
-        if max(offset.correlation, offset.as_stamped) < 0.5:
+        if max(offset.correlation, offset.as_stamped) < SAME_MOVEMENTS:
             return Cause(
                 "arm and hand do not move at the same times, whatever their clocks say: are both of the same session, and is it the hand?"
             )
@@ -248,18 +280,19 @@ class _Search:
 
     # clocks
 
-    def _blame_clocks(self, found: Explanation, coarse: float) -> None:
-        late, drift, steady = self._lateness(found, coarse)
+    def _blame_clocks(self, late: float, drift: float, steady: bool) -> None:
         if not steady:
             self._blame("the clocks of joints and cameras jump against each other: record both with one clock, or cut the recording there")
         ours, theirs = 1e-9 * self._where.clock.shift_ns, 1e-9 * self._told.joints.clock.shift_ns  # type: ignore[union-attr]
         if drift:
-            text = f"the clock of the joints gains {1e3 * drift:.3f} ms a second on that of the cameras"
+            goes = "gains" if drift > 0.0 else "loses"
+            text = f"the clock of the joints {goes} {1e3 * abs(drift):.3f} ms a second on that of the cameras"
             share = 1.0 / (1.0 + drift)
             self._blame(text, "joints", time_drift=round(-drift * share, 9), time_shift=round(ours - late * share, 6))
         elif abs(late - self._told_offset) > LATE:
             apart = late - self._told_offset
-            by = f"{1e3 * abs(apart):.0f} ms {'late' if apart > 0.0 else 'early'}"
+            span = f"{1e3 * abs(apart):.0f} ms" if abs(apart) < 10.0 else f"{abs(apart):.1f} s"
+            by = f"{span} {'late' if apart > 0.0 else 'early'}"
             if self._hand_opens_in_time():
                 self._blame(f"the stamps of the joints are {by} against those of the cameras", "joints", time_shift=round(ours - late, 6))
             else:
@@ -330,8 +363,7 @@ class _Search:
         table = self._told.joints and self._told.joints.table
         if table is None:
             return {"names": [self._joints.names[k] for k in order]}
-        columns = {name: list(found) for name, found in table.columns.items()}
-        return {"columns": {name: [found[k] for k in order] if len(found) == N_JOINTS else found for name, found in columns.items()}}
+        return {"columns": {name: [found[k] for k in order] for name, found in table.columns.items() if len(found) == N_JOINTS}}
 
     # positions
 
@@ -342,7 +374,7 @@ class _Search:
         if abs(fit.scale * LENGTH_UNITS[unit] - 1.0) > UNIT_ERROR:
             self._blame(f"a metre of the arm is {fit.scale:.4g} of the cameras: calibrate them, or is it another arm?")
         elif unit != where.length:
-            self._blame(f"positions are in {unit}", "axes", length=unit)
+            self._blame(f"positions are in {UNIT_NAMES[unit]}", "axes", length=unit)
         to_arm = fit.world.T
         shift = -to_arm @ fit.shift / fit.scale
         told = _matrix(where.axes)
@@ -400,10 +432,14 @@ class _Search:
             text = f"the tracked body sits otherwise on the hand, {100 * np.linalg.norm(lever):.0f} cm away and turned by"
             self._blame(f"{text} {np.degrees(_turn(turned)):.0f} degrees", "hand", offset=_rigid(shift, turned))
 
-    def _mended(self, topic: str) -> RecordingMapping:
+    def _mended(self) -> RecordingMapping:
         """The mapping with all that mends the recording."""
         told, axes, joints = self._told, self._mending["axes"], self._mending["joints"]
-        bodies = {role: where if where.fixed else mended_pose(where, axes) for role, where in told.bodies.items()}
+        sources = dict(told.bodies)
+        if self._is_hand is not None:  # what the mapping takes for the hand stands for the body that is
+            sources = {role: self._where if where is self._is_hand else where for role, where in sources.items()}
+            sources["hand"] = self._is_hand
+        bodies = {role: where if where.fixed else mended_pose(where, axes) for role, where in sources.items()}
         bodies["hand"] = mended_pose(bodies["hand"], self._mending["hand"])
         assert told.joints is not None  # as it was read
         return replace(told, bodies=bodies, joints=mended_joints(told.joints, joints))

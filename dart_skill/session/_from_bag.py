@@ -17,7 +17,7 @@ import numpy as np
 
 from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import AS_ASKED, Demonstration, check_known, each_demonstration, unwanted
+from dart_skill.recording import AS_ASKED, DROPPED, Demonstration, check_known, each_demonstration, unwanted
 from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 OWN_THROW = "thrown by the arm itself"
 """Why a throw is left out that no person guided."""
+MISSED = "missed the basket"
+"""Why a throw is left out that somebody guided elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,16 @@ class LearnReport:
     def learned_from(self) -> tuple[Demonstration, ...]:
         """The demonstrations that the skill was learned from."""
         return tuple(throw.demonstration for throw in self.throws if throw.demonstration is not None and not throw.reason)
+
+    @property
+    def weakness(self) -> str:
+        """Why a model that was learned from a few left-overs is weak; empty where most of what could be learned from was."""
+        unusable = [throw.reason for throw in self.throws if throw.reason and throw.was is None and not _is_unwanted(throw.reason)]
+        learned = len(self.learned_from)
+        if len(unusable) <= learned:
+            return ""
+        reasons = "; ".join(sorted({*unusable}))
+        return f"weak: {learned} of {learned + len(unusable)} demonstrations could be learned from; the others: {reasons}"
 
 
 def learn_from_bag(
@@ -82,11 +94,26 @@ def learn_from_bag(
         memory.take(_unless(FoundThrow(_instant(one), True, one), reasons) for one in each_demonstration(path))
         report = replace(report, throws=tuple(memory.throws))
     _check_without(report, without)
-    if len(report.learned_from) < LEAST_DEMONSTRATIONS:
+    too_few = len(report.learned_from) < LEAST_DEMONSTRATIONS
+    if raw and has_joints and (too_few or report.weakness):
+        _refuse_disagreement(path, mapping, report)
+    if too_few:
         raise ValueError(_too_few(report, has_joints))
     from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
 
     return PractisingSkill(list(report.learned_from), chosen, method), report
+
+
+def _refuse_disagreement(path: str | os.PathLike, mapping: RecordingMapping | None, report: LearnReport) -> None:
+    """ValueError that says why joints and cameras disagree, if they do."""
+    from dart_skill.session._disagreement import disagreement  # a recording that can be learned from needs none
+
+    found = disagreement(path, mapping)
+    if found is None:
+        return
+    learned = f"{report.source}: {len(report.learned_from)} of {len(report.throws)} throws could be learned from"
+    mend = "; 'dart-skill learn BAG --mapping auto' writes that mapping" if found.mapping is not None and mapping is None else ""
+    raise ValueError(f"{learned}: {found}{mend}")
 
 
 def throws_in_bag(
@@ -144,6 +171,11 @@ def _unless(throw: FoundThrow, reasons: Mapping[str, str]) -> FoundThrow:
     return replace(throw, reason=reasons.get(throw.demonstration.id, ""))
 
 
+def _is_unwanted(reason: str) -> bool:
+    """Whether a throw is left out because it is none that was asked for, and not because something is wrong with it."""
+    return reason in (OWN_THROW, MISSED, AS_ASKED, DROPPED)
+
+
 def _check_without(report: LearnReport, without: Sequence[str]) -> None:
     check_known(without, [throw.shown[0] for throw in report.throws if throw.shown is not None], report.source)
 
@@ -155,7 +187,7 @@ def _judged(throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, re
         return throw
     if not with_throws:
         reason = "" if throw.taught else OWN_THROW
-        reason = reason or ("" if outcome.in_basket else "missed the basket")
+        reason = reason or ("" if outcome.in_basket else MISSED)
     if not reason:
         try:
             prepare(one, chosen)

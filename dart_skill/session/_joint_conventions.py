@@ -15,9 +15,9 @@ from dart_skill.robot import ArmModel, OrientationFit, PositionFit, fit_orientat
 
 ROUGH = 16
 """Instants at which every order and every choice of signs is tried."""
-BEST = 30
+BEST = 15
 """How many of them are looked at closely."""
-GRID = np.pi / 18.0
+GRID = np.pi / 9.0
 """Step in which the zero of one joint is looked for [rad]."""
 ANY_ZERO = 3.0
 """Standard deviation of a joint's zero, where other things explain as much [rad]."""
@@ -37,8 +37,10 @@ MIRROR = np.diag([1.0, 1.0, -1.0])
 """Mirrors the z axis of a body that is told in left-handed axes."""
 APART = 0.3
 """Turns beyond this are no inaccuracy of a world or a body that was set up to agree [rad]."""
-LIKELY = 3
-"""Readings of orientations that are looked at closely."""
+LIKELY = 1.5
+"""Readings of orientations whose rough error is within this factor of the least are looked at closely."""
+STARTS = 9
+"""Beginnings of a fit of orientations of which some may have leapt."""
 LEAST_TURNED = 10
 """Instants with an orientation from which they tell something."""
 IN_RADIANS = 2.2 * np.pi
@@ -121,6 +123,11 @@ class Explanation:
         turn = 0.0 if self.orientations is None else self.orientations.error / GOOD_ANGLE
         return float(np.hypot(self.positions.error / GOOD_POSITION, turn))
 
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing better needs to be looked for; a mirrored world may stand for joints that are counted the other way."""
+        return self.error * 2.0**self.is_mirrored <= GOOD
+
     def cost(self, told: JointConvention) -> float:
         """The error, doubled for each difference from what is told and for a mirrored world; told: of the joints."""
         differences = sum(getattr(self.convention, field.name) != getattr(told, field.name) for field in fields(told))
@@ -142,17 +149,25 @@ class ConventionSearch:
         enough = len(self._turned) >= LEAST_TURNED
         self._readings = {one: one.rotations(quaternion[self._turned]) for one in READINGS} if enough else {}
 
-    def explain(self, convention: JointConvention) -> Explanation:
-        """How well a convention explains what was seen."""
+    def explain(self, convention: JointConvention, starts: int = 1, rounds: int = 6) -> Explanation:
+        """How well a convention explains what was seen.
+
+        * convention: of the joints.
+        * starts, rounds: as of `fit_orientations`.
+        """
         joints = convention.joints(self._recorded)
         place, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
         positions = fit_positions(self._seen, place, rotation)
         if not self._readings:
             return Explanation(convention, None, positions, None)
         rotation = rotation[self._turned]
-        rough = {one: fit_orientations(seen, rotation, rounds=0).error for one, seen in self._readings.items()}
-        likely = sorted(rough, key=lambda one: rough[one])[:LIKELY]
-        fits = {one: fit_orientations(self._readings[one], rotation) for one in likely}
+        mirrored = bool(np.linalg.det(positions.world) < 0.0)
+        possible = [one for one in self._readings if mirrored or not one.is_mirrored]
+        fits = {one: fit_orientations(self._readings[one], rotation, rounds=0) for one in possible}
+        least = min(fit.error for fit in fits.values())
+        if rounds:
+            likely = [one for one, fit in fits.items() if starts > 1 or fit.error <= LIKELY * least]
+            fits = {one: fit_orientations(self._readings[one], rotation, rounds, starts) for one in likely}
 
         def cost(one: QuaternionReading) -> float:
             apart = (one.order != "xyzw") + one.is_inverse + (_turn_between(fits[one], positions, one) > APART)
@@ -164,7 +179,7 @@ class ConventionSearch:
 
     def plain(self, told: JointConvention) -> Explanation:
         """The better one of what is told, and the same in the unit that the numbers suggest."""
-        return min((self.explain(replace(told, angle=unit)) for unit in self._units(told)), key=lambda one: one.cost(told))
+        return min((self.explain(replace(told, angle=unit), STARTS) for unit in self._units(told)), key=lambda one: one.cost(told))
 
     def _units(self, told: JointConvention) -> list[str]:
         return list(dict.fromkeys([told.angle, "deg" if np.abs(self._recorded).max() > IN_RADIANS else "rad"]))
@@ -175,15 +190,15 @@ class ConventionSearch:
         * told: tried first.
         """
         units = self._units(told)
-        found = [self.explain(replace(told, angle=unit)) for unit in units]
+        found = [self.explain(replace(told, angle=unit), STARTS) for unit in units]
         ways = [self._other_order, self._other_signs, self._other_zeros]
         tried = []
         for way in ways:
-            if min(one.cost(told) for one in found) > GOOD:
+            if not any(one.is_good for one in found):
                 tried.append(way(replace(told, angle=units[-1])))
                 found.append(self.explain(tried[-1]))
         for convention, way in zip(tried, (self._other_signs, self._other_zeros), strict=False):
-            if min(one.cost(told) for one in found) > GOOD:
+            if not any(one.is_good for one in found):
                 found.append(self.explain(way(convention)))
         return min(found, key=lambda one: one.cost(told))
 
@@ -215,19 +230,19 @@ class ConventionSearch:
 
         inner = np.eye(N_JOINTS - 2)
         alone = [turn * axis for axis in inner for turn in np.arange(-np.pi, np.pi, GRID)]
-        start = min(alone, key=lambda one: self.explain(moved(one)).error)
+        start = min(alone, key=lambda one: self.explain(moved(one), rounds=0).error)
 
         def misfit(zeros: np.ndarray) -> np.ndarray:
-            found = self.explain(moved(zeros))
+            found = self.explain(moved(zeros), rounds=2)
             turned = np.empty(0) if found.orientations is None else found.orientations.residual / GOOD_ANGLE
             return np.concatenate([found.positions.residual / GOOD_POSITION, turned, zeros / ANY_ZERO])
 
         of_one = np.flatnonzero(start)
         fit = least_squares(lambda x: misfit(x[0] * np.sign(start[of_one]) * inner[of_one[0]]) if len(of_one) else misfit(start),
-                            [float(np.abs(start).max())], loss="soft_l1", diff_step=1e-4, max_nfev=25)  # fmt: skip
+                            [float(np.abs(start).max())], loss="soft_l1", diff_step=1e-4, max_nfev=12)  # fmt: skip
         single = moved(fit.x[0] * np.sign(start))
         if self.explain(single).error < GOOD:
             return single
-        fit = least_squares(misfit, fit.x[0] * np.sign(start), loss="soft_l1", f_scale=FAR, diff_step=1e-4, max_nfev=25)
+        fit = least_squares(misfit, fit.x[0] * np.sign(start), loss="soft_l1", f_scale=FAR, diff_step=1e-4, max_nfev=12)
         zeros = (fit.x + np.pi) % (2.0 * np.pi) - np.pi
         return moved(np.where(np.abs(zeros) < SMALL_ZERO, 0.0, zeros))

@@ -188,6 +188,11 @@ class RecordingMapping:
     frame: str = the_world().frame_id
     optional: tuple[str, ...] = ()
 
+    @property
+    def is_own(self) -> bool:
+        """Whether everything is where our own recorder writes it."""
+        return self.bodies == OWN.bodies and self.joints == OWN.joints
+
 
 OWN = RecordingMapping(
     {role: PoseSource(topic=topic, frame=the_world().frame_id) for role, topic in the_world().pose_topics().items()},
@@ -301,7 +306,8 @@ def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
     found = replace(_joint_keys(section, where), clock=_clock(section, where.clock))
     part = section.section("columns")
     if part is not None and where.table is not None:
-        columns = {name: _columns(part, name, (len(of_this),)) for name, of_this in where.table.columns.items() if of_this}
+        columns = {name: _columns(part, name, (len(of_this),)) for name, of_this in where.table.columns.items() if part.has(name)}
+        part.nothing_else()
         found = replace(found, table=replace(where.table, columns={**where.table.columns, **columns}))
     section.nothing_else()
     return found

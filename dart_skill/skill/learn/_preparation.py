@@ -209,9 +209,7 @@ def _check_joints(both: Sightings) -> None:
     off = measure_registration(both)
     if off.position_error > OFF_POSITION or off.angle_error > OFF_ANGLE:
         far = f"{100 * off.position_error:.0f} cm and {np.degrees(off.angle_error):.0f} degrees"
-        raise ValueError(
-            f"by its joints the hand moved otherwise than the cameras saw it, by {far}: give them in radians, in the arm's order"
-        )
+        raise ValueError(f"by its joints the hand moved otherwise than the cameras saw it, by {far}")
 
 
 def _explains(registration: Registration, both: Sightings) -> bool:
