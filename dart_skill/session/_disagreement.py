@@ -157,7 +157,7 @@ def _as_it_stands(told: RecordingMapping) -> RecordingMapping:
         return replace(clock, shift_ns=0, drift=0.0)
 
     def body(where: PoseSource) -> PoseSource:
-        kept = ("topic", "child", "table", "motive", "body", "fixed", "frame")
+        kept = ("topic", "child", "table", "capture", "fixed", "frame")
         return PoseSource(**{name: getattr(where, name) for name in kept}, clock=plain(where.clock))
 
     joints = told.joints and replace(told.joints, angle="rad", signs=(), zeros=(), clock=plain(told.joints.clock))
@@ -213,7 +213,7 @@ class _Search:
             found = self._search(self._hand, late).explain(found.convention, STARTS)
             late, drift, steady = self._lateness(found, late)
         if self._is_hand is not None:
-            name, told = (where.topic or where.body or getattr(where.table, "file", "") for where in (self._is_hand, self._where))
+            name, told = (where.name for where in (self._is_hand, self._where))
             keys = {"hand": {"topic": name}} if self._is_hand.topic else {}
             self._causes.append(Cause(f"{name} moves as the hand does, and {told} does not", flow_text(keys) if keys else ""))
         self._blame_clocks(late, drift, steady)

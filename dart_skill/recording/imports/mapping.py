@@ -144,6 +144,12 @@ class PoseSource:
     told: frozenset[str] = frozenset()
 
     @property
+    def name(self) -> str:
+        """What it is called where it was recorded."""
+        of_capture = self.capture and (", ".join(self.capture.markers) or self.capture.body)
+        return self.topic or of_capture or (self.table.file if self.table else "")
+
+    @property
     def is_plain(self) -> bool:
         """Whether the poses are in our axes already."""
         moved = any(t.position.any() or t.quaternion[:3].any() for t in (self.world, self.offset))

@@ -9,10 +9,11 @@ import warnings
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from dart_skill.extras import explained
-from dart_skill.recording.imports import MappingError, convert, parse_mapping, read_recording
+from dart_skill.recording.imports import MappingError, convert, mapping_text, parse_mapping, read_recording
 
 N, RATE = 40, 100
 TIME = np.arange(N) / RATE
@@ -684,3 +685,14 @@ def test_a_file_becomes_a_bag(tmp_path, poses):
     mapping |= {role: {"capture": "take.csv", "body": name} for role, name in (("hand", "Hand"), ("ball", "Ball"))}
     convert(tmp_path, tmp_path / "bag", parse_mapping(mapping))
     assert_read(read_recording(tmp_path / "bag", mend=False), poses)
+
+
+def test_a_mapping_with_files_is_written_as_it_is_read():
+    hand = {"capture": "take.csv", "markers": ["a", "b", "c"], "up": "z", "length": "m", "rotation": ["XYZ", "deg"], "rate": 100.0}
+    ball = {"capture": "take.csv", "body": "Ball", "space": "global", "xyz": ["x", "-z", "y"]}
+    mapping = parse_mapping({"hand": hand, "ball": ball, "basket": {"position": [2.0, 0.3, 0.4]}})
+    written = parse_mapping(yaml.safe_load(mapping_text(mapping)))
+    for role in ("hand", "ball"):
+        assert written.bodies[role].capture == mapping.bodies[role].capture
+        assert written.bodies[role].axes == mapping.bodies[role].axes and written.bodies[role].length == "m"
+    assert "length" in written.bodies["hand"].told and "length" not in written.bodies["ball"].told
