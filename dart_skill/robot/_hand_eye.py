@@ -25,6 +25,8 @@ TOLERATED = 6.0
 """Residuals beyond so many medians are of samples that are not explained."""
 LEAST_ANGLE = 0.002
 """Median of residuals that no cameras fall below [rad]."""
+DOUBTFUL = 0.1
+"""Error of a fit to all samples from which some may not be explained [rad]."""
 LEAST_ROWS = 4
 """Samples that a beginning needs."""
 
@@ -155,11 +157,13 @@ def fit_orientations(seen: np.ndarray, rotation: np.ndarray, rounds: int = ROUND
     * seen: of the tracked body, in the world of the cameras.
     * rotation: of the hand, by the arm's kinematics.
     * rounds: in which samples that are not explained lose weight, at most.
-    * starts: beginnings that are tried: with all samples, and each with a few of them, which may be free of those that are not explained.
+    * starts: beginnings: with all samples, and where that is doubtful with parts of them, which may be free of what is not explained.
     """
-    parts = [np.arange(len(seen)), *(np.arange(k, len(seen), starts - 1) for k in range(starts - 1))]
-    begun = [_orientation_fit(seen, rotation, *_closed_form(seen[rows], rotation[rows])) for rows in parts if len(rows) >= LEAST_ROWS]
-    fit = min(begun, key=lambda one: float(np.median(one.residual)))
+    fit = _orientation_fit(seen, rotation, *_closed_form(seen, rotation))
+    if fit.error > DOUBTFUL:
+        parts = [np.arange(k, len(seen), starts - 1) for k in range(starts - 1)]
+        begun = [_orientation_fit(seen, rotation, *_closed_form(seen[rows], rotation[rows])) for rows in parts if len(rows) >= LEAST_ROWS]
+        fit = min([fit, *begun], key=lambda one: one.error)
     for _ in range(rounds):
         farthest = TOLERATED * max(float(np.median(fit.residual)), LEAST_ANGLE)
         weight = np.square(np.maximum(0.0, 1.0 - np.square(fit.residual / farthest)))

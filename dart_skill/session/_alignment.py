@@ -23,28 +23,34 @@ CLEARLY = 0.05
 """By so much a correlation must be better than the one without an offset."""
 LEAST_CORRELATION = 0.5
 """Correlation from which two recordings are of the same movements."""
+CANDIDATES = 4
+"""Offsets that are looked at."""
+APART = 0.5
+"""Difference between two of them [s]."""
 INSTANTS = 50
 """Instants at which a hand is compared."""
+ALIKE = 1e-3
+"""Postures that differ by less are one."""
 LOOKED_AT = 2000
 """Samples of which those instants are chosen."""
 
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """How the stamps of the joints differ from those of the cameras.
+    """How the stamps of the joints may differ from those of the cameras.
 
-    * offset: of the joints' stamps after the cameras' [s].
-    * correlation: of the movements with that offset, from -1 to 1.
+    * offsets: (k,) of the joints' stamps after the cameras', the likeliest first [s].
+    * correlation: of the movements with the first of them, from -1 to 1.
     * as_stamped: the same without an offset; -1 where the recordings do not overlap.
     """
 
-    offset: float
+    offsets: tuple[float, ...]
     correlation: float
     as_stamped: float
 
     @property
     def is_clear(self) -> bool:
-        """Whether the offset explains the movements better than none."""
+        """Whether an offset explains the movements better than none."""
         return self.correlation > max(LEAST_CORRELATION, self.as_stamped + CLEARLY)
 
 
@@ -73,12 +79,21 @@ def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
     origin = min(int(hand.stamp_ns[0]), int(joints.stamp_ns[0]))
     seen, arm = (_activity(stream.stamp_ns - origin, stream.position) for stream in (hand, joints))
     if seen is None or arm is None:
-        return ClockOffset(0.0, 0.0, 0.0)
-    lags, correlation = _correlation(seen[1], arm[1])
+        return ClockOffset((), 0.0, 0.0)
+    lags, correlation, shared = _correlation(seen[1], arm[1])
     offsets = lags / RATE + arm[0] - seen[0]
-    best, none = int(np.argmax(correlation)), int(np.argmin(np.abs(offsets)))
+    merit = correlation * np.sqrt(shared)  # of movements that repeat themselves, what explains more of them
+    best = [int(np.argmax(merit))]
+    near = round(APART * RATE)
+    while len(best) < CANDIDATES:
+        merit[max(0, best[-1] - near) : best[-1] + near] = -1.0
+        following = int(np.argmax(merit))
+        if merit[following] <= 0.0:
+            break
+        best.append(following)
+    none = int(np.argmin(np.abs(offsets)))
     as_stamped = float(correlation[none]) if abs(offsets[none]) <= 1.0 / RATE else -1.0
-    return ClockOffset(float(offsets[best]), float(correlation[best]), as_stamped)
+    return ClockOffset(tuple(offsets[best].tolist()), float(correlation[best[0]]), as_stamped)
 
 
 def diverse_instants(hand: PoseStream, joints: JointStream, offset: float, slow: bool) -> Instants:
@@ -150,8 +165,10 @@ def _activity(stamp_ns: np.ndarray, values: np.ndarray) -> tuple[float, np.ndarr
     return (float(time[0]), np.tanh(speed / (0.3 * usual))) if usual > 0.0 else None
 
 
-def _correlation(seen: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lags (k,) of the second behind the first that leave enough to compare [samples], and the correlation (k,) with each."""
+def _correlation(seen: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lags (k,) of the second behind the first that leave enough to compare [samples], with each the correlation (k,), and how much of the
+    shorter one is compared (k,), from 0 to 1.
+    """
     from scipy.signal import correlate, correlation_lags
 
     lags = correlation_lags(len(arm), len(seen))
@@ -161,15 +178,16 @@ def _correlation(seen: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndar
     square_arm, square_seen = correlate(arm**2, ones[0]) / count, correlate(ones[1], seen**2) / count
     covariance = correlate(arm, seen) / count - total_arm * total_seen
     spread = np.sqrt(np.maximum(square_arm - total_arm**2, 1e-9) * np.maximum(square_seen - total_seen**2, 1e-9))
-    enough = count >= OVERLAP * min(len(seen), len(arm))
-    return lags[enough], (covariance / spread)[enough]
+    shared = count / min(len(seen), len(arm))
+    enough = shared >= OVERLAP
+    return lags[enough], (covariance / spread)[enough], shared[enough]
 
 
 def _farthest_points(points: np.ndarray, count: int) -> np.ndarray:
     """Indices of points (n, d) each of which is as far as possible from those before it."""
     chosen = [0]
     distance = np.linalg.norm(points - points[0], axis=1)
-    while len(chosen) < min(count, len(points)):
+    while len(chosen) < min(count, len(points)) and distance.max() > ALIKE:
         chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return np.array(chosen)

@@ -6,9 +6,7 @@ import os
 from dataclasses import replace
 
 from dart_skill.recording import BagError, BagReader, TopicInfo
-from dart_skill.recording.imports import PoseSource, RecordingMapping, SignalSource
-from dart_skill.recording.imports.mapping import OWN
-from dart_skill.recording.imports.throw_recording import POSE_TYPES
+from dart_skill.recording.imports import OWN, POSE_TYPES, PoseSource, RecordingMapping, SignalSource
 from dart_skill.session._disagreement import Disagreement, disagreement
 
 

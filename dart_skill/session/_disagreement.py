@@ -17,20 +17,27 @@ from dart_skill.constants import N_JOINTS
 from dart_skill.quaternions import matrices
 from dart_skill.recording import BagReader
 from dart_skill.recording.imports import (
+    AS_OURS,
+    LENGTH_UNITS,
+    OWN,
+    POSE_TYPES,
+    UP_AXES,
+    Axes,
+    Clock,
+    PoseSource,
     PoseStream,
     RecordingMapping,
     ThrowRecording,
+    axes_matrix,
     flow_text,
     mended_joints,
     mended_pose,
+    nearest_axes,
     read_recording,
 )
-from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, Clock, PoseSource
-from dart_skill.recording.imports.pose_stream import UP_AXES, Axes, axes_matrix, nearest_axes
-from dart_skill.recording.imports.throw_recording import POSE_TYPES
 from dart_skill.robot import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
 from dart_skill.rotations import of_matrices
-from dart_skill.session._alignment import ClockOffset, Instants, clock_offset, diverse_instants, joints_at
+from dart_skill.session._alignment import LOOKED_AT, ClockOffset, Instants, at_instants, clock_offset, diverse_instants, joints_at
 from dart_skill.session._joint_conventions import APART, STARTS, ConventionSearch, Explanation, JointConvention
 
 AGREED_POSITION = 0.015
@@ -43,6 +50,8 @@ REACH = 0.3
 """Farthest offset from the one by movements that is looked for [s]."""
 FINE = 0.002
 """Step in which it is looked for [s]."""
+CLOCK_ROUNDS = 4
+"""Rounds in which clocks and hand are found in turn."""
 PIECES = 5
 """Parts of a recording whose offsets are compared."""
 STEADY = 0.012
@@ -158,7 +167,9 @@ def _as_it_stands(told: RecordingMapping) -> RecordingMapping:
 
     def body(where: PoseSource) -> PoseSource:
         kept = ("topic", "child", "table", "capture", "fixed", "frame")
-        return PoseSource(**{name: getattr(where, name) for name in kept}, clock=plain(where.clock))
+        found = PoseSource(**{name: getattr(where, name) for name in kept}, clock=plain(where.clock))
+        # of a file of motion capture the mapping must say what that does not
+        return replace(found, told=where.told | {"xyz"}, length=where.length) if where.capture else found
 
     joints = told.joints and replace(told.joints, angle="rad", signs=(), zeros=(), clock=plain(told.joints.clock))
     return replace(told, bodies={role: body(where) for role, where in told.bodies.items()}, joints=joints)
@@ -199,6 +210,7 @@ class _Search:
             told_joints.angle, signs=told_joints.signs or ones, zeros=told_joints.zeros or tuple(0.0 for _ in ones)
         )
         self._told_offset = 1e-9 * (self._where.clock.shift_ns - told_joints.clock.shift_ns)
+        self._aligned = self._joints  # on the clock of the cameras
         self._is_hand: PoseSource | None = None  # another body than the mapping says
         self._causes: list[Cause] = []
         self._mending: dict[str, dict[str, Any]] = {"hand": {}, "axes": {}, "joints": {}}
@@ -208,10 +220,7 @@ class _Search:
         found, coarse = self._explanation(offset)
         if found.positions.error > AGREED_POSITION:
             return [self._hopeless(offset, found)], None
-        late, drift, steady = self._lateness(found, coarse)
-        if not drift and steady and abs(late - coarse) > STEADY:  # with it, also slow movements tell more
-            found = self._search(self._hand, late).explain(found.convention, STARTS)
-            late, drift, steady = self._lateness(found, late)
+        found, late, drift, steady = self._with_clocks(found, coarse)
         if self._is_hand is not None:
             name, told = (where.name for where in (self._is_hand, self._where))
             keys = {"hand": {"topic": name}} if self._is_hand.topic else {}
@@ -220,6 +229,8 @@ class _Search:
         self._blame_joints(found.convention)
         world = self._blame_positions(found)
         self._blame_orientations(found, world)
+        if steady:
+            self._blame_leaps(found)
         return self._causes, self._mended()
 
     def _blame(self, text: str, section: str = "", **keys: Any) -> None:
@@ -232,22 +243,23 @@ class _Search:
 
     def _explanation(self, clocks: ClockOffset) -> tuple[Explanation, float]:
         """What explains most, and with which offset of the clocks; another body takes the place of the hand where only that explains it."""
-        offset = self._offset(clocks)
-        search = self._search(self._hand, offset)
-        plain = search.plain(self._convention)
-        if plain.is_good or (_agrees(plain) and not plain.is_mirrored):
-            return plain, offset
-        if plain.positions.error > AGREED_POSITION:
+        for offset in self._offsets(clocks):
+            plain = self._search(self._hand, offset).plain(self._convention)
+            if plain.is_good or (_agrees(plain) and not plain.is_mirrored):
+                return plain, offset
+        first = self._offsets(clocks)[0]
+        search = self._search(self._hand, first)
+        if search.plain(self._convention).positions.error > AGREED_POSITION:
             for stream, where in self._other_bodies():
-                its = self._offset(clock_offset(stream, self._joints))
+                its = self._offsets(clock_offset(stream, self._joints))[0]
                 other = self._search(stream, its).plain(self._convention)
                 if other.is_good:
                     self._hand, self._is_hand = stream, where
                     return other, its
-        return search.best(self._convention), offset
+        return search.best(self._convention), first
 
-    def _offset(self, clocks: ClockOffset) -> float:
-        return clocks.offset if clocks.is_clear else self._told_offset
+    def _offsets(self, clocks: ClockOffset) -> tuple[float, ...]:
+        return clocks.offsets if clocks.is_clear else (self._told_offset,)
 
     def _search(self, hand: PoseStream, offset: float) -> ConventionSearch:
         seen = diverse_instants(hand, self._joints, offset, slow=True)
@@ -299,26 +311,45 @@ class _Search:
                 text = f"the clock of the arm is {by} against that of the cameras"
                 self._blame(text, "axes", time_shift=round(late + theirs, 6))
 
-    def _lateness(self, found: Explanation, coarse: float) -> tuple[float, float, bool]:
-        """The joints' stamps after the cameras' at their middle [s], what is added each second, and whether that is all."""
-        instants = diverse_instants(self._hand, self._joints, coarse, slow=False)
-        camera = instants.seconds - coarse
-        offsets = coarse + np.arange(-REACH, REACH + FINE, FINE)
-        misfit = np.array([self._misfit(found, instants, camera, one) for one in offsets])  # (offsets, instants)
+    def _with_clocks(self, found: Explanation, coarse: float) -> tuple[Explanation, float, float, bool]:
+        """The explanation once clocks are mended, the joints' stamps after the cameras' at the first one [s], what is added each second,
+        and whether that is all. Each round knows the clocks better, and so the hand.
+        """
+        recorded, first = self._joints, int(self._joints.stamp_ns[0])
+        late, drift = coarse, 0.0
+        for _ in range(CLOCK_ROUNDS):
+            stamps = first + np.rint(((recorded.stamp_ns - first) - 1e9 * late) / (1.0 + drift)).astype(np.int64)
+            self._joints = replace(recorded, stamp_ns=stamps)
+            found = self._search(self._hand, 0.0).explain(found.convention, STARTS)
+            more, faster, steady = self._lateness(found, 0.0 if drift else STEADY)
+            if not steady or (abs(more) < FINE and not faster):
+                break
+            late, drift = late + (1.0 + drift) * more, (1.0 + drift) * (1.0 + faster) - 1.0
+        self._aligned, self._joints = self._joints, recorded
+        return found, late, drift, steady
+
+    def _lateness(self, found: Explanation, tolerated: float) -> tuple[float, float, bool]:
+        """The joints' stamps after the cameras' at the first one of the recorded joints [s], what is added each second, and whether that is
+        all. tolerated: difference between parts up to which nothing is added [s].
+        """
+        instants = diverse_instants(self._hand, self._joints, 0.0, slow=False)
+        offsets = np.arange(-REACH, REACH + FINE, FINE)
+        misfit = np.array([self._misfit(found, instants, one) for one in offsets])  # (offsets, instants)
         best = float(offsets[np.argmin(np.nanmean(misfit, axis=1))])
-        pieces = [rows for rows in np.array_split(np.argsort(camera), PIECES) if len(rows) >= 4]
-        times = np.array([camera[rows].mean() for rows in pieces])
+        pieces = [rows for rows in np.array_split(np.argsort(instants.seconds), PIECES) if len(rows) >= 4]
         lates = np.array([offsets[np.argmin(np.nanmean(misfit[:, rows], axis=1))] for rows in pieces])
-        if len(pieces) < 3 or np.ptp(lates) < STEADY:
+        if len(pieces) < 3 or np.ptp(lates) <= tolerated:
             return best, 0.0, True
+        times = np.array([instants.seconds[rows].mean() for rows in pieces])
         slope, start = np.polyfit(times, lates, 1)
         steady = bool(np.abs(start + slope * times - lates).max() < STEADY)
-        return (float(start), float(slope), True) if steady else (best, 0.0, False)
+        since = 1e-9 * float(self._recording.joints.stamp_ns[0] - self._joints.stamp_ns[0])  # type: ignore[union-attr]
+        return (float(start + slope * since), float(slope), True) if steady else (best, 0.0, False)
 
-    def _misfit(self, found: Explanation, instants: Instants, camera: np.ndarray, offset: float) -> np.ndarray:
+    def _misfit(self, found: Explanation, instants: Instants, offset: float) -> np.ndarray:
         """Distances (n,) between the hand by the joints with an offset and as the cameras saw it; nan without joints."""
         fit = found.positions
-        values, known = joints_at(self._joints, camera + offset)
+        values, known = joints_at(self._joints, instants.seconds + offset)
         joints = found.convention.joints(np.where(known[:, None], values, 0.0))
         place, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
         back = (instants.position - fit.shift) @ fit.world / fit.scale
@@ -360,7 +391,7 @@ class _Search:
 
     def _in_order(self, order: Sequence[int]) -> dict[str, Any]:
         """The keys of a mapping that put the recorded joints in order."""
-        table = self._told.joints and self._told.joints.table
+        table = self._told.joints.table if self._told.joints is not None else None
         if table is None:
             return {"names": [self._joints.names[k] for k in order]}
         return {"columns": {name: [found[k] for k in order] for name, found in table.columns.items() if len(found) == N_JOINTS}}
@@ -373,7 +404,7 @@ class _Search:
         unit = min(LENGTH_UNITS, key=lambda one: abs(np.log(fit.scale * LENGTH_UNITS[one])))
         if abs(fit.scale * LENGTH_UNITS[unit] - 1.0) > UNIT_ERROR:
             self._blame(f"a metre of the arm is {fit.scale:.4g} of the cameras: calibrate them, or is it another arm?")
-        elif unit != where.length:
+        elif unit != ("m" if where.capture else where.length):
             self._blame(f"positions are in {UNIT_NAMES[unit]}", "axes", length=unit)
         to_arm = fit.world.T
         shift = -to_arm @ fit.shift / fit.scale
@@ -416,12 +447,22 @@ class _Search:
                 text = "orientations are told in other axes than positions"
                 self._blame(text, "axes", orientation_xyz=list(nearest))
         self._blame_body(fit.hand, found.positions.lever)
-        leaps = fit.residual > LEAP
-        if FEWEST_LEAPS <= np.mean(leaps):
-            angle = np.degrees(np.median(fit.residual[leaps]))
+
+    def _blame_leaps(self, found: Explanation) -> None:
+        fit, reading = found.orientations, found.reading
+        if fit is None or reading is None:
+            return
+        rows = np.unique(np.linspace(0, len(self._hand) - 1, LOOKED_AT).round().astype(int))
+        every = at_instants(self._hand.take(rows), self._aligned, 0.0)
+        turned = np.isfinite(every.quaternion).all(axis=1)
+        joints = found.convention.joints(every.joints[turned])
+        _, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
+        apart = turn_angles((fit.world @ rotation @ fit.hand).transpose(0, 2, 1) @ reading.rotations(every.quaternion[turned]))
+        leaps = apart > LEAP
+        if np.mean(leaps) >= FEWEST_LEAPS:
             self._blame(
-                f"the orientation of the hand leaps to another solution in {100 * np.mean(leaps):.0f} % of the frames,"
-                f" turned by {angle:.0f} degrees: arrange its markers so that no turn makes them look the same"
+                f"the orientation of the hand leaps to another solution in {100 * np.mean(leaps):.0f} % of the frames, turned by"
+                f" {np.degrees(np.median(apart[leaps])):.0f} degrees: arrange its markers so that no turn makes them look the same"
             )
 
     def _blame_body(self, hand: np.ndarray, lever: np.ndarray) -> None:
@@ -473,5 +514,7 @@ def _axes_key(axes: Axes) -> dict[str, Any]:
 
 
 def _pointing(axes: Axes) -> str:
+    if axes == AS_OURS:
+        return "positions are told in our own axes"
     handed = "left-handed axes" if np.linalg.det(_matrix(axes)) < 0.0 else "other axes"
     return f"positions are told in {handed}: our x, y, z are their {', '.join(axes)}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.quaternions import matrices
-from dart_skill.recording.imports.mapping import ANGLE_UNITS, QUATERNION_ORDERS
+from dart_skill.recording.imports import ANGLE_UNITS, LENGTH_UNITS, QUATERNION_ORDERS
 from dart_skill.robot import ArmModel, OrientationFit, PositionFit, fit_orientations, fit_positions, similarity, turn_angles
 
 ROUGH = 16
@@ -25,6 +25,8 @@ GOOD_POSITION = 0.005
 """What good cameras and a good arm leave of a position [m]."""
 GOOD_ANGLE = 0.03
 """What they leave of an orientation [rad]."""
+GOOD_SCALE = 0.03
+"""Share by which good cameras and a good arm differ about a length."""
 GOOD = 1.5
 """Error, in these parts, of an explanation that needs no better one."""
 NEGLIGIBLE = 0.5
@@ -121,7 +123,8 @@ class Explanation:
     def error(self) -> float:
         """What is left, in parts of what good cameras and a good arm leave."""
         turn = 0.0 if self.orientations is None else self.orientations.error / GOOD_ANGLE
-        return float(np.hypot(self.positions.error / GOOD_POSITION, turn))
+        length = min(abs(np.log(self.positions.scale * unit)) for unit in LENGTH_UNITS.values()) / GOOD_SCALE
+        return float(np.linalg.norm([self.positions.error / GOOD_POSITION, turn, length]))
 
     @property
     def is_good(self) -> bool:
@@ -170,7 +173,7 @@ class ConventionSearch:
             fits = {one: fit_orientations(self._readings[one], rotation, rounds, starts) for one in likely}
 
         def cost(one: QuaternionReading) -> float:
-            apart = (one.order != "xyzw") + one.is_inverse + (_turn_between(fits[one], positions, one) > APART)
+            apart = float((one.order != "xyzw") + one.is_inverse + (_turn_between(fits[one], positions, one) > APART))
             apart += 0.5 * float(turn_angles(fits[one].hand[None])[0] > APART)
             return max(fits[one].error, NEGLIGIBLE * GOOD_ANGLE) * 2.0**apart
 

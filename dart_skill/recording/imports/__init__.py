@@ -2,7 +2,12 @@
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
 from dart_skill.recording.imports.mapping import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    OWN,
+    QUATERNION_ORDERS,
     CaptureFile,
+    Clock,
     MappingError,
     PoseSource,
     RecordingMapping,
@@ -16,11 +21,22 @@ from dart_skill.recording.imports.mapping import (
     parse_mapping,
 )
 from dart_skill.recording.imports.pose_faults import Fault, fault_lines, repair
-from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform
-from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, convert, read_in_parts, read_recording
+from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, PoseStream, RigidTransform, axes_matrix, nearest_axes
+from dart_skill.recording.imports.throw_recording import POSE_TYPES, JointStream, ThrowRecording, convert, read_in_parts, read_recording
 
 __all__ = [
     "CaptureFile",
+    "ANGLE_UNITS",
+    "AS_OURS",
+    "Axes",
+    "Clock",
+    "LENGTH_UNITS",
+    "OWN",
+    "POSE_TYPES",
+    "QUATERNION_ORDERS",
+    "UP_AXES",
+    "axes_matrix",
+    "nearest_axes",
     "Fault",
     "MAPPING",
     "JointStream",
