@@ -224,10 +224,11 @@ def _parquet(path: Path, wanted: Sequence[str | int]) -> dict[str | int, Any]:
     """Columns of a Parquet file by name or number; nan where there is no value."""
     pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
     try:
-        table = pq.read_table(path)
+        there = pq.read_schema(path).names
+        names: dict[str | int, str] = {**dict(enumerate(there, 1)), **{name: name for name in there}}
+        table = pq.read_table(path, columns=[names[key] for key in wanted if key in names])
     except pa.ArrowException as error:
         raise ValueError(f"{path}: no Parquet file: {error}") from error
-    names = {**dict(enumerate(table.column_names, 1)), **{name: name for name in table.column_names}}
     return {key: table.column(name).to_numpy() if key in wanted else None for key, name in names.items()}
 
 

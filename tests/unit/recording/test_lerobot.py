@@ -189,12 +189,12 @@ def test_a_full_file_is_followed_by_another_one(tmp_path, monkeypatch):
 
 
 def test_nothing_is_left_of_a_dataset_that_cannot_be_written(tmp_path):
-    wrong = {**frames_of(0), "action": np.full((7, 2), np.nan)}
-    with (
-        pytest.raises(ValueError, match="action is not finite in all frames"),
-        DatasetWriter(tmp_path / "new", FPS, "an_arm", [STATE, ACTION]) as data,
-    ):
-        data.add("task", wrong)
+    for values in (np.full((7, 2), np.nan), np.ma.masked_array(np.ones((7, 2)), mask=np.eye(7, 2, dtype=bool))):
+        with (
+            pytest.raises(ValueError, match="action is not finite in all frames"),
+            DatasetWriter(tmp_path / "new", FPS, "an_arm", [STATE, ACTION]) as data,
+        ):
+            data.add("task", {**frames_of(0), "action": values})
     assert not (tmp_path / "new").exists()
     with pytest.raises(ValueError, match="at least one episode"), DatasetWriter(tmp_path / "new", FPS, "an_arm", [STATE]):
         pass

@@ -643,9 +643,17 @@ def test_joints_of_a_skeleton_are_where_its_angles_put_them(tmp_path, indent):
     ],
 )
 def test_files_that_only_their_program_reads_say_what_to_export(tmp_path, file, message):
-    (tmp_path / file).write_bytes(b"\0\1\2\3" * 100)
-    with pytest.raises(ValueError, match=f"{file}: {message}"):
-        read(tmp_path, file, up="y")
+    for content in (b"\0\1\2\3" * 100, b'<?xml version="1.0"?>\n<bones rotation="" position="" bone=""/>\n'):
+        (tmp_path / file).write_bytes(content)
+        with pytest.raises(ValueError, match=f"{file}: {message}"):
+            read(tmp_path, file, up="y")
+
+
+def test_the_content_counts_before_the_ending(tmp_path, poses):
+    write_motive(tmp_path, poses, file="export.tak")
+    assert_read(read(tmp_path, "export.tak", up="y"), poses)
+    write_trc(tmp_path / "take.csv", in_y_up(poses))
+    assert_read(read(tmp_path, up="y"), poses, is_turned=False)
 
 
 @pytest.mark.parametrize(

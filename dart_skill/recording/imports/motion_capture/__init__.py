@@ -48,11 +48,13 @@ def _opened(path: Path, where: CaptureFile, unit: str) -> Capture:
     ending = path.suffix.lower()
     with open_file(path) as stream:
         first = stream.read(16)
-    if remedy := next((text for endings, text in NOT_READ.items() if ending in endings), ""):
-        raise ValueError(f"{path}: {remedy}")
+    remedy = next((text for endings, text in NOT_READ.items() if ending in endings), "")
     if first[1:2] == b"\x50" and first[:1] < b"\x20":
         return read_c3d(path, where)
-    file = TextFile(path)
+    try:
+        file = TextFile(path)
+    except ValueError as error:
+        raise ValueError(f"{path}: {remedy}") if remedy else error from None
     lines = file.first_lines
     if lines[0].strip().upper().startswith("HIERARCHY"):
         return read_bvh(path)
@@ -65,7 +67,8 @@ def _opened(path: Path, where: CaptureFile, unit: str) -> Capture:
     if looks_like_motive(lines):
         return read_motive(file, where, unit)
     known = "CSV of Motive, Nexus or Tracker, TSV of QTM, C3D, TRC, BVH"
-    raise ValueError(f"{path}: no export of a motion capture program that is known ({known}): a table is read with 'table:' and columns")
+    other = f"no export of a motion capture program that is known ({known}): a table is read with 'table:' and columns"
+    raise ValueError(f"{path}: {remedy or other}")
 
 
 __all__ = ["read_capture"]

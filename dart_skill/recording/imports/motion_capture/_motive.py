@@ -67,7 +67,8 @@ def looks_like_motive(lines: Sequence[str]) -> bool:
     first = lines[0].lower()
     if first.startswith(("comment", "righthanded", "lefthanded", "info")) or "format version" in first or "take name" in first:
         return True
-    return any("rotation" in line or _is_kind(line) for line in map(str.lower, lines[:8]))
+    words = ("rotation", "position", *KINDS)
+    return any(sum(map(line.lower().count, words)) > 2 for line in lines[:8] if not line.lstrip().startswith("<"))
 
 
 def _head(file: TextFile) -> tuple[list[Row], Row | None]:
