@@ -20,6 +20,7 @@ from dart_skill.recording.imports.mapping import (
     mended_pose,
     parse_mapping,
 )
+from dart_skill.recording.imports.orientation_leaps import Leaps, find_leaps
 from dart_skill.recording.imports.pose_faults import Fault, fault_lines, repair
 from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, PoseStream, RigidTransform, axes_matrix, nearest_axes
 from dart_skill.recording.imports.throw_recording import POSE_TYPES, JointStream, ThrowRecording, convert, read_in_parts, read_recording
@@ -50,7 +51,9 @@ __all__ = [
     "ThrowRecording",
     "bodies_to_csv",
     "convert",
+    "Leaps",
     "fault_lines",
+    "find_leaps",
     "flow_text",
     "load_mapping",
     "mapping_text",

@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from dart_skill.constants import GRAVITY
+from dart_skill.recording.imports.orientation_leaps import find_leaps
 from dart_skill.recording.imports.pose_stream import PoseStream
 
 INFORMATION = ("gap",)
@@ -40,7 +41,7 @@ SURE_FRAMES = 5  # of free flight by which one body must surpass the other to be
 class Fault:
     """What is wrong with the poses of a body.
 
-    * kind: not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, outlier; or gap, which is no fault.
+    * kind: not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, leap, outlier; or gap, which is no fault.
     * body: its name; of an exchange, both names.
     * start_ns, stop_ns: stamps of the first and last sample that is concerned.
     * count: of samples; of a gap, of missing frames.
@@ -94,8 +95,10 @@ def repair(streams: Mapping[str, PoseStream]) -> tuple[dict[str, PoseStream], li
         bodies[one], bodies[other], found = _unswapped(bodies[one], bodies[other])
         faults += found
     for body in bodies:
-        bodies[body], found = _without_outliers(bodies[body])
-        faults += found + _gaps(bodies[body])
+        for step in (_without_leaps, _without_outliers):
+            bodies[body], found = step(bodies[body])
+            faults += found
+        faults += _gaps(bodies[body])
     return bodies, sorted(faults, key=lambda fault: (fault.body, fault.start_ns, fault.kind))
 
 
@@ -454,7 +457,22 @@ def _matched(one: np.ndarray, other: np.ndarray, tolerance: int) -> tuple[np.nda
     return np.flatnonzero(near), j[near]
 
 
-# lone samples, and missing ones
+# orientations that leap, lone samples, and missing ones
+
+
+def _without_leaps(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
+    """Orientations that leapt to another solution brought back to the one that was seen more often."""
+    found = find_leaps(stream)
+    if found is None:
+        return stream, []
+    first, last = np.flatnonzero(found.leapt)[[0, -1]]
+    text = (
+        "the orientation of {count} poses leapt between two solutions, "
+        f"{np.degrees(found.angle):.0f} degrees apart, as of markers that look the same after this turn: brought back to "
+        + ("the one that was seen more often" if found.is_clear else "one of them, and nothing tells whether it is the right one")
+    )
+    fault = _fault("leap", stream, int(first), int(last), text, found.is_clear, int(found.leapt.sum()))
+    return found.mended(stream), [fault]
 
 
 def _without_outliers(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:

@@ -166,6 +166,7 @@ def test_orientations_that_leap_are_named(tmp_path, motion):
     found = disagreement(*recorded(tmp_path, motion, quaternion=leaping.as_quat()))
     assert [cause.line for cause in found.causes] == [""]
     assert "leaps to another solution" in str(found) and "turned by 180 degrees" in str(found)
+    assert found.after[1] < 0.01  # as it is mended where it is read
 
 
 def test_another_arm_is_no_convention_of_ours(tmp_path, motion):
