@@ -325,8 +325,11 @@ def test_bodies_of_one_name_are_told_apart_by_their_numbers(tmp_path, poses):
         read(tmp_path, up="y")
 
 
-def test_an_export_without_header_is_told_what_is_missing(tmp_path, poses):
-    _, numbers = motive_rows(in_y_up(poses))
+def test_an_export_without_header_or_frames_is_told_what_is_missing(tmp_path, poses):
+    head, numbers = motive_rows(in_y_up(poses))
+    write(tmp_path / "take.csv", [about(), [], *head.values()])
+    with pytest.raises(ValueError, match="line 7: there are no frames below the names of its columns"):
+        read(tmp_path, up="y")
     write(tmp_path / "take.csv", [about(), [], *numbers])
     with pytest.raises(ValueError, match="lines above the numbers name the columns"):
         read(tmp_path, up="y")

@@ -50,8 +50,11 @@ def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
     * unit: of times, of TIME_UNITS.
     """
     head, numbers = _head(file)
-    if numbers is None and any(row.cells[0].strip().lower() == "frame" for row in head if len(row.cells) > 4):
+    named = [row for row in head if row.cells[0].strip().lower() == "frame"]
+    if numbers is None and any(len(row.cells) > 4 and row.cells[1].strip().isdigit() for row in named):
         return _old(file, head)
+    if numbers is None and named:
+        raise file.error("there are no frames below the names of its columns", named[-1])
     if numbers is None or len(head) < 2:
         raise file.error("no CSV export of Motive: it begins with 'Format Version', and lines above the numbers name the columns")
     about = _about(file, head)
