@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 from typing import Any, overload
 
 import numpy as np
@@ -22,14 +23,23 @@ def unmasked(value: Any) -> Any:
 
     value: array, nested lists, Series or DataFrame. TypeError and ValueError for what is masked or missing, but not numeric.
     """
-    if isinstance(value, np.ma.MaskedArray) or (
-        isinstance(value, (list, tuple)) and any(isinstance(one, np.ma.MaskedArray) for one in value)
-    ):
+    if type(value) is np.ndarray:
+        return value
+    if _has_mask(value):
         return np.ma.filled(np.ma.array(value, dtype=float), np.nan)
-    kinds = getattr(value, "dtypes", None) if hasattr(value, "to_numpy") else None
+    kinds = getattr(value, "dtypes", None)
     if kinds is None or all(isinstance(kind, np.dtype) for kind in (kinds if hasattr(kinds, "__iter__") else [kinds])):
         return value
     return value.to_numpy(dtype=float, na_value=np.nan)
+
+
+def _has_mask(value: Any) -> bool:
+    """Whether a value, or an element of a list, is a masked array. Before NumPy's module of these is imported, which takes time, none is."""
+    masked = sys.modules.get("numpy.ma")
+    if masked is None:
+        return False
+    elements = value if isinstance(value, (list, tuple)) else [value]
+    return any(isinstance(one, masked.MaskedArray) for one in elements)
 
 
 def floats(value: Any) -> np.ndarray:
@@ -43,7 +53,7 @@ def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarra
     What is masked, or missing in a table of pandas, is not finite.
     """
     try:
-        array = np.array(floats(value))
+        array = np.array(unmasked(value), dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be a regular array of numbers: {error}") from None
     if ndim is not None and array.ndim != ndim:
@@ -161,8 +171,8 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
     value, name: as of `as_samples`; n_dims: number of columns. ValueError for what is none.
     """
     dims = np.array(value, ndmin=1)
-    if np.ma.is_masked(value):
-        raise ValueError(f"{name} is masked in part: give column indices without a mask")
+    if _has_mask(value):
+        raise ValueError(f"{name} is a masked array: give column indices without a mask")
     if dims.ndim != 1 or dims.size == 0 or dims.dtype.kind not in "iu":
         raise ValueError(f"{name} must be one or more column indices, got {value!r}")
     columns = dims.tolist()
