@@ -34,7 +34,7 @@ def unmasked(value: Any) -> Any:
 
 
 def _has_mask(value: Any) -> bool:
-    """Whether a value, or an element of a list, is a masked array. Before NumPy's module of these is imported, which takes time, none is."""
+    """Whether a value, or an element of a list, is a masked array. Until NumPy's module of these is imported, which takes time, none is."""
     masked = sys.modules.get("numpy.ma")
     if masked is None:
         return False
