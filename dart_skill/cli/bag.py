@@ -58,7 +58,7 @@ def _add_check(verbs: argparse._SubParsersAction) -> None:
 
 def _add_recover(verbs: argparse._SubParsersAction) -> None:
     parser = verbs.add_parser("recover", help="a new bag of what can be read of a damaged one, which is not changed")
-    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder, with or without metadata.yaml, or .mcap file")
+    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder, with or without metadata.yaml, .mcap or .db3 file")
     _add_new_bag(parser, "recovered")
     parser.add_argument("--json", action="store_true", help="what was kept and lost as JSON")
     parser.set_defaults(run=_recover)
@@ -149,7 +149,14 @@ def _file_text(file: dict) -> str:
 def _topic_table(topics: list[dict]) -> list[str]:
     head = ("topic", "type", "count", "Hz", "QoS", "type hash")
     rows = [
-        (one["name"], one["type"] or "?", str(one["count"]), f"{one['rate_hz']:.1f}", _qos_text(one["qos"]), _short_hash(one["type_hash"]))
+        (
+            one["name"],
+            ", ".join([one["type"] or "?", *one["other_types"]]),
+            str(one["count"]),
+            f"{one['rate_hz']:.1f}",
+            _qos_text(one["qos"]),
+            _short_hash(one["type_hash"]),
+        )
         for one in sorted(topics, key=lambda one: one["name"])
     ]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
@@ -242,7 +249,7 @@ def _output(options: argparse.Namespace, source: Path, ending: str) -> Path:
 
 def _recovery_text(result: Recovery) -> str:
     kept = sum(result.messages.values())
-    lines = [str(place) for place in result.places] + [f"repaired: {text}" for text in result.repairs]
+    lines = [*result.notes, *map(str, result.places), *(f"repaired: {text}" for text in result.repairs), _looked_at(result)]
     lines.append(f"{kept} messages on {len(result.messages)} topics kept" + _between(result.start_ns, result.end_ns))
     if result.unverified:
         lines.append(f"{result.unverified} of them have no CRC that vouches for them")
@@ -256,6 +263,13 @@ def _between(start_ns: int | None, end_ns: int | None) -> str:
     return "" if start_ns is None or end_ns is None else f", from {_instant(start_ns)} to {_instant(end_ns)}"
 
 
+def _looked_at(result: Recovery) -> str:
+    """How much was looked at, and how much of that is damaged."""
+    share = 100.0 * result.n_looked_at / result.n_bytes if result.n_bytes else 100.0
+    damaged = sum(place.n_bytes for place in result.places)
+    return f"looked at {result.n_looked_at} of {result.n_bytes} bytes ({share:.4g} %); {damaged} bytes of them are damaged or left out"
+
+
 def _loss_text(result: Recovery) -> str:
     """What was lost, as far as anybody knows."""
     unseen = "what the recorder had not handed over when it stopped leaves no trace"
@@ -263,9 +277,16 @@ def _loss_text(result: Recovery) -> str:
         return "complete: nothing is lost"
     if result.is_complete:
         return f"complete: no message that was in it is lost; {unseen}"
-    lost = ", ".join(f"{count} messages on {topic}" for topic, count in result.lost.items()) or "nobody knows how many messages"
+    least = "" if result.is_exact else "at least "
+    lost = ", ".join(f"{least}{count} messages on {topic}" for topic, count in result.lost.items()) or _places_text(result)
     chunks = f"; {result.lost_chunks} chunks and {result.lost_bytes} bytes left out" if result.lost_bytes else ""
     return f"lost: {lost}{chunks}; {unseen}"
+
+
+def _places_text(result: Recovery) -> str:
+    """What the places tell where the topics tell nothing."""
+    count = sum(place.messages or 0 for place in result.places)
+    return f"at least {count} messages, of unknown topics" if count else "nobody knows how many messages"
 
 
 def _recovery_json(result: Recovery) -> dict:

@@ -3,23 +3,50 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path, PurePath
+from pathlib import Path, PureWindowsPath
 
-ROS1_SUFFIX = ".bag"
-SUFFIXES = (".mcap", ".db3", ROS1_SUFFIX)
+SUFFIXES = (".mcap", ".db3")
+PACKED = (".zstd", ".zst", ".lz4")
+"""Endings of a file that was compressed as a whole, behind its own."""
+
+
+def unpacked_name(name: str) -> str:
+    """The name of a file without the ending of its compression."""
+    return next((name.removesuffix(ending) for ending in PACKED if name.endswith(ending)), name)
 
 
 def part_number(file: Path) -> tuple[str, int]:
     """Name and number of a file of a split bag; number -1 if it has none."""
-    match = re.fullmatch(r"(.*)_(\d+)", file.stem)
-    return (match[1], int(match[2])) if match else (file.stem, -1)
+    stem = Path(unpacked_name(file.name)).stem
+    match = re.fullmatch(r"(.*)_(\d+)", stem)
+    return (match[1], int(match[2])) if match else (stem, -1)
 
 
 def files_in(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
-    """The files of a folder that hold messages, in order."""
+    """The files of a folder that hold messages, in order. suffixes: of their names; those that were compressed as a whole have another."""
     return sorted((file for file in folder.iterdir() if file.suffix in suffixes), key=part_number)
 
 
+def storage_files(folder: Path) -> list[Path]:
+    """The files of a folder that hold messages, in order, and those that were compressed and are not there as they were before."""
+    packed = [file for file in files_in(folder, PACKED) if Path(unpacked_name(file.name)).suffix in SUFFIXES]
+    return sorted([*files_in(folder), *(file for file in packed if not (folder / unpacked_name(file.name)).exists())], key=part_number)
+
+
 def named_files(folder: Path, metadata: dict) -> list[Path]:
-    """The files that the metadata name, whether they are there or not."""
-    return [folder / PurePath(str(name)).name for name in metadata.get("relative_file_paths") or []]
+    """The files that the metadata name, whether they are there or not; in the folder, wherever they were when it was recorded."""
+    names = [PureWindowsPath(str(name)).name for name in metadata.get("relative_file_paths") or []]
+    return [folder / name for name in dict.fromkeys(names) if name]
+
+
+def chosen_files(folder: Path, metadata: dict) -> tuple[list[Path], list[Path]]:
+    """The files of a bag in a folder, in order, and those that are missing of it.
+
+    Those that metadata.yaml names, if they are there. Where as many others stand in their place, the files were renamed or unpacked since.
+    """
+    there, named = storage_files(folder), named_files(folder, metadata)
+    missing = [file for file in named if not file.exists()]
+    others = [file for file in there if file not in named]
+    if not named or (missing and len(others) == len(missing)):
+        return there, []
+    return [file for file in named if file not in missing], missing

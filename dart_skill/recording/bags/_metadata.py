@@ -1,9 +1,12 @@
-"""What rosbag2 tells about a bag (metadata version 9, ROS 2 Jazzy): the content of metadata.yaml and of the records in its files."""
+"""What rosbag2 tells about a bag: the content of metadata.yaml and of the records in its files. Written is version 9 (ROS 2 Jazzy).
+
+All of it is optional where a bag is read: files tell by themselves which messages are in them.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,59 +108,132 @@ def write_metadata_file(folder: Path, metadata: dict) -> None:
     sync_folder(folder)
 
 
-def read_metadata_file(folder: Path) -> dict:
-    """Metadata of a bag folder; ValueError if its metadata.yaml is damaged, FileNotFoundError without one."""
+def read_metadata_file(folder: Path, faults: list[str] | None = None) -> dict:
+    """Metadata of a bag folder, as far as each of them is of the kind that rosbag2 writes (any version); the others are left out.
+
+    ValueError if its metadata.yaml says nothing at all, FileNotFoundError without one. faults: what was left out is added, a text each.
+    """
     with open_file(folder / METADATA_FILE) as stream:
-        text = stream.read(4 * LARGEST_TEXT + 1).decode("utf-8")
+        text = _decoded(stream.read(4 * LARGEST_TEXT + 1))
     content = load(text, METADATA_FILE)
     found = content.get(_ROOT) if isinstance(content, dict) else None
     if not isinstance(found, dict):
         raise ValueError(f"{METADATA_FILE} has no mapping '{_ROOT}'")
-    _check_kinds(found)
+    return _cleaned(found, [] if faults is None else faults)
+
+
+def known_metadata(folder: Path) -> dict:
+    """The same; empty where there is none, or none that can be read: nothing in it is needed to read messages."""
+    try:
+        return read_metadata_file(folder)
+    except (OSError, ValueError):
+        return {}
+
+
+def extent_of(told: Mapping[str, Any]) -> tuple[int, int, int] | None:
+    """Number of messages, first and last log time [ns], of a bag or of an item of `files`; None if it does not tell all of them."""
+    start, duration = told.get("starting_time"), told.get("duration")
+    if not isinstance(start, dict) or not isinstance(duration, dict):
+        return None
+    count, first, length = told.get("message_count"), start.get("nanoseconds_since_epoch"), duration.get("nanoseconds")
+    if not (isinstance(count, int) and isinstance(first, int) and isinstance(length, int)):
+        return None
+    return count, first, first + length
+
+
+def topics_of(metadata: Mapping[str, Any]) -> dict[str, dict]:
+    """What the metadata say of each topic (name, type, offered_qos_profiles ...), and its message_count, by its name."""
+    items = metadata.get("topics_with_message_count") or []
+    return {item["topic_metadata"]["name"]: {**item["topic_metadata"], "message_count": item.get("message_count")} for item in items}
+
+
+def _decoded(data: bytes) -> str:
+    """Text of a file, in UTF-8 or as editors of Windows write it."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    return data.decode("utf-8-sig", errors="replace")
+
+
+def _cleaned(found: dict, faults: list[str]) -> dict:
+    """Metadata without the entries that are of another kind than rosbag2 writes, of which `faults` gets a text each."""
+    metadata = dict(found)
+    for name, (wanted, clean) in _KINDS.items():
+        value = metadata.get(name)
+        if value is None:
+            metadata.pop(name, None)
+            continue
+        kept = clean(value)
+        if kept is None or (isinstance(kept, (list, dict)) and isinstance(value, (list, dict)) and len(kept) != len(value)):
+            faults.append(f"it misuses {name}: it must be {wanted}")
+        metadata.pop(name)
+        if kept is not None:
+            metadata[name] = kept
+    return metadata
+
+
+def _texts(value: Any) -> list[str] | None:
+    items = [value] if isinstance(value, str) else value
+    return [item for item in items if isinstance(item, str)] if isinstance(items, list) else None
+
+
+def _files(value: Any) -> list[dict] | None:
+    return [item for item in value if isinstance(item, dict) and isinstance(item.get("path"), str)] if isinstance(value, list) else None
+
+
+def _named_topics(value: Any) -> list[dict] | None:
+    """Items with a dict topic_metadata, and in it a name; other texts in it that are none are left out."""
+    if not isinstance(value, list):
+        return None
+    found = []
+    for item in value:
+        told = item.get("topic_metadata") if isinstance(item, dict) else None
+        if isinstance(told, dict) and isinstance(told.get("name"), str):
+            texts = {key: text for key, text in told.items() if isinstance(text, str) or key == "offered_qos_profiles"}
+            count = item.get("message_count")
+            found.append({"topic_metadata": texts, **({"message_count": count} if type(count) is int else {})})
     return found
 
 
-_KINDS: dict[str, tuple[type, type]] = {
-    "relative_file_paths": (list, str),
-    "files": (list, dict),
-    "topics_with_message_count": (list, dict),
-    "custom_data": (dict, str),
+def _custom(value: Any) -> dict[str, str] | None:
+    """Texts by name; yaml-cpp, which rosbag2 reads with, takes a number for its text."""
+    if not isinstance(value, dict):
+        return None
+    return {str(key): str(text) for key, text in value.items() if isinstance(text, (str, int, float))}
+
+
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _number(value: Any) -> int | None:
+    return value if type(value) is int else None
+
+
+def _mapping(value: Any) -> dict | None:
+    return value if isinstance(value, dict) else None
+
+
+_KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "version": ("a number", _number),
+    "relative_file_paths": ("a list of texts", _texts),
+    "files": ("a list of mappings with a path", _files),
+    "topics_with_message_count": ("a list of topics, each with topic_metadata and in it a name", _named_topics),
+    "custom_data": ("a mapping of texts", _custom),
+    "message_count": ("a number", _number),
+    "duration": ("a mapping", _mapping),
+    "starting_time": ("a mapping", _mapping),
+    **{name: ("a text", _text) for name in ("storage_identifier", "compression_format", "compression_mode", "ros_distro")},
 }
-
-
-def _check_kinds(metadata: dict) -> None:
-    """ValueError for an entry of metadata that is of another kind than rosbag2 writes."""
-    for name, (outer, inner) in _KINDS.items():
-        value: Any = metadata.get(name)
-        items = value.values() if isinstance(value, dict) else value
-        if value is not None and not (isinstance(value, outer) and all(isinstance(item, inner) for item in items)):
-            raise ValueError(f"its {METADATA_FILE} misuses {name}: it must be a {outer.__name__} of {inner.__name__}")
-    for name in ("storage_identifier", "compression_format", "compression_mode", "ros_distro"):
-        if not isinstance(metadata.get(name) or "", str):
-            raise ValueError(f"its {METADATA_FILE} misuses {name}: it must be a text")
-    for topic in metadata.get("topics_with_message_count") or []:
-        if not isinstance(topic.get("topic_metadata"), dict) or not isinstance(topic["topic_metadata"].get("name"), str):
-            raise ValueError(f"its {METADATA_FILE} misuses topics_with_message_count: a topic has no name")
-        if not isinstance(topic.get("message_count", 0), int):
-            raise ValueError(f"its {METADATA_FILE} misuses message_count: that of topic {topic['topic_metadata']['name']} is no number")
-
-
-def is_plain_mcap(metadata: dict) -> bool:
-    """Whether the files are MCAP as it stands, and not SQLite, nor compressed as a whole or message by message."""
-    mode = str(metadata.get("compression_mode") or "none").lower()
-    return metadata.get("storage_identifier", "mcap") == "mcap" and mode not in ("file", "message")
+"""What an entry must be, and what makes it so or says None."""
 
 
 def parse_record(values: Mapping[str, str]) -> dict:
     """Metadata in the record of a file; empty if they cannot be read."""
     try:
         found = load(values.get(RECORD_KEY, ""), f"the record {RECORD_NAME}")
-        if isinstance(found, dict):
-            _check_kinds(found)
-            return found
     except ValueError:
-        pass
-    return {}
+        return {}
+    return _cleaned(found, []) if isinstance(found, dict) else {}
 
 
 def parse_qos(topic: str, text: str) -> list:
@@ -165,23 +241,39 @@ def parse_qos(topic: str, text: str) -> list:
     return load(text, f"QoS of topic {topic}") or []
 
 
-def profiles(topic: str, told: list | str) -> tuple[Qos, ...]:
-    """QoS profiles of a topic as `rosbags` has them, from a list of them or its YAML text; what it does not know is UNKNOWN."""
-    return tuple(_profile(one) for one in (parse_qos(topic, told) if isinstance(told, str) else told))
+def profiles(topic: str, told: Any) -> tuple[Qos, ...]:
+    """QoS profiles of a topic as `rosbags` has them, from a list of them or its YAML text; none of what cannot be read.
+
+    What a profile does not say is as ROS 2 has it without being told; a policy that nobody knows is UNKNOWN.
+    """
+    try:
+        found = parse_qos(topic, told) if isinstance(told, str) else told
+    except ValueError:
+        return ()
+    found = [found] if isinstance(found, dict) else found
+    return tuple(_profile(one) for one in found if isinstance(one, dict)) if isinstance(found, list) else ()
 
 
 def _profile(told: dict) -> Qos:
+    depth = told.get("depth")
     return Qos(
-        _policy(QosHistory, told.get("history")),
-        told["depth"],
-        _policy(QosReliability, told.get("reliability")),
-        _policy(QosDurability, told.get("durability")),
-        QosTime(told["deadline"]["sec"], told["deadline"]["nsec"]),
-        QosTime(told["lifespan"]["sec"], told["lifespan"]["nsec"]),
-        _policy(QosLiveliness, told.get("liveliness")),
-        QosTime(told["liveliness_lease_duration"]["sec"], told["liveliness_lease_duration"]["nsec"]),
-        told["avoid_ros_namespace_conventions"],
+        _policy(QosHistory, told.get("history", "keep_last")),
+        depth if type(depth) is int else 0,
+        _policy(QosReliability, told.get("reliability", "reliable")),
+        _policy(QosDurability, told.get("durability", "volatile")),
+        _period(told.get("deadline")),
+        _period(told.get("lifespan")),
+        _policy(QosLiveliness, told.get("liveliness", "automatic")),
+        _period(told.get("liveliness_lease_duration")),
+        bool(told.get("avoid_ros_namespace_conventions")),
     )
+
+
+def _period(told: Any) -> QosTime:
+    """A period [s, ns]; 0 is ROS 2's for none."""
+    told = told if isinstance(told, dict) else {}
+    sec, nsec = (value if type(value) is int else 0 for value in (told.get("sec"), told.get("nsec")))
+    return QosTime(sec, nsec)
 
 
 def _policy(kind: Any, told: int | str | None) -> Any:

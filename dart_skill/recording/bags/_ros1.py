@@ -42,6 +42,7 @@ class Ros1Source:
         for one in reader.connections:
             found |= get_types_from_msg(one.msgdef.data, _renamed(one.msgtype))
         self._store.register({**found, HEADER: get_typestore(Stores.ROS2_JAZZY).fielddefs[HEADER]})
+        self.storage = "ros1"
         self.metadata: dict = {}
         self.custom_data: dict[str, str] = {}
         self.start_ns = reader.start_time if reader.message_count else 0

@@ -58,6 +58,7 @@ def _topic(topic: TopicInfo, duration_ns: int, types: Typestore | None) -> dict:
     return {
         "name": topic.name,
         "type": topic.type_name,
+        "other_types": list(topic.other_types),
         "count": topic.count,
         "rate_hz": topic.count / duration_ns * 1e9 if duration_ns else 0.0,
         "encoding": topic.encoding,

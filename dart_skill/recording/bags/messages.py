@@ -15,15 +15,24 @@ from xml.etree import ElementTree
 
 import numpy as np
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from dart_skill.configuration import shared_folders
+from dart_skill.recording.bags._definitions import interface_of, nested, parts_of, split_definition
+from dart_skill.recording.bags._names import full_name
 
 PACKAGE = "dart_skill_msgs"
-_PARTS = {".msg": ("",), ".srv": ("_Request", "_Response"), ".action": ("_Goal", "_Result", "_Feedback")}
+_PARTS = {".msg": 1, ".srv": 2, ".action": 3}
 _ZERO = {"bool": False, "string": "", "wstring": "", "float32": 0.0, "float64": 0.0}
 _BYTES = ("byte", "char", "octet")
+_NO_FIELD = "structure_needs_at_least_one_member"
+_ENCAPSULATIONS = {
+    **{bytes((0, kind)): "a list of parameters (PL_CDR)" for kind in (2, 3)},
+    **{bytes((0, kind)): "XCDR version 2" for kind in range(6, 12)},
+    **{bytes((0, kind)): "XML" for kind in (4,)},
+}
+"""First two bytes of messages that some DDS send, and that no reader of bags decodes, and what they mean."""
 _STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 
 
@@ -53,8 +62,8 @@ def typestore(*extra_folders: str | os.PathLike) -> Typestore:
 
 def types_for(type_name: str) -> Typestore:
     """Types that include one of any installed package, with all that it nests; ValueError if its definition is not found."""
-    types = _shared_types()
-    _install(types, type_name)
+    types = shared_types()
+    _install(types, full_name(type_name))
     return types
 
 
@@ -83,8 +92,8 @@ def message(types: Typestore, type_name: str, value: Any = None) -> Any:
     Fields that are missing, in nested messages too, are zero or empty; sequences may be lists or arrays. A
     field of `value` that the type does not have is an error. ValueError for a field that the type does not have.
     """
-    constants_and_fields = types.fielddefs[_known(types, type_name)]
-    fields = dict(constants_and_fields[1])
+    type_name = _known(types, type_name)
+    fields = dict(types.fielddefs[type_name][1])
     if _is_mapping(value) and set(value) - set(fields):
         raise ValueError(f"{type_name} has no field {sorted(set(value) - set(fields))}, only {list(fields)}")
     content = {name: _field(types, f"{type_name}.{name}", kind, _get(value, name)) for name, kind in fields.items()}
@@ -104,16 +113,20 @@ def encoded(types: Typestore, type_name: str, made: Any) -> bytes:
 
     types: known message types; made: of one of them.
     """
-    return bytes(types.serialize_cdr(made, type_name))
+    return bytes(types.serialize_cdr(made, type_name if type_name in types.fielddefs else full_name(type_name)))
 
 
 def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
     """Message object from CDR bytes; ValueError if they are not a message of this type."""
-    _known(types, type_name)
+    type_name = _known(types, type_name)
     try:
         return types.deserialize_cdr(data, type_name)
     except Exception as error:  # generated code meets arbitrary bytes
-        raise ValueError(f"{len(data)} bytes are no {type_name}: {error!r}") from error
+        if len(data) == 4 and dict(types.fielddefs[type_name][1]).keys() == {_NO_FIELD}:
+            return types.deserialize_cdr(bytes(data) + b"\0", type_name)  # some writers leave out what stands for no field
+        kind = _ENCAPSULATIONS.get(bytes(data[:2]), "")
+        reason = f"they are encoded as {kind}, not as plain CDR" if kind else repr(error)
+        raise ValueError(f"{len(data)} bytes are no {type_name}: {reason}") from error
 
 
 def stamp_content(stamp_ns: int) -> dict[str, int]:
@@ -138,7 +151,8 @@ def pose_content(position: Sequence[float], quaternion: Sequence[float]) -> dict
 
 
 @cache
-def _shared_types() -> Typestore:
+def shared_types() -> Typestore:
+    """The store of `typestore`, made once; nobody adds to it but `types_for`."""
     return typestore()
 
 
@@ -146,23 +160,16 @@ def _install(types: Typestore, type_name: str) -> None:
     """Add a type and those that it nests to a store, from the definitions that its package installed."""
     if type_name in types.fielddefs:
         return
-    package, kind, name = type_name.split("/")
+    package, kind, _name = type_name.split("/")
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        file = Path(prefix, "share", package, kind, f"{name}.msg")
+        file = Path(prefix, "share", package, kind, f"{interface_of(type_name).split('/')[-1]}.{kind}")
         if file.is_file():
-            found = get_types_from_msg(file.read_text(encoding="utf-8"), type_name)
-            for nested in _nested(found[type_name]):
-                _install(types, nested)
+            found = _defined_in(file, package)
+            for name in set().union(*(nested(fields) for _constants, fields in found.values())) - found.keys():
+                _install(types, name)
             types.register({key: fields for key, fields in found.items() if key not in types.fielddefs})
             return
     raise ValueError(f"no definition of {type_name}: source the workspace in which the package {package} is installed")
-
-
-def _nested(definition: tuple) -> set[str]:
-    """Names of the message types in a definition's fields."""
-    kinds = [kind for _, kind in definition[1]]
-    kinds = [detail[0] if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (node, detail) for node, detail in kinds]
-    return {detail for node, detail in kinds if node == Nodetype.NAME}
 
 
 def _definitions(folder: Path) -> dict:
@@ -172,29 +179,19 @@ def _definitions(folder: Path) -> dict:
         raise ValueError(f"no .msg, .srv or .action files in {folder}")
     package, found = _package_name(folder), {}
     for file in files:
-        kind = file.suffix[1:]
-        texts = _split(file)
-        for part, text in zip(_PARTS[file.suffix], texts, strict=True):
-            name = f"{package}/{kind}/{file.stem}{part}"
-            try:
-                parsed = get_types_from_msg(text, name)
-                found.update({key.replace("/srv/msg/", "/srv/"): fields for key, fields in parsed.items()})
-            except Exception as error:
-                raise ValueError(f"{file}: {error}") from error
+        found.update(_defined_in(file, package))
     return found
 
 
-def _split(file: Path) -> list[str]:
-    """Parts of a definition file, at lines of three dashes."""
-    parts: list[list[str]] = [[]]
-    for line in file.read_text(encoding="utf-8").splitlines():
-        if line.strip() == "---":
-            parts.append([])
-        else:
-            parts[-1].append(line)
-    if len(parts) != len(_PARTS[file.suffix]):
-        raise ValueError(f"{file}: {len(parts)} parts between '---' lines, need {len(_PARTS[file.suffix])}")
-    return ["\n".join(part) + "\n" for part in parts]
+def _defined_in(file: Path, package: str) -> dict:
+    """Types that a .msg, .srv or .action file of a package defines."""
+    parts = split_definition(file.read_text(encoding="utf-8-sig"))
+    if len(parts) != _PARTS[file.suffix]:
+        raise ValueError(f"{file}: {len(parts)} parts between '---' lines, need {_PARTS[file.suffix]}")
+    try:
+        return parts_of(f"{package}/{file.suffix[1:]}/{file.stem}", parts)
+    except Exception as error:
+        raise ValueError(f"{file}: {error}") from error
 
 
 def _package_name(folder: Path) -> str:
@@ -206,6 +203,10 @@ def _package_name(folder: Path) -> str:
 
 
 def _known(types: Typestore, type_name: str) -> str:
+    """The type under its full name; ValueError if it is not known."""
+    if type_name in types.fielddefs:
+        return type_name
+    type_name = full_name(type_name)
     if type_name not in types.fielddefs:
         raise ValueError(
             f"unknown message type '{type_name}': write it as package/msg/Name, and give the folder of its .msg files to typestore()"
@@ -222,7 +223,7 @@ def _get(value: Any, name: str) -> Any:
         return None
     if _is_mapping(value):
         return value.get(name)
-    if not hasattr(value, name) and name != "structure_needs_at_least_one_member":
+    if not hasattr(value, name) and name != _NO_FIELD:
         raise ValueError(f"{type(value).__name__} has no field '{name}'")
     return getattr(value, name, None)
 

@@ -1,7 +1,7 @@
 """Reading bags without ROS: rosbag2 folders, with or without metadata.yaml, and single .mcap files.
 
 Messages are decoded by the definitions in the bag, so that types of other packages need no installation.
-MCAP files are read here; SQLite files, and bags whose files or messages are compressed one by one, by `rosbags`.
+Which messages there are, the files themselves say; metadata.yaml only adds what they do not tell.
 """
 
 from __future__ import annotations
@@ -11,43 +11,33 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from pathlib import Path, PurePath
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
-
 from dart_skill.files import open_file, require_file
-from dart_skill.recording.bags._files import ROS1_SUFFIX, SUFFIXES, files_in, named_files, part_number
-from dart_skill.recording.bags._metadata import (
-    METADATA_FILE,
-    METADATA_VERSION,
-    RECORD_NAME,
-    is_plain_mcap,
-    parse_record,
-    profiles,
-    read_metadata_file,
-)
-from dart_skill.recording.mcap import END_OF_TIME, LARGEST_UNPACKED, USUAL_RATIO, BagMessage, DamagedError, McapInput, in_time_order
+from dart_skill.recording.bags._files import chosen_files, files_in, part_number, unpacked_name
+from dart_skill.recording.bags._inputs import is_packed, open_input, storage_of, unpack_file, unpacked_messages
+from dart_skill.recording.bags._metadata import RECORD_NAME, known_metadata, parse_record, profiles, topics_of
+from dart_skill.recording.bags._names import full_name
+from dart_skill.recording.mcap import END_OF_TIME, BagMessage, DamagedError, McapInput, Part, in_time_order
 
 if TYPE_CHECKING:
-    from mcap.records import Attachment
+    from mcap.records import Attachment, Channel
     from rosbags.typesys.store import Typestore
 
     from dart_skill.recording.bags._ros1 import Ros1Source
+    from dart_skill.recording.bags._sqlite import SqliteInput
 
 _RECOVER = (
     "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
     " 'dart-skill bag recover' makes a new bag of what is in it"
 )
-_FORMATS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
-
-
 OF_A_GRAPH = {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/demonstrations": "dart_skill_msgs/msg/Demonstration"}
 """Topics by which a graph is known in a bag, without its namespace, and their types."""
+ROS1_SUFFIX, ROS1_MAGIC = ".bag", b"#ROSBAG "
 MAPPED = (".csv", ".tsv", ".txt", ".npy", ".npz", ".mat", ".parquet", ".c3d", ".trc", ".bvh")
 """Endings of files that a mapping describes (docs/recordings.md)."""
-MOST_LINES, MOST_LINES_OF_ALL, LARGEST_DEFINITION = 5_000, 20_000, 1_000_000
-"""Of the definition of a type, with all that it nests, of all definitions of a bag, and characters of one: they take 0.4 ms a line."""
 
 
 class BagError(ValueError):
@@ -63,6 +53,7 @@ class TopicInfo:
     * type_hash: RIHS01; empty where the bag does not tell it.
     * qos: profiles of `rosbags`.
     * encoding: of the messages.
+    * other_types: of messages on the same topic, where it has several; each message says which it is of.
     """
 
     name: str
@@ -71,6 +62,7 @@ class TopicInfo:
     type_hash: str
     qos: tuple
     encoding: str = "cdr"
+    other_types: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,7 +88,7 @@ class BagFile:
 class BagReader:
     """An open bag; a context manager. Raises BagError for what is no whole bag.
 
-    * path: rosbag2 folder, or .mcap or .db3 file.
+    * path: rosbag2 folder, or .mcap or .db3 file, or .bag file of ROS 1.
     * types: definitions for topics whose bag holds none, or what makes these when they are needed (`typestore`). The attribute of this name
       decodes the messages. Bags that define the same types share it: make another store to add to it.
 
@@ -113,17 +105,18 @@ class BagReader:
 
     def __init__(self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None):
         self.path, self._given = Path(path), types
-        files = _storage_files(self.path)
+        if not self.path.exists():
+            raise BagError(f"{self.path}: no such bag")
+        metadata = known_metadata(self.path) if self.path.is_dir() else {}
+        files = _storage_files(self.path, metadata)
         with _explained(self.path):
-            metadata = read_metadata_file(self.path) if self.path.is_dir() and (self.path / METADATA_FILE).exists() else None
-            self._source = source = _open(self.path, files, metadata)
+            self._source = source = _opened(self.path, files, metadata)
             self._definitions = tuple(dict.fromkeys(source.definitions()))  # each file of a split bag has all of them
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
         self.custom_data: dict[str, str] = dict(source.custom_data)
         self.message_count = sum(topic.count for topic in self.topics.values())
-        suffixes = {suffix for file in self.files for suffix in file.path.suffixes}
-        self.storage = "sqlite3" if ".db3" in suffixes else "ros1" if ROS1_SUFFIX in suffixes else "mcap"
+        self.storage = source.storage
 
     @property
     def types(self) -> Typestore:
@@ -132,11 +125,24 @@ class BagReader:
 
     @cached_property
     def _all_types(self) -> tuple[Typestore, dict[str, str]]:
-        """All types that are known, and why others are not."""
+        """All types that are known, and why others are not. What the bag does not define is as it was given, else as ROS 2 Jazzy has it."""
         store, unknown = _shared_types(self._definitions)
-        if self._given is None or all(topic.type_name in store.fielddefs for topic in self.topics.values()):
+        names = {name for topic in self.topics.values() if topic.encoding == "cdr" for name in (topic.type_name, *topic.other_types)}
+        if names <= store.fielddefs.keys():
             return store, unknown
-        return embedded_types(self._definitions, self._given() if callable(self._given) else self._given)
+        if self._given is None:
+            return _with_standard_types(self._definitions, frozenset(names))
+        from dart_skill.recording.bags._definitions import embedded_types
+
+        return embedded_types(self._definitions, self._other_types, names)
+
+    @cached_property
+    def _other_types(self) -> Typestore:
+        """Types that do not come from the bag."""
+        from dart_skill.recording.bags.messages import shared_types
+
+        given = shared_types if self._given is None else self._given
+        return given() if callable(given) else given
 
     def messages(
         self,
@@ -218,7 +224,10 @@ class BagReader:
         try:
             return BagMessage(topic, type_name, stamp_ns, deserialize(self.types, type_name, data))
         except ValueError as error:
-            raise BagError(f"{self.path}: topic {topic}: {error}") from error
+            try:  # its definition in the bag may be wrong
+                return BagMessage(topic, type_name, stamp_ns, deserialize(self._other_types, type_name, data))
+            except ValueError:
+                raise BagError(f"{self.path}: topic {topic}: {error}") from error
 
 
 class GraphBag(BagReader):
@@ -260,16 +269,26 @@ class GraphBag(BagReader):
         return name.removeprefix(self.namespace) if name.startswith(f"{self.namespace}/") else name
 
 
-class _McapSource:
-    """The MCAP files of a bag, in order."""
+def _opened(path: Path, files: list[Path], metadata: dict) -> _Source | Ros1Source:
+    """What reads the files of a bag."""
+    if not is_of_ros1(files[0]):
+        return _Source(path, files, metadata)
+    from dart_skill.recording.bags._ros1 import Ros1Source
 
-    def __init__(self, path: Path, files: list[Path], metadata: dict | None):
-        self._files: list[McapInput] = []
+    return Ros1Source(files[0])
+
+
+class _Source:
+    """The files of a bag, in order: MCAP or SQLite, as their first bytes say, packed or not."""
+
+    def __init__(self, path: Path, files: list[Path], metadata: dict):
+        self._files: list[McapInput | SqliteInput] = []
+        self._folder: TemporaryDirectory | None = None
         try:
             for file in files:
                 with _explained(file):
-                    self._files.append(McapInput(file))
-            if metadata is None and len(files) > 1:
+                    self._files.append(open_input(self._unpacked(file)))
+            if not metadata.get("relative_file_paths") and len(files) > 1:
                 _require_one_bag(path, self._files)
         except BaseException:
             self.close()
@@ -277,36 +296,37 @@ class _McapSource:
         filled = [file for file in self._files if file.message_count]
         self.start_ns = min((file.start_ns for file in filled), default=0)
         self.end_ns = max((file.end_ns for file in filled), default=0)
-        self.metadata = metadata if metadata is not None else self._embedded_metadata()
+        self.metadata = metadata or self._embedded_metadata()
         self.custom_data = self.metadata.get("custom_data") or {}
+        self._names: dict[tuple[int, int], str] = {}  # of topics, by number of the file and number of the channel
         self.topics = self._topics()
-        self.files = [
-            BagFile(
-                file.path, file.path.stat().st_size, file.message_count, file.start_ns, file.end_ns, file.header.library, file.compression
-            )
-            for file in self._files
-        ]
+        told = self.metadata.get("compression_format") or ""
+        self.files = [_bag_file(file, one, told) for file, one in zip(files, self._files, strict=True)]
 
     @property
     def is_open(self) -> bool:
         return all(file.is_open for file in self._files)
 
+    @property
+    def storage(self) -> str:
+        return self._files[0].storage
+
     def definitions(self) -> Iterator[tuple[str, str, str]]:
         """Type name, schema encoding and definition text of each type."""
         for file in self._files:
             for schema in file.schemas.values():
-                yield schema.name, schema.encoding, schema.data.decode(errors="replace")
+                yield full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
 
     def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
-        parts = []
-        for file in self._files:
+        parts: list[Part] = []
+        for k, file in enumerate(self._files):
             wanted = {
-                number: (channel.topic, file.type_name(channel) or self.topics[channel.topic].type_name)
+                number: (name, _type_of(file, channel) or self.topics[name].type_name)
                 for number, channel in file.channels.items()
-                if channel.topic in topics
+                if (name := self._names[k, number]) in topics
             }
             parts += file.parts(wanted, start_ns, stop_ns)
-        return in_time_order(parts)
+        return unpacked_messages(in_time_order(parts))
 
     def attachments(self) -> list[Attachment]:
         return [item for file in self._files for item in file.attachments()]
@@ -314,6 +334,16 @@ class _McapSource:
     def close(self) -> None:
         for file in self._files:
             file.close()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def _unpacked(self, file: Path) -> Path:
+        """The file, or what it holds if it was compressed as a whole."""
+        if not is_packed(file):
+            return file
+        if self._folder is None:
+            self._folder = TemporaryDirectory(prefix="dart_skill_")
+        return unpack_file(file, Path(self._folder.name))
 
     def _embedded_metadata(self) -> dict:
         """What the last file tells by itself."""
@@ -321,109 +351,63 @@ class _McapSource:
         return parse_record(records[-1].metadata) if records else {}
 
     def _topics(self) -> dict[str, TopicInfo]:
-        """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there."""
-        items = [item["topic_metadata"] for item in self.metadata.get("topics_with_message_count") or []]
-        told_of = {told["name"]: told for told in items}
-        found: dict[str, TopicInfo] = {}
-        for file in self._files:
+        """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there.
+
+        Where channels of one topic have several encodings, those that are not CDR are topics of their own, named after both.
+        """
+        told_of = topics_of(self.metadata)
+        plain = {channel.topic for file in self._files for channel in file.channels.values() if _encoding(channel) == "cdr"}
+        found: dict[str, list[_Channel]] = {}
+        for k, file in enumerate(self._files):
             for number, channel in file.channels.items():
-                name, known = channel.topic, found.get(channel.topic)
-                told = told_of.get(name, {})
-                qos = told.get("offered_qos_profiles") or channel.metadata.get("offered_qos_profiles", "")
-                found[name] = TopicInfo(
-                    name,
-                    (known and known.type_name) or file.type_name(channel) or told.get("type", ""),
-                    file.counts[number] + (known.count if known else 0),
-                    told.get("type_description_hash") or channel.metadata.get("topic_type_hash", ""),
-                    profiles(name, qos),
-                    channel.message_encoding,
-                )
-        return found
+                encoding = _encoding(channel)
+                name = channel.topic if encoding == "cdr" or channel.topic not in plain else f"{channel.topic} ({encoding})"
+                self._names[k, number] = name
+                found.setdefault(name, []).append(_Channel(channel, _type_of(file, channel), file.counts[number]))
+        return {name: _topic(name, channels, told_of.get(channels[0].record.topic, {})) for name, channels in found.items()}
 
 
-class _RosbagsSource:
-    """A bag that `rosbags` reads."""
+@dataclass(frozen=True)
+class _Channel:
+    """A channel of a topic, as a file has it. count: of its messages."""
 
-    def __init__(self, path: Path, files: list[Path], metadata: dict | None):
-        from rosbags.rosbag2 import Reader
-
-        for file in named_files(path, metadata or {}) or files:
-            _check_compressed(file)
-        self.metadata = metadata or {}
-        self._reader = reader = Reader(path if metadata else files[0])
-        reader.open()
-        self.start_ns = reader.start_time if reader.message_count else 0
-        self.end_ns = reader.end_time - 1 if reader.message_count else 0
-        self.custom_data = reader.storage.metadata.custom or {}
-        self.files = self._described(named_files(path, self.metadata) or files[:1])
-        self.topics = {
-            one.topic: TopicInfo(
-                one.topic,
-                one.msgtype,
-                sum(other.msgcount for other in reader.connections if other.topic == one.topic),
-                one.digest,
-                tuple(_ext(one).offered_qos_profiles),
-                _ext(one).serialization_format,
-            )
-            for one in reader.connections
-        }
-
-    @property
-    def is_open(self) -> bool:
-        return self._reader.is_open
-
-    def _described(self, files: list[Path]) -> list[BagFile]:
-        """What metadata.yaml says of each file; of a single one it is what there is in all."""
-        whole = (self._reader.message_count, self.start_ns, self.end_ns)
-        told = {PurePath(item["path"]).name: _told_extent(item) for item in self.metadata.get("files") or []}
-        unknown = whole if len(files) == 1 else (None, None, None)
-        compression = self.metadata.get("compression_format", "")
-        described = []
-        for file in files:
-            count, start_ns, end_ns = told.get(file.name, unknown)
-            described.append(BagFile(file, file.stat().st_size, count, start_ns, end_ns, compression=compression))
-        return described
-
-    def definitions(self) -> Iterator[tuple[str, str, str]]:
-        """Type name, schema encoding and definition text of each type."""
-        for one in self._reader.connections:
-            if one.msgdef.format in _FORMATS:
-                yield one.msgtype, _FORMATS[one.msgdef.format], one.msgdef.data
-
-    def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
-        chosen = [one for one in self._reader.connections if one.topic in topics]
-        if not chosen:
-            return
-        for one, stamp_ns, data in self._reader.messages(chosen, start_ns, min(stop_ns, 2**63 - 1)):
-            yield BagMessage(one.topic, one.msgtype, stamp_ns, bytes(data))
-
-    def attachments(self) -> list[Attachment]:
-        return []
-
-    def close(self) -> None:
-        if self._reader.is_open:
-            self._reader.close()
+    record: Channel
+    type_name: str
+    count: int
 
 
-def _check_compressed(file: Path) -> None:
-    """BagError for a file that unpacks to far more than it is; `rosbags` would put all of it on the disk."""
-    require_file(file)
-    if file.suffix not in (".zstd", ".zst"):
-        return
-    import zstandard
+def _topic(name: str, channels: list[_Channel], told: dict) -> TopicInfo:
+    """A topic of a bag from its channels. told: what metadata.yaml says of it."""
+    filled = [one for one in channels if one.count] or channels
+    types = list(dict.fromkeys(one.type_name for one in filled if one.type_name)) or [full_name(told.get("type", ""))]
+    told_by_files = [one.record.metadata for one in channels]
+    hashes = [told.get("type_description_hash"), *(one.get("topic_type_hash") for one in told_by_files)]
+    qos = [told.get("offered_qos_profiles"), *(one.get("offered_qos_profiles") for one in told_by_files)]
+    return TopicInfo(
+        name,
+        types[0],
+        sum(one.count for one in channels),
+        next(filter(None, hashes), ""),
+        next(filter(None, (profiles(name, one) for one in qos)), ()),
+        _encoding(channels[0].record),
+        tuple(types[1:]),
+    )
 
-    size, most = 0, max(LARGEST_UNPACKED, USUAL_RATIO * file.stat().st_size)
-    with open_file(file) as stream, zstandard.ZstdDecompressor().stream_reader(stream) as unpacked:
-        while part := unpacked.read(2**20):
-            size += len(part)
-            if size > most:
-                raise BagError(f"{file.name} unpacks to more than {most} bytes: no recording is so much larger than its file")
+
+def _encoding(channel: Channel) -> str:
+    return "cdr" if channel.message_encoding.lower() in ("cdr", "") else channel.message_encoding
 
 
-def _told_extent(item: dict) -> tuple[int, int, int]:
-    """Count, first and last log time of a file, as metadata.yaml tells them."""
-    start = item["starting_time"]["nanoseconds_since_epoch"]
-    return item["message_count"], start, start + item["duration"]["nanoseconds"]
+def _type_of(file: McapInput | SqliteInput, channel: Channel) -> str:
+    """Message type of a channel, of CDR under its full name; empty if the file does not tell it."""
+    name = file.type_name(channel)
+    return full_name(name) if _encoding(channel) == "cdr" else name
+
+
+def _bag_file(file: Path, opened: McapInput | SqliteInput, told: str) -> BagFile:
+    """What is known of a file. told: the compression that the metadata tell."""
+    compression = {".lz4": "lz4"}.get(file.suffix, "zstd") if is_packed(file) else opened.compression or told
+    return BagFile(file, file.stat().st_size, opened.message_count, opened.start_ns, opened.end_ns, opened.library, compression)
 
 
 def _of_tables(folder: Path) -> str:
@@ -436,41 +420,53 @@ def _of_tables(folder: Path) -> str:
     return f"; its {what} files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
 
 
-def _storage_files(path: Path) -> list[Path]:
+def _storage_files(path: Path, metadata: dict) -> list[Path]:
     """Files that hold a bag's messages, in order; BagError if there are none, or several that are not one bag's."""
-    if not path.exists():
-        raise BagError(f"{path}: no such bag")
     if not path.is_dir():
         require_file(path)
-    if path.is_file() and path.suffix not in SUFFIXES:
-        raise BagError(
-            f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1; others need --mapping"
-        )
-    files = [path] if path.is_file() else files_in(path)
-    if not files and not any(path.glob("*.zstd")):
-        raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")
+        files = [path]
+        if storage_of(path) is None and not is_of_ros1(path):
+            known = "a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1"
+            raise BagError(f"{path}: a bag is {known}; what else is read needs --mapping")
+    else:
+        files, missing = chosen_files(path, metadata)
+        if missing:
+            raise BagError(f"{path}: {', '.join(file.name for file in missing)} is missing, which metadata.yaml names")
+        files = files or files_in(path, (ROS1_SUFFIX,))
+        if not files:
+            raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")
+        if len(files) > 1 and files[0].suffix == ROS1_SUFFIX:
+            raise _not_one_bag(path, len(files), "are of ROS 1, which has no bags of several files")
     for file in files:
         require_file(file)
-    empty = [file.name for file in files if file.stat().st_size == 0]
-    if empty:
-        raise BagError(f"{path}: {', '.join(empty)} is empty (0 bytes): the recorder stopped before its first write")
-    if len(files) > 1 and not (path / METADATA_FILE).is_file():
+    empty = [file for file in files if file.stat().st_size == 0]
+    if len(empty) == len(files):
+        names = ", ".join(file.name for file in empty)
+        raise BagError(f"{path}: {names} is empty (0 bytes): the recorder stopped before its first write")
+    if len(files) > 1 and not metadata.get("relative_file_paths"):
         name, _ = part_number(files[0])
-        if files[0].suffix != ".mcap" or [part_number(file) for file in files] != [(name, k) for k in range(len(files))]:
+        suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
+        if len(suffixes) > 1 or [part_number(file) for file in files] != [(name, k) for k in range(len(files))]:
             raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
-    return files
+    return [file for file in files if file not in empty]
+
+
+def is_of_ros1(path: Path) -> bool:
+    """Whether a file is a bag of ROS 1, by its first bytes."""
+    with open_file(path) as stream:
+        return stream.read(len(ROS1_MAGIC)) == ROS1_MAGIC
 
 
 def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
     return BagError(f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its name")
 
 
-def _require_one_bag(path: Path, files: list[McapInput]) -> None:
+def _require_one_bag(path: Path, files: list[McapInput | SqliteInput]) -> None:
     """Files of a split bag without metadata.yaml (its recorder crashed) follow each other and agree on their topics."""
     types: dict[str, str] = {}
     for file in files:
         for channel in file.channels.values():
-            if types.setdefault(channel.topic, file.type_name(channel)) != file.type_name(channel):
+            if file.counts[channel.id] and types.setdefault(channel.topic, _type_of(file, channel)) != _type_of(file, channel):
                 raise _not_one_bag(path, len(files), f"disagree on the type of {channel.topic}")
     starts = [file.start_ns for file in files if file.message_count]
     if any(later <= earlier for earlier, later in zip(starts, starts[1:], strict=False)):
@@ -487,79 +483,21 @@ def _thinned(messages: Iterable[BagMessage], every_ns: int) -> Iterator[BagMessa
             yield one
 
 
-def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource | _RosbagsSource | Ros1Source:
-    """What reads the bag."""
-    if files and files[0].suffix == ROS1_SUFFIX:
-        from dart_skill.recording.bags._ros1 import Ros1Source
+@lru_cache(maxsize=8)
+def _with_standard_types(definitions: tuple[tuple[str, str, str], ...], names: frozenset[str]) -> tuple[Typestore, dict[str, str]]:
+    """The same with types that the bag lacks as ROS 2 Jazzy has them."""
+    from dart_skill.recording.bags._definitions import embedded_types
+    from dart_skill.recording.bags.messages import shared_types
 
-        return Ros1Source(files[0])
-    if metadata is None:
-        return _McapSource(path, files, None) if files[0].suffix == ".mcap" else _RosbagsSource(path, files, None)
-    try:
-        is_ours = is_plain_mcap(metadata) and metadata["version"] <= METADATA_VERSION
-    except (KeyError, TypeError, AttributeError) as error:
-        raise BagError(f"{path}: its metadata.yaml lacks or misuses {error}") from error
-    if not is_ours:
-        return _RosbagsSource(path, files, metadata)
-    named = named_files(path, metadata)
-    missing = [file.name for file in named if not file.is_file()]
-    if missing or not named:
-        raise BagError(f"{path}: {', '.join(missing) or 'every file'} is missing, which metadata.yaml names")
-    return _McapSource(path, named, metadata)
+    return embedded_types(definitions, shared_types(), names)
 
 
 @lru_cache(maxsize=8)
 def _shared_types(definitions: tuple[tuple[str, str, str], ...]) -> tuple[Typestore, dict[str, str]]:
     """As `embedded_types` without others, once for all bags that define the same, as those of one graph do."""
+    from dart_skill.recording.bags._definitions import embedded_types
+
     return embedded_types(definitions, None)
-
-
-def embedded_types(definitions: Iterable[tuple[str, str, str]], types: Typestore | None) -> tuple[Typestore, dict[str, str]]:
-    """Types that the bag defines, and those of `types` that it lacks; and why the others are unknown."""
-    from rosbags.typesys import Stores, get_typestore
-
-    found, unknown, lines = {}, {}, 0
-    for name, encoding, text in dict.fromkeys(definitions):  # each file of a split bag has all of them
-        own = text.count("\n") + text.count(";") + 1
-        lines += own
-        if own > MOST_LINES or lines > MOST_LINES_OF_ALL or len(text) > LARGEST_DEFINITION:
-            unknown[name] = f"whose definition in the bag is too long: {own} lines of {lines} so far, {len(text)} characters"
-            continue
-        try:
-            found.update(_types_in(name, encoding, text))
-        except Exception as error:  # generated parsers meet arbitrary text
-            unknown[name] = f"whose definition in the bag is damaged ({error})"
-    store = get_typestore(Stores.EMPTY)
-    try:
-        store.register(found)
-    except Exception:  # two definitions that cannot be in one store, or names that are none: as many as can be
-        for name, fields in found.items():
-            try:
-                store.register({name: fields})
-            except Exception as error:
-                unknown[name] = f"whose definition in the bag is damaged ({error})"
-    if types is not None:
-        store.register({name: types.fielddefs[name] for name in types.fielddefs.keys() - found.keys()})
-    return store, unknown
-
-
-@lru_cache(maxsize=256)
-def _types_in(name: str, encoding: str, text: str) -> dict:
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
-
-    if encoding == "ros2msg":
-        return get_types_from_msg(text, name) if text else {}
-    found: dict = {}
-    if encoding in ("ros2idl", "omgidl"):
-        for part in text.split("=" * 80 + "\n"):
-            body = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
-            found.update(get_types_from_idl(body) if body.strip() else {})
-    return found
-
-
-def _ext(connection: Connection) -> ConnectionExtRosbag2:
-    assert isinstance(connection.ext, ConnectionExtRosbag2)
-    return connection.ext
 
 
 @contextmanager

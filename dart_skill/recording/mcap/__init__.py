@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
-from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
+from dart_skill.recording.mcap._mapped import crc_of, give_back, mapped
+from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, Part, in_time_order, is_complete
 from dart_skill.recording.mcap.records import (
     Chunk,
     ChunkPlace,
@@ -15,7 +16,19 @@ from dart_skill.recording.mcap.records import (
     parse_header,
     read_summary,
 )
-from dart_skill.recording.mcap.walk import LARGEST_UNPACKED, USUAL_RATIO, Damage, Record, crc_of, mapped, read_definitions, walk
+from dart_skill.recording.mcap.walk import (
+    LARGEST_UNPACKED,
+    USUAL_RATIO,
+    Damage,
+    Record,
+    Unpacked,
+    all_definitions,
+    belongs,
+    definitions_in,
+    extents,
+    read_definitions,
+    walk,
+)
 
 if TYPE_CHECKING:
     from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
@@ -36,11 +49,19 @@ __all__ = [
     "McapFile",
     "McapInput",
     "Message",
+    "Part",
     "Record",
     "Summary",
     "USUAL_RATIO",
+    "Unpacked",
+    "all_definitions",
+    "belongs",
     "crc_of",
+    "definitions_in",
+    "extents",
+    "give_back",
     "in_time_order",
+    "is_complete",
     "mapped",
     "messages_of",
     "parse_header",

@@ -18,8 +18,9 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, McapRecord, Metadata
 
 from dart_skill.files import open_file
+from dart_skill.recording.mcap._mapped import mapped
 from dart_skill.recording.mcap.records import RECORD, ChunkTable, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
-from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
+from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, walk
 
 END_OF_TIME = 2**64
 _FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
@@ -41,11 +42,15 @@ class BagMessage(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part of a file: log times of its first and last message, and what reads it, as a list of BagMessage in order of log time."""
+    """A part of a file.
+
+    * start_ns, end_ns: log times of its first and last message.
+    * read: gives its messages in order of log time.
+    """
 
     start_ns: int
     end_ns: int
-    read: Callable[[], list[BagMessage]]
+    read: Callable[[], Iterable[BagMessage]]
 
 
 class McapInput:
@@ -57,7 +62,10 @@ class McapInput:
     message_count: of all channels.
     start_ns, end_ns: log times of the first and last message, 0 without messages.
     compression: of the chunks; several are separated by commas.
+    storage: how rosbag2 calls the format.
     """
+
+    storage = "mcap"
 
     def __init__(self, path: Path):
         self.path = path
@@ -67,7 +75,7 @@ class McapInput:
             with mapped(path) as data:
                 self.header, _ = parse_header(data)
                 summary = read_summary(data)
-                if summary is not None and _is_complete(summary):
+                if summary is not None and is_complete(summary):
                     self._take(summary)
                 else:
                     self._scan(data)
@@ -79,6 +87,11 @@ class McapInput:
     def is_open(self) -> bool:
         """Whether it can be read."""
         return not self._stream.closed
+
+    @property
+    def library(self) -> str:
+        """What wrote the file."""
+        return self.header.library
 
     def type_name(self, channel: Channel) -> str:
         """Message type of a channel; empty if the file does not tell it."""
@@ -238,12 +251,21 @@ def _when_due(part: Part) -> Iterator:
     yield from part.read()
 
 
-def _is_complete(summary: Summary) -> bool:
-    """Whether the summary tells where all messages are: each is in a chunk that has indexes."""
+def is_complete(summary: Summary) -> bool:
+    """Whether the summary tells where all messages are: each is in a chunk that has indexes, of a channel that the summary has.
+
+    The statistics of rosbag2's writer count only the channels that have messages. summary: of a file.
+    """
     statistics = summary.statistics
-    if statistics is None or statistics.schema_count != len(summary.schemas) or statistics.channel_count != len(summary.channels):
+    if statistics is None or statistics.schema_count > len(summary.schemas) or statistics.channel_count > len(summary.channels):
         return False
-    indexed = sum(chunk.message_index_length - 15 * len(chunk.channels) for chunk in summary.chunks) // 16
+    counts, known, indexed = statistics.channel_message_counts, summary.channels.keys(), 0
+    if sum(counts.values()) != statistics.message_count or not known >= counts.keys():
+        return False
+    for chunk in summary.chunks:
+        if not known >= chunk.channels:
+            return False
+        indexed += (chunk.message_index_length - 15 * len(chunk.channels)) // 16
     lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
     return lists and indexed == statistics.message_count
 

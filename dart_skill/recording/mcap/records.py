@@ -21,6 +21,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Footer, Header, McapRecord, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 
+from dart_skill.recording.mcap._mapped import crc_of
+
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
 RECORD = struct.Struct("<BQ")
@@ -105,7 +107,11 @@ class Chunk:
 
     def messages(self) -> Iterator[Message]:
         """Its messages; DamagedError."""
-        return messages_of(self.unpack(), most=self.most_records)
+        return self.messages_in(self.unpack())
+
+    def messages_in(self, raw: bytes) -> Iterator[Message]:
+        """The same of its records. raw: these, unpacked."""
+        return messages_of(raw, most=self.most_records)
 
     def messages_of_part(self) -> Iterator[Message]:
         """As many of its messages as a chunk gives that was cut off."""
@@ -286,13 +292,13 @@ def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
     return header, end
 
 
-def read_summary(data: memoryview) -> Summary | None:
-    """The summary of a file's bytes, None if it has none; DamagedError."""
+def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
+    """The summary of a file's bytes, None if it has none; DamagedError. with_crc: take one without a CRC for none."""
     footer = _footer(data)
-    if not footer.summary_start:
+    if not footer.summary_start or (with_crc and not footer.summary_crc):
         return None
     end = len(data) - FOOTER_LENGTH
-    if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
+    if footer.summary_crc and crc_of(data[footer.summary_start : end + 25], end + 25 - footer.summary_start) != footer.summary_crc:
         raise DamagedError("the summary's CRC does not fit its content")
     chunks, found = ChunkTable(), []
     for record in _summary_records(data, footer.summary_start):

@@ -6,20 +6,17 @@ summary knows, or searches the next record.
 
 from __future__ import annotations
 
-import mmap
 import re
 from bisect import bisect_right
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from zlib import crc32
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 
-from dart_skill.files import open_file
+from dart_skill.recording.mcap._mapped import give_back
 from dart_skill.recording.mcap.records import (
     MAGIC,
     PARSED,
@@ -32,15 +29,17 @@ from dart_skill.recording.mcap.records import (
     messages_of,
     parse,
     parse_chunk,
+    parse_header,
     parse_message_index,
+    read_summary,
     records_of,
 )
 
 _ANY_RECORD = re.compile(rb"(?=[\x01-\x0f].{5}\x00\x00\x00)", re.DOTALL)
 LARGEST_UNPACKED, USUAL_RATIO = 2**30, 1000
 """All that is packed in a file may be so many bytes, or so many times as large as the file: more is a bomb, which takes hours to read."""
-READ_AT_ONCE = 2**24
-"""Of a file that is gone through, so many bytes stay in memory [bytes]."""
+_ZERO_BLOCK = re.compile(rb"\x00{256,}")
+"""No writer compresses to such a one: it is a block that was not stored when the power failed, or that a copy left out."""
 
 
 @dataclass(frozen=True)
@@ -94,75 +93,153 @@ class Damage:
     rest: Chunk | None = None
 
 
-@contextmanager
-def mapped(path: Path) -> Iterator[memoryview]:
-    """The bytes of a file, read as they are needed."""
-    if path.stat().st_size == 0:
-        yield memoryview(b"")
-        return
-    with open_file(path) as stream:
-        content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-    view = memoryview(content)
-    try:
-        yield view
-    finally:
-        view.release()
-        with suppress(BufferError):  # an exception on its way out may still hold a part of it
-            content.close()
+@dataclass
+class Unpacked:
+    """What the chunks of a file hold.
 
-
-def give_back(data: memoryview, begin: int, end: int) -> int:
-    """Let go of the memory of a file's bytes once they are many; returns where those begin that are still held.
-
-    * data: the bytes of `mapped`, which are read again where somebody asks for them again.
-    * begin, end: what was read since the last time.
+    * size: what they say [bytes].
+    * before: of the files that stand before this one in the same [bytes].
     """
-    if end - begin < READ_AT_ONCE:
-        return begin
-    if isinstance(data.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-        first, last = (place // mmap.PAGESIZE * mmap.PAGESIZE for place in (begin, end))
-        data.obj.madvise(mmap.MADV_DONTNEED, first, last - first)
-    return end
+
+    size: int = 0
+    before: int = 0
 
 
-def crc_of(data: memoryview, end: int) -> int:
-    """CRC of a file's bytes before an end, of which few are in memory at a time. data: its bytes; end: before which they count."""
-    crc = held = 0
-    for begin in range(0, end, READ_AT_ONCE):
-        stop = min(begin + READ_AT_ONCE, end)
-        crc, held = crc32(data[begin:stop], crc), give_back(data, held, stop)
-    return crc
-
-
-def walk(data: memoryview, summary: Summary | None = None) -> Iterator[Record | Damage]:
+def walk(data: memoryview, summary: Summary | None = None, unpacked: Unpacked | None = None) -> Iterator[Record | Damage]:
     """Every record of a file's bytes after the magic, in order, and the places between them that are damaged.
 
-    summary: tells where records begin, also behind damage. Ends after the footer.
+    summary: tells where records begin, also behind damage.
+    unpacked: so far, if this is one of several files in one.
+
+    Ends after the footer: what follows it is a damaged place, and another file for `extents`.
     """
-    known = _KnownPlaces(data, summary)
+    known, unpacked = _KnownPlaces(data, summary), unpacked or Unpacked()
     place, size = (len(MAGIC) if bytes(data[:8]) == MAGIC else 0), len(data)
     if place == 0:
         place = _next_record(data, min(8, size), known) if size < 17 or data[8] != Opcode.HEADER else 8
-        yield Damage(0, place, "the file magic is invalid")
-    unpacked = held = 0
+        yield Damage(0, place, "the file magic is invalid" + _zeros(data, 0, place))
+    held = 0
     while place < size:
         held = give_back(data, held, place)
         found = _record_at(data, place)
-        if isinstance(found, Damage):
+        if isinstance(found, Record) and found.opcode != Opcode.FOOTER and not _is_followed(data, found):
+            inner = _next_record(data, place + 1, known, found.end)
+            found = Damage(place, inner, "its length is damaged, or its end is missing") if inner < found.end else found
+        elif isinstance(found, Damage):
             found = _chunk_at(data, place, found.reason) or _skipped(data, found, known)
         if isinstance(found, Record) and found.opcode == Opcode.CHUNK:
-            unpacked += found.chunk().size
-            if unpacked > max(LARGEST_UNPACKED, USUAL_RATIO * found.end):
-                reason = f"the chunks say that they hold {unpacked} bytes, in a file of {size}: the rest is left out"
+            unpacked.size += found.chunk().size
+            if unpacked.size > max(LARGEST_UNPACKED, USUAL_RATIO * (unpacked.before + found.end)):
+                reason = f"the chunks say that they hold {unpacked.size} bytes, in a file of {size}: the rest is left out"
                 yield Damage(found.offset, size, reason)
                 return
         yield found
         place = found.end
         if isinstance(found, Record) and found.opcode == Opcode.FOOTER:
-            if bytes(data[place:]) != MAGIC:
-                yield Damage(place, size, "the file does not end with the magic")
+            if bytes(data[place : place + len(MAGIC)]) != MAGIC:
+                yield Damage(place, size, "the file does not end with the magic" + _zeros(data, place, size))
+            elif place + len(MAGIC) < size:
+                yield _after_the_end(data, place + len(MAGIC))
             return
     yield Damage(size, size, "the file ends without footer")
+
+
+def extents(data: memoryview) -> list[tuple[int, int]]:
+    """Where each file begins and ends, of those that were put one after another into one; usually it is only one.
+
+    data: the bytes. What follows a footer is a file of its own, also where its head is missing, and so is what follows a header. A file
+    that is kept in another one as an attachment belongs to that.
+    """
+    if _is_one(data):
+        return [(0, len(data))]
+    found, begin = [], 0
+    while begin < len(data):
+        end = begin + _end_of_first(data[begin:])
+        found.append((begin, end))
+        begin = end
+    return found or [(0, 0)]
+
+
+def belongs(data: memoryview, summary: Summary) -> bool:
+    """Whether a summary is that of the file which it stands in: one of its chunks at least is where and what it says.
+
+    data: the file's bytes.
+    """
+    for place in summary.chunks:
+        found = _record_at(data, place.chunk_start_offset) if place.chunk_start_offset < len(data) else None
+        if isinstance(found, Record) and found.opcode == Opcode.CHUNK and found.end - found.offset == place.chunk_length:
+            chunk = found.chunk()
+            said = (place.message_start_time, place.message_end_time, place.uncompressed_size, place.compression)
+            if said == (chunk.start_ns, chunk.end_ns, chunk.size, chunk.compression):
+                return True
+    before = _record_at(data, summary.start - 13)
+    return not len(summary.chunks) and isinstance(before, Record) and before.opcode == Opcode.DATA_END
+
+
+def _is_one(data: memoryview) -> bool:
+    """Whether the summary at the end, by its CRC, stands where it was written: then nothing was put before it or into it."""
+    try:
+        parse_header(data[: 2**20])
+        summary = read_summary(data, with_crc=True)
+    except DamagedError:
+        return False
+    return summary is not None and belongs(data, summary)
+
+
+def _end_of_first(data: memoryview) -> int:
+    """Where the first file ends: behind its footer, or where the header of another one begins."""
+    for found in walk(data):
+        if isinstance(found, Damage):
+            continue
+        magic = found.offset - len(MAGIC)
+        if found.opcode == Opcode.HEADER and magic > 0 and bytes(data[magic : found.offset]) == MAGIC:
+            return magic
+        if found.opcode == Opcode.FOOTER:
+            return min(found.end + len(MAGIC), len(data))
+    return len(data)
+
+
+def _after_the_end(data: memoryview, place: int) -> Damage:
+    """What follows a file that is whole by itself."""
+    count = len(data) - place
+    if bytes(data[place : place + len(MAGIC)]) == MAGIC:
+        return Damage(place, len(data), f"another MCAP file of {count} bytes follows the end of this one")
+    return Damage(place, len(data), f"{count} bytes follow the end of the file" + _zeros(data, place, len(data)))
+
+
+def _zeros(data: memoryview, begin: int, end: int) -> str:
+    """What to say of a block of zero bytes that a damaged place has, if there is one."""
+    found = _ZERO_BLOCK.search(data, begin, end)
+    if found is None:
+        return ""
+    return f", with a block of {found.end() - found.start()} zero bytes, which the disk never stored or a copy left out"
+
+
+@dataclass
+class Definitions:
+    """What the records of a file define, by kind and number.
+
+    * vouched: by a CRC; the first of each number, however often writers repeat it.
+    * others: all that differ, in order.
+    """
+
+    vouched: dict[tuple[type, int], Schema | Channel] = field(default_factory=dict)
+    others: dict[tuple[type, int], list[Schema | Channel]] = field(default_factory=dict)
+
+    def take(self, record: Schema | Channel, is_vouched: bool) -> None:
+        """Add a definition. is_vouched: whether a CRC does."""
+        key = (type(record), record.id)
+        if is_vouched:
+            self.vouched.setdefault(key, record)
+        elif record not in self.others.setdefault(key, []):
+            self.others[key].append(record)
+
+    def best(self) -> tuple[dict[int, Schema], dict[int, Channel]]:
+        """Schemas and channels by number: those that are vouched for, and else the first."""
+        first = {key: records[0] for key, records in self.others.items()}
+        best = list((first | self.vouched).values())[::-1]
+        schemas = {record.id: record for record in best if isinstance(record, Schema)}
+        return schemas, {record.id: record for record in best if isinstance(record, Channel)}
 
 
 def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[dict[int, Schema], dict[int, Channel]]:
@@ -172,25 +249,33 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
     """
     if summary is not None and summary.has_crc and summary.channels:
         return summary.schemas, summary.channels
-    vouched: dict[tuple[type, int], Schema | Channel] = {}  # the first of each number, however often writers repeat it
-    others: dict[tuple[type, int], Schema | Channel] = {}
+    return all_definitions(data, summary).best()
+
+
+def all_definitions(data: memoryview, summary: Summary | None = None) -> Definitions:
+    """All that a file defines. data: its bytes; summary: as for `walk`."""
+    found = Definitions()
+    if summary is not None and summary.has_crc and summary.channels:
+        for schema in summary.schemas.values():
+            found.take(schema, True)
+        for channel in summary.channels.values():
+            found.take(channel, True)
+        return found
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
         if item.opcode == Opcode.CHUNK:
             chunk = item.chunk()
             with suppress(DamagedError):
-                for one in _definitions_in(chunk.unpack(), chunk.most_records):
-                    (vouched if chunk.crc else others).setdefault((type(one), one.id), one)
+                for one in definitions_in(chunk.unpack(), chunk.most_records):
+                    found.take(one, bool(chunk.crc))
         elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(record := item.parsed(), Schema | Channel):
-            others.setdefault((type(record), record.id), record)
-    best = list((others | vouched).values())[::-1]
-    schemas = {record.id: record for record in best if isinstance(record, Schema)}
-    return schemas, {record.id: record for record in best if isinstance(record, Channel)}
+            found.take(record, False)
+    return found
 
 
-def _definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
-    """Of a chunk's records, which are not more than `most`; DamagedError."""
+def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
+    """Schemas and channels of a chunk; DamagedError. raw: its records; most: as there may be of them."""
     for opcode, begin, end in records_of(raw, most=most):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             definition = parse(opcode, raw[begin:end])
@@ -269,14 +354,40 @@ def _chunk_at(data: memoryview, place: int, reason: str) -> Record | None:
 def _skipped(data: memoryview, damage: Damage, known: _KnownPlaces) -> Damage:
     """The damage as far as the next record. A chunk's rest is one only where nothing comes after it."""
     end = _next_record(data, damage.offset + 1, known)
-    return Damage(damage.offset, end, damage.reason, damage.rest if end == len(data) else None)
+    reason = damage.reason + _zeros(data, damage.offset, end)
+    return Damage(damage.offset, end, reason, damage.rest if end == len(data) else None)
 
 
-def _next_record(data: memoryview, place: int, known: _KnownPlaces) -> int:
-    """Where the next record begins, at or after a place: by the summary, or by its looks; the end of the data without one."""
-    size, index = len(data), bisect_right(known.places, place - 1)
+def _is_followed(data: memoryview, record: Record) -> bool:
+    """Whether another record, the magic or the end comes after a record, or its CRC says that it is whole."""
+    if record.end == len(data) or bytes(data[record.end : record.end + len(MAGIC)]) == MAGIC or _begins(data, record.end):
+        return True
+    with suppress(DamagedError):
+        if record.opcode == Opcode.ATTACHMENT:
+            record.parsed()
+            return True
+        if record.opcode == Opcode.CHUNK and (chunk := record.chunk()).crc:
+            chunk.unpack()
+            return True
+    return False
+
+
+def _begins(data: memoryview, place: int) -> bool:
+    """Whether the opcode and length of a record stand at a place."""
+    if place + RECORD.size > len(data):
+        return False
+    opcode, length = RECORD.unpack_from(data, place)
+    return (0 < opcode <= 0x0F or opcode >= 0x80) and place + RECORD.size + length <= len(data)
+
+
+def _next_record(data: memoryview, place: int, known: _KnownPlaces, before: int | None = None) -> int:
+    """Where the next record begins, at or after a place: by the summary, or by its looks; the end of the data without one.
+
+    before: the search ends there.
+    """
+    size, index = len(data) if before is None else before, bisect_right(known.places, place - 1)
     limit = min(known.places[index], size) if index < len(known.places) else size
-    for match in _ANY_RECORD.finditer(data, place, min(size, limit + 8)):
+    for match in _ANY_RECORD.finditer(data, place, min(len(data), limit + 8)):
         begin = match.start()
         if begin >= limit:
             break

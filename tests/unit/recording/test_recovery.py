@@ -290,7 +290,7 @@ def test_nothing_is_overwritten_and_nonsense_is_refused(tmp_path):
         recover(path, path / "new")
     with pytest.raises(BagError, match="no such bag"):
         recover(tmp_path / "nothing", tmp_path / "new")
-    with pytest.raises(BagError, match="no .mcap file to recover"):
+    with pytest.raises(BagError, match="no .mcap file and no .db3 file to recover"):
         recover(tmp_path / "there", tmp_path / "new")
     (tmp_path / "empty.mcap").write_bytes(b"")
     with pytest.raises(BagError, match="empty.mcap is empty .0 bytes."):

@@ -1,0 +1,50 @@
+"""Whether messages for which no CRC vouches are messages at all: those that cannot be decoded have changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from mcap.records import Schema
+
+from dart_skill.recording.bags.columns import Pattern, pattern_of
+from dart_skill.recording.bags.messages import deserialize
+from dart_skill.recording.bags.reader import embedded_types
+
+
+class Decoder:
+    """Decodes messages by the definitions of their file.
+
+    schemas: of the file.
+    """
+
+    def __init__(self, schemas: Iterable[Schema]):
+        texts = [(schema.name, schema.encoding, schema.data.decode(errors="replace")) for schema in schemas]
+        self._types, self.unknown = embedded_types(texts, None)
+        self._patterns: dict[str, Pattern | None] = {}
+        self._proved: set[str] = set()  # types of which a message could be decoded
+
+    def decodable(self, type_name: str, payloads: Sequence[bytes]) -> list[bool]:
+        """Which of the payloads are messages of a type; all of them if its definition is not known, or fits none of its messages so far."""
+        if type_name not in self._types.fielddefs:
+            return [True] * len(payloads)
+        pattern = self._patterns.get(type_name)
+        if pattern is not None and pattern.table(payloads) is not None:
+            return [True] * len(payloads)
+        found = [self._is_one(type_name, payload) for payload in payloads]
+        if any(found):
+            self._proved.add(type_name)
+            if type_name not in self._patterns:
+                last = max(index for index, is_one in enumerate(found) if is_one)
+                self._patterns[type_name] = pattern_of(self._types, type_name, payloads[last])
+        return found if type_name in self._proved else [True] * len(payloads)
+
+    def fits(self, type_name: str, payloads: Sequence[bytes]) -> bool:
+        """Whether the definition of a type is known, and all payloads are messages of it."""
+        return type_name in self._types.fielddefs and all(self._is_one(type_name, payload) for payload in payloads)
+
+    def _is_one(self, type_name: str, payload: bytes) -> bool:
+        try:
+            deserialize(self._types, type_name, payload)
+        except ValueError:
+            return False
+        return True

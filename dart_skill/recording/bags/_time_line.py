@@ -1,0 +1,212 @@
+"""Log times of a bag as they were written: jumps back and forward, and gaps of a topic against its usual rate.
+
+Of each topic a histogram of its intervals is kept, and the longest of them: as much memory for a day as for a minute.
+
+A topic is regular if most of its intervals are much alike, or if they come in bursts that are. Only such topics have gaps: messages on
+/rosout, of buttons, of parameters and latched ones come when there is something to say. What is silent for more than a fifth of the time,
+and more than twice, is taken for such a topic, too (a joystick, a teleoperator). Where all regular topics are silent together, the
+recorder or the world was paused, which is told once.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dart_skill.constants import NS_PER_S
+from dart_skill.recording.bags._finding import Finding
+
+BATCH = 1024
+"""So many messages are looked at together."""
+N_LONGEST = 32
+"""Of the intervals of a topic so many are remembered, the longest."""
+FEWEST, FEWEST_IN_BURSTS = 20, 200
+"""Intervals by which a topic is known to be regular."""
+SHORTEST_GAP_NS = 200_000_000
+SHORTEST_PAUSE_NS = 5 * NS_PER_S
+"""Shorter ones of all topics together are usual: a world that is reset, a player that waits."""
+SHORTEST_LEAP_NS, LEAP_NS = 60 * NS_PER_S, 86_400 * NS_PER_S
+"""A clock was set, rather than the recording paused: by more than half of the bag, if it is a minute; by a day in any case."""
+OF_EVENTS = frozenset({"rcl_interfaces/msg/Log", "rcl_interfaces/msg/ParameterEvent", "sensor_msgs/msg/Joy", "sensor_msgs/msg/JoyFeedback"})
+"""Types of messages that come when there is something to say, however regular they look."""
+_LATEST = 2**63 - 1
+_PER_OCTAVE = 8
+"""Classes of the histogram of intervals between one and twice as long."""
+
+
+@dataclass
+class _Intervals:
+    """Times between successive messages of one kind."""
+
+    count: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+    n_back: int = 0
+    most_back_ns: int = 0
+    back_at_ns: int = 0
+    histogram: np.ndarray = field(default_factory=lambda: np.zeros(64 * _PER_OCTAVE, dtype=np.int64))
+    longest: list[tuple[int, int]] = field(default_factory=list)  # and when each began; a heap
+
+    def take(self, stamps: np.ndarray) -> None:
+        if self.last_ns is None:
+            self.first_ns = int(stamps[0])
+        else:
+            stamps = np.concatenate(([self.last_ns], stamps))
+        steps = np.diff(stamps)
+        self.count, self.last_ns = self.count + len(stamps), int(stamps[-1])
+        back = np.flatnonzero(steps < 0)
+        if len(back):
+            self.back_at_ns = self.back_at_ns if self.n_back else int(stamps[back[0]])
+            self.n_back += len(back)
+            self.most_back_ns = max(self.most_back_ns, int(-steps.min()))
+        classes = (np.log2(np.maximum(steps, 1)) * _PER_OCTAVE).astype(int)
+        self.histogram += np.bincount(classes[steps >= 0], minlength=len(self.histogram))
+        least = self.longest[0][0] if len(self.longest) == N_LONGEST else 0
+        for k in np.argsort(steps)[-N_LONGEST:]:
+            if steps[k] > least:
+                heapq.heappush(self.longest, (int(steps[k]), int(stamps[k])))
+                if len(self.longest) > N_LONGEST:
+                    heapq.heappop(self.longest)
+
+    def share(self, share: float) -> float:
+        """An interval that this share of them does not exceed [ns]."""
+        total = np.cumsum(self.histogram)
+        return float(2.0 ** ((np.searchsorted(total, share * total[-1]) + 0.5) / _PER_OCTAVE)) if total[-1] else 0.0
+
+    def usual(self) -> float | None:
+        """The usual interval of a regular topic, or between its bursts [ns]; None of an irregular one."""
+        n = int(self.histogram.sum())
+        half, most, nearly_all = self.share(0.5), self.share(0.9), self.share(0.99)
+        if n >= FEWEST and most <= 2.0 * half:
+            return half
+        return most if n >= FEWEST_IN_BURSTS and nearly_all <= 1.5 * most else None
+
+    def gaps(self) -> list[tuple[int, int]]:
+        """Length and begin of intervals that are much longer than the usual ones [ns], in order; none of an irregular topic."""
+        usual = self.usual()
+        if usual is None:
+            return []
+        limit = max(10.0 * usual, 3.0 * self.share(0.95), SHORTEST_GAP_NS)
+        return sorted((gap for gap in self.longest if gap[0] > limit), key=lambda gap: gap[1])
+
+
+class TimeLine:
+    """The log times of a bag, in the order in which its messages were written."""
+
+    def __init__(self) -> None:
+        self._all = _Intervals()
+        self._topics: dict[str, _Intervals] = {}
+        self._events: set[str] = set()
+        self._names: list[str] = []
+        self._stamps: list[int] = []
+
+    def add(self, topic: str, stamp_ns: int) -> None:
+        """The next message."""
+        self._names.append(topic)
+        self._stamps.append(stamp_ns)
+        if len(self._stamps) >= BATCH:
+            self._take()
+
+    def is_of_events(self, topic: str) -> None:
+        """Its messages come when there is something to say: it is latched, or of such a type."""
+        self._events.add(topic)
+
+    def findings(self, place: str) -> list[Finding]:
+        """What is to be said of the bag. place: its name."""
+        self._take()
+        usual = {name: topic.usual() for name, topic in self._topics.items() if name not in self._events}
+        regular = {name: self._topics[name].gaps() for name, interval in usual.items() if interval is not None}
+        pauses = self._pauses(list(regular.values()))
+        found = [*self._back(place), *self._pause_findings(place, pauses)]
+        for name, gaps in regular.items():
+            found += self._gap_findings(name, [gap for gap in gaps if not any(_covers(pause, gap) for pause in pauses)])
+        return found
+
+    def _take(self) -> None:
+        if not self._stamps:
+            return
+        stamps = np.array([min(stamp, _LATEST) for stamp in self._stamps], dtype=np.int64)
+        self._all.take(stamps)
+        numbers = {name: number for number, name in enumerate(dict.fromkeys(self._names))}
+        of_each = np.array([numbers[name] for name in self._names])
+        for name, number in numbers.items():
+            self._topics.setdefault(name, _Intervals()).take(stamps[of_each == number])
+        self._names, self._stamps = [], []
+
+    def _back(self, place: str) -> list[Finding]:
+        found = []
+        turned = {name: one for name, one in self._topics.items() if one.n_back and one.most_back_ns >= one.share(0.5) * 0.9}
+        if turned:
+            name, worst = max(turned.items(), key=lambda item: item[1].most_back_ns)
+            most, others = worst.most_back_ns / NS_PER_S, f" and {len(turned) - 1} other topics" if len(turned) > 1 else ""
+            text = f"log time jumps back {worst.n_back} times, by up to {most:.6f} s, first at {worst.back_at_ns} ns, on {name}{others}"
+            found.append(Finding("warning", place, text, "a clock was set, or a simulation began anew"))
+        elif self._all.most_back_ns >= NS_PER_S:
+            text = f"messages do not stand in order of log time, by up to {self._all.most_back_ns / NS_PER_S:.3f} s: readers sort them"
+            found.append(Finding("note", place, text))
+        return found
+
+    def _pauses(self, gaps_of_each: list[list[tuple[int, int]]]) -> list[tuple[int, int]]:
+        """Length and begin of what no regular topic has messages in, in order.
+
+        That takes two of them, unless it is longer than all the rest, or than any recording is paused.
+        """
+        whole = (self._all.last_ns or 0) - (self._all.first_ns or 0)
+        least = max(SHORTEST_LEAP_NS, 0.5 * whole) if gaps_of_each else LEAP_NS
+        found = [gap for gap in self._all.longest if gap[0] >= min(least, LEAP_NS)]
+        if len(gaps_of_each) > 1:
+            first, *others = sorted(gaps_of_each, key=len)
+            found += [
+                gap
+                for gap in first
+                if all(any(_covers(other, gap) for other in gaps) for gaps in others) and not any(_covers(pause, gap) for pause in found)
+            ]
+        return sorted(found, key=lambda gap: gap[1])
+
+    def _pause_findings(self, place: str, pauses: list[tuple[int, int]]) -> list[Finding]:
+        pauses = [pause for pause in pauses if pause[0] >= SHORTEST_PAUSE_NS]
+        if not pauses:
+            return []
+        longest, begin = max(pauses)
+        whole = (self._all.last_ns or 0) - (self._all.first_ns or 0)
+        times = f"{len(pauses)} times, by up to " if len(pauses) > 1 else ""
+        if longest >= LEAP_NS or (longest >= SHORTEST_LEAP_NS and longest >= 0.5 * whole):
+            text = f"log time jumps forward {times or 'by '}{_length(longest)}, after {begin} ns"
+            return [Finding("warning", place, text, "a clock was set, or the recorder was paused")]
+        text = f"no topic of a regular rate has messages for {_length(longest)} after {begin} ns"
+        more = f" ({len(pauses)} such pauses)" if len(pauses) > 1 else ""
+        return [Finding("note", place, text + more, "the recorder or the world was paused, or a clock was set")]
+
+    def _gap_findings(self, name: str, gaps: list[tuple[int, int]]) -> list[Finding]:
+        topic = self._topics[name]
+        usual = topic.usual()
+        if not gaps or usual is None or len(gaps) == N_LONGEST:
+            return []
+        silent, whole = sum(length for length, _begin in gaps), (topic.last_ns or 0) - (topic.first_ns or 0)
+        is_short = silent <= 0.2 * whole
+        if not is_short and len(gaps) > 2:
+            return []
+        longest, begin = max(gaps)
+        times = f"{len(gaps)} gaps, the longest of " if len(gaps) > 1 else "a gap of "
+        text = f"{times}{_length(longest)} after {begin} ns, where a message usually comes after {usual / NS_PER_S:.2g} s"
+        cause = "what published it was silent, or its messages were lost"
+        return [Finding("warning" if is_short else "note", f"topic {name}", text, cause)]
+
+
+def _covers(pause: tuple[int, int], gap: tuple[int, int]) -> bool:
+    """Whether at least four fifths of a gap lie in a pause."""
+    return _common(pause, gap) >= 0.8 * gap[0]
+
+
+def _common(one: tuple[int, int], other: tuple[int, int]) -> int:
+    return min(one[0] + one[1], other[0] + other[1]) - max(one[1], other[1])
+
+
+def _length(interval_ns: int) -> str:
+    seconds = interval_ns / NS_PER_S
+    for unit, size in (("years", 31_556_952.0), ("days", 86_400.0), ("hours", 3600.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.3f} s"
