@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 
 from mcap.records import Schema
 
+from dart_skill.recording.bags._definitions import embedded_types
 from dart_skill.recording.bags.columns import Pattern, pattern_of
 from dart_skill.recording.bags.messages import deserialize
-from dart_skill.recording.bags.reader import embedded_types
 
 
 class Decoder:

@@ -60,7 +60,7 @@ mcap_ways = st.fixed_dictionaries(
         },
     }
 )
-few = settings(max_examples=max(25, settings.default.max_examples // 4))
+few = settings(max_examples=max(12, settings.default.max_examples // 8))
 
 
 @pytest.fixture(scope="module")

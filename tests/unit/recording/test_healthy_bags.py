@@ -216,8 +216,7 @@ def test_a_jump_from_one_file_to_the_next_is_told_once(tmp_path):
     assert "log time jumps forward by 3.2 years" in found.message and found.place == "bag"
 
 
-@pytest.mark.parametrize("rate", [10.0, 100.0, 500.0])
-@pytest.mark.parametrize("jitter", [0.0, 0.2])
+@pytest.mark.parametrize(("rate", "jitter"), [(10.0, 0.2), (100.0, 0.0), (100.0, 0.2), (250.0, 0.2)])
 def test_a_gap_of_a_topic_against_its_rate_is_told_with_its_place(tmp_path, rate, jitter):
     topics = {"/joints": times(40.0, rate), "/hand": times(40.0, rate, jitter, [(12.0, 15.0)])}
     (found,) = check_file(recorded(tmp_path / "a.mcap", topics))
@@ -228,7 +227,7 @@ def test_a_gap_of_a_topic_against_its_rate_is_told_with_its_place(tmp_path, rate
 
 def test_gaps_of_several_bodies_at_once_are_told_while_the_joints_go_on(tmp_path):
     lost = times(60.0, 100.0, 0.1, [(20.0, 22.0), (30.0, 31.0)])
-    found = check_file(recorded(tmp_path / "a.mcap", {"/joints": times(60.0, 500.0), "/hand": lost, "/ball": lost}))
+    found = check_file(recorded(tmp_path / "a.mcap", {"/joints": times(60.0, 200.0), "/hand": lost, "/ball": lost}))
     assert {one.place for one in found} == {"topic /hand", "topic /ball"}
     assert all("2 gaps, the longest of 2.0" in one.message and one.severity == "warning" for one in found)
 
@@ -244,7 +243,7 @@ def bursts(n, length, pause, rate):
 
 
 HEALTHY = {
-    "a world that is paused for all alike": {"/p": times(40.0, 100.0, 0.1, [(9.0, 13.0)]), "/q": times(40.0, 500.0, 0.1, [(9.0, 13.0)])},
+    "a world that is paused for all alike": {"/p": times(40.0, 100.0, 0.1, [(9.0, 13.0)]), "/q": times(40.0, 200.0, 0.1, [(9.0, 13.0)])},
     "with words meanwhile": {
         "/p": times(40.0, 100.0, 0.0, [(9.0, 13.0)]),
         "/q": times(40.0, 50.0, 0.0, [(9.0, 13.0)]),
