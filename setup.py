@@ -53,6 +53,7 @@ EXTRAS = {
     "lerobot": ["pyarrow>=16,<30", "av>=12,<20"],
     "pandas": ["pandas>=2.1,<4"],
     "foxglove": ["foxglove-sdk>=0.25,<1"],
+    "c3d": ["c3d>=0.6,<0.7"],
 }
 
 

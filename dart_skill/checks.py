@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 from typing import Any, overload
 
 import numpy as np
@@ -17,10 +18,42 @@ FEW = 16
 """Of so many numbers Python tells faster than NumPy whether they are finite."""
 
 
+def unmasked(value: Any) -> Any:
+    """What was given; as floats, with nan in their places, where parts are masked or pandas has no values: neither passes for a number.
+
+    value: array, nested lists, Series or DataFrame. TypeError and ValueError for what is masked or missing, but not numeric.
+    """
+    if type(value) is np.ndarray:
+        return value
+    if _has_mask(value):
+        return np.ma.filled(np.ma.array(value, dtype=float), np.nan)
+    kinds = getattr(value, "dtypes", None)
+    if kinds is None or all(isinstance(kind, np.dtype) for kind in (kinds if hasattr(kinds, "__iter__") else [kinds])):
+        return value
+    return value.to_numpy(dtype=float, na_value=np.nan)
+
+
+def _has_mask(value: Any) -> bool:
+    """Whether a value, or an element of a list, is a masked array. Until NumPy's module of these is imported, which takes time, none is."""
+    masked = sys.modules.get("numpy.ma")
+    if masked is None:
+        return False
+    elements = value if isinstance(value, (list, tuple)) else [value]
+    return any(isinstance(one, masked.MaskedArray) for one in elements)
+
+
+def floats(value: Any) -> np.ndarray:
+    """An array of floats, which may be `value` itself; nan where it is masked or missing. value: as of `unmasked`, and its errors."""
+    return np.asarray(unmasked(value), dtype=float)
+
+
 def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarray:
-    """A copy of `value` as an array of floats; ValueError if it is not numeric, not finite, or not of `ndim` dimensions."""
+    """A copy of `value` as an array of floats; ValueError if it is not numeric, not finite, or not of `ndim` dimensions.
+
+    What is masked, or missing in a table of pandas, is not finite.
+    """
     try:
-        array = np.array(value, dtype=float)
+        array = np.array(unmasked(value), dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be a regular array of numbers: {error}") from None
     if ndim is not None and array.ndim != ndim:
@@ -91,7 +124,7 @@ def as_place(value: ArrayLike, name: str) -> np.ndarray:
 
     value, name: as of `as_samples`.
     """
-    place = np.asarray(value, dtype=float)
+    place = floats(value)
     if place.shape != (3,) or not bool((np.abs(place) <= FARTHEST).all()):  # NaN is not within it either
         raise ValueError(f"{name} is at {place.tolist()}: give three finite numbers in metres, none beyond {FARTHEST:.0f} m")
     return place
@@ -138,6 +171,8 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
     value, name: as of `as_samples`; n_dims: number of columns. ValueError for what is none.
     """
     dims = np.array(value, ndmin=1)
+    if _has_mask(value):
+        raise ValueError(f"{name} is a masked array: give column indices without a mask")
     if dims.ndim != 1 or dims.size == 0 or dims.dtype.kind not in "iu":
         raise ValueError(f"{name} must be one or more column indices, got {value!r}")
     columns = dims.tolist()
@@ -170,7 +205,7 @@ def check_samples(name: str, time: np.ndarray, values: np.ndarray, least: int = 
     """`time` (n,) and `values` (n, width) as float arrays; ValueError, with `name`, for what is no
     series. least: number of samples n.
     """
-    time, values = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
+    time, values = floats(time), floats(values)
     if time.ndim != 1 or values.shape != (len(time), width):
         raise ValueError(f"{name}: need time (n,) and values (n, {width}), got {time.shape} and {values.shape}")
     if len(time) < least:
@@ -186,7 +221,7 @@ def check_samples(name: str, time: np.ndarray, values: np.ndarray, least: int = 
 
 def check_unit_quaternions(name: str, quaternion: np.ndarray, n_samples: int) -> np.ndarray:
     """Quaternions (n_samples, 4), x, y, z, w, normalised; ValueError for a norm off by more than 0.001."""
-    quaternion = np.asarray(quaternion, dtype=float)
+    quaternion = floats(quaternion)
     if quaternion.shape != (n_samples, 4):
         raise ValueError(f"{name}: need quaternions ({n_samples}, 4), got {quaternion.shape}")
     norm = np.linalg.norm(quaternion, axis=1, keepdims=True)

@@ -18,6 +18,7 @@ EXTRA_OF = {
     "av": "lerobot",
     "pandas": "pandas",
     "foxglove": "foxglove",
+    "c3d": "c3d",
 }
 """The extra that brings a module."""
 

@@ -16,7 +16,7 @@ from typing import Any
 from dart_skill.cli import names
 from dart_skill.cli.run_options import folder
 
-BAG_SUFFIXES = (".mcap", ".db3")
+BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 LISTS: dict[str, dict[str, Sequence[str]]] = {
     "experiment throws": {"configurations": names.CONFIGURATIONS},
     "experiment basket": {"models": names.CONFIGURATIONS},

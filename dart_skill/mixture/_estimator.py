@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_learnable, as_samples, as_weights
+from dart_skill.checks import as_learnable, as_samples, as_weights, unmasked
 from dart_skill.hyper_parameters import HyperParameters
 from dart_skill.mixture._mixture import GaussianMixture
 from dart_skill.mixture._regression import Regression
@@ -41,7 +41,7 @@ class _Estimator(HyperParameters):
         self.tol, self.max_iter, self.n_init, self.random_state = tol, max_iter, n_init, random_state
 
     def _fit_mixture(self, samples: np.ndarray, sample_weight: ArrayLike | None) -> None:
-        weights = as_weights(None if sample_weight is None else np.asarray(sample_weight), len(samples), "sample_weight")
+        weights = as_weights(None if sample_weight is None else np.asarray(unmasked(sample_weight)), len(samples), "sample_weight")
         mixture = GaussianMixture(
             self.n_components,
             covariance_floor=self.covariance_floor,
@@ -293,7 +293,7 @@ def _plain(value: Any, name: str) -> np.ndarray:
     """An array of real numbers; ValueError for sparse and complex ones. Those words are what scikit-learn's own checks look for."""
     if hasattr(value, "toarray"):
         raise ValueError(f"{name} is sparse, and Sparse data was passed where dense data is required; use {name}.toarray()")
-    array = np.asarray(value)
+    array = np.asarray(unmasked(value))
     if np.iscomplexobj(array):
         raise ValueError(f"Complex data not supported: {name} has complex numbers; give real ones")
     return array

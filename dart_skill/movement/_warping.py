@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_samples
+from dart_skill.checks import as_samples, floats
 
 
 def warped_distance(first: ArrayLike, second: ArrayLike) -> tuple[float, int]:
@@ -26,7 +26,7 @@ def warped_distance(first: ArrayLike, second: ArrayLike) -> tuple[float, int]:
 
 def mean_warped_distances(paths: Sequence[np.ndarray]) -> np.ndarray:
     """Mean distance of any two of N paths along their best alignment (N, N). paths: (n, d) each, of the same length."""
-    stacked = np.asarray(paths, dtype=float)
+    stacked = floats(paths)
     rows, columns = np.triu_indices(len(stacked), 1)
     totals, pairs = _aligned(np.linalg.norm(stacked[rows, :, None] - stacked[columns, None], axis=3))
     distances = np.zeros((len(stacked), len(stacked)))

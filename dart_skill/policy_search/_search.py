@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number
+from dart_skill.checks import as_count, as_number, floats
 from dart_skill.files import new_file
 from dart_skill.policy_search._exploration import EXPLORATIONS
 from dart_skill.policy_search._weights import check_weighting
@@ -255,7 +255,7 @@ class Search(ABC):
 def read_returns(outcome: ArrayLike, shape: tuple[int, ...], weighting: str) -> np.ndarray:
     """The return, or returns, as an array of the given shape; NaN and -inf are allowed, for a failed trial."""
     try:
-        values = np.array(outcome, dtype=float)
+        values = np.array(floats(outcome))
     except (TypeError, ValueError):
         raise ValueError(f"return must be a number, got {outcome!r}; tell NaN for a trial that failed") from None
     if values.shape != shape:

@@ -166,8 +166,10 @@ def _as_it_stands(told: RecordingMapping) -> RecordingMapping:
         return replace(clock, shift_ns=0, drift=0.0)
 
     def body(where: PoseSource) -> PoseSource:
-        kept = ("topic", "child", "table", "motive", "body", "fixed", "frame")
-        return PoseSource(**{name: getattr(where, name) for name in kept}, clock=plain(where.clock))
+        kept = ("topic", "child", "table", "capture", "fixed", "frame")
+        found = PoseSource(**{name: getattr(where, name) for name in kept}, clock=plain(where.clock))
+        # of a file of motion capture the mapping must say what that does not
+        return replace(found, told=where.told | {"xyz"}, length=where.length) if where.capture else found
 
     joints = told.joints and replace(told.joints, angle="rad", signs=(), zeros=(), clock=plain(told.joints.clock))
     return replace(told, bodies={role: body(where) for role, where in told.bodies.items()}, joints=joints)
@@ -220,7 +222,7 @@ class _Search:
             return [self._hopeless(offset, found)], None
         found, late, drift, steady = self._with_clocks(found, coarse)
         if self._is_hand is not None:
-            name, told = (where.topic or where.body or getattr(where.table, "file", "") for where in (self._is_hand, self._where))
+            name, told = (where.name for where in (self._is_hand, self._where))
             keys = {"hand": {"topic": name}} if self._is_hand.topic else {}
             self._causes.append(Cause(f"{name} moves as the hand does, and {told} does not", flow_text(keys) if keys else ""))
         self._blame_clocks(late, drift, steady)
@@ -402,7 +404,7 @@ class _Search:
         unit = min(LENGTH_UNITS, key=lambda one: abs(np.log(fit.scale * LENGTH_UNITS[one])))
         if abs(fit.scale * LENGTH_UNITS[unit] - 1.0) > UNIT_ERROR:
             self._blame(f"a metre of the arm is {fit.scale:.4g} of the cameras: calibrate them, or is it another arm?")
-        elif unit != where.length:
+        elif unit != ("m" if where.capture else where.length):
             self._blame(f"positions are in {UNIT_NAMES[unit]}", "axes", length=unit)
         to_arm = fit.world.T
         shift = -to_arm @ fit.shift / fit.scale

@@ -26,6 +26,8 @@ from dart_skill.world import joint_names, the_world
 
 BEGIN_NS = 1_000_000_000
 """Stamp of the first frame of every episode: each is a world of its own."""
+MOST_NAMES = 8
+"""So many elements of a feature are named in an error."""
 
 
 def skill_of_dataset(dataset: LeRobotDataset) -> Skill:
@@ -148,16 +150,20 @@ def _stamps(episode: Episode) -> np.ndarray:
     return BEGIN_NS + np.round(1e9 * episode.time).astype(np.int64)
 
 
+def _some(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:MOST_NAMES])}{' ...' if len(names) > MOST_NAMES else ''}"
+
+
 def _columns(dataset: LeRobotDataset, episode: Episode, names: Sequence[str]) -> np.ndarray:
     """(n, k) of elements by their names; ValueError names the first one that is missing."""
-    columns = []
-    for name in names:
-        column = dataset.column(episode, name)
-        if column is None:
-            there = ", ".join(dataset.names)
-            raise ValueError(f"{dataset.path}: no element is called '{name}' in {there}: name them so in meta/info.json (docs/bags.md)")
-        columns.append(column)
-    return np.column_stack(columns)
+    found = [dataset.column(episode, name) for name in names]
+    missing = [name for name, column in zip(names, found, strict=True) if column is None]
+    if missing:
+        others = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        there = "; ".join(f"{key}: {_some(elements)}" for key, elements in dataset.names.items()) or "none"
+        remedy = "write these names into meta/info.json (docs/recordings.md)"
+        raise ValueError("; ".join([f"{dataset.path}: no element is called '{missing[0]}'{others}, only {there}", *dataset.notes, remedy]))
+    return np.column_stack([column for column in found if column is not None])
 
 
 def _seen(dataset: LeRobotDataset, episode: Episode, role: str) -> tuple[np.ndarray, np.ndarray]:

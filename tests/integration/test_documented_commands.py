@@ -100,6 +100,7 @@ SKILLS = Elsewhere("integration/test_skills.py::test_a_skill_of_another_package_
 PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
 REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_model")
 BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
+ROS1 = Elsewhere("unit/recording/test_recordings_page.py::test_a_bag_of_ros1_is_named_itself")
 FOREIGN = Elsewhere("unit/session/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults")
 REPORT = Elsewhere("unit/report/test_page.py::test_the_command_writes_the_page_and_says_where")
 HARDWARE = "foreign_arm/test_foreign_arm.py::"
@@ -145,6 +146,7 @@ TYPED = {
     "pip install 'dart_skill[sim]'": NETWORK,
     "pip install 'dart_skill[lerobot]'": NETWORK,
     "pip install 'dart_skill[pandas]'": NETWORK,
+    "pip install 'dart_skill[c3d]'": NETWORK,
     "pip install 'dart_skill[foxglove]'": NETWORK,
     "pip install .": WHEEL,
     "pip install '.[sim,plot,view]'": WHEEL,
@@ -312,6 +314,8 @@ TYPED = {
     "dart-skill learn monday --with-throws --output all.npz": Run(says="learned from [3-9] of [3-9] throws", leaves="all.npz"),
     "dart-skill learn monday --demonstrations-topic --output same.npz": Run(says="learned from 2 of 2 throws", leaves="same.npz"),
     "dart-skill learn thursday --mapping thursday.yaml": FOREIGN,
+    "dart-skill bag info lab.bag": ROS1,
+    "dart-skill learn lab.bag --mapping thursday.yaml": ROS1,
     "dart-skill bag upgrade wednesday --output wednesday_new": Elsewhere(
         "unit/recording/test_upgrade.py::test_the_command_says_what_it_did"
     ),

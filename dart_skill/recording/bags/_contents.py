@@ -15,7 +15,7 @@ from dart_skill.recording.mcap import LARGEST_UNPACKED, USUAL_RATIO
 SQLITE = b"SQLite format 3\0"
 _AT_ONCE = 2**20
 _OTHERS = (
-    (rb"#ROSBAG V", "a bag of ROS 1: 'rosbags-convert --src FILE --dst FOLDER' makes one of ROS 2 of it"),
+    (rb"#ROSBAG V", "a bag of ROS 1, which is read, but not recovered: 'rosbag reindex' of ROS 1 repairs its index"),
     (rb"\xfd7zXZ\0", "compressed with xz: unpack it with 'xz -d'"),
     (rb"BZh[1-9]", "compressed with bzip2: unpack it with 'bunzip2'"),
     (rb"\x04\x22\x4d\x18", "compressed with lz4: unpack it with 'lz4 -d'"),

@@ -62,11 +62,25 @@ def check_file(path: str | os.PathLike, types: Typestore | None = None) -> list[
     try:
         require_file(path)
         if path.stat().st_size and storage_of(path) is None:
-            return _with_refusal(path, [])
+            return _read_through(path)
         _checked(path, types, line, findings)
     except OSError as error:
         return [Finding("error", str(path), str(error) if isinstance(error, NoFile) or error.filename else "no such file")]
     return _sorted(_with_refusal(path, findings + line.findings(path.name)))
+
+
+def _read_through(path: Path) -> list[Finding]:
+    """Whether all messages of a bag of ROS 1 are there and can be decoded; or why a file is no bag."""
+    try:
+        with BagReader(path) as bag:
+            there = sum(1 for _ in bag.messages())
+            told = bag.message_count
+    except (BagError, OSError) as error:
+        return [Finding("error", path.name, str(error).removeprefix(f"{path}: "))]
+    findings = [Finding("note", path.name, "a bag of ROS 1, which has no CRC: it was read as a whole, but changed bytes may go unnoticed")]
+    if there != told:
+        findings.append(Finding("warning", path.name, f"its index tells of {told} messages, in it are {there}"))
+    return _sorted(findings)
 
 
 def _checked(file: Path, types: Typestore | None, line: TimeLine, findings: list[Finding]) -> list[MessageCheck]:

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from dart_skill.files import open_file, require_file
-from dart_skill.recording.bags._files import chosen_files, part_number, unpacked_name
+from dart_skill.recording.bags._files import chosen_files, files_in, part_number, unpacked_name
 from dart_skill.recording.bags._inputs import is_packed, open_input, storage_of, unpack_file, unpacked_messages
 from dart_skill.recording.bags._metadata import RECORD_NAME, known_metadata, parse_record, profiles, topics_of
 from dart_skill.recording.bags._names import full_name
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mcap.records import Attachment, Channel
     from rosbags.typesys.store import Typestore
 
+    from dart_skill.recording.bags._ros1 import Ros1Source
     from dart_skill.recording.bags._sqlite import SqliteInput
 
 _RECOVER = (
@@ -34,6 +35,9 @@ _RECOVER = (
 )
 OF_A_GRAPH = {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/demonstrations": "dart_skill_msgs/msg/Demonstration"}
 """Topics by which a graph is known in a bag, without its namespace, and their types."""
+ROS1_SUFFIX, ROS1_MAGIC = ".bag", b"#ROSBAG "
+MAPPED = (".csv", ".tsv", ".txt", ".npy", ".npz", ".mat", ".parquet", ".c3d", ".trc", ".bvh")
+"""Endings of files that a mapping describes (docs/recordings.md)."""
 
 
 class BagError(ValueError):
@@ -84,7 +88,7 @@ class BagFile:
 class BagReader:
     """An open bag; a context manager. Raises BagError for what is no whole bag.
 
-    * path: rosbag2 folder, or .mcap or .db3 file.
+    * path: rosbag2 folder, or .mcap or .db3 file, or .bag file of ROS 1.
     * types: definitions for topics whose bag holds none, or what makes these when they are needed (`typestore`). The attribute of this name
       decodes the messages. Bags that define the same types share it: make another store to add to it.
 
@@ -92,7 +96,7 @@ class BagReader:
 
     * topics: TopicInfo by name.
     * files: a list of BagFile, in order.
-    * storage: how rosbag2 calls the format of the files: mcap or sqlite3.
+    * storage: how rosbag2 calls the format of the files: mcap or sqlite3; ros1 for a bag of ROS 1.
     * metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither tells them.
     * custom_data: names and texts of the metadata, as `BagWriter` got them.
     * start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
@@ -106,7 +110,7 @@ class BagReader:
         metadata = known_metadata(self.path) if self.path.is_dir() else {}
         files = _storage_files(self.path, metadata)
         with _explained(self.path):
-            self._source = source = _Source(self.path, files, metadata)
+            self._source = source = _opened(self.path, files, metadata)
             self._definitions = tuple(dict.fromkeys(source.definitions()))  # each file of a split bag has all of them
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
@@ -265,6 +269,15 @@ class GraphBag(BagReader):
         return name.removeprefix(self.namespace) if name.startswith(f"{self.namespace}/") else name
 
 
+def _opened(path: Path, files: list[Path], metadata: dict) -> _Source | Ros1Source:
+    """What reads the files of a bag."""
+    if not is_of_ros1(files[0]):
+        return _Source(path, files, metadata)
+    from dart_skill.recording.bags._ros1 import Ros1Source
+
+    return Ros1Source(files[0])
+
+
 class _Source:
     """The files of a bag, in order: MCAP or SQLite, as their first bytes say, packed or not."""
 
@@ -398,11 +411,13 @@ def _bag_file(file: Path, opened: McapInput | SqliteInput, told: str) -> BagFile
 
 
 def _of_tables(folder: Path) -> str:
-    """What to say of a folder that holds CSV files instead of a bag; empty for another one."""
-    if not any(folder.glob("*.csv")):
+    """What to say of a folder that holds tables or motion capture instead of a bag; empty for another one."""
+    found = sorted({file.suffix.lower() for file in folder.iterdir()} & set(MAPPED))
+    if not found:
         return ""
     own = folder / "mapping.yaml"
-    return f"; its CSV files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
+    what = "CSV" if ".csv" in found else found[0]
+    return f"; its {what} files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
 
 
 def _storage_files(path: Path, metadata: dict) -> list[Path]:
@@ -410,16 +425,18 @@ def _storage_files(path: Path, metadata: dict) -> list[Path]:
     if not path.is_dir():
         require_file(path)
         files = [path]
-        if storage_of(path) is None:
-            if _is_of_ros1(path):
-                raise BagError(f"{path}: this is a bag of ROS 1: rosbags-convert (pip install rosbags) makes a bag of ROS 2 of it")
-            raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file")
+        if storage_of(path) is None and not is_of_ros1(path):
+            known = "a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1"
+            raise BagError(f"{path}: a bag is {known}; what else is read needs --mapping")
     else:
         files, missing = chosen_files(path, metadata)
         if missing:
             raise BagError(f"{path}: {', '.join(file.name for file in missing)} is missing, which metadata.yaml names")
+        files = files or files_in(path, (ROS1_SUFFIX,))
         if not files:
             raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")
+        if len(files) > 1 and files[0].suffix == ROS1_SUFFIX:
+            raise _not_one_bag(path, len(files), "are of ROS 1, which has no bags of several files")
     for file in files:
         require_file(file)
     empty = [file for file in files if file.stat().st_size == 0]
@@ -434,9 +451,10 @@ def _storage_files(path: Path, metadata: dict) -> list[Path]:
     return [file for file in files if file not in empty]
 
 
-def _is_of_ros1(path: Path) -> bool:
+def is_of_ros1(path: Path) -> bool:
+    """Whether a file is a bag of ROS 1, by its first bytes."""
     with open_file(path) as stream:
-        return stream.read(8) == b"#ROSBAG "
+        return stream.read(len(ROS1_MAGIC)) == ROS1_MAGIC
 
 
 def _not_one_bag(path: Path, count: int, reason: str) -> BagError:

@@ -9,6 +9,7 @@ from dart_skill.recording.imports.mapping import (
     LENGTH_UNITS,
     OWN,
     QUATERNION_ORDERS,
+    CaptureFile,
     Clock,
     MappingError,
     PoseSource,
@@ -30,6 +31,7 @@ from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, Pos
 from dart_skill.recording.imports.throw_recording import ThrowRecording, convert, read_in_parts, read_recording
 
 __all__ = [
+    "CaptureFile",
     "ANGLE_UNITS",
     "AS_OURS",
     "Axes",

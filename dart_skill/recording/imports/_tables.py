@@ -1,49 +1,53 @@
-"""Poses and signals from CSV files: tables whose columns a mapping names, and the export of OptiTrack's Motive.
-
-Motive writes a line of pairs (name, value) about the take, then, above the numbers, lines that tell of each column the type and name of
-what it belongs to, whether it is `Rotation` or `Position`, and its axis. Cells of a body that was not tracked are empty. (Layout:
-OptiTrack's documentation, "Data Export: CSV", format versions 1.2 and later.)
-"""
+"""Poses and signals from tables whose columns a mapping names: text files, and arrays of NumPy, MATLAB and Parquet."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
-from decimal import Decimal, InvalidOperation
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from dart_skill.constants import UNTURNED
-from dart_skill.recording.imports.mapping import TIME_UNITS, Table
+from dart_skill.extras import optional
+from dart_skill.recording.imports.mapping import ANGLE_UNITS, LENGTH_UNITS, TIME_UNITS, Table
+from dart_skill.recording.imports.text_files import Row, TextFile, Timing
 
-MOTIVE_LENGTHS = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
-_MOTIVE_COLUMNS = [("Position", axis) for axis in "XYZ"] + [("Rotation", axis) for axis in "XYZW"]
+UNIT = re.compile(r"[\[(]\s*([a-z]+)\s*[\])]$")
+"""A unit in brackets at the end of the name of a column."""
+UNITS: Mapping[str, Mapping[str, float]] = {"length": LENGTH_UNITS, "time": TIME_UNITS, "angle": ANGLE_UNITS}
+"""Units that a header may name, by the key of the mapping."""
 
 
-def read_table(folder: Path, table: Table, unit: str = "s") -> dict[str, np.ndarray]:
-    """Columns of a CSV file by name: `time` (n,) as int64 nanoseconds, the others (n, k) as numbers, nan where a cell is empty.
+def read_table(folder: Path, table: Table, unit: str = "s", units: Mapping[str, str] | None = None) -> dict[str, np.ndarray]:
+    """Columns of a file by name: `time` (n,) as int64 nanoseconds, the others (n, k) as numbers, nan where a cell is empty.
 
-    unit: of the times, of TIME_UNITS.
+    * folder: of the recording.
+    * table: file and columns.
+    * unit: of the times, of TIME_UNITS.
+    * units: what the mapping says of the other columns; ValueError if the header of a text says something else.
     """
-    file, n_header = _CsvFile(folder, table.file, table.delimiter), table.header_lines
-    if len(file.lines) <= n_header:
-        raise file.error(f"{len(file.lines)} lines, of which {n_header} are the header: there are no numbers")
-    names = [name.strip() for name in file.lines[n_header - 1].cells] if n_header else []
-    lines = file.lines[n_header:]
-    places = {key: [file.place(column, names) for column in columns] for key, columns in table.columns.items()}
-    time = file.times(lines, places.pop("time")[0], unit)
-    return {"time": time, **{key: file.numbers(lines, columns) for key, columns in places.items()}}
+    path = folder / table.file
+    reader = ARRAYS.get(path.suffix.lower())
+    try:
+        return _of_text(path, table, unit, units or {}) if reader is None else _of_arrays(path, table, unit, reader)
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror or error}") from error
 
 
-def read_pose_table(folder: Path, table: Table, unit: str = "s") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def read_pose_table(folder: Path, table: Table, unit: str = "s", length: str = "m") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stamps (n,) [ns], positions (n, 3) and quaternions (n, 4) of the rows in which the body was seen, as they stand in the table.
 
-    unit: of the times, of TIME_UNITS.
+    * folder: of the recording.
+    * table: file and columns.
+    * unit: of the times, of TIME_UNITS; length: of the positions, of LENGTH_UNITS.
     """
-    columns = read_table(folder, table, unit)
+    columns = read_table(folder, table, unit, {"position": length})
     quaternion = columns["quaternion"]
+    for name, width in (("position", 3), ("quaternion", 4)):
+        if columns[name].shape[1] not in (width, 0):
+            raise ValueError(f"{folder / table.file}: {name} has {columns[name].shape[1]} columns instead of {width}")
     if quaternion.shape[1] == 0:
         quaternion = np.tile(UNTURNED, (len(columns["time"]), 1))
         seen = ~np.isnan(columns["position"]).all(axis=1)
@@ -52,102 +56,186 @@ def read_pose_table(folder: Path, table: Table, unit: str = "s") -> tuple[np.nda
     return columns["time"][seen], columns["position"][seen], quaternion[seen]
 
 
-def read_motive(folder: Path, file: str, body: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same of a rigid body in a CSV export of Motive."""
-    export = _CsvFile(folder, file, ",")
-    header = next((k for k, line in enumerate(export.lines) if line.cells[0].strip() == "Frame"), None)
-    first = export.lines[0].cells
-    if header is None or not first[0].startswith("Format Version"):
-        raise export.error("no CSV export of Motive: it begins with 'Format Version', and a line 'Frame,Time (Seconds),...' is missing")
-    about = dict(zip(first[::2], first[1::2], strict=False))
-    if (turns := about.get("Rotation Type", "Quaternion")) != "Quaternion":
-        raise export.error(f"rotations are '{turns}': export it with rotation type Quaternion")
-    unit = about.get("Length Units", "Meters").lower()
-    if unit not in MOTIVE_LENGTHS:
-        raise export.error(f"length unit '{unit}' is not one of {', '.join(MOTIVE_LENGTHS)}")
-    lines = export.lines[header + 1 :]
-    values = export.numbers(lines, _motive_places(export, header, body))
-    time = export.times(lines, export.lines[header].cells.index("Time (Seconds)"), "s")
-    seen = ~np.isnan(values).all(axis=1)
-    return time[seen], MOTIVE_LENGTHS[unit] * values[seen, :3], values[seen, 3:]
+# text
 
 
-class _Line(NamedTuple):
-    number: int
-    cells: list[str]
+def _of_text(path: Path, table: Table, unit: str, units: Mapping[str, str]) -> dict[str, np.ndarray]:
+    file, header = TextFile(path, table.delimiter), []
+    rows = file.rows()
+    for _ in range(table.header_lines):
+        header.append(next(rows, None))
+    first = next(rows, None)
+    above = [row for row in header if row is not None]
+    if first is None:
+        raise file.error(f"{len(above)} lines, of which {table.header_lines} are the header: there are no numbers")
+    names = _names(above)
+    places = {key: [_place(file, column, names, above) for column in columns] for key, columns in table.columns.items()}
+    _check_width(file, first, above)
+    for key, said in {**units, "time": unit}.items():
+        _check_units(file, above, said, places.get(key, ()))
+    stamps, numbers = file.read(_from(file, first), Timing(places.pop("time")[0], unit), [one for some in places.values() for one in some])
+    ends = np.cumsum([len(some) for some in places.values()])
+    return {"time": stamps, **dict(zip(places, np.split(numbers, ends[:-1], axis=1), strict=True))} if places else {"time": stamps}
 
 
-class _CsvFile:
-    """The lines of a CSV file that are not empty; ValueError, with the file and the line, for what is none."""
-
-    def __init__(self, folder: Path, file: str, delimiter: str):
-        self.path = folder / file
-        try:
-            with open(self.path, encoding="utf-8-sig", newline="") as stream:
-                lines = enumerate(csv.reader(stream, delimiter=delimiter), 1)
-                self.lines = [_Line(number, cells) for number, cells in lines if any(map(str.strip, cells))]
-        except OSError as error:
-            raise self.error(error.strerror or str(error)) from error
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise self.error(f"no CSV file: {error}") from error
-        if not self.lines:
-            raise self.error("the file is empty")
-
-    def error(self, text: str, line: _Line | None = None) -> ValueError:
-        return ValueError(f"{self.path}{'' if line is None else f', line {line.number}'}: {text}")
-
-    def place(self, column: str | int, names: list[str]) -> int:
-        """Index of a column that is called by its name or number."""
-        if isinstance(column, int):
-            return column - 1
-        if names.count(column) != 1:
-            many = "several columns are" if column in names else "no column is"
-            raise self.error(f"{many} called '{column}'; the columns are {', '.join(names)}")
-        return names.index(column)
-
-    def numbers(self, lines: Sequence[_Line], places: Sequence[int]) -> np.ndarray:
-        """Numbers (n, k) in some columns of lines; nan where a cell is empty."""
-        return np.array([[self._number(line, place) for place in places] for line in lines]).reshape(len(lines), len(places))
-
-    def times(self, lines: Sequence[_Line], place: int, unit: str) -> np.ndarray:
-        """Times (n,) in a column of lines [ns]."""
-        return np.array([self._nanoseconds(line, place, unit) for line in lines], dtype=np.int64)
-
-    def _cell(self, line: _Line, place: int) -> str:
-        if place >= len(line.cells):
-            raise self.error(f"{len(line.cells)} columns, column {place + 1} is missing: is it the right delimiter?", line)
-        return line.cells[place].strip()
-
-    def _number(self, line: _Line, place: int) -> float:
-        text = self._cell(line, place)
-        try:
-            return float(text or "nan")
-        except ValueError:
-            raise self.error(f"'{text}' is no number", line) from None
-
-    def _nanoseconds(self, line: _Line, place: int, unit: str) -> int:
-        """A time exactly: as a binary fraction of a second, an instant of today would be off by a tenth of a microsecond."""
-        text = self._cell(line, place)
-        try:
-            return int((Decimal(text) * int(TIME_UNITS[unit])).to_integral_value())
-        except (InvalidOperation, ValueError, OverflowError):
-            raise self.error(f"time '{text}' is no number", line) from None
+def _from(file: TextFile, first: Row) -> Any:
+    return (row for row in file.rows() if row.number >= first.number)
 
 
-def _motive_places(export: _CsvFile, header: int, body: str) -> list[int]:
-    """Places of a rigid body's columns, in the order of _MOTIVE_COLUMNS. header: index of the last line above the numbers."""
-    above = [line.cells for line in export.lines[: header + 1]]
-    labelled = {cells[1].strip(): cells for cells in above if len(cells) > 2 and not cells[0].strip()}
-    if "Name" not in labelled or "Type" not in labelled:
-        raise export.error("the lines 'Type' and 'Name' above the columns are missing: export with the header")
-    found: dict[tuple[str, str], int] = {}
-    names = set()
-    for place, told in enumerate(zip(labelled["Type"], labelled["Name"], above[-2], above[-1], strict=False)):
-        what, name, kind, axis = map(str.strip, told)
-        if what == "Rigid Body":
-            names.add(name)
-            if name == body:
-                found.setdefault((kind, axis), place)
-    if missing := [column for column in _MOTIVE_COLUMNS if column not in found]:
-        raise export.error(f"no column {' '.join(missing[0])} of a rigid body '{body}', only the bodies {sorted(names)}")
-    return [found[column] for column in _MOTIVE_COLUMNS]
+def _names(above: Sequence[Row]) -> list[list[str]]:
+    """Names of the columns: of each line of the header, the last one first, and of two and of all of them together."""
+    lines = [[cell.strip() for cell in row.cells] for row in above]
+    filled = []
+    for line in lines:
+        filled.append(list(line))
+        for place in range(1, len(line)):
+            filled[-1][place] = line[place] or filled[-1][place - 1]
+    joined = [[" ".join(filter(None, cells)) for cells in zip(*filled[k:-1], lines[-1], strict=False)] for k in range(len(lines) - 1)]
+    return [*lines[::-1], *joined[::-1]]
+
+
+def _place(file: TextFile, column: str | int, names: Sequence[Sequence[str]], above: Sequence[Row]) -> int:
+    """Index of a column that is called by its name or number."""
+    if isinstance(column, int):
+        return column - 1
+    for line in names:
+        if line.count(column) == 1:
+            return line.index(column)
+    many = "several columns are" if any(column in line for line in names) else "no column is"
+    there = names[len(above)] if many.startswith("several") and len(names) > len(above) else names[0] if names else []
+    raise file.error(f"{many} called '{column}'; the columns are {', '.join(there)}")
+
+
+def _check_width(file: TextFile, first: Row, above: Sequence[Row]) -> None:
+    """ValueError for numbers with decimal commas between commas: twice as many cells as names."""
+    filled = [cell for cell in first.cells if cell.strip()]
+    if above and file.delimiter == "," and len(filled) >= 2 * len(above[-1].cells) > 2:
+        raise file.error(f"{len(filled)} cells for {len(above[-1].cells)} columns: are these decimal commas? Export it with points", first)
+
+
+def _check_units(file: TextFile, above: Sequence[Row], said: str, places: Sequence[int]) -> None:
+    """ValueError if the header names another unit than the mapping."""
+    word, known = next((word, units) for word, units in UNITS.items() if said in units)
+    for place in places:
+        for row in above:
+            cell = row.cells[place].strip() if place < len(row.cells) else ""
+            found = UNIT.search(cell)
+            told = found[1] if found else cell if len(above) > 1 else ""
+            if told in known and told != said:
+                raise file.error(f"column '{cell}' is in {told}, but {word} is '{said}' in the mapping: give '{word}: {told}'", row)
+
+
+# arrays
+
+
+def _of_arrays(path: Path, table: Table, unit: str, reader: Callable[[Path, Sequence[str | int]], dict]) -> dict[str, np.ndarray]:
+    wanted = [column for columns in table.columns.values() for column in columns]
+    arrays = reader(path, wanted)
+    parts = {key: [_array(path, column, arrays) for column in columns] for key, columns in table.columns.items()}
+    time = _stamps(path, np.asarray(parts.pop("time")[0]), unit)
+    found: dict[str, np.ndarray] = {"time": time}
+    for key, arrays_of_key in parts.items():
+        columns = [_samples(path, key, np.asarray(one), len(time)) for one in arrays_of_key]
+        found[key] = np.hstack(columns) if columns else np.empty((len(time), 0))
+    return found
+
+
+def _array(path: Path, column: str | int, arrays: Mapping[str | int, Any]) -> Any:
+    if column not in arrays:
+        there = ", ".join(map(str, arrays)) or "nothing"
+        raise ValueError(f"{path}: nothing is called '{column}' in it, only {there}")
+    return arrays[column]
+
+
+def _samples(path: Path, key: str, values: np.ndarray, n: int) -> np.ndarray:
+    """Samples (n, k) of floats of an array with n rows, or, as MATLAB may have them, n columns."""
+    if values.dtype.kind not in "fiub":
+        raise ValueError(f"{path}: {key} holds no numbers, but {values.dtype}: save it as numbers")
+    values = values.reshape(-1, 1) if values.ndim == 1 else values
+    if values.ndim == 2 and values.shape[0] != n and values.shape[1] == n:
+        values = values.T
+    if values.ndim != 2 or values.shape[0] != n:
+        raise ValueError(f"{path}: {key} has the shape {values.shape}, of which no side has the {n} samples of the time")
+    return np.ma.filled(np.ma.asarray(values).astype(float), np.nan)
+
+
+def _stamps(path: Path, values: np.ndarray, unit: str) -> np.ndarray:
+    """Stamps (n,) [ns] of times: integers and dates exactly, floats as exactly as they are."""
+    flat = np.squeeze(values) if values.size > 1 else values.reshape(-1)
+    if flat.dtype.kind == "M":
+        return flat.astype("datetime64[ns]").astype(np.int64)
+    if flat.ndim != 1 or flat.dtype.kind not in "fiu":
+        raise ValueError(f"{path}: time has the shape {values.shape} and holds {values.dtype}: give a column of numbers")
+    scale = int(TIME_UNITS[unit])
+    if flat.dtype.kind != "f":
+        return flat.astype(np.int64) * scale
+    if not (np.isfinite(flat).all() and (np.abs(flat) * scale < 2.0**62).all()):
+        raise ValueError(f"{path}: a time is not finite, or too large: is '{unit}' its unit?")
+    whole = np.floor(flat)
+    return whole.astype(np.int64) * scale + np.rint((flat - whole) * scale).astype(np.int64)
+
+
+def _numpy(path: Path, wanted: Sequence[str | int]) -> dict[str | int, Any]:
+    """Arrays of an .npz by name, fields of a structured .npy, or columns of a plain one by number."""
+    try:
+        loaded = np.load(path, allow_pickle=False)
+        arrays: dict[str | int, Any] = {}
+        if isinstance(loaded, np.lib.npyio.NpzFile):
+            with loaded:
+                arrays = {name: loaded[name] if name in wanted else None for name in loaded.files}
+        elif loaded.dtype.names:
+            arrays = {name: loaded[name].reshape(len(loaded), -1) for name in loaded.dtype.names}
+        elif loaded.ndim == 2:
+            arrays = {k + 1: loaded[:, k] for k in range(loaded.shape[1])}
+        else:
+            raise ValueError(f"an array of shape {loaded.shape}: save rows of columns, or a structured array")
+    except (ValueError, EOFError) as error:
+        hint = "; Python objects are not read, as they may run anything: save arrays of numbers" if "pickle" in str(error).lower() else ""
+        raise ValueError(f"{path}: {'it holds Python objects' if hint else error}{hint}") from error
+    return arrays
+
+
+def _matlab(path: Path, wanted: Sequence[str | int]) -> dict[str | int, Any]:
+    """Variables of a .mat file by name; fields of structures as `structure.field`."""
+    from scipy.io import loadmat
+
+    try:
+        loaded = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        raise ValueError(f"{path}: written by MATLAB as version 7.3: save it with save('{path.name}', '-v7')") from None
+    except Exception as error:  # SciPy meets arbitrary bytes
+        raise ValueError(f"{path}: no file of MATLAB: {error}") from error
+    flat = {name: value for name, value in loaded.items() if not name.startswith("__")}
+    for name in list(flat):
+        if isinstance(flat[name], dict):
+            flat.update(_fields(name, flat.pop(name)))
+    del wanted
+    return dict(flat)
+
+
+def _fields(name: str, structure: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in structure.items():
+        found.update(_fields(f"{name}.{key}", value) if isinstance(value, dict) else {f"{name}.{key}": value})
+    return found
+
+
+def _parquet(path: Path, wanted: Sequence[str | int]) -> dict[str | int, Any]:
+    """Columns of a Parquet file by name or number; nan where there is no value."""
+    pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
+    try:
+        there = pq.read_schema(path).names
+        names: dict[str | int, str] = {**dict(enumerate(there, 1)), **{name: name for name in there}}
+        table = pq.read_table(path, columns=[names[key] for key in wanted if key in names])
+    except pa.ArrowException as error:
+        raise ValueError(f"{path}: no Parquet file: {error}") from error
+    return {key: table.column(name).to_numpy() if key in wanted else None for key, name in names.items()}
+
+
+ARRAYS: Mapping[str, Callable[[Path, Sequence[str | int]], dict]] = {
+    ".npy": _numpy,
+    ".npz": _numpy,
+    ".mat": _matlab,
+    ".parquet": _parquet,
+}
+"""What reads the arrays of a file, by its ending."""

@@ -32,6 +32,16 @@ ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
 QUATERNION_ORDERS = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
 """Places of x, y, z, w in each order."""
 
+EULER_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+"""Orders of three angles about the axes x, y, z."""
+ROTATIONS = {"helical": "", **{one: one for one in EULER_ORDERS}, **{f"fixed {one}": one.lower() for one in EULER_ORDERS}}
+"""How three numbers tell an orientation: as an axis that is as long as the angle, or as angles about the axes of the body, or about fixed
+axes, in this order; and the sequence of SciPy that is meant."""
+TABLE_KINDS = ("table", "csv")
+"""Keys of a table of columns; both mean the same."""
+CAPTURE_KINDS = ("capture", "motive")
+"""Keys of a file of motion capture; both mean the same."""
+
 
 class MappingError(ValueError):
     """A mapping that cannot be read; the message names the place in the file."""
@@ -64,27 +74,47 @@ class Clock:
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV file.
+    """A file of columns: text, or arrays of NumPy, MATLAB or Parquet.
 
     * file: its name, in the folder of the recording.
     * columns: names or numbers (from 1) of its columns by what they hold.
-    * delimiter: between columns.
-    * header_lines: how many stand before the numbers; the last of them names the columns.
+    * delimiter: between columns of text; empty: as the file itself tells.
+    * header_lines: how many stand before the numbers of a text; they name the columns.
     """
 
     file: str
     columns: Mapping[str, tuple]
-    delimiter: str = ","
+    delimiter: str = ""
     header_lines: int = 1
 
 
 @dataclass(frozen=True)
+class CaptureFile:
+    """A body in a file of a motion capture program, and what the file may not say of itself.
+
+    * file: its name, in the folder of the recording.
+    * body: name of a rigid body, a bone or a marker.
+    * markers: names of the markers that it carries, in place of the body.
+    * rotation: how its orientation is told, words of ROTATIONS and ANGLE_UNITS; empty: as the file says.
+    * rate: frames per second, 0: as the file says [1/s].
+    * space: "global" if positions are those of the world, which a file may not say; empty: as the file says.
+    """
+
+    file: str
+    body: str = ""
+    markers: tuple[str, ...] = ()
+    rotation: tuple[str, ...] = ()
+    rate: float = 0.0
+    space: str = ""
+
+
+@dataclass(frozen=True)
 class PoseSource:
-    """Where the poses of a body come from: a topic, a table, a Motive export, or a fixed position.
+    """Where the poses of a body come from: a topic, a table, a file of motion capture, or a fixed position.
 
     * topic: name of the topic; child: of which transform on it.
-    * table: columns of a CSV file.
-    * motive: file of a Motive export; body: the name of the body there.
+    * table: columns of a file.
+    * capture: a body in a file of a motion capture program.
     * fixed: a position that never changes (3,) [m].
     * frame: header.frame_id that the messages must have, "" for any.
     * axes: where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
@@ -95,13 +125,13 @@ class PoseSource:
     * world: from the recorded axes, once they point like ours, to ours.
     * offset: the frame that we mean, in the axes of the tracked body.
     * clock: how stamps are read.
+    * told: which of up, xyz and length the mapping itself says: a file of motion capture may say them, too, or nobody does.
     """
 
     topic: str = ""
     child: str = ""
     table: Table | None = None
-    motive: str = ""
-    body: str = ""
+    capture: CaptureFile | None = None
     fixed: tuple[float, ...] = ()
     frame: str = ""
     axes: Axes = AS_OURS
@@ -112,6 +142,13 @@ class PoseSource:
     world: RigidTransform = field(default_factory=RigidTransform)
     offset: RigidTransform = field(default_factory=RigidTransform)
     clock: Clock = field(default_factory=Clock)
+    told: frozenset[str] = frozenset()
+
+    @property
+    def name(self) -> str:
+        """What it is called where it was recorded."""
+        of_capture = self.capture and (", ".join(self.capture.markers) or self.capture.body)
+        return self.topic or of_capture or (self.table.file if self.table else "")
 
     @property
     def is_plain(self) -> bool:
@@ -201,7 +238,7 @@ def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
     frame = values.text("frame", the_world().frame_id)
     values.nothing_else()
     if missing := [role for role in ROLES if role not in bodies]:
-        raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, csv, motive or position")
+        raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, table, capture or position")
     return RecordingMapping(bodies, signals.get("joints"), signals.get("teacher"), signals.get("command"), frame=frame)
 
 
@@ -327,10 +364,12 @@ def _pose_keys(where: PoseSource) -> dict[str, Any]:
     default = PoseSource()
     if where.fixed:
         return {"position": list(where.fixed)}
-    keys: dict[str, Any] = {name: getattr(where, name) for name in ("topic", "child", "motive", "body", "frame") if getattr(where, name)}
-    keys |= _table_keys(where.table)
-    keys |= {name: getattr(where, name) for name in ("length", "order") if getattr(where, name) != getattr(default, name)}
-    if where.axes != default.axes:
+    keys: dict[str, Any] = {name: getattr(where, name) for name in ("topic", "child", "frame") if getattr(where, name)}
+    keys |= _table_keys(where.table) | _capture_keys(where.capture)
+    keys |= {
+        name: getattr(where, name) for name in ("length", "order") if getattr(where, name) != getattr(default, name) or name in where.told
+    }
+    if where.axes != default.axes or where.told & {"up", "xyz"}:
         keys["xyz"] = list(where.axes)
     if where.orientation_axes is not None:
         keys["orientation_xyz"] = list(where.orientation_axes)
@@ -352,7 +391,16 @@ def _table_keys(table: Table | None) -> dict[str, Any]:
     if table is None:
         return {}
     columns = {name: list(found) if len(found) > 1 else found[0] for name, found in table.columns.items() if found}
-    return {"csv": table.file, "delimiter": table.delimiter, "header_lines": table.header_lines, "columns": columns}
+    form = {"delimiter": table.delimiter} if table.delimiter else {}
+    return {"table": table.file, **form, "header_lines": table.header_lines, "columns": columns}
+
+
+def _capture_keys(capture: CaptureFile | None) -> dict[str, Any]:
+    if capture is None:
+        return {}
+    which: dict[str, Any] = {"markers": list(capture.markers)} if capture.markers else {"body": capture.body}
+    more = {"rotation": list(capture.rotation), "rate": capture.rate, "space": capture.space}
+    return {"capture": capture.file, **which, **{name: value for name, value in more.items() if value}}
 
 
 def _rigid_keys(one: RigidTransform) -> dict[str, Any]:
@@ -370,8 +418,10 @@ def _clock_keys(clock: Clock) -> dict[str, Any]:
 
 def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
     default = default or PoseSource()
+    keys = {key for key in ("up", "xyz", "length") if section.has(key)}
     return replace(
         default,
+        told=default.told | keys,
         axes=_pointing(section, default.axes),
         orientation_axes=_signed_axes(section, "orientation_xyz", default.orientation_axes),
         length=section.choice("length", default.length, LENGTH_UNITS),
@@ -445,20 +495,17 @@ def _turned(degrees: Sequence[float]) -> np.ndarray:
 
 
 def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
-    kinds = ("topic", "csv", "motive", "position")
-    given = [kind for kind in kinds if section.has(kind)]
-    if len(given) != 1:
-        raise MappingError(f"{section.place}: give exactly one of {', '.join(kinds)}; got {', '.join(given) or 'none of them'}")
+    kind = _one_of(section, "topic", *TABLE_KINDS, *CAPTURE_KINDS, "position")
     own = _axes(section, axes)
     where: dict[str, Any] = {}
-    if given == ["position"]:
+    if kind == "position":
         where["fixed"] = section.vector("position", 3, ())
-    elif given == ["topic"]:
+    elif kind == "topic":
         where = {"topic": section.text("topic"), "child": section.text("child"), "frame": section.text("frame")}
-    elif given == ["motive"]:
-        where = {"motive": section.text("motive"), "body": section.text("body", section.place.rsplit(": ", 1)[1])}
+    elif kind in CAPTURE_KINDS:
+        where["capture"] = _capture(section, kind)
     else:
-        where["table"] = _table(section, {"time": (1,), "position": (3,), "quaternion": (4, 0)})
+        where["table"] = _table(section, kind, {"time": (1,), "position": (3, 1), "quaternion": (4, 1, 0)})
     offset = _rigid(section, "offset", RigidTransform())
     section.nothing_else()
     _check_clock(section, own.clock, "topic" in where)
@@ -470,17 +517,50 @@ def _check_clock(section: _Section, clock: Clock, is_topic: bool) -> None:
         raise MappingError(f"{section.place}: time is log, but only messages of a bag have a log time: give time: stamp here")
 
 
+def _one_of(section: _Section, *kinds: str) -> str:
+    """The one of these keys that is there."""
+    given = [kind for kind in kinds if section.has(kind)]
+    if len(given) != 1:
+        known = ", ".join(kind for kind in kinds if kind not in (*TABLE_KINDS[1:], *CAPTURE_KINDS[1:]))
+        raise MappingError(f"{section.place}: give exactly one of {known}; got {', '.join(given) or 'none of them'}")
+    return given[0]
+
+
+def _capture(section: _Section, kind: str) -> CaptureFile:
+    file, role = section.text(kind), section.place.rsplit(": ", 1)[1]
+    if section.has("body") and section.has("markers"):
+        raise MappingError(f"{section.place}: give body or markers, not both")
+    words = (*ROTATIONS, *ANGLE_UNITS)
+
+    def are_texts(value: Any) -> bool:
+        return isinstance(value, list) and bool(value) and all(isinstance(one, str) for one in value) and len(set(value)) == len(value)
+
+    def are_words(value: Any) -> bool:
+        given = value if isinstance(value, list) else [value]
+        return all(isinstance(one, str) and one in words for one in given) and len(given) <= 2
+
+    said = section.take("rotation", [], are_words, f"one or two of {', '.join(words)}, as [XYZ, deg]")
+    rate = section.take("rate", 0.0, lambda value: _is_number(value) and value > 0, "the frames per second")
+    return CaptureFile(
+        file,
+        section.text("body", role),
+        tuple(section.take("markers", (), are_texts, "a list of different names of markers")),
+        tuple(said) if isinstance(said, list) else (said,),
+        float(rate),
+        section.choice("space", "", {"global": 1.0}),
+    )
+
+
 def _signal_source(section: _Section, name: str) -> SignalSource:
-    is_table = section.has("csv")
-    if section.has("topic") == is_table:
-        raise MappingError(f"{section.place}: give either topic or csv")
+    kind = _one_of(section, "topic", *TABLE_KINDS)
+    is_table = kind != "topic"
     clock = _clock(section)
     wanted: dict[str, tuple[int, ...]] = {"time": (1,)}
     source = SignalSource()
     if name == "joints":
-        wanted |= {"position": (N_JOINTS,), "velocity": (N_JOINTS, 0)}
+        wanted |= {"position": (N_JOINTS, 1), "velocity": (N_JOINTS, 1, 0)}
         source = _joint_keys(section, source)
-    table = _table(section, wanted) if is_table else None
+    table = _table(section, kind, wanted) if is_table else None
     topic = "" if is_table else section.text("topic")
     section.nothing_else()
     return replace(source, topic=topic, table=table, clock=clock)
@@ -510,10 +590,10 @@ def _are_joints(value: Any) -> bool:
     return _are_names(value) and len(set(value)) == len(value) == N_JOINTS
 
 
-def _table(section: _Section, wanted: Mapping[str, tuple[int, ...]]) -> Table:
-    """wanted: how many columns each name may have; 0: it may be missing."""
-    file = section.text("csv")
-    delimiter = section.take("delimiter", ",", lambda value: isinstance(value, str) and len(value) == 1, "one character")
+def _table(section: _Section, kind: str, wanted: Mapping[str, tuple[int, ...]]) -> Table:
+    """wanted: how many columns each name may have; 0: it may be missing; 1 beside others: one array with all of them."""
+    file = section.text(kind)
+    delimiter = section.take("delimiter", "", lambda value: isinstance(value, str) and len(value) == 1, "one character")
     lines = section.take("header_lines", 1, lambda value: isinstance(value, int) and not isinstance(value, bool) and value >= 0, "a number")
     part = section.section("columns")
     if part is None:

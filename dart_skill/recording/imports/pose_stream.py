@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dart_skill.checks import floats
 from dart_skill.constants import UNTURNED
 from dart_skill.world import the_world
 
@@ -61,7 +62,7 @@ class RigidTransform:
     quaternion: np.ndarray = field(default_factory=lambda: np.array(UNTURNED))
 
     def __post_init__(self) -> None:
-        position, quaternion = (np.asarray(value, dtype=float) for value in (self.position, self.quaternion))
+        position, quaternion = (floats(value) for value in (self.position, self.quaternion))
         if position.shape != (3,) or not np.isfinite(position).all():
             raise ValueError(f"position is {self.position}: give three finite numbers in metres")
         if quaternion.shape != (4,) or not abs(np.linalg.norm(quaternion) - 1.0) < 1e-3:
@@ -89,7 +90,7 @@ class PoseStream:
 
     def __post_init__(self) -> None:
         stamps = np.asarray(self.stamp_ns, dtype=np.int64)
-        position, quaternion = np.asarray(self.position, dtype=float), np.asarray(self.quaternion, dtype=float)
+        position, quaternion = floats(self.position), floats(self.quaternion)
         if stamps.ndim != 1 or position.shape != (len(stamps), 3) or quaternion.shape != (len(stamps), 4):
             shapes = f"{stamps.shape}, {position.shape}, {quaternion.shape}"
             raise ValueError(f"poses of {self.body}: need stamps (n,), positions (n, 3), quaternions (n, 4), got {shapes}")

@@ -10,7 +10,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from dart_skill.recording.bags import (
     typestore,
 )
 from dart_skill.recording.grip_signal import GripSignal, Opening
-from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
+from dart_skill.recording.imports._tables import read_pose_table, read_table
 from dart_skill.recording.imports.bag_topics import PART_NS, Poses, buttons, read_topics
 from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed
 from dart_skill.recording.imports.faults import GAP, NOTE, UNSTAMPED, Fault, in_words
@@ -43,6 +43,7 @@ from dart_skill.recording.imports.mapping import (
     RecordingMapping,
     SignalSource,
 )
+from dart_skill.recording.imports.motion_capture import read_capture
 from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import PoseStream, transformed, with_continuous_signs
 from dart_skill.world import the_world
@@ -126,7 +127,7 @@ def read_in_parts(
 
 def _require_seen(tracked: Mapping[str, PoseSource], seen: set[str], recorded: Mapping[str, int], faults: list[Fault]) -> None:
     for role, where in tracked.items():
-        name = where.topic or where.motive or (where.table.file if where.table else "")
+        name = where.topic or next(one.file for one in (where.table, where.capture) if one)
         if role in seen:
             continue
         if not recorded.get(role):
@@ -236,10 +237,10 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
         stamps, log_ns, position, quaternion = poses.stamps, poses.log, poses.rows[:, :3], poses.rows[:, 3:]
         faults = _of_frames(role, poses, frame)
     elif where.table is not None:
-        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit)
+        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit, where.length)
     else:
-        stamps, position, quaternion = read_motive(folder, where.motive, where.body)
-        scale, order = 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
+        stamps, position, quaternion, axes = read_capture(folder, where)
+        where, scale, order = replace(where, axes=axes), 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
     time = timed(role, stamps, log_ns, where.clock)
     stream = PoseStream(role, time.stamp_ns, scale * position[time.kept], quaternion[time.kept][:, order], frame)
     if not where.is_plain:
@@ -276,7 +277,9 @@ def _joints(where: SignalSource | None, states: States | None, folder: Path) -> 
         return None, []
     log_ns = None
     if where.table is not None:
-        columns = read_table(folder, where.table, where.clock.unit)
+        columns = read_table(folder, where.table, where.clock.unit, {"position": where.angle})
+        if (width := columns["position"].shape[1]) != N_JOINTS or columns["velocity"].shape[1] not in (0, N_JOINTS):
+            raise ValueError(f"{folder / where.table.file}: {width} columns of positions of {N_JOINTS} joints")
         n = len(columns["time"])
         velocity = columns["velocity"] if columns["velocity"].shape[1] else np.full((n, N_JOINTS), np.nan)
         unit = ANGLE_UNITS[where.angle]

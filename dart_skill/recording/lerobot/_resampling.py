@@ -14,7 +14,7 @@ CERTAIN = 1e-3
 """A share of a frame so near to 0 or 1 counts as that: values are stored with 24 bits."""
 
 
-def frame_times(duration: float, fps: int) -> np.ndarray:
+def frame_times(duration: float, fps: float) -> np.ndarray:
     """Instants (n,) k / fps of all frames from 0 to a duration [s], at least one."""
     return np.arange(max(0, int(np.floor(duration * fps + 1e-6))) + 1) / fps
 
@@ -38,7 +38,7 @@ def turned_at_frames(stamps: np.ndarray, quaternions: np.ndarray, frames: np.nda
     return turned * signs[:, None]
 
 
-def held_mean(stamps: np.ndarray, values: np.ndarray, frames: np.ndarray, fps: int, hold: float = np.inf) -> np.ndarray:
+def held_mean(stamps: np.ndarray, values: np.ndarray, frames: np.ndarray, fps: float, hold: float = np.inf) -> np.ndarray:
     """Mean over each frame (n,), until 1 / fps later, of what holds from each of the stamps (m,) until the next one: (n, k) of (m, k).
 
     hold: so long at most [s]; then, and before the first stamp, it is 0. values: (m, k).
@@ -53,7 +53,7 @@ def held_mean(stamps: np.ndarray, values: np.ndarray, frames: np.ndarray, fps: i
     return (both[1] - both[0]) * fps
 
 
-def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: int) -> np.ndarray:
+def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: float) -> np.ndarray:
     """1 for each frame (n,) near a sample (m,), 0 for one in a gap: the nearest sample is three quarters of a period away, or more.
 
     The period is that of the slower of the two. fps: frames per second; stamps: (m,) [s].
@@ -64,7 +64,7 @@ def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: int) -> np.ndarray:
     return (np.minimum(*both) < 0.75 * period).astype(float)
 
 
-def changes_at(share: np.ndarray, fps: int) -> list[tuple[float, bool]]:
+def changes_at(share: np.ndarray, fps: float) -> list[tuple[float, bool]]:
     """When a signal (n,) that `held_mean` brought to frames switched [s], and whether on; also one that only ever is 0 or 1.
 
     fps: frames per second. share: the signal, from 0 to 1.

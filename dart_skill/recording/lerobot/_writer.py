@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dart_skill.checks import floats
 from dart_skill.extras import need, optional
 from dart_skill.recording.lerobot import _format as format_
 from dart_skill.recording.lerobot._format import Camera, Feature
@@ -50,7 +51,7 @@ class DatasetWriter:
         """
         n, episode = _n_frames(frames, self.features), len(self._rows)
         number = self._tasks.setdefault(task, len(self._tasks))
-        columns: dict[str, np.ndarray] = {key.key: np.asarray(frames[key.key], dtype=np.float32) for key in self.features}
+        columns: dict[str, np.ndarray] = {key.key: floats(frames[key.key]).astype(np.float32) for key in self.features}
         columns["timestamp"] = (np.arange(n) / self.fps).astype(np.float32)
         columns["frame_index"] = np.arange(n)
         columns["episode_index"] = np.full(n, episode)
@@ -176,7 +177,7 @@ def _n_frames(frames: Mapping[str, np.ndarray], features: Sequence[Feature]) -> 
         shape = np.shape(frames[one.key])
         if shape != (n, len(one.names)) or n == 0:
             raise ValueError(f"{one.key} has shape {shape}: give {(n or 'n', len(one.names))}, with n at least 1")
-        if not np.isfinite(frames[one.key]).all():
+        if not np.isfinite(floats(frames[one.key])).all():
             raise ValueError(f"{one.key} is not finite in all frames: lerobot takes statistics of it")
     return n
 

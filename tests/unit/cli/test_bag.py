@@ -405,7 +405,7 @@ def test_the_mapping_in_the_documentation_is_one():
     page = (DOCS / "bags.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"\n\n((?:    .*\n)*    hand: .*\n(?:    .*\n)*)", page)
     mapping = parse_mapping(yaml.safe_load(block))
-    assert mapping.bodies["hand"].motive == "take_001.csv" and mapping.joints.table.delimiter == ";"
+    assert mapping.bodies["hand"].capture.file == "take_001.csv" and mapping.joints.table.delimiter == ";"
 
 
 def test_convert_tells_what_is_wrong_with_the_poses(tmp_path, call):

@@ -34,7 +34,6 @@ KINDS = {
     "no statistics": ("note", "the summary has no statistics"),
     "no index": ("warning", "have no message index"),
     "loose": ("note", "messages are outside chunks"),
-    "ROS 1": ("error", "this is a bag of ROS 1"),
     "missing": ("error", "the file is missing, which metadata.yaml names"),
     "counts": ("warning", "the files say 0"),
 }
@@ -44,10 +43,10 @@ SAMPLES = "rosbag2_py/test/resources"
 EXPECTED = {
     "gps_nav_ws/bag": (5348, "undefined"),
     "gps_nav_ws/bag2": (6330, "undefined"),
-    "plotjuggler/datasamples/example.bag": (None, "ROS 1"),
-    "plotjuggler/datasamples/fake_joint_state.bag": (None, "ROS 1"),
-    "plotjuggler/datasamples/out.bag": (None, "ROS 1"),
-    "plotjuggler/datasamples/tilt_laser.bag": (None, "ROS 1"),
+    "plotjuggler/datasamples/example.bag": (8647,),
+    "plotjuggler/datasamples/fake_joint_state.bag": (2725,),
+    "plotjuggler/datasamples/out.bag": (194,),
+    "plotjuggler/datasamples/tilt_laser.bag": (4093,),
     "plotjuggler/datasamples/rosbag2_test": (4695,),
     "robot-controller/rosbags/gravacao_esqueletos": (373, "undefined"),
     "robot-controller/rosbags/menos_movimentacao": (374, "undefined"),

@@ -189,12 +189,12 @@ def test_a_full_file_is_followed_by_another_one(tmp_path, monkeypatch):
 
 
 def test_nothing_is_left_of_a_dataset_that_cannot_be_written(tmp_path):
-    wrong = {**frames_of(0), "action": np.full((7, 2), np.nan)}
-    with (
-        pytest.raises(ValueError, match="action is not finite in all frames"),
-        DatasetWriter(tmp_path / "new", FPS, "an_arm", [STATE, ACTION]) as data,
-    ):
-        data.add("task", wrong)
+    for values in (np.full((7, 2), np.nan), np.ma.masked_array(np.ones((7, 2)), mask=np.eye(7, 2, dtype=bool))):
+        with (
+            pytest.raises(ValueError, match="action is not finite in all frames"),
+            DatasetWriter(tmp_path / "new", FPS, "an_arm", [STATE, ACTION]) as data,
+        ):
+            data.add("task", {**frames_of(0), "action": values})
     assert not (tmp_path / "new").exists()
     with pytest.raises(ValueError, match="at least one episode"), DatasetWriter(tmp_path / "new", FPS, "an_arm", [STATE]):
         pass
@@ -242,7 +242,7 @@ def damage(written, tmp_path):
 @pytest.mark.parametrize(
     ("changed", "complaint"),
     [
-        ({"info": {"codebase_version": "v2.1"}}, "version v2.1, not v3.0: .*convert_dataset_v21_to_v30"),
+        ({"info": {"codebase_version": "v1.6"}}, "version v1.6, neither 2 nor 3: .*convert_dataset_v1_to_v2"),
         ({"info": {"fps": 0}}, "fps is 0: give a number above 0"),
         ({"info": {"total_episodes": 3}}, "tells of 3 episodes, in data/ are 2"),
         ({"column": "action"}, "no column action, of which meta/info.json tells"),
@@ -261,6 +261,147 @@ def test_a_file_that_is_none_is_named(damage):
         read_dataset(path)
     with pytest.raises(ValueError, match="no dataset of LeRobot"):
         read_dataset(path / "data")
+
+
+# datasets of others
+
+
+STATE_NAMES, SIZE = ["a.x", "a.y", "a.z", "b.x", "b.y", "grip"], 6
+SHAPES = {
+    "a list": STATE_NAMES,
+    "a list in a list": [STATE_NAMES],
+    "one group": {"motors": STATE_NAMES},
+    "axes and a gripper": {"axes": STATE_NAMES[:5], "gripper": ["grip"]},
+    "a gripper alone": {"axes": STATE_NAMES[:5], "gripper": "grip"},
+    "two groups in groups": {"arms": {"left": STATE_NAMES[:3], "right": STATE_NAMES[3:5]}, "other": ["grip"]},
+    "places": {name: place for place, name in reversed(list(enumerate(STATE_NAMES)))},
+    "places in groups": {"motors": {name: place for place, name in enumerate(STATE_NAMES)}},
+    "keys": dict.fromkeys(STATE_NAMES, None),
+}
+VALUES = np.arange(60.0).reshape(10, SIZE)
+
+
+def write_others(path, info, columns, version="v3.0", lines=None, files=(slice(None),), tasks=True):
+    """A dataset as other programs write it: one file, or one for each slice of frames; for version 2 with lines of JSON."""
+    (path / "meta").mkdir(parents=True)
+    (path / "data" / "chunk-000").mkdir(parents=True)
+    (path / "meta" / "info.json").write_text(json.dumps({"codebase_version": version, "robot_type": None, "fps": 10, **info}))
+    for k, part in enumerate(files):
+        name = f"episode_{k:06d}" if version.startswith("v2") else f"file-{k:03d}"
+        table = {key: pa.array(list(np.asarray(values)[part])) for key, values in columns.items()}
+        pq.write_table(pa.table(table), path / "data" / "chunk-000" / f"{name}.parquet")
+    if tasks and version.startswith("v2"):
+        (path / "meta" / "tasks.jsonl").write_text('{"task_index": 0, "task": "stir"}\n{"task_index": 1, "task": "pour"}\n')
+    elif tasks:
+        pd.DataFrame({"task_index": [0, 1]}, index=pd.Index(["stir", "pour"], name="task")).to_parquet(path / "meta" / "tasks.parquet")
+    if lines:
+        (path / "meta" / "episodes.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return path
+
+
+def others_columns(**changed):
+    """Two episodes of six and four frames."""
+    frame = np.concatenate([np.arange(6), np.arange(4)])
+    columns = {"observation.state": VALUES, "timestamp": (frame / 10).astype(np.float32), "frame_index": frame}
+    columns |= {"episode_index": np.repeat([0, 1], [6, 4]), "index": np.arange(10), "task_index": np.repeat([1, 0], [6, 4])}
+    return {key: values for key, values in {**columns, **changed}.items() if values is not None}
+
+
+def state(names, size=SIZE, **more):
+    return {"features": {"observation.state": {"dtype": "float32", "shape": [size], "names": names}, **more}}
+
+
+@pytest.mark.parametrize("names", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])
+def test_names_have_any_shape_that_public_datasets_have(tmp_path, names, version):
+    files = (slice(0, 6), slice(6, 10)) if version.startswith("v2") else (slice(None),)
+    dataset = read_dataset(write_others(tmp_path / "other", state(names), others_columns(), version, files=files))
+    assert dataset.names == {"observation.state": tuple(STATE_NAMES)} and not dataset.notes
+    assert [(one.index, one.task, len(one.time)) for one in dataset.episodes] == [(0, "pour", 6), (1, "stir", 4)]
+    assert np.array_equal(dataset.column(dataset.episodes[1], "b.x"), VALUES[6:, 3])
+
+
+def test_elements_without_names_are_called_by_their_places_and_wrong_names_are_told(tmp_path):
+    dataset = read_dataset(write_others(tmp_path / "none", state(None), others_columns()))
+    assert dataset.names["observation.state"] == tuple(f"observation.state[{k}]" for k in range(SIZE)) and not dataset.notes
+    dataset = read_dataset(write_others(tmp_path / "more", state([*STATE_NAMES, "one", "two"]), others_columns()))
+    assert dataset.notes == ("observation.state has 6 elements and 8 names, so none of them counts",)
+    twice = {"left": ["x", "y", "z"], "right": ["x", "y", "z"]}
+    dataset = read_dataset(write_others(tmp_path / "twice", state(twice), others_columns()))
+    assert dataset.names["observation.state"] == ("left.x", "left.y", "left.z", "right.x", "right.y", "right.z")
+    dataset = read_dataset(write_others(tmp_path / "same", state(["a", "b", "c", "d", "grip", "grip"]), others_columns()))
+    with pytest.raises(ValueError, match="2 elements of observation.state are called 'grip': give them different names"):
+        dataset.column(dataset.episodes[0], "grip")
+
+
+def test_what_was_seen_counts_before_what_was_commanded(tmp_path):
+    features = {"action": {"dtype": "float32", "shape": [SIZE], "names": STATE_NAMES}, **state(STATE_NAMES)["features"]}
+    path = write_others(tmp_path / "other", {"features": features}, {"action": VALUES + 100.0, **others_columns()})
+    dataset = read_dataset(path)
+    assert np.array_equal(dataset.column(dataset.episodes[0], "a.x"), VALUES[:6, 0])
+
+
+FRAMES = {
+    "stamps that go on over episodes": {"timestamp": (np.arange(10) / 10).astype(np.float32)},
+    "stamps of the clock": {"timestamp": 1.7e9 + np.arange(10) / 10},
+    "stamps in float32 after hours": {"timestamp": (50_000.0 + np.arange(10) / 10).astype(np.float32)},
+    "no stamps": {"timestamp": None},
+    "frames that go on over episodes": {"frame_index": np.arange(10)},
+    "no frames": {"frame_index": None},
+    "float64": {"observation.state": VALUES.astype(np.float64)},
+    "extra columns": {"language": np.array(["stir"] * 10), "extra": np.arange(10)},
+    "scalars in lists": {"timestamp": np.concatenate([np.arange(6), np.arange(4)])[:, None] / 10},
+}
+
+
+@pytest.mark.parametrize("changed", FRAMES.values(), ids=FRAMES)
+def test_frames_are_read_whatever_their_stamps_begin_with(tmp_path, changed):
+    dataset = read_dataset(write_others(tmp_path / "other", state(STATE_NAMES), others_columns(**changed)))
+    for episode, rows in zip(dataset.episodes, (slice(0, 6), slice(6, 10)), strict=True):
+        assert np.allclose(episode.time, np.arange(len(episode.time)) / 10)
+        assert np.array_equal(episode.frames["observation.state"], VALUES[rows])
+
+
+def test_episodes_may_come_in_any_order_and_without_tasks(tmp_path):
+    columns = {key: values[::-1] for key, values in others_columns(task_index=None).items()}
+    lines = [{"episode_index": 1, "tasks": ["pour"], "length": 4}, {"episode_index": 0, "tasks": ["stir"], "length": 6}]
+    path = write_others(tmp_path / "two", state(STATE_NAMES), columns, "v2.1", lines, (slice(0, 4), slice(4, 10)), tasks=False)
+    assert [(one.index, one.task, len(one.time)) for one in read_dataset(path).episodes] == [(0, "stir", 6), (1, "pour", 4)]
+    path = write_others(tmp_path / "three", {**state(STATE_NAMES), "fps": 10.0, "total_episodes": 2}, columns, tasks=False)
+    assert [one.task for one in read_dataset(path).episodes] == ["", ""]
+
+
+def test_scalars_and_tables_of_elements(tmp_path):
+    more = {"speed": {"dtype": "float64", "shape": [1], "names": None}, "done": {"dtype": "bool", "shape": []}}
+    more["picture"] = {"dtype": "float32", "shape": [2, 3], "names": ["height", "width"]}
+    columns = others_columns(speed=np.arange(10.0), done=np.arange(10) > 5)
+    dataset = read_dataset(write_others(tmp_path / "other", state(STATE_NAMES, **more), columns))
+    assert set(dataset.names) == {"observation.state", "speed", "done"}
+    assert np.array_equal(dataset.column(dataset.episodes[1], "speed[0]"), np.arange(6.0, 10.0))
+
+
+BROKEN = [
+    ({"total_episodes": 5}, {}, "tells of 5 episodes, in data/ are 2"),
+    ({}, {"episode_index": None}, "no column episode_index"),
+    ({}, {"timestamp": np.arange(10.0)}, "episode 0: frame 5 is 4.5 s away from frame_index / fps"),
+    ({"fps": True}, {}, "fps is True"),
+]
+
+
+@pytest.mark.parametrize(("info", "changed", "message"), BROKEN)
+def test_what_is_wrong_with_a_dataset_of_others_is_named(tmp_path, info, changed, message):
+    with pytest.raises(ValueError, match=message):
+        read_dataset(write_others(tmp_path / "other", {**state(STATE_NAMES), **info}, others_columns(**changed)))
+
+
+def test_broken_lines_are_named(tmp_path):
+    path = write_others(tmp_path / "other", state(STATE_NAMES), others_columns(), "v2.1")
+    (path / "meta" / "tasks.jsonl").write_text('{"task_index": 0, "task": "stir"}\n{"task": \n')
+    with pytest.raises(ValueError, match="tasks.jsonl, line 2: no JSON"):
+        read_dataset(path)
+    (path / "meta" / "tasks.jsonl").write_text('{"task": "stir"}\n')
+    with pytest.raises(ValueError, match="tasks.jsonl, line 1: task_index is missing"):
+        read_dataset(path)
 
 
 LOAD = """

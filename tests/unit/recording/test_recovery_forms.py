@@ -313,7 +313,7 @@ def test_carriage_returns_are_put_back_where_a_crc_says_where(tmp_path, copy):
 @pytest.mark.parametrize(
     ("content", "what"),
     [
-        (b"#ROSBAG V2.0\n" + bytes(100), "rosbags-convert"),
+        (b"#ROSBAG V2.0\n" + bytes(100), "rosbag reindex"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
         (b"<!DOCTYPE html><html>log in</html>", "web page"),
         (b"PK\x03\x04" + bytes(50), "unzip"),

@@ -45,7 +45,7 @@ def declared(extra=""):
     return tuple(Requirement(text) for text in texts)
 
 
-EXTRAS = ("sim", "plot", "view", "lerobot", "pandas", "foxglove")
+EXTRAS = ("sim", "plot", "view", "lerobot", "pandas", "foxglove", "c3d")
 
 
 # --- what is declared ---
