@@ -92,6 +92,8 @@ def in_seconds(stamps: np.ndarray, unit: str) -> np.ndarray:
 def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np.ndarray, list[Fault]]:
     """Which samples have a stamp (n,), and what is wrong with the stamps as a whole."""
     n, filled = len(stamps), stamps != 0
+    if n > 1 and not filled[0] and 0 < stamps[1] < NS_PER_S:
+        filled[0] = True  # a clock that begins at 0, as that of a simulation or of a file
     if n < 2:
         return np.ones(n, dtype=bool), []
     lasted = 1e-9 * float(log_ns.max() - log_ns.min())
