@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.mapping_option import add_mapping, settle_mapping
 from dart_skill.cli.printable import printable
 from dart_skill.world import THROW
 
@@ -16,8 +17,10 @@ if TYPE_CHECKING:
     from dart_skill.recording.imports import RecordingMapping, ThrowRecording
     from dart_skill.session import ExportedDataset
 
-ENDINGS = {"bag": "converted", "lerobot": "lerobot", "csv": "csv"}
+ENDINGS = {"bag": "converted", "sqlite": "sqlite", "lerobot": "lerobot", "csv": "csv"}
 """What a recording can be made into, and how the new folder's name ends."""
+STORAGES = {"bag": "mcap", "sqlite": "sqlite3"}
+"""Formats of the files of a bag."""
 OF_LEROBOT = {"--fps": "fps", "--video": "video", "--with-throws": "with_throws", "--without": "without"}
 
 
@@ -25,9 +28,10 @@ def add_to(verbs: argparse._SubParsersAction) -> None:
     """Add `convert` to the verbs of `dart-skill bag`."""
     parser = verbs.add_parser("convert", help="a recording, ours or another laboratory's, as a bag of ours, a LeRobot dataset, CSV files")
     parser.add_argument("source", metavar="SOURCE", type=Path, help="bag, or a folder with CSV files")
-    parser.add_argument("--mapping", metavar="FILE", type=Path, help="names topics, columns, axes, units (config/recordings/example.yaml)")
-    parser.add_argument("--to", choices=list(ENDINGS), default="bag", help="what is made of it (default: a bag of ours)")
-    text = "new folder, which must not exist (default: <name>_converted, _lerobot or _csv in the working directory)"
+    add_mapping(parser)
+    text = "what is made of it (default: a bag of ours; sqlite: the same in files of SQLite)"
+    parser.add_argument("--to", choices=list(ENDINGS), default="bag", help=text)
+    text = "new folder, which must not exist (default: <name>_converted, _sqlite, _lerobot or _csv in the working directory)"
     parser.add_argument("--output", metavar="FOLDER", type=Path, help=text)
     parser.add_argument("--json", action="store_true", help="what was written and what was wrong as JSON")
     group = parser.add_argument_group("to lerobot")
@@ -48,8 +52,9 @@ def _convert(options: argparse.Namespace) -> int:
             raise ValueError(f"{given[0]} is for '--to lerobot': add this, or leave it out")
     if output.exists():
         raise FileExistsError(f"{output} exists already: nothing is ever overwritten, name another folder with --output")
+    settle_mapping(options, options.source, options.source.resolve().stem)
     mapping = load_mapping(options.mapping) if options.mapping else None
-    text, told = {"bag": _to_bag, "lerobot": _to_lerobot, "csv": _to_csv}[options.to](options, output, mapping)
+    text, told = {"bag": _to_bag, "sqlite": _to_bag, "lerobot": _to_lerobot, "csv": _to_csv}[options.to](options, output, mapping)
     print(json.dumps(told, indent=1) if options.json else printable(text))
     return 0
 
@@ -57,7 +62,7 @@ def _convert(options: argparse.Namespace) -> int:
 def _to_bag(options: argparse.Namespace, output: Path, mapping: RecordingMapping | None) -> tuple[str, dict]:
     from dart_skill.recording.imports import convert
 
-    recording = convert(options.source, output, mapping)
+    recording = convert(options.source, output, mapping, storage=STORAGES[options.to])
     lines = [_recording_text(recording), f"new bag: {output}", f"next: dart-skill learn {shlex.quote(str(output))}"]
     return "\n".join(lines), _recording_json(recording, output)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
+from dart_skill.cli.mapping_option import add_mapping, settle_mapping
 from dart_skill.cli.run_options import add_configuration, add_namespace
 from dart_skill.constants import REMEMBERED
 from dart_skill.world import THROW
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from dart_skill.skill.protocol import Skill
     from dart_skill.skills.throw import Throw
 
-AUTO = Path("auto")
-"""What stands for a mapping that is found in the recording."""
 NEXT = "next: dart-skill demo{} --model {}"
 
 
@@ -34,10 +33,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
     text = "rosbag2 folder, .mcap or .db3 file, folder with CSV files, or LeRobot dataset; none: the learner of the graph that runs learns"
     parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help=text)
-    text = (
-        "names topics, columns, axes and units (config/recordings/example.yaml); auto: found in the recording, and written beside the model"
-    )
-    parser.add_argument("--mapping", metavar="FILE", type=Path, help=text)
+    add_mapping(parser)
     parser.add_argument(
         "--output",
         metavar="MODEL",
@@ -83,8 +79,7 @@ def _learn(options: argparse.Namespace) -> int:
         raise ValueError(f"{output} exists already: name another file with --output")
     if is_dataset(options.bag):
         return _learn_dataset(options, output)
-    if options.mapping == AUTO:
-        options.mapping = _write_mapping(options)
+    settle_mapping(options, options.bag, _file_for(options.bag).stem.removesuffix("_model"))
     if not options.mapping and (name := skill_of(options.bag)) != THROW:
         return _learn_skill(options, load_skill(name), output)
     mapping = load_mapping(options.mapping) if options.mapping else None
@@ -100,26 +95,6 @@ def _learn(options: argparse.Namespace) -> int:
     save_model(output, list(report.learned_from), skill.skill.configuration, origin=origin)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0
-
-
-def _write_mapping(options: argparse.Namespace) -> Path | None:
-    """Find the mapping of a bag, and write it; returns its file, None where the bag reads right without one."""
-    from dart_skill.files import new_file
-    from dart_skill.recording.imports import mapping_text
-    from dart_skill.session import auto_mapping
-
-    mapping, found = auto_mapping(options.bag)
-    if found is None and mapping.is_own:
-        return None
-    path = _file_for(options.bag).with_name(f"{_file_for(options.bag).stem.removesuffix('_model')}_mapping.yaml")
-    if path.exists():
-        raise ValueError(f"{path} exists already: give it with --mapping, or move it away")
-    about = f"# {options.bag.name}: {found}\n" if found else ""
-    with new_file(path) as file:
-        file.write((about + mapping_text(mapping)).encode())
-    if not options.json:
-        print("\n".join([*([f"{found}"] if found else []), f"mapping: {path}"]))
-    return path
 
 
 def _file_for(bag: Path) -> Path:

@@ -206,26 +206,46 @@ def _standing(bodies: Mapping[str, PoseStream], frame: str, still: dict[str, np.
     return found
 
 
-def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
+def convert(
+    source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None, storage: str = "mcap"
+) -> ThrowRecording:
     """Write a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of continuous sign; returns what was read.
 
     source, mapping: as for `read_recording`.
     output: folder of the bag, which must not exist.
+    storage: format of its files, mcap or sqlite3.
 
     Where it came from and what was wrong with it stands in the bag's custom data.
     """
     recording = read_recording(source, mapping)
-    types = typestore()
     faults = [asdict(fault) for fault in recording.faults if not fault.is_information]
     gaps = Counter(fault.body for fault in recording.faults if fault.kind == GAP)
     about = {"source": recording.source, "faults": json.dumps(faults), "gaps": json.dumps(gaps)}
     messages = sorted(_messages(recording), key=lambda item: item[1])
+    {"mcap": _write_mcap, "sqlite3": _write_sqlite}[storage](Path(output), about, messages)
+    return recording
+
+
+def _write_mcap(output: Path, about: dict[str, str], messages: list[tuple[str, int, str, dict]]) -> None:
+    types = typestore()
     with BagWriter(output, custom_data=about) as bag:
         for topic, type_name in sorted({(topic, type_name) for topic, _, type_name, _ in messages}):
             bag.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
         for topic, stamp, type_name, content in messages:
             bag.write(topic, stamp, stamp, serialize(types, type_name, content))
-    return recording
+
+
+def _write_sqlite(output: Path, about: dict[str, str], messages: list[tuple[str, int, str, dict]]) -> None:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    types = typestore()
+    with Writer(output, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
+        for name, text in about.items():
+            bag.set_custom_data(name, text)
+        topics = sorted({(topic, type_name) for topic, _, type_name, _ in messages})
+        connections = {topic: bag.add_connection(topic, type_name, typestore=types) for topic, type_name in topics}
+        for topic, stamp, type_name, content in messages:
+            bag.write(connections[topic], stamp, serialize(types, type_name, content))
 
 
 def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> tuple[PoseStream, list[Fault]]:
