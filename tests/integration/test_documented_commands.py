@@ -102,6 +102,8 @@ REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_
 BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
 ROS1 = Elsewhere("unit/recording/test_recordings_page.py::test_a_bag_of_ros1_is_named_itself")
 FOREIGN = Elsewhere("unit/session/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults")
+CAUSE = Elsewhere("unit/session/test_disagreement.py::test_learn_tells_the_cause_instead_of_a_guess")
+AUTO = Elsewhere("unit/session/test_disagreement.py::test_learn_finds_the_mapping_of_another_laboratory_and_writes_it")
 REPORT = Elsewhere("unit/report/test_page.py::test_the_command_writes_the_page_and_says_where")
 HARDWARE = "foreign_arm/test_foreign_arm.py::"
 WITHOUT = Elsewhere("unit/session/test_from_bag.py::test_a_demonstration_can_be_left_out_by_its_id")
@@ -300,7 +302,18 @@ TYPED = {
     "dart-skill report bags/throws --output throws.html": REPORT,
     "dart-skill bag play bags/throws": Run("--rate 0 --duration 5", says="playing bags/throws"),
     "dart-skill bag info monday": Run(says=r"/clock +rosgraph_msgs/msg/Clock"),
-    "dart-skill bag check monday": Run(says="nothing is wrong with it"),
+    "dart-skill bag check monday": Run(says=r"monday: (nothing is wrong with it|[0-9]+ notes?\n)"),
+    "dart-skill bag check monday tuesday.mcap": Elsewhere("unit/cli/test_bag.py::test_check_as_json_is_a_list_of_findings"),
+    "dart-skill bag check thursday --definitions ~/ws/src/lab_msgs": Elsewhere(
+        "unit/cli/test_bag.py::test_a_type_that_the_bag_lacks_can_be_given"
+    ),
+    "dart-skill bag recover tuesday_0.db3": Elsewhere("unit/recording/test_recovery_sqlite.py::test_the_command_recovers_sqlite_too"),
+    "DART_SKILL_CORPUS=~/corpus python3 -m pytest tests/unit/recording/test_corpus.py": TESTS,
+    "python3 -m tests.unit.recording.make_corpus FOLDER": TESTS,
+    "ros2 bag record": FULL_ROS,
+    "ros2 bag reindex": FULL_ROS,
+    "dart-skill learn friday": CAUSE,
+    "dart-skill learn friday --mapping auto": AUTO,
     "dart-skill bag play monday --rate 0.5 --loop": Run(until="playing monday"),
     "dart-skill bag recover monday --output monday_whole": Run(says="complete: nothing is lost", leaves="monday_whole/metadata.yaml"),
     "dart-skill bag play monday --start 3 --duration 5 --topics '/vrpn_mocap/.*' --remap /vrpn_mocap/hand/pose:=/hand/pose": Run(

@@ -426,8 +426,10 @@ def _storage_files(path: Path, metadata: dict) -> list[Path]:
         require_file(path)
         files = [path]
         if storage_of(path) is None and not is_of_ros1(path):
-            known = "a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1"
-            raise BagError(f"{path}: a bag is {known}; what else is read needs --mapping")
+            raise BagError(
+                f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1;"
+                " what else is read needs --mapping"
+            )
     else:
         files, missing = chosen_files(path, metadata)
         if missing:
