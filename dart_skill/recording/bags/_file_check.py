@@ -22,7 +22,6 @@ from dart_skill.recording.mcap import (
     Record,
     Summary,
     crc_of,
-    is_complete,
     mapped,
     messages_of,
     read_definitions,
@@ -65,8 +64,7 @@ class McapCheck(MessageCheck):
                 self.add("note", "the summary has no CRC")
         except DamagedError as error:
             self.add("error", str(error), RECOVER)
-        summary = self._summary if self._summary is not None and is_complete(self._summary) else None
-        schemas, channels = read_definitions(data, summary)  # all of them, before the first message needs them
+        schemas, channels = read_definitions(data, self._summary)  # all of them, before the first message needs them
         self.define(schemas.values(), channels)
         for found in walk(data, self._summary):
             self._visit(found, data)
@@ -209,7 +207,8 @@ class SqliteCheck(MessageCheck):
 
     def _check(self, file: SqliteInput) -> None:
         if file.beside:
-            text = f"beside it lies {file.beside}: its recorder was stopped before it closed the file"
+            text = f"beside it lies {file.beside}: its recorder was stopped before it closed the file. {file.message_count} messages were"
+            text += " read in all; where such a file is damaged or cut off, SQLite stops without a word, and recovery may find more"
             self.add("warning", text, "keep the files together, or " + RECOVER)
         for fault in file.faults():
             self.add("error", f"SQLite says: {fault}", RECOVER)

@@ -20,6 +20,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from dart_skill.recording.bags._decodable import Decoder
 from dart_skill.recording.bags._installed_types import installed_definition, schema_of, type_of_hash
 from dart_skill.recording.bags._metadata import RECORD_NAME, parse_qos, parse_record
+from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.bags._recovered_bag import OWN_LIBRARY, RecoveredBag
 from dart_skill.recording.mcap import (
     Chunk,
@@ -33,6 +34,7 @@ from dart_skill.recording.mcap import (
     all_definitions,
     belongs,
     crc_of,
+    data_end_before,
     definitions_in,
     extents,
     parse_header,
@@ -66,6 +68,9 @@ def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
     for part in parts:
         part.is_one_of_several = len(parts) > 1
         part.run(marks)
+    kept_marks = set[int]().union(*(part.kept_marks for part in parts))
+    for part in parts:
+        part.count_lost(kept_marks)
     if len(parts) > 1:
         _tell_parts(bag, name, parts)
 
@@ -137,8 +142,9 @@ class _FileRecovery:
                 self.bag.repairs.append(f"{self.name}: its summary is none of this file, or agrees with no chunk of it: made anew")
             else:
                 self.summary = summary
-                if summary is not None and (told := _data_crc(self.data, summary.start)):
-                    self.verified = told == crc_of(self.data, summary.start - 13)
+                end = data_end_before(self.data, summary.start) if summary is not None else None
+                if end is not None and (told := int.from_bytes(self.data[end + 9 : end + 13], "little")):
+                    self.verified = told == crc_of(self.data, end)
                     self.is_changed = not self.verified
         except DamagedError:  # the walk comes to it
             pass
@@ -158,13 +164,11 @@ class _FileRecovery:
     def _sensible(self, schemas: list[Schema]) -> Schema:
         """The first of several for one number that can be parsed, or that which is installed here."""
         for one in schemas:
-            if one.encoding not in ROS_ENCODINGS or one.name not in Decoder([one]).unknown:
+            if one.encoding not in ROS_ENCODINGS or full_name(one.name) not in Decoder([one]).unknown:
                 return one
         text = installed_definition(schemas[0].name)
-        if not text:
-            return schemas[0]
-        damaged = f"{self.name}: the definition of {schemas[0].name} is damaged"
-        self.bag.repairs.append(f"{damaged}: that which is installed here is in its place")
+        done = "that which is installed here is in its place" if text else "it is left out, and its messages can be read raw"
+        self.bag.repairs.append(f"{self.name}: the definition of {schemas[0].name} is damaged: {done}")
         return schema_of(schemas[0].name, "ros2msg", text, schemas[0].id)
 
     def _lost_schema(self, channel: Channel) -> Schema | None:
@@ -216,7 +220,7 @@ class _FileRecovery:
                 self._channel(channel)
         self.bag.chunks_before |= self.chunks
         self._tell_repairs()
-        self._count_lost()
+        self.n_places = len(self.bag.places)
 
     def _record(self, found: Record) -> None:
         if found.repaired:
@@ -271,7 +275,7 @@ class _FileRecovery:
             self.kept.update(message.channel for message in messages)
             return
         self.chunks.add(mark)
-        if self.summary is None:
+        if self.summary is None or self.is_one_of_several:
             self._mark_kept(messages)
         self._messages(messages, bool(chunk.crc))
         self.last = messages
@@ -470,17 +474,17 @@ class _FileRecovery:
             if wrong - lost:
                 tell(f"{self.name}: the summary names {len(wrong - lost)} chunks that are not where it says: made anew")
 
-    def _count_claims(self) -> None:
+    def _count_claims(self, kept_marks: set[int]) -> None:
         """What the indexes of chunks say that were left out, if the same is not in the new bag from another place."""
         for index, (mark, channel, count) in self.claims:
-            place, known = self.bag.places[index], mark in self.kept_marks
-            self.kept_marks.add(mark)
+            place, known = self.bag.places[index], mark in kept_marks
+            kept_marks.add(mark)
             self.bag.places[index] = replace(place, messages=(place.messages or 0) + (0 if known else count))
             self.lost[channel] += 0 if known else count
 
-    def _count_lost(self) -> None:
-        """What this file is known to have lost, by topic."""
-        self._count_claims()
+    def count_lost(self, kept_marks: set[int]) -> None:
+        """What this file is known to have lost, by topic. kept_marks: of what was kept of it and of others in the same file."""
+        self._count_claims(kept_marks)
         if self.unknown_channels:
             count = sum(self.unknown_channels.values())
             self._lose(0, 0, f"messages of channels {sorted(self.unknown_channels)}, which no record of the file defines", count)
@@ -494,7 +498,7 @@ class _FileRecovery:
             expected = statistics.channel_message_counts
             self.lost = Counter({number: max(0, count - self.kept[number]) for number, count in expected.items()})
             if sum(self.kept.values()) >= statistics.message_count and not self.lost.total():
-                self.bag.nothing_unknown_since(self.n_places_before)
+                self.bag.nothing_unknown(self.n_places_before, self.n_places)
         if self.is_changed and self.n_unverified:
             reason = "the CRC of all before the summary does not fit: one of the messages"
             self._lose(0, 0, f"{reason} without their own ({self.n_unverified}) may have changed", None)
@@ -528,11 +532,6 @@ def plain_message(data: bytes) -> bytes:
             if size <= LARGEST_MESSAGE:
                 return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_MESSAGE if size < 0 else size)
     return data
-
-
-def _data_crc(data: memoryview, summary_start: int) -> int:
-    """The CRC of all before the summary, as the record there tells it; 0 for none."""
-    return int.from_bytes(data[summary_start - 4 : summary_start], "little")
 
 
 def _qos(channel: Channel) -> list:

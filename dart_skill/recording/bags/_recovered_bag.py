@@ -195,9 +195,9 @@ class RecoveredBag:
         """Tell of a place that is damaged or missing."""
         self.places.append(LostPlace(file, offset, end - offset, reason, messages))
 
-    def nothing_unknown_since(self, index: int) -> None:
-        """The places from one on held no message, as all are there that the statistics count."""
-        self.places[index:] = [replace(place, messages=place.messages or 0) for place in self.places[index:]]
+    def nothing_unknown(self, begin: int, end: int) -> None:
+        """The places from one to before another held no message, as all are there that the statistics count."""
+        self.places[begin:end] = [replace(place, messages=place.messages or 0) for place in self.places[begin:end]]
 
     def finish(self) -> Recovery:
         """Close all files, now that it is known what they are to tell. BagError if there is nothing in them."""

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from dart_skill.files import open_file, require_file
-from dart_skill.recording.bags._files import chosen_files, part_number, unpacked_name
+from dart_skill.recording.bags._files import chosen_files, has_only_log, missing_parts, part_number, unpacked_name
 from dart_skill.recording.bags._inputs import is_packed, open_input, storage_of, unpack_file, unpacked_messages
 from dart_skill.recording.bags._metadata import RECORD_NAME, known_metadata, parse_record, profiles, topics_of
 from dart_skill.recording.bags._names import full_name
@@ -405,6 +405,12 @@ def _of_tables(folder: Path) -> str:
     return f"; its CSV files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
 
 
+def _lone_logs(folder: Path) -> str:
+    """What to say of a folder that has only the write-ahead logs of SQLite files; empty for another one."""
+    logs = [file.name for file in sorted(folder.glob("*.db3-wal")) if has_only_log(folder / file.name.removesuffix("-wal"))]
+    return f"of its .db3 files there is only {', '.join(logs)}: 'dart-skill bag recover' reads it" if logs else ""
+
+
 def _storage_files(path: Path, metadata: dict) -> list[Path]:
     """Files that hold a bag's messages, in order; BagError if there are none, or several that are not one bag's."""
     if not path.is_dir():
@@ -419,19 +425,29 @@ def _storage_files(path: Path, metadata: dict) -> list[Path]:
         if missing:
             raise BagError(f"{path}: {', '.join(file.name for file in missing)} is missing, which metadata.yaml names")
         if not files:
-            raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")
+            raise BagError(f"{path}: {_lone_logs(path) or 'no .mcap file in this folder' + _of_tables(path)}")
     for file in files:
         require_file(file)
+    if lost := [file.name for file in files if has_only_log(file)]:
+        reason = f"{lost[0]} is empty (0 bytes), and what was recorded is in {lost[0]}-wal"
+        raise BagError(f"{path}: {reason}: 'dart-skill bag recover' reads it")
     empty = [file for file in files if file.stat().st_size == 0]
     if len(empty) == len(files):
         names = ", ".join(file.name for file in empty)
         raise BagError(f"{path}: {names} is empty (0 bytes): the recorder stopped before its first write")
     if len(files) > 1 and not metadata.get("relative_file_paths"):
-        name, _ = part_number(files[0])
-        suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
-        if len(suffixes) > 1 or [part_number(file) for file in files] != [(name, k) for k in range(len(files))]:
-            raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
+        _require_one_name(path, files)
     return [file for file in files if file not in empty]
+
+
+def _require_one_name(path: Path, files: list[Path]) -> None:
+    """Files of a split bag without metadata.yaml are called NAME_0, NAME_1 ...; one of them may be missing, but the first."""
+    names, numbers = zip(*map(part_number, files), strict=True)
+    suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
+    if len(suffixes) > 1 or len(set(names)) > 1 or len(set(numbers)) < len(files) or numbers[0] < 0:
+        raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
+    if numbers[0] > 0:
+        raise _not_one_bag(path, len(files), f"lack the first part of a bag ({missing_parts(files)[0]})")
 
 
 def _is_of_ros1(path: Path) -> bool:
@@ -440,7 +456,10 @@ def _is_of_ros1(path: Path) -> bool:
 
 
 def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
-    return BagError(f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its name")
+    return BagError(
+        f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its name,"
+        " or 'dart-skill bag recover' makes one bag of them"
+    )
 
 
 def _require_one_bag(path: Path, files: list[McapInput | SqliteInput]) -> None:
