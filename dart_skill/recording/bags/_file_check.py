@@ -53,7 +53,7 @@ class McapCheck(MessageCheck):
         self._chunk_findings()
         self._summary_findings()
         self._summary, self._chunks = None, ChunkTable()  # of a long bag all files' checks are kept, but what they found is small
-        del self._types
+        del self._types, self._own_types
 
     def _check_bytes(self, data: memoryview) -> None:
         try:
@@ -228,7 +228,7 @@ class SqliteCheck(MessageCheck):
             self.add("error", f"{lost} messages cannot be read: they have no time, or no bytes", RECOVER)
         self.topic_findings()
         self.add("note", "its format has no CRC: it was read as a whole, but changed bytes may go unnoticed")
-        del self._types
+        del self._types, self._own_types
 
 
 def _facts(chunk: Chunk, found: Record, size: int) -> ChunkPlace:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import cache
+from typing import Any
 
 from mcap.records import Schema
 from rosbags.typesys.store import Typestore
@@ -17,6 +18,12 @@ def installed_definition(type_name: str) -> str:
     type_name = full_name(type_name)
     types = _types_with(type_name)
     return definition(types, type_name) if types is not None else ""
+
+
+def installed_fields(type_name: str) -> Any:
+    """Constants and fields of a type, as `rosbags` has them; None if it is known nowhere. type_name: as package/msg/Name."""
+    types = _types_with(type_name)
+    return types.fielddefs[type_name] if types is not None else None
 
 
 def installed_hash(type_name: str, text: str) -> str:

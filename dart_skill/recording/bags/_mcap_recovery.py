@@ -13,11 +13,11 @@ from dataclasses import replace
 from functools import cached_property
 from zlib import crc32
 
-import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from dart_skill.recording.bags._decodable import Decoder
+from dart_skill.recording.bags._inputs import unpacker_of
 from dart_skill.recording.bags._installed_types import installed_definition, schema_of, type_of_hash
 from dart_skill.recording.bags._metadata import RECORD_NAME, parse_qos, parse_record
 from dart_skill.recording.bags._names import full_name
@@ -46,10 +46,6 @@ SMALLEST_MESSAGE = 31
 """A shorter place held none [bytes]."""
 TOGETHER = 500
 """Messages outside chunks that are judged at once."""
-PACKED_MESSAGE = b"\x28\xb5\x2f\xfd"
-"""With what zstd begins, and no CDR: rosbag2 compressed the message by itself."""
-LARGEST_MESSAGE = 2**28
-"""Of a message that was compressed by itself, unpacked [bytes]."""
 ROS_ENCODINGS = ("ros2msg", "ros2idl")
 """Of definitions, as rosbag2 writes them."""
 LAST_TIME_NS = 2**63 - 1
@@ -126,6 +122,7 @@ class _FileRecovery:
         if profile != self.profile:
             bag.repairs.append(f"{name}: the profile is 'ros2', as that of its messages is, and no longer '{profile}'")
         self.decoder = Decoder(self.schemas.values())
+        self.decoders: dict[int, Decoder] = {}  # by number of the schema, of types that the file defines in several ways
 
     def _read_ends(self) -> str:
         """Take header and summary; returns the profile."""
@@ -309,9 +306,9 @@ class _FileRecovery:
             if channel is None:
                 (self.unknown_channels if verified else self.undecodable)[message.channel] += 1
                 continue
-            data = message.data
-            if data[:4] == PACKED_MESSAGE and channel.record.message_encoding == "cdr":
-                data = self._unpacked(data, channel.record.topic)
+            data = plain_message(message.data) if channel.record.message_encoding == "cdr" else message.data
+            if data is not message.data:
+                self.bag.tell_unpacked(channel.record.topic)
             assert self.out is not None  # since the channel is in it
             self.out.add_message(channel, message.sequence, message.log_time_ns, message.publish_time_ns, data)
             self.kept[message.channel] += 1
@@ -335,14 +332,20 @@ class _FileRecovery:
             schema = self.schemas.get(channel.schema_id) if channel is not None and channel.message_encoding == "cdr" else None
             if channel is not None and schema is not None:
                 payloads = [messages[index].data for index in its]
-                good = self.decoder.decodable(schema.name, [plain_message(payload) for payload in payloads])
+                good = self._decoder(schema).decodable(schema.name, [plain_message(payload) for payload in payloads])
                 bad |= {index for index, is_good in zip(its, good, strict=True) if not is_good}
         self.undecodable.update(messages[index].channel for index in bad)
         return [message for index, message in enumerate(messages) if index not in bad] if bad else messages
 
-    def _unpacked(self, data: bytes, topic: str) -> bytes:
-        self.bag.note(f"messages of {topic} were compressed one by one (zstd): they are not any more")
-        return plain_message(data)
+    def _decoder(self, schema: Schema) -> Decoder:
+        """What decodes messages of a type: one of its own where the file defines it in several ways."""
+        name, others = full_name(schema.name), [one for one in self.schemas.values() if one is not schema]
+        others = [one for one in others if full_name(one.name) != name or one.data == schema.data]
+        if len(others) == len(self.schemas) - 1:
+            return self.decoder
+        if schema.id not in self.decoders:
+            self.decoders[schema.id] = Decoder([*others, schema])
+        return self.decoders[schema.id]
 
     def _follow(self, name: str, sequence: int, verified: bool) -> None:
         """Our own writer counts each topic's messages from 0."""
@@ -526,11 +529,10 @@ def _number(wanted: int, taken: Iterable[int]) -> int:
 
 def plain_message(data: bytes) -> bytes:
     """A message that was compressed by itself; as it is if it was not, or cannot be unpacked. data: its bytes."""
-    if data[:4] == PACKED_MESSAGE:
-        with suppress(zstandard.ZstdError):
-            size = zstandard.frame_content_size(data)
-            if size <= LARGEST_MESSAGE:
-                return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_MESSAGE if size < 0 else size)
+    unpack = unpacker_of(data)
+    if unpack is not None:
+        with suppress(DamagedError):
+            return unpack(data)
     return data
 
 

@@ -191,6 +191,10 @@ class RecoveredBag:
         if text not in self.notes:
             self.notes.append(text)
 
+    def tell_unpacked(self, topic: str) -> None:
+        """Tell that messages of a topic were unpacked."""
+        self.note(f"messages of {topic} were compressed one by one: they are not any more")
+
     def lose(self, file: str, offset: int, end: int, reason: str, messages: int | None) -> None:
         """Tell of a place that is damaged or missing."""
         self.places.append(LostPlace(file, offset, end - offset, reason, messages))

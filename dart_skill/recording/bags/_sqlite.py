@@ -95,7 +95,7 @@ class SqliteInput:
         """What SQLite finds to be wrong with its tables and indexes."""
         try:
             return [str(text) for (text,) in self._all("PRAGMA integrity_check(10)") if text != "ok"]
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             return [str(error)]
 
     def close(self) -> None:
@@ -181,5 +181,5 @@ class SqliteInput:
 def _explained() -> Iterator[None]:
     try:
         yield
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # the second where what SQLite says is no text, as it quotes damaged bytes
         raise DamagedError(f"SQLite cannot read it ({error})") from error

@@ -303,7 +303,7 @@ class _FileRecovery:
             assert channel is not None and self.out is not None  # as the topic is known
             data = plain_message(message.data)
             if data is not message.data:
-                self.bag.note(f"messages of {channel.record.topic} were compressed one by one (zstd): they are not any more")
+                self.bag.tell_unpacked(channel.record.topic)
             self.out.add_message(channel, 0, message.stamp_ns, message.stamp_ns, data)
             self.bag.topics[channel.record.topic].kept += 1
         self.bag.unverified += len(taken)

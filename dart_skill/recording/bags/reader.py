@@ -7,6 +7,7 @@ Which messages there are, the files themselves say; metadata.yaml only adds what
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.mcap import END_OF_TIME, BagMessage, DamagedError, McapInput, Part, in_time_order
 
 if TYPE_CHECKING:
-    from mcap.records import Attachment, Channel
+    from mcap.records import Attachment, Channel, Schema
     from rosbags.typesys.store import Typestore
 
     from dart_skill.recording.bags._sqlite import SqliteInput
@@ -107,7 +108,8 @@ class BagReader:
         files = _storage_files(self.path, metadata)
         with _explained(self.path):
             self._source = source = _Source(self.path, files, metadata)
-            self._definitions = tuple(dict.fromkeys(source.definitions()))  # each file of a split bag has all of them
+            self._definitions = source.definitions
+        self._types_by_definition: dict[tuple[str, str, str], tuple[Typestore, dict[str, str]]] = {}
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
         self.custom_data: dict[str, str] = dict(source.custom_data)
@@ -131,6 +133,17 @@ class BagReader:
         from dart_skill.recording.bags._definitions import embedded_types
 
         return embedded_types(self._definitions, self._other_types, names)
+
+    def _types_of(self, type_name: str) -> tuple[Typestore, dict[str, str]]:
+        """The same for a type that the bag defines in several ways. type_name: with its own definition."""
+        from dart_skill.recording.bags._definitions import embedded_types
+
+        assert isinstance(type_name, _DefinedType)
+        if type_name.definition not in self._types_by_definition:
+            others = [one for one in self._definitions if one[0] != type_name]
+            found = embedded_types([*others, type_name.definition], self._other_types, [type_name])
+            self._types_by_definition[type_name.definition] = found
+        return self._types_by_definition[type_name.definition]
 
     @cached_property
     def _other_types(self) -> Typestore:
@@ -212,13 +225,14 @@ class BagReader:
         encoding = self.topics[topic].encoding
         if encoding != "cdr":
             raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
-        if type_name not in self.types.fielddefs:
-            reason = self._all_types[1].get(type_name, "which neither the bag nor the given types define")
+        types, unknown = self._all_types if type(type_name) is str else self._types_of(type_name)
+        if type_name not in types.fielddefs:
+            reason = unknown.get(type_name, "which neither the bag nor the given types define")
             raise BagError(
                 f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with its folder of .msg files, or read it raw"
             )
         try:
-            return BagMessage(topic, type_name, stamp_ns, deserialize(self.types, type_name, data))
+            return BagMessage(topic, type_name, stamp_ns, deserialize(types, type_name, data))
         except ValueError as error:
             try:  # its definition in the bag may be wrong
                 return BagMessage(topic, type_name, stamp_ns, deserialize(self._other_types, type_name, data))
@@ -298,17 +312,18 @@ class _Source:
     def storage(self) -> str:
         return self._files[0].storage
 
-    def definitions(self) -> Iterator[tuple[str, str, str]]:
-        """Type name, schema encoding and definition text of each type."""
-        for file in self._files:
-            for schema in file.schemas.values():
-                yield full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
+    @cached_property
+    def definitions(self) -> tuple[tuple[str, str, str], ...]:
+        """Type name, schema encoding and definition text of each type; each file of a split bag has all of them."""
+        return tuple(dict.fromkeys(_definition(schema) for file in self._files for schema in file.schemas.values()))
 
     def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
         parts: list[Part] = []
+        ways = Counter(name for name, _encoding, _text in self.definitions)
+        several = {name for name, count in ways.items() if count > 1}
         for k, file in enumerate(self._files):
             wanted = {
-                number: (name, _type_of(file, channel) or self.topics[name].type_name)
+                number: (name, _type_to_read(file, channel, several) or self.topics[name].type_name)
                 for number, channel in file.channels.items()
                 if (name := self._names[k, number]) in topics
             }
@@ -389,6 +404,25 @@ def _type_of(file: McapInput | SqliteInput, channel: Channel) -> str:
     """Message type of a channel, of CDR under its full name; empty if the file does not tell it."""
     name = file.type_name(channel)
     return full_name(name) if _encoding(channel) == "cdr" else name
+
+
+class _DefinedType(str):
+    """The name of a type that the bag defines in several ways. definition: its own: name, encoding, text."""
+
+    definition: tuple[str, str, str]
+
+
+def _type_to_read(file: McapInput | SqliteInput, channel: Channel, several: set[str]) -> str:
+    """As `_type_of`, with its own definition if it has one of several. several: names of such types."""
+    name = _type_of(file, channel)
+    if name in several and (schema := file.schemas.get(channel.schema_id)) is not None:
+        name = _DefinedType(name)
+        name.definition = _definition(schema)
+    return name
+
+
+def _definition(schema: Schema) -> tuple[str, str, str]:
+    return full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
 
 
 def _bag_file(file: Path, opened: McapInput | SqliteInput, told: str) -> BagFile:
