@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -52,6 +53,8 @@ class McapCheck(MessageCheck):
         self.topic_findings()
         self._chunk_findings()
         self._summary_findings()
+        if not self._topics and not self._n_records[Opcode.ATTACHMENT]:  # recovery makes no bag of nothing
+            self.findings = [replace(one, remedy="") if one.remedy == REWRITE else one for one in self.findings]
         self._summary, self._chunks = None, ChunkTable()  # of a long bag all files' checks are kept, but what they found is small
         del self._types, self._own_types
 

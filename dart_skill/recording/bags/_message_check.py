@@ -36,7 +36,7 @@ class _Topic:
     type_name: str
     encoding: str
     reason: str = ""
-    has_schema: bool = True
+    has_lost_schema: bool = False
     count: int = 0
     last_sequence: int | None = None
     gaps: int = 0
@@ -186,8 +186,7 @@ class MessageCheck:
         if topic.encoding != "cdr":
             self.add("note", f"its messages are encoded as '{topic.encoding}', not as cdr: they are not decoded", "read them raw", where)
         elif not topic.type_name:
-            # an empty name is what recovery writes where the schema was lost
-            severity, text = ("warning", "its schema names none") if topic.has_schema else ("error", "its schema is missing")
+            severity, text = ("error", "its schema is missing") if topic.has_lost_schema else ("warning", "its schema names none")
             self.add(severity, f"it has no type: {text}", "read its messages raw", where)
         elif topic.reason:
             severity = "error" if topic.type_name in self._unknown else "warning"
@@ -214,4 +213,4 @@ class MessageCheck:
         reason = ""
         if encoding == "cdr" and type_name not in self._types.fielddefs:
             reason = self._unknown.get(type_name, NOT_DEFINED)
-        return _Topic(channel.topic, type_name, encoding, reason, schema is not None)
+        return _Topic(channel.topic, type_name, encoding, reason, channel.schema_id != 0 and schema is None)

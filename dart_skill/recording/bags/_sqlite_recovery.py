@@ -57,16 +57,17 @@ class _Tables:
     metadata: str = ""
     distro: str = ""
 
-    def take(self, row: Row) -> None:
-        """Take a row by its looks; those of other tables are passed over."""
+    def take(self, row: Row, table: str = "") -> None:
+        """Take a row, by its looks where nobody knows its table; those of other tables are passed over."""
         first, *values = row.values if row.values else (0,)
         kinds = "".join("s" if isinstance(value, str) else "i" if isinstance(value, int) else "-" for value in values)
         if first is not None and first != row.number:
             return
-        if len(kinds) in (4, 5) and set(kinds) == {"s"} and values[0].startswith("/"):
+        is_topic = table == "topics" or (not table and kinds[:1] == "s" and values[0].startswith("/"))
+        if len(kinds) in (4, 5) and set(kinds) == {"s"} and is_topic:
             name, type_name, encoding, qos, *digest = values
             self.topics.setdefault(row.number, _Topic(name, type_name, encoding, qos, digest[0] if digest else ""))
-        elif kinds == "sss" and values[0].startswith("/"):  # of the first versions, without QoS
+        elif kinds == "sss" and is_topic:  # of the first versions, without QoS
             self.topics.setdefault(row.number, _Topic(values[0], values[1], values[2], "", ""))
         elif kinds in ("ssss", "sss") and full_name(values[0]).count("/") == 2:
             self.definitions.setdefault(full_name(values[0]), (values[1], values[2]))
@@ -127,7 +128,7 @@ def _small_tables(base: sqlite3.Connection) -> _Tables:
     for name in ("topics", "message_definitions", "metadata", "schema"):
         with suppress(sqlite3.OperationalError):  # no such table
             for row in base.execute(f"SELECT rowid, * FROM {name}"):
-                tables.take(Row(row[0], tuple(row[1:])))
+                tables.take(Row(row[0], tuple(row[1:])), name)
     return tables
 
 

@@ -134,11 +134,10 @@ class BagReader:
 
         return embedded_types(self._definitions, self._other_types, names)
 
-    def _types_of(self, type_name: str) -> tuple[Typestore, dict[str, str]]:
+    def _types_of(self, type_name: _DefinedType) -> tuple[Typestore, dict[str, str]]:
         """The same for a type that the bag defines in several ways. type_name: with its own definition."""
         from dart_skill.recording.bags._definitions import embedded_types
 
-        assert isinstance(type_name, _DefinedType)
         if type_name.definition not in self._types_by_definition:
             others = [one for one in self._definitions if one[0] != type_name]
             found = embedded_types([*others, type_name.definition], self._other_types, [type_name])
@@ -171,7 +170,7 @@ class BagReader:
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
         with _explained(self.path):
-            found = self._called(self._source.messages(chosen, *limits))
+            found = self._called(self._source.messages(chosen, *limits, decode))
             found = _thinned(found, every_ns) if every_ns else found
             yield from map(self._decoded, found) if decode else found
 
@@ -221,11 +220,12 @@ class BagReader:
     def _decoded(self, message: BagMessage) -> BagMessage:
         from dart_skill.recording.bags.messages import deserialize
 
-        topic, type_name, stamp_ns, data = message
+        topic, known, stamp_ns, data = message
         encoding = self.topics[topic].encoding
         if encoding != "cdr":
             raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
-        types, unknown = self._all_types if type(type_name) is str else self._types_of(type_name)
+        types, unknown = self._types_of(known) if isinstance(known, _DefinedType) else self._all_types
+        type_name = str(known)
         if type_name not in types.fielddefs:
             reason = unknown.get(type_name, "which neither the bag nor the given types define")
             raise BagError(
@@ -317,9 +317,10 @@ class _Source:
         """Type name, schema encoding and definition text of each type; each file of a split bag has all of them."""
         return tuple(dict.fromkeys(_definition(schema) for file in self._files for schema in file.schemas.values()))
 
-    def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
+    def messages(self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool) -> Iterator[BagMessage]:
+        """Messages in order. with_definitions: types that the bag defines in several ways are a `_DefinedType`."""
         parts: list[Part] = []
-        ways = Counter(name for name, _encoding, _text in self.definitions)
+        ways = Counter(name for name, _encoding, _text in self.definitions) if with_definitions else Counter[str]()
         several = {name for name, count in ways.items() if count > 1}
         for k, file in enumerate(self._files):
             wanted = {

@@ -39,7 +39,7 @@ PIECE = 64
 USUAL_RECORDS = 10_000
 """A chunk may have so many records; of more, each takes at least a byte of the compressed chunk."""
 MOST_UNKNOWN = 64
-"""At the end of the DATA_END record, of fields that are not known here [bytes]."""
+"""At the end of a record, of fields that are not known here, where it is searched [bytes]."""
 _UNREADABLE = (ValueError, struct.error, McapError, OverflowError, MemoryError)  # what `mcap` makes of bytes that are no records
 
 

@@ -19,6 +19,7 @@ from mcap.records import Channel, McapRecord, Schema
 from dart_skill.recording.mcap._mapped import give_back
 from dart_skill.recording.mcap.records import (
     MAGIC,
+    MOST_UNKNOWN,
     PARSED,
     RECORD,
     Chunk,
@@ -412,7 +413,11 @@ def _next_record(data: memoryview, place: int, known: _KnownPlaces, before: int 
 
 
 def _goes_on(data: memoryview, record: Record) -> bool:
-    """Whether the bytes of a record that was searched are one indeed: chunks by content, others by what follows."""
+    """Whether the bytes of a record that was searched are one indeed: chunks by content, others by their fields and what follows."""
+    if record.opcode in PARSED:
+        _, known = parse_with_length(record.opcode, record.content, check_crc=False)
+        if len(record.content) > known + MOST_UNKNOWN:
+            return False
     if record.opcode == Opcode.CHUNK:
         with suppress(DamagedError):
             record.chunk().unpack()
