@@ -126,12 +126,9 @@ def _files_of(path: Path, metadata: dict, findings: list[Finding]) -> list[Path]
     """Files that are there, in order; findings for those that are missing or too many."""
     chosen, missing = chosen_files(path, metadata)
     there = storage_files(path)
+    remedy = "find it, or " + REWRITE if chosen else "find it"
     for file in missing:
-        findings.append(
-            Finding(
-                "error", file.name, f"the file is missing, which {METADATA_FILE} names", "find it" + (", or " + REWRITE if chosen else "")
-            )
-        )
+        findings.append(Finding("error", file.name, f"the file is missing, which {METADATA_FILE} names", remedy))
     for file in there:
         if file not in chosen:
             message = f"the file is in the folder, but {METADATA_FILE} does not name it: readers leave it out"

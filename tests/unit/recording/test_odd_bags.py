@@ -224,7 +224,7 @@ def test_a_log_without_its_database_is_told_and_kept(tmp_path, keep):
 
 
 def test_a_log_that_is_damaged_is_warned_of_and_recovery_finds_more(tmp_path):
-    file = log_only(tmp_path / "bag", 2**20)
+    file = sqlite_file(tmp_path / "bag_0.db3", TOPICS, [(0, stamp, POSE_CDR) for stamp in stamps(300)], wal=True)
     log = file.with_name("bag_0.db3-wal")
     data = bytearray(log.read_bytes())
     data[len(data) // 2] ^= 1
