@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -22,7 +23,6 @@ from dart_skill.recording.mcap import (
     Record,
     Summary,
     crc_of,
-    is_complete,
     mapped,
     messages_of,
     read_definitions,
@@ -53,8 +53,10 @@ class McapCheck(MessageCheck):
         self.topic_findings()
         self._chunk_findings()
         self._summary_findings()
+        if not self._topics and not self._n_records[Opcode.ATTACHMENT]:  # recovery makes no bag of nothing
+            self.findings = [replace(one, remedy="") if one.remedy == REWRITE else one for one in self.findings]
         self._summary, self._chunks = None, ChunkTable()  # of a long bag all files' checks are kept, but what they found is small
-        del self._types
+        del self._types, self._own_types
 
     def _check_bytes(self, data: memoryview) -> None:
         try:
@@ -65,8 +67,7 @@ class McapCheck(MessageCheck):
                 self.add("note", "the summary has no CRC")
         except DamagedError as error:
             self.add("error", str(error), RECOVER)
-        summary = self._summary if self._summary is not None and is_complete(self._summary) else None
-        schemas, channels = read_definitions(data, summary)  # all of them, before the first message needs them
+        schemas, channels = read_definitions(data, self._summary)  # all of them, before the first message needs them
         self.define(schemas.values(), channels)
         for found in walk(data, self._summary):
             self._visit(found, data)
@@ -209,7 +210,8 @@ class SqliteCheck(MessageCheck):
 
     def _check(self, file: SqliteInput) -> None:
         if file.beside:
-            text = f"beside it lies {file.beside}: its recorder was stopped before it closed the file"
+            text = f"beside it lies {file.beside}: its recorder was stopped before it closed the file. {file.message_count} messages were"
+            text += " read in all; where such a file is damaged or cut off, SQLite stops without a word, and recovery may find more"
             self.add("warning", text, "keep the files together, or " + RECOVER)
         for fault in file.faults():
             self.add("error", f"SQLite says: {fault}", RECOVER)
@@ -229,7 +231,7 @@ class SqliteCheck(MessageCheck):
             self.add("error", f"{lost} messages cannot be read: they have no time, or no bytes", RECOVER)
         self.topic_findings()
         self.add("note", "its format has no CRC: it was read as a whole, but changed bytes may go unnoticed")
-        del self._types
+        del self._types, self._own_types
 
 
 def _facts(chunk: Chunk, found: Record, size: int) -> ChunkPlace:

@@ -6,6 +6,8 @@ import re
 from pathlib import Path, PureWindowsPath
 
 SUFFIXES = (".mcap", ".db3")
+SIDE_FILES = {"-wal": "write-ahead log", "-journal": "journal"}
+"""Endings of what SQLite keeps beside a file: what is not in it yet, and what was in it before."""
 PACKED = (".zstd", ".zst", ".lz4")
 """Endings of a file that was compressed as a whole, behind its own."""
 
@@ -20,6 +22,28 @@ def part_number(file: Path) -> tuple[str, int]:
     stem = Path(unpacked_name(file.name)).stem
     match = re.fullmatch(r"(.*)_(\d+)", stem)
     return (match[1], int(match[2])) if match else (stem, -1)
+
+
+def side_files(file: Path) -> dict[str, Path]:
+    """The write-ahead log and the journal beside an SQLite file, by their ending. file: which need not be there."""
+    beside = {ending: file.with_name(file.name + ending) for ending in SIDE_FILES}
+    return {ending: one for ending, one in beside.items() if one.is_file() and one.stat().st_size}
+
+
+def has_only_log(file: Path) -> bool:
+    """Whether an SQLite file is empty or missing and its write-ahead log is there: SQLite throws that away when it opens the file."""
+    return file.suffix == ".db3" and "-wal" in side_files(file) and not (file.is_file() and file.stat().st_size)
+
+
+def missing_parts(files: list[Path]) -> list[str]:
+    """Which parts of a split bag are missing between others and before the first, by name. files: those that are there."""
+    found, last = [], {part_number(file)[0]: -1 for file in files}
+    for name, number in sorted(map(part_number, files)):
+        first = last[name] + 1
+        if number > first:
+            found.append(f"{name}_{first}" + (f" to {name}_{number - 1}" if number > first + 1 else ""))
+        last[name] = number
+    return found
 
 
 def files_in(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:

@@ -92,7 +92,7 @@ def unpacked_messages(messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
 
 def unpacker_of(data: bytes) -> Callable[[bytes], bytes] | None:
     """What unpacks messages like this one, whose bytes are no CDR; None for what was not compressed. It raises DamagedError."""
-    return {ZSTD_MAGIC: _zstd, LZ4_MAGIC: _lz4}.get(bytes(data[:4]))
+    return _UNPACKERS.get(bytes(data[:4]))
 
 
 def _zstd(data: bytes) -> bytes:
@@ -115,3 +115,6 @@ def _lz4(data: bytes) -> bytes:
     except (RuntimeError, EOFError) as error:
         raise DamagedError(f"a message cannot be unpacked ({error})") from error
     return unpacked
+
+
+_UNPACKERS = {ZSTD_MAGIC: _zstd, LZ4_MAGIC: _lz4}

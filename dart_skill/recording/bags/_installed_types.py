@@ -4,21 +4,31 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import cache
+from typing import Any
 
 from mcap.records import Schema
 from rosbags.typesys.store import Typestore
 
+from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.bags.messages import definition, type_hash, types_for, typestore
 
 
 def installed_definition(type_name: str) -> str:
     """Definition text of a type, as `ros2msg`; empty if it is known nowhere."""
+    type_name = full_name(type_name)
     types = _types_with(type_name)
     return definition(types, type_name) if types is not None else ""
 
 
+def installed_fields(type_name: str) -> Any:
+    """Constants and fields of a type, as `rosbags` has them; None if it is known nowhere. type_name: as package/msg/Name."""
+    types = _types_with(type_name)
+    return types.fielddefs[type_name] if types is not None else None
+
+
 def installed_hash(type_name: str, text: str) -> str:
     """RIHS01 of a type whose definition is that which is known here; empty for another one. text: the definition."""
+    type_name = full_name(type_name)
     types = _types_with(type_name)
     return type_hash(types, type_name) if types is not None and definition(types, type_name) == text else ""
 

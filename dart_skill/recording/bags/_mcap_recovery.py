@@ -13,13 +13,14 @@ from dataclasses import replace
 from functools import cached_property
 from zlib import crc32
 
-import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from dart_skill.recording.bags._decodable import Decoder
+from dart_skill.recording.bags._inputs import unpacker_of
 from dart_skill.recording.bags._installed_types import installed_definition, schema_of, type_of_hash
 from dart_skill.recording.bags._metadata import RECORD_NAME, parse_qos, parse_record
+from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.bags._recovered_bag import OWN_LIBRARY, RecoveredBag
 from dart_skill.recording.mcap import (
     Chunk,
@@ -33,6 +34,7 @@ from dart_skill.recording.mcap import (
     all_definitions,
     belongs,
     crc_of,
+    data_end_before,
     definitions_in,
     extents,
     parse_header,
@@ -44,10 +46,6 @@ SMALLEST_MESSAGE = 31
 """A shorter place held none [bytes]."""
 TOGETHER = 500
 """Messages outside chunks that are judged at once."""
-PACKED_MESSAGE = b"\x28\xb5\x2f\xfd"
-"""With what zstd begins, and no CDR: rosbag2 compressed the message by itself."""
-LARGEST_MESSAGE = 2**28
-"""Of a message that was compressed by itself, unpacked [bytes]."""
 ROS_ENCODINGS = ("ros2msg", "ros2idl")
 """Of definitions, as rosbag2 writes them."""
 LAST_TIME_NS = 2**63 - 1
@@ -66,6 +64,9 @@ def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
     for part in parts:
         part.is_one_of_several = len(parts) > 1
         part.run(marks)
+    kept_marks = set[int]().union(*(part.kept_marks for part in parts))
+    for part in parts:
+        part.count_lost(kept_marks)
     if len(parts) > 1:
         _tell_parts(bag, name, parts)
 
@@ -121,6 +122,7 @@ class _FileRecovery:
         if profile != self.profile:
             bag.repairs.append(f"{name}: the profile is 'ros2', as that of its messages is, and no longer '{profile}'")
         self.decoder = Decoder(self.schemas.values())
+        self.decoders: dict[int, Decoder] = {}  # by number of the schema, of types that the file defines in several ways
 
     def _read_ends(self) -> str:
         """Take header and summary; returns the profile."""
@@ -137,8 +139,9 @@ class _FileRecovery:
                 self.bag.repairs.append(f"{self.name}: its summary is none of this file, or agrees with no chunk of it: made anew")
             else:
                 self.summary = summary
-                if summary is not None and (told := _data_crc(self.data, summary.start)):
-                    self.verified = told == crc_of(self.data, summary.start - 13)
+                end = data_end_before(self.data, summary.start) if summary is not None else None
+                if end is not None and (told := int.from_bytes(self.data[end + 9 : end + 13], "little")):
+                    self.verified = told == crc_of(self.data, end)
                     self.is_changed = not self.verified
         except DamagedError:  # the walk comes to it
             pass
@@ -158,13 +161,11 @@ class _FileRecovery:
     def _sensible(self, schemas: list[Schema]) -> Schema:
         """The first of several for one number that can be parsed, or that which is installed here."""
         for one in schemas:
-            if one.encoding not in ROS_ENCODINGS or one.name not in Decoder([one]).unknown:
+            if one.encoding not in ROS_ENCODINGS or full_name(one.name) not in Decoder([one]).unknown:
                 return one
         text = installed_definition(schemas[0].name)
-        if not text:
-            return schemas[0]
-        damaged = f"{self.name}: the definition of {schemas[0].name} is damaged"
-        self.bag.repairs.append(f"{damaged}: that which is installed here is in its place")
+        done = "that which is installed here is in its place" if text else "it is left out, and its messages can be read raw"
+        self.bag.repairs.append(f"{self.name}: the definition of {schemas[0].name} is damaged: {done}")
         return schema_of(schemas[0].name, "ros2msg", text, schemas[0].id)
 
     def _lost_schema(self, channel: Channel) -> Schema | None:
@@ -216,7 +217,7 @@ class _FileRecovery:
                 self._channel(channel)
         self.bag.chunks_before |= self.chunks
         self._tell_repairs()
-        self._count_lost()
+        self.n_places = len(self.bag.places)
 
     def _record(self, found: Record) -> None:
         if found.repaired:
@@ -271,7 +272,7 @@ class _FileRecovery:
             self.kept.update(message.channel for message in messages)
             return
         self.chunks.add(mark)
-        if self.summary is None:
+        if self.summary is None or self.is_one_of_several:
             self._mark_kept(messages)
         self._messages(messages, bool(chunk.crc))
         self.last = messages
@@ -305,9 +306,9 @@ class _FileRecovery:
             if channel is None:
                 (self.unknown_channels if verified else self.undecodable)[message.channel] += 1
                 continue
-            data = message.data
-            if data[:4] == PACKED_MESSAGE and channel.record.message_encoding == "cdr":
-                data = self._unpacked(data, channel.record.topic)
+            data = plain_message(message.data) if channel.record.message_encoding == "cdr" else message.data
+            if data is not message.data:
+                self.bag.tell_unpacked(channel.record.topic)
             assert self.out is not None  # since the channel is in it
             self.out.add_message(channel, message.sequence, message.log_time_ns, message.publish_time_ns, data)
             self.kept[message.channel] += 1
@@ -331,14 +332,20 @@ class _FileRecovery:
             schema = self.schemas.get(channel.schema_id) if channel is not None and channel.message_encoding == "cdr" else None
             if channel is not None and schema is not None:
                 payloads = [messages[index].data for index in its]
-                good = self.decoder.decodable(schema.name, [plain_message(payload) for payload in payloads])
+                good = self._decoder(schema).decodable(schema.name, [plain_message(payload) for payload in payloads])
                 bad |= {index for index, is_good in zip(its, good, strict=True) if not is_good}
         self.undecodable.update(messages[index].channel for index in bad)
         return [message for index, message in enumerate(messages) if index not in bad] if bad else messages
 
-    def _unpacked(self, data: bytes, topic: str) -> bytes:
-        self.bag.note(f"messages of {topic} were compressed one by one (zstd): they are not any more")
-        return plain_message(data)
+    def _decoder(self, schema: Schema) -> Decoder:
+        """What decodes messages of a type: one of its own where the file defines it in several ways."""
+        name, others = full_name(schema.name), [one for one in self.schemas.values() if one is not schema]
+        others = [one for one in others if full_name(one.name) != name or one.data == schema.data]
+        if len(others) == len(self.schemas) - 1:
+            return self.decoder
+        if schema.id not in self.decoders:
+            self.decoders[schema.id] = Decoder([*others, schema])
+        return self.decoders[schema.id]
 
     def _follow(self, name: str, sequence: int, verified: bool) -> None:
         """Our own writer counts each topic's messages from 0."""
@@ -470,17 +477,17 @@ class _FileRecovery:
             if wrong - lost:
                 tell(f"{self.name}: the summary names {len(wrong - lost)} chunks that are not where it says: made anew")
 
-    def _count_claims(self) -> None:
+    def _count_claims(self, kept_marks: set[int]) -> None:
         """What the indexes of chunks say that were left out, if the same is not in the new bag from another place."""
         for index, (mark, channel, count) in self.claims:
-            place, known = self.bag.places[index], mark in self.kept_marks
-            self.kept_marks.add(mark)
+            place, known = self.bag.places[index], mark in kept_marks
+            kept_marks.add(mark)
             self.bag.places[index] = replace(place, messages=(place.messages or 0) + (0 if known else count))
             self.lost[channel] += 0 if known else count
 
-    def _count_lost(self) -> None:
-        """What this file is known to have lost, by topic."""
-        self._count_claims()
+    def count_lost(self, kept_marks: set[int]) -> None:
+        """What this file is known to have lost, by topic. kept_marks: of what was kept of it and of others in the same file."""
+        self._count_claims(kept_marks)
         if self.unknown_channels:
             count = sum(self.unknown_channels.values())
             self._lose(0, 0, f"messages of channels {sorted(self.unknown_channels)}, which no record of the file defines", count)
@@ -494,7 +501,7 @@ class _FileRecovery:
             expected = statistics.channel_message_counts
             self.lost = Counter({number: max(0, count - self.kept[number]) for number, count in expected.items()})
             if sum(self.kept.values()) >= statistics.message_count and not self.lost.total():
-                self.bag.nothing_unknown_since(self.n_places_before)
+                self.bag.nothing_unknown(self.n_places_before, self.n_places)
         if self.is_changed and self.n_unverified:
             reason = "the CRC of all before the summary does not fit: one of the messages"
             self._lose(0, 0, f"{reason} without their own ({self.n_unverified}) may have changed", None)
@@ -522,17 +529,11 @@ def _number(wanted: int, taken: Iterable[int]) -> int:
 
 def plain_message(data: bytes) -> bytes:
     """A message that was compressed by itself; as it is if it was not, or cannot be unpacked. data: its bytes."""
-    if data[:4] == PACKED_MESSAGE:
-        with suppress(zstandard.ZstdError):
-            size = zstandard.frame_content_size(data)
-            if size <= LARGEST_MESSAGE:
-                return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_MESSAGE if size < 0 else size)
+    unpack = unpacker_of(data)
+    if unpack is not None:
+        with suppress(DamagedError):
+            return unpack(data)
     return data
-
-
-def _data_crc(data: memoryview, summary_start: int) -> int:
-    """The CRC of all before the summary, as the record there tells it; 0 for none."""
-    return int.from_bytes(data[summary_start - 4 : summary_start], "little")
 
 
 def _qos(channel: Channel) -> list:

@@ -36,6 +36,7 @@ class _Topic:
     type_name: str
     encoding: str
     reason: str = ""
+    has_lost_schema: bool = False
     count: int = 0
     last_sequence: int | None = None
     gaps: int = 0
@@ -94,10 +95,16 @@ class MessageCheck:
         self._others = shared_types() if self._given is None else self._given
         names = [full_name(known[channel.schema_id].name) for channel in channels.values() if channel.schema_id in known]
         self._types, self._unknown = embedded_types(texts, self._others, names)
+        ways = Counter(name for name, _encoding, _text in set(texts))
+        self._own_types: dict[int, Typestore] = {}  # by channel, of types that the file defines in several ways
         self._empty = {name for name, _encoding, text in texts if not text.strip()}
         self._defined = embedded_types(texts, None)[0].fielddefs.keys()
         for number, channel in channels.items():
             schema = known.get(channel.schema_id)
+            if schema is not None and ways[full_name(schema.name)] > 1:
+                own = (full_name(schema.name), schema.encoding, schema.data.decode(errors="replace"))
+                others = [text for text in texts if text[0] != own[0]]
+                self._own_types[number] = embedded_types([*others, own], self._others, names)[0]
             self._topics[number] = topic = self._topic(channel, schema)
             qos = profiles(channel.topic, channel.metadata.get("offered_qos_profiles", ""))
             if topic.type_name in OF_EVENTS or any(profile.durability.name == "TRANSIENT_LOCAL" for profile in qos):
@@ -136,15 +143,16 @@ class MessageCheck:
             return
         if topic.pattern is not None and topic.pattern.table([data for _, data in messages]) is not None:
             return
+        types = self._own_types.get(number, self._types)
         for stamp_ns, data in messages:
-            self._decode(topic, stamp_ns, data)
+            self._decode(types, topic, stamp_ns, data)
         if topic.has_pattern and not topic.undecodable and not topic.by_other and len(messages) > 1:  # those that come may be like this one
-            topic.pattern = pattern_of(self._types, topic.type_name, messages[-1][1])
+            topic.pattern = pattern_of(types, topic.type_name, messages[-1][1])
             topic.has_pattern = topic.pattern is not None
 
-    def _decode(self, topic: _Topic, stamp_ns: int, data: bytes) -> None:
+    def _decode(self, types: Typestore, topic: _Topic, stamp_ns: int, data: bytes) -> None:
         try:
-            deserialize(self._types, topic.type_name, data)
+            deserialize(types, topic.type_name, data)
         except ValueError as error:
             try:
                 deserialize(self._others, topic.type_name, data)
@@ -178,7 +186,8 @@ class MessageCheck:
         if topic.encoding != "cdr":
             self.add("note", f"its messages are encoded as '{topic.encoding}', not as cdr: they are not decoded", "read them raw", where)
         elif not topic.type_name:
-            self.add("error", "it has no type: the schema is missing", "read its messages raw", where)
+            severity, text = ("error", "its schema is missing") if topic.has_lost_schema else ("warning", "its schema names none")
+            self.add(severity, f"it has no type: {text}", "read its messages raw", where)
         elif topic.reason:
             severity = "error" if topic.type_name in self._unknown else "warning"
             self.add(severity, f"it has type {topic.type_name}, {topic.reason}", GIVE_TYPES, where)
@@ -204,4 +213,4 @@ class MessageCheck:
         reason = ""
         if encoding == "cdr" and type_name not in self._types.fielddefs:
             reason = self._unknown.get(type_name, NOT_DEFINED)
-        return _Topic(channel.topic, type_name, encoding, reason)
+        return _Topic(channel.topic, type_name, encoding, reason, channel.schema_id != 0 and schema is None)

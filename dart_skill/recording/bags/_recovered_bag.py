@@ -191,13 +191,17 @@ class RecoveredBag:
         if text not in self.notes:
             self.notes.append(text)
 
+    def tell_unpacked(self, topic: str) -> None:
+        """Tell that messages of a topic were unpacked."""
+        self.note(f"messages of {topic} were compressed one by one: they are not any more")
+
     def lose(self, file: str, offset: int, end: int, reason: str, messages: int | None) -> None:
         """Tell of a place that is damaged or missing."""
         self.places.append(LostPlace(file, offset, end - offset, reason, messages))
 
-    def nothing_unknown_since(self, index: int) -> None:
-        """The places from one on held no message, as all are there that the statistics count."""
-        self.places[index:] = [replace(place, messages=place.messages or 0) for place in self.places[index:]]
+    def nothing_unknown(self, begin: int, end: int) -> None:
+        """The places from one to before another held no message, as all are there that the statistics count."""
+        self.places[begin:end] = [replace(place, messages=place.messages or 0) for place in self.places[begin:end]]
 
     def finish(self) -> Recovery:
         """Close all files, now that it is known what they are to tell. BagError if there is nothing in them."""

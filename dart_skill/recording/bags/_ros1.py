@@ -58,16 +58,18 @@ class Ros1Source:
         """Whether messages can be read."""
         return self._reader.bio is not None
 
-    def definitions(self) -> Iterator[tuple[str, str, str]]:
+    @property
+    def definitions(self) -> tuple[tuple[str, str, str], ...]:
         """Type name, schema encoding and definition text of each type."""
-        for name in sorted({topic.type_name for topic in self.topics.values()}):
-            yield name, "ros2msg", self._store.generate_msgdef(name, ros_version=2)[0]
+        names = sorted({topic.type_name for topic in self.topics.values()})
+        return tuple((name, "ros2msg", self._store.generate_msgdef(name, ros_version=2)[0]) for name in names)
 
-    def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
+    def messages(self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool) -> Iterator[BagMessage]:
         """Messages in order of log time.
 
         * topics: names.
         * start_ns, stop_ns: log times from the first to before the second [ns].
+        * with_definitions: nothing, as a bag of ROS 1 defines each type once.
         """
         chosen = [one for one in self._reader.connections if one.topic in topics]
         if not chosen:

@@ -18,15 +18,22 @@ from urllib.parse import quote
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from dart_skill.files import require_file
+from dart_skill.recording.bags._files import SIDE_FILES, side_files
 from dart_skill.recording.bags._metadata import RECORD_KEY, RECORD_NAME
 from dart_skill.recording.mcap import BagMessage, DamagedError, Part
 
 LATEST_NS = 2**63 - 1
 """SQLite has no larger time."""
-_BESIDE = {
-    "-wal": "a write-ahead log, whose messages were read, too",
-    "-journal": "a journal, by which what was half written was undone",
-}
+
+
+def copy_with_side_files(file: Path, folder: Path) -> Path:
+    """A copy of an SQLite file with what stands beside it, which SQLite may change when it opens it; returns the copy.
+
+    * file: which is only read; folder: of the copy.
+    """
+    for one in [file, *side_files(file).values()]:
+        shutil.copyfile(one, folder / one.name)
+    return folder / file.name
 
 
 class SqliteInput:
@@ -88,7 +95,7 @@ class SqliteInput:
         """What SQLite finds to be wrong with its tables and indexes."""
         try:
             return [str(text) for (text,) in self._all("PRAGMA integrity_check(10)") if text != "ok"]
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             return [str(error)]
 
     def close(self) -> None:
@@ -100,14 +107,11 @@ class SqliteInput:
             self._folder.cleanup()
 
     def _opened(self) -> tuple[sqlite3.Connection, str]:
-        beside = {ending: self.path.with_name(self.path.name + ending) for ending in _BESIDE}
-        found = {ending: file for ending, file in beside.items() if file.is_file() and file.stat().st_size > 0}
-        path, told = self.path, ", ".join(f"{file.name} ({_BESIDE[ending]})" for ending, file in found.items())
+        path, found = self.path, side_files(self.path)
+        told = ", ".join(f"{file.name} (a {SIDE_FILES[ending]}, which was read, too)" for ending, file in found.items())
         if found:
             self._folder = TemporaryDirectory(prefix="dart_skill_")
-            path = Path(self._folder.name) / "copy.db3"
-            for source, target in ((self.path, path), *((file, Path(f"{path}{ending}")) for ending, file in found.items())):
-                shutil.copyfile(source, target)
+            path = copy_with_side_files(self.path, Path(self._folder.name))
         # a player reads in another thread than the one that has opened the bag
         uri = f"file:{quote(str(path.resolve()))}" + ("" if found else "?mode=ro&immutable=1")
         with _explained():
@@ -177,5 +181,5 @@ class SqliteInput:
 def _explained() -> Iterator[None]:
     try:
         yield
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # the second where what SQLite says is no text, as it quotes damaged bytes
         raise DamagedError(f"SQLite cannot read it ({error})") from error

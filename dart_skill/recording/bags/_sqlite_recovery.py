@@ -5,24 +5,24 @@ A journal or a write-ahead log beside the file belongs to it. SQLite takes it in
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, closing, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dart_skill.recording.bags._decodable import Decoder
+from dart_skill.recording.bags._files import SIDE_FILES, side_files
 from dart_skill.recording.bags._installed_types import installed_definition, installed_hash, schema_of
 from dart_skill.recording.bags._mcap_recovery import LAST_TIME_NS, plain_message
 from dart_skill.recording.bags._metadata import RECORD_KEY, parse_qos, parse_record
+from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.bags._recovered_bag import RecoveredBag
+from dart_skill.recording.bags._sqlite import copy_with_side_files
 from dart_skill.recording.bags._sqlite_pages import Pages, Row
 from dart_skill.recording.mcap import McapChannel, McapFile, mapped
 
-BESIDE = ("-wal", "-journal")
-"""Endings of what SQLite keeps beside a file: the log of what is not in it yet, and what was in it before."""
 TOGETHER = 500
 """Messages that are judged at once."""
 SMALLEST_ROW = 8
@@ -57,39 +57,24 @@ class _Tables:
     metadata: str = ""
     distro: str = ""
 
-    def take(self, row: Row) -> None:
-        """Take a row by its looks; those of other tables are passed over."""
+    def take(self, row: Row, table: str = "") -> None:
+        """Take a row, by its looks where nobody knows its table; those of other tables are passed over."""
         first, *values = row.values if row.values else (0,)
         kinds = "".join("s" if isinstance(value, str) else "i" if isinstance(value, int) else "-" for value in values)
         if first is not None and first != row.number:
             return
-        if len(kinds) in (4, 5) and set(kinds) == {"s"} and values[0].startswith("/"):
+        is_topic = table == "topics" or (not table and kinds[:1] == "s" and values[0].startswith("/"))
+        if len(kinds) in (4, 5) and set(kinds) == {"s"} and is_topic:
             name, type_name, encoding, qos, *digest = values
             self.topics.setdefault(row.number, _Topic(name, type_name, encoding, qos, digest[0] if digest else ""))
-        elif kinds == "sss" and values[0].startswith("/"):  # of the first versions, without QoS
+        elif kinds == "sss" and is_topic:  # of the first versions, without QoS
             self.topics.setdefault(row.number, _Topic(values[0], values[1], values[2], "", ""))
-        elif kinds in ("ssss", "sss") and values[0].count("/") == 2:
-            self.definitions.setdefault(values[0], (values[1], values[2]))
+        elif kinds in ("ssss", "sss") and full_name(values[0]).count("/") == 2:
+            self.definitions.setdefault(full_name(values[0]), (values[1], values[2]))
         elif kinds == "is" and "relative_file_paths" in values[1]:
             self.metadata = values[1]
         elif kinds == "s" and first is not None or kinds == "s" and values[0].isalpha():
             self.distro = values[0]
-
-
-def side_files(file: Path) -> list[Path]:
-    """The write-ahead log and the journal that stand beside an SQLite file and may hold a part of it. file: which need not be there."""
-    beside = (file.with_name(file.name + ending) for ending in BESIDE)
-    return [one for one in beside if one.is_file() and one.stat().st_size]
-
-
-def copy_with_side_files(file: Path, folder: Path) -> Path:
-    """A copy of an SQLite file with what stands beside it, which SQLite may change when it opens it; returns the copy.
-
-    * file: which is only read; folder: of the copy.
-    """
-    for one in [file, *side_files(file)]:
-        shutil.copyfile(one, folder / one.name)
-    return folder / file.name
 
 
 def recover_sqlite(bag: RecoveredBag, name: str, file: Path, data: memoryview, scratch: Path) -> None:
@@ -99,14 +84,14 @@ def recover_sqlite(bag: RecoveredBag, name: str, file: Path, data: memoryview, s
     * file: where its bytes are; data: these.
     * scratch: a folder for a copy.
     """
-    bag.n_bytes += len(data) + sum(one.stat().st_size for one in side_files(file))
+    beside = side_files(file)
+    bag.n_bytes += len(data) + sum(side.stat().st_size for side in beside.values())
     bag.is_exact = False
     one = _FileRecovery(bag, name)
-    with ExitStack() as stack:
-        log = next((stack.enter_context(mapped(side)) for side in side_files(file) if side.name.endswith("-wal")), None)
+    with mapped(beside["-wal"]) if "-wal" in beside else nullcontext() as log:
         is_whole = _take_by_sqlite(one, file, scratch)
         pages = Pages(data, log)
-        if not is_whole or side_files(file) or pages.has_more_than_told:
+        if not is_whole or beside or pages.has_more_than_told:
             _take_from_pages(one, pages, is_whole)
     one.finish()
 
@@ -127,13 +112,12 @@ def _take_by_sqlite(one: _FileRecovery, file: Path, scratch: Path) -> bool:
                     return False
                 one.repair(f"its index is damaged ({one.reason}) and not needed: the new bag has its own")
             one.define(_small_tables(base))
-            one.take(_Message(*row) for row in base.execute("SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id"))
+            one.take_rows(base.execute("SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY rowid"))
     except (sqlite3.Error, OverflowError, ValueError) as error:
         one.reason = str(error)
         return False
-    for side in beside:
-        what = "write-ahead log" if side.name.endswith("-wal") else "journal"
-        one.bag.note(f"{one.name}: its {what} {side.name} ({side.stat().st_size} bytes) was read, on a copy")
+    for ending, side in beside.items():
+        one.bag.note(f"{one.name}: its {SIDE_FILES[ending]} {side.name} ({side.stat().st_size} bytes) was read, on a copy")
     how = f"{one.name}: SQLite {sqlite3.sqlite_version} finds it whole and read {one.bag.unverified - before} messages"
     one.bag.note(how + "; its format has no CRC")
     return True
@@ -144,7 +128,7 @@ def _small_tables(base: sqlite3.Connection) -> _Tables:
     for name in ("topics", "message_definitions", "metadata", "schema"):
         with suppress(sqlite3.OperationalError):  # no such table
             for row in base.execute(f"SELECT rowid, * FROM {name}"):
-                tables.take(Row(row[0], tuple(row[1:])))
+                tables.take(Row(row[0], tuple(row[1:])), name)
     return tables
 
 
@@ -217,6 +201,7 @@ class _FileRecovery:
         self.channels: dict[int, McapChannel | None] = {}
         self.unknown: Counter[int] = Counter()
         self.undecodable: Counter[str] = Counter()
+        self.n_odd = 0  # rows that are no messages
 
     def repair(self, text: str) -> None:
         """Tell of damage without loss."""
@@ -237,7 +222,7 @@ class _FileRecovery:
 
     def _definition(self, type_name: str) -> tuple[str, str] | None:
         """Encoding and text of a type: from the file, the standard types or an installed package."""
-        encoding, text = self.tables.definitions.get(type_name, ("", ""))
+        encoding, text = self.tables.definitions.get(full_name(type_name), ("", ""))
         if text and encoding in ("ros2msg", "ros2idl"):
             return encoding, text
         text = installed_definition(type_name)
@@ -246,7 +231,7 @@ class _FileRecovery:
     def _settle(self, topic: _Topic, payloads: list[bytes]) -> None:
         """Take the definition of an installed type where that of the file fits no message, and this one fits all."""
         name = topic.type_name
-        text = installed_definition(name) if name in self.tables.definitions else ""
+        text = installed_definition(name) if full_name(name) in self.tables.definitions else ""
         if not text or self.decoder.fits(name, payloads):
             return
         other = Decoder([schema_of(name, "ros2msg", text)])
@@ -269,6 +254,19 @@ class _FileRecovery:
         self.tables.topics[number] = found[0]
         self.define(self.tables)
         return found[0]
+
+    def take_rows(self, rows: Iterable[tuple]) -> None:
+        """Take those rows that are messages, as SQLite reads them: it does not mind what kind their values are of."""
+        good = (row for row in rows if self._is_message(row))
+        self.take(_Message(*row) for row in good)
+        if self.n_odd:
+            reason = f"{self.n_odd} rows have no number of a topic, no time or no bytes"
+            self.bag.lose(self.name, 0, 0, f"{reason}, and are left out", self.n_odd)
+
+    def _is_message(self, row: tuple) -> bool:
+        is_one = all(isinstance(value, kind) for value, kind in zip(row, (int, int, int, bytes), strict=True))
+        self.n_odd += not is_one
+        return is_one
 
     def take(self, messages: Iterable[_Message]) -> int:
         """Take messages that were not taken yet; returns how many."""
@@ -306,7 +304,7 @@ class _FileRecovery:
             assert channel is not None and self.out is not None  # as the topic is known
             data = plain_message(message.data)
             if data is not message.data:
-                self.bag.note(f"messages of {channel.record.topic} were compressed one by one (zstd): they are not any more")
+                self.bag.tell_unpacked(channel.record.topic)
             self.out.add_message(channel, 0, message.stamp_ns, message.stamp_ns, data)
             self.bag.topics[channel.record.topic].kept += 1
         self.bag.unverified += len(taken)

@@ -22,7 +22,7 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 
 from dart_skill.recording.mcap import DamagedError, mapped, parse_header, read_summary
-from dart_skill.recording.mcap.records import MAGIC, PARSED, RECORD, parse, parse_chunk
+from dart_skill.recording.mcap.records import MAGIC, PARSED, RECORD, parse_chunk, parse_with_length
 
 LOOKED_AT = 2**22
 """Of a file without telling first bytes [bytes]."""
@@ -238,9 +238,7 @@ def _is_right(opcode: int, content: bytes) -> bool:
         if opcode == Opcode.CHUNK:
             chunk = parse_chunk(memoryview(content))
             chunk.unpack()
-            return bool(chunk.crc)
-        if opcode in PARSED:
-            parse(opcode, content)
-        return opcode in PARSED
+            return bool(chunk.crc) and chunk.length == len(content)
+        return opcode in PARSED and parse_with_length(opcode, content)[1] == len(content)
     except DamagedError:
         return False

@@ -16,8 +16,8 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.files import NoFile, require_file
 from dart_skill.recording.bags._file_check import EMPTY, McapCheck, SqliteCheck
-from dart_skill.recording.bags._files import chosen_files, part_number, storage_files
-from dart_skill.recording.bags._finding import REWRITE, SEVERITIES, Finding
+from dart_skill.recording.bags._files import chosen_files, has_only_log, missing_parts, part_number, storage_files
+from dart_skill.recording.bags._finding import RECOVER, REWRITE, SEVERITIES, Finding
 from dart_skill.recording.bags._inputs import is_packed, storage_of, unpack_file
 from dart_skill.recording.bags._message_check import NO_MESSAGES, MessageCheck
 from dart_skill.recording.bags._metadata import METADATA_FILE, METADATA_VERSION, extent_of, read_metadata_file, topics_of
@@ -47,6 +47,8 @@ def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[F
         checked += _checked(file, types, line, findings)
     if metadata is not None:
         findings += _metadata_findings(metadata, checked)
+    else:
+        findings += _gap_findings(path, checked)
     findings += _one_bag_findings(path, checked)
     findings += line.findings(path.name)
     findings = [finding for finding in findings if finding.message != NO_MESSAGES]  # a part of a bag may well hold none
@@ -89,6 +91,9 @@ def _checked(file: Path, types: Typestore | None, line: TimeLine, findings: list
         require_file(file)
     except OSError as error:
         findings.append(Finding("error", file.name, str(error)))
+        return []
+    if has_only_log(file):
+        findings.append(Finding("error", file.name, f"the file is empty (0 bytes): what was recorded is in {file.name}-wal", RECOVER))
         return []
     if file.stat().st_size == 0:
         findings.append(Finding("error", file.name, EMPTY, "delete it"))
@@ -135,10 +140,9 @@ def _files_of(path: Path, metadata: dict, findings: list[Finding]) -> list[Path]
     """Files that are there, in order; findings for those that are missing or too many."""
     chosen, missing = chosen_files(path, metadata)
     there = storage_files(path)
-    if not there and not missing and not chosen:
-        findings.append(Finding("error", path.name, "no .mcap file in this folder"))
+    remedy = "find it, or " + REWRITE if chosen else "find it"
     for file in missing:
-        findings.append(Finding("error", file.name, f"the file is missing, which {METADATA_FILE} names", "find it, or " + REWRITE))
+        findings.append(Finding("error", file.name, f"the file is missing, which {METADATA_FILE} names", remedy))
     for file in there:
         if file not in chosen:
             message = f"the file is in the folder, but {METADATA_FILE} does not name it: readers leave it out"
@@ -191,6 +195,14 @@ def _metadata_pairs(metadata: dict, checked: list[MessageCheck], counts: Counter
                 extent = (check.start_ns, check.end_ns - check.start_ns)
                 pairs[f"start and duration of {check.name}"] = ((first, last - first), extent)
     return pairs
+
+
+def _gap_findings(path: Path, checked: list[MessageCheck]) -> list[Finding]:
+    """Parts of a split bag without metadata.yaml that are missing by their numbers."""
+    files = [Path(check.name) for check in checked]
+    missing = missing_parts(files) if len(files) > 1 and len({part_number(file)[0] for file in files}) == 1 else []
+    text = f"by the numbers of its files {', '.join(missing)} is missing: what is there is read without it"
+    return [Finding("warning", path.name, text, "find it and put it into the folder")] if missing else []
 
 
 def _one_bag_findings(path: Path, checked: list[MessageCheck]) -> list[Finding]:

@@ -7,6 +7,7 @@ Which messages there are, the files themselves say; metadata.yaml only adds what
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -16,14 +17,14 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from dart_skill.files import open_file, require_file
-from dart_skill.recording.bags._files import chosen_files, files_in, part_number, unpacked_name
+from dart_skill.recording.bags._files import chosen_files, files_in, has_only_log, missing_parts, part_number, unpacked_name
 from dart_skill.recording.bags._inputs import is_packed, open_input, storage_of, unpack_file, unpacked_messages
 from dart_skill.recording.bags._metadata import RECORD_NAME, known_metadata, parse_record, profiles, topics_of
 from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.mcap import END_OF_TIME, BagMessage, DamagedError, McapInput, Part, in_time_order
 
 if TYPE_CHECKING:
-    from mcap.records import Attachment, Channel
+    from mcap.records import Attachment, Channel, Schema
     from rosbags.typesys.store import Typestore
 
     from dart_skill.recording.bags._ros1 import Ros1Source
@@ -111,7 +112,8 @@ class BagReader:
         files = _storage_files(self.path, metadata)
         with _explained(self.path):
             self._source = source = _opened(self.path, files, metadata)
-            self._definitions = tuple(dict.fromkeys(source.definitions()))  # each file of a split bag has all of them
+            self._definitions = source.definitions
+        self._types_by_definition: dict[tuple[str, str, str], tuple[Typestore, dict[str, str]]] = {}
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
         self.custom_data: dict[str, str] = dict(source.custom_data)
@@ -135,6 +137,16 @@ class BagReader:
         from dart_skill.recording.bags._definitions import embedded_types
 
         return embedded_types(self._definitions, self._other_types, names)
+
+    def _types_of(self, type_name: _DefinedType) -> tuple[Typestore, dict[str, str]]:
+        """The same for a type that the bag defines in several ways. type_name: with its own definition."""
+        from dart_skill.recording.bags._definitions import embedded_types
+
+        if type_name.definition not in self._types_by_definition:
+            others = [one for one in self._definitions if one[0] != type_name]
+            found = embedded_types([*others, type_name.definition], self._other_types, [type_name])
+            self._types_by_definition[type_name.definition] = found
+        return self._types_by_definition[type_name.definition]
 
     @cached_property
     def _other_types(self) -> Typestore:
@@ -162,7 +174,7 @@ class BagReader:
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
         with _explained(self.path):
-            found = self._called(self._source.messages(chosen, *limits))
+            found = self._called(self._source.messages(chosen, *limits, decode))
             found = _thinned(found, every_ns) if every_ns else found
             yield from map(self._decoded, found) if decode else found
 
@@ -212,17 +224,19 @@ class BagReader:
     def _decoded(self, message: BagMessage) -> BagMessage:
         from dart_skill.recording.bags.messages import deserialize
 
-        topic, type_name, stamp_ns, data = message
+        topic, known, stamp_ns, data = message
         encoding = self.topics[topic].encoding
         if encoding != "cdr":
             raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
-        if type_name not in self.types.fielddefs:
-            reason = self._all_types[1].get(type_name, "which neither the bag nor the given types define")
+        types, unknown = self._types_of(known) if isinstance(known, _DefinedType) else self._all_types
+        type_name = str(known)
+        if type_name not in types.fielddefs:
+            reason = unknown.get(type_name, "which neither the bag nor the given types define")
             raise BagError(
                 f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with its folder of .msg files, or read it raw"
             )
         try:
-            return BagMessage(topic, type_name, stamp_ns, deserialize(self.types, type_name, data))
+            return BagMessage(topic, type_name, stamp_ns, deserialize(types, type_name, data))
         except ValueError as error:
             try:  # its definition in the bag may be wrong
                 return BagMessage(topic, type_name, stamp_ns, deserialize(self._other_types, type_name, data))
@@ -311,17 +325,19 @@ class _Source:
     def storage(self) -> str:
         return self._files[0].storage
 
-    def definitions(self) -> Iterator[tuple[str, str, str]]:
-        """Type name, schema encoding and definition text of each type."""
-        for file in self._files:
-            for schema in file.schemas.values():
-                yield full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
+    @cached_property
+    def definitions(self) -> tuple[tuple[str, str, str], ...]:
+        """Type name, schema encoding and definition text of each type; each file of a split bag has all of them."""
+        return tuple(dict.fromkeys(_definition(schema) for file in self._files for schema in file.schemas.values()))
 
-    def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
+    def messages(self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool) -> Iterator[BagMessage]:
+        """Messages in order. with_definitions: types that the bag defines in several ways are a `_DefinedType`."""
         parts: list[Part] = []
+        ways = Counter(name for name, _encoding, _text in self.definitions) if with_definitions else Counter[str]()
+        several = {name for name, count in ways.items() if count > 1}
         for k, file in enumerate(self._files):
             wanted = {
-                number: (name, _type_of(file, channel) or self.topics[name].type_name)
+                number: (name, _type_to_read(file, channel, several) or self.topics[name].type_name)
                 for number, channel in file.channels.items()
                 if (name := self._names[k, number]) in topics
             }
@@ -404,6 +420,25 @@ def _type_of(file: McapInput | SqliteInput, channel: Channel) -> str:
     return full_name(name) if _encoding(channel) == "cdr" else name
 
 
+class _DefinedType(str):
+    """The name of a type that the bag defines in several ways. definition: its own: name, encoding, text."""
+
+    definition: tuple[str, str, str]
+
+
+def _type_to_read(file: McapInput | SqliteInput, channel: Channel, several: set[str]) -> str:
+    """As `_type_of`, with its own definition if it has one of several. several: names of such types."""
+    name = _type_of(file, channel)
+    if name in several and (schema := file.schemas.get(channel.schema_id)) is not None:
+        name = _DefinedType(name)
+        name.definition = _definition(schema)
+    return name
+
+
+def _definition(schema: Schema) -> tuple[str, str, str]:
+    return full_name(schema.name), schema.encoding, schema.data.decode(errors="replace")
+
+
 def _bag_file(file: Path, opened: McapInput | SqliteInput, told: str) -> BagFile:
     """What is known of a file. told: the compression that the metadata tell."""
     compression = {".lz4": "lz4"}.get(file.suffix, "zstd") if is_packed(file) else opened.compression or told
@@ -418,6 +453,12 @@ def _of_tables(folder: Path) -> str:
     own = folder / "mapping.yaml"
     what = "CSV" if ".csv" in found else found[0]
     return f"; its {what} files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
+
+
+def _lone_logs(folder: Path) -> str:
+    """What to say of a folder that has only the write-ahead logs of SQLite files; empty for another one."""
+    logs = [file.name for file in sorted(folder.glob("*.db3-wal")) if has_only_log(folder / file.name.removesuffix("-wal"))]
+    return f"of its .db3 files there is only {', '.join(logs)}: 'dart-skill bag recover' reads it" if logs else ""
 
 
 def _storage_files(path: Path, metadata: dict) -> list[Path]:
@@ -436,21 +477,31 @@ def _storage_files(path: Path, metadata: dict) -> list[Path]:
             raise BagError(f"{path}: {', '.join(file.name for file in missing)} is missing, which metadata.yaml names")
         files = files or files_in(path, (ROS1_SUFFIX,))
         if not files:
-            raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")
+            raise BagError(f"{path}: {_lone_logs(path) or 'no .mcap file in this folder' + _of_tables(path)}")
         if len(files) > 1 and files[0].suffix == ROS1_SUFFIX:
             raise _not_one_bag(path, len(files), "are of ROS 1, which has no bags of several files")
     for file in files:
         require_file(file)
+    if lost := [file.name for file in files if has_only_log(file)]:
+        reason = f"{lost[0]} is empty (0 bytes), and what was recorded is in {lost[0]}-wal"
+        raise BagError(f"{path}: {reason}: 'dart-skill bag recover' reads it")
     empty = [file for file in files if file.stat().st_size == 0]
     if len(empty) == len(files):
         names = ", ".join(file.name for file in empty)
         raise BagError(f"{path}: {names} is empty (0 bytes): the recorder stopped before its first write")
     if len(files) > 1 and not metadata.get("relative_file_paths"):
-        name, _ = part_number(files[0])
-        suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
-        if len(suffixes) > 1 or [part_number(file) for file in files] != [(name, k) for k in range(len(files))]:
-            raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
+        _require_one_name(path, files)
     return [file for file in files if file not in empty]
+
+
+def _require_one_name(path: Path, files: list[Path]) -> None:
+    """Files of a split bag without metadata.yaml are called NAME_0, NAME_1 ...; one of them may be missing, but the first."""
+    names, numbers = zip(*map(part_number, files), strict=True)
+    suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
+    if len(suffixes) > 1 or len(set(names)) > 1 or len(set(numbers)) < len(files) or numbers[0] < 0:
+        raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
+    if numbers[0] > 0:
+        raise _not_one_bag(path, len(files), f"lack the first part of a bag ({missing_parts(files)[0]})")
 
 
 def is_of_ros1(path: Path) -> bool:
@@ -460,7 +511,10 @@ def is_of_ros1(path: Path) -> bool:
 
 
 def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
-    return BagError(f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its name")
+    return BagError(
+        f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its name,"
+        " or 'dart-skill bag recover' makes one bag of them"
+    )
 
 
 def _require_one_bag(path: Path, files: list[McapInput | SqliteInput]) -> None:

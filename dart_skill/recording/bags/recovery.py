@@ -12,7 +12,7 @@ from pathlib import Path
 
 from dart_skill.files import require_file
 from dart_skill.recording.bags._contents import SQLITE, foreign, packing, unpack
-from dart_skill.recording.bags._files import SUFFIXES, named_files, part_number
+from dart_skill.recording.bags._files import SUFFIXES, has_only_log, missing_parts, named_files, part_number
 from dart_skill.recording.bags._mcap_recovery import recover_mcap
 from dart_skill.recording.bags._metadata import read_metadata_file
 from dart_skill.recording.bags._recovered_bag import LostPlace, RecoveredBag, Recovery
@@ -48,6 +48,9 @@ def recover(path: str | os.PathLike, output: str | os.PathLike) -> Recovery:
             scratch.mkdir()
             _take(bag, file, scratch)
             shutil.rmtree(scratch)
+        if len(files) > 1 and not told and len({part_number(file)[0] for file in files}) == 1:
+            for name in missing_parts(files):
+                bag.lose(name, 0, 0, "by the numbers of the other files it is missing", None)
         return bag.finish()
     except BaseException:
         shutil.rmtree(output)  # made by this call
@@ -62,7 +65,7 @@ def _input(path: Path) -> tuple[list[Path], dict]:
         require_file(path)
         files, told = [path], {}
     else:
-        there = {file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()}  # also where only the log of it is left
+        there = {file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()}  # also where only the log of one is left
         files = sorted((file for file in there if _is_for_messages(file)), key=part_number)
         try:
             told = read_metadata_file(path)
@@ -72,7 +75,7 @@ def _input(path: Path) -> tuple[list[Path], dict]:
             told = {}
     if not files:
         raise BagError(f"{path}: no .mcap file and no .db3 file to recover")
-    if all(file.is_file() and file.stat().st_size == 0 and not _log_beside(file) for file in files):
+    if all(file.is_file() and file.stat().st_size == 0 and not has_only_log(file) for file in files):
         names = ", ".join(file.name for file in files)
         raise BagError(f"{path}: {names} is empty (0 bytes): there is nothing to recover")
     return files, told
@@ -92,18 +95,14 @@ def _plain_name(file: Path) -> str:
     return file.stem if file.suffix in COMPRESSED else file.name
 
 
-def _log_beside(file: Path) -> bool:
-    """Whether a write-ahead log stands beside an SQLite file: all messages may be there."""
-    return file.suffix == ".db3" and file.with_name(f"{file.name}-wal").is_file()
-
-
 def _take(bag: RecoveredBag, file: Path, scratch: Path) -> None:
     """Recover one file into the new bag. scratch: a folder for what is made on the way."""
-    if not file.is_file() and _log_beside(file):
-        bag.lose(file.name, 0, 0, "the file is missing, only its write-ahead log is there", None)
+    if has_only_log(file):
+        state = "empty" if file.is_file() else "missing"
+        bag.lose(file.name, 0, 0, f"the file is {state}, only its write-ahead log is there", None)
         recover_sqlite(bag, file.name, file, memoryview(b""), scratch)
         return
-    if not file.is_file() or (file.stat().st_size == 0 and not _log_beside(file)):
+    if not file.is_file() or file.stat().st_size == 0:
         reason = "the file is empty (0 bytes)" if file.is_file() else "the file is missing"
         bag.lose(file.name, 0, 0, reason, None)
         bag.is_exact = False

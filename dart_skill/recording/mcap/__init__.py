@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
 from dart_skill.recording.mcap._mapped import crc_of, give_back, mapped
-from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, Part, in_time_order, is_complete
+from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, Part, in_time_order
 from dart_skill.recording.mcap.records import (
     Chunk,
     ChunkPlace,
@@ -12,6 +12,7 @@ from dart_skill.recording.mcap.records import (
     DamagedError,
     Message,
     Summary,
+    data_end_before,
     messages_of,
     parse_header,
     read_summary,
@@ -57,11 +58,11 @@ __all__ = [
     "all_definitions",
     "belongs",
     "crc_of",
+    "data_end_before",
     "definitions_in",
     "extents",
     "give_back",
     "in_time_order",
-    "is_complete",
     "mapped",
     "messages_of",
     "parse_header",

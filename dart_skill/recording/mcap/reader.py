@@ -19,7 +19,17 @@ from mcap.records import Attachment, Channel, McapRecord, Metadata
 
 from dart_skill.files import open_file
 from dart_skill.recording.mcap._mapped import mapped
-from dart_skill.recording.mcap.records import RECORD, ChunkTable, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
+from dart_skill.recording.mcap.records import (
+    RECORD,
+    ChunkTable,
+    DamagedError,
+    Summary,
+    defines_all,
+    parse,
+    parse_chunk,
+    parse_header,
+    read_summary,
+)
 from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, walk
 
 END_OF_TIME = 2**64
@@ -254,18 +264,12 @@ def _when_due(part: Part) -> Iterator:
 def is_complete(summary: Summary) -> bool:
     """Whether the summary tells where all messages are: each is in a chunk that has indexes, of a channel that the summary has.
 
-    The statistics of rosbag2's writer count only the channels that have messages. summary: of a file.
+    summary: of a file.
     """
     statistics = summary.statistics
-    if statistics is None or statistics.schema_count > len(summary.schemas) or statistics.channel_count > len(summary.channels):
+    if statistics is None or not defines_all(summary) or sum(statistics.channel_message_counts.values()) != statistics.message_count:
         return False
-    counts, known, indexed = statistics.channel_message_counts, summary.channels.keys(), 0
-    if sum(counts.values()) != statistics.message_count or not known >= counts.keys():
-        return False
-    for chunk in summary.chunks:
-        if not known >= chunk.channels:
-            return False
-        indexed += (chunk.message_index_length - 15 * len(chunk.channels)) // 16
+    indexed = sum((chunk.message_index_length - 15 * len(chunk.channels)) // 16 for chunk in summary.chunks)
     lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
     return lists and indexed == statistics.message_count
 

@@ -1,6 +1,7 @@
 """What the bytes of MCAP records say (MCAP specification, version 0), with everything checked that can be.
 
-A record is taken only if its content agrees with its length to the byte. Whatever is wrong is a `DamagedError` that says why.
+A record may have more bytes than it needs, as later versions may add fields at its end: they are ignored. A record that is too short,
+and whatever else is wrong, is a `DamagedError` that says why.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ PIECE = 64
 """Of a chunk that was cut off is unpacked at once: of zstd they become 2 MB at most [bytes]."""
 USUAL_RECORDS = 10_000
 """A chunk may have so many records; of more, each takes at least a byte of the compressed chunk."""
+MOST_UNKNOWN = 64
+"""At the end of a record, of fields that are not known here, where it is searched [bytes]."""
 _UNREADABLE = (ValueError, struct.error, McapError, OverflowError, MemoryError)  # what `mcap` makes of bytes that are no records
 
 
@@ -202,22 +205,28 @@ class Summary:
 
 
 def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> McapRecord:
-    """A record with an opcode of `PARSED`, as `mcap` reads it; DamagedError unless all of its bytes make sense.
+    """A record with an opcode of `PARSED`, as `mcap` reads it; DamagedError unless all of its fields make sense.
 
     check_crc: of an attachment, the only one of them that has one.
     """
+    return parse_with_length(opcode, content, check_crc)[0]
+
+
+def parse_with_length(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> tuple[McapRecord, int]:
+    """The same, and how many bytes of the content its fields take; what follows them belongs to fields that nobody knows here."""
     data = bytes(content)
     try:
         record = next(StreamReader(BytesIO(RECORD.pack(opcode, len(data)) + data), skip_magic=True).records)
         again = packed(record)[RECORD.size :]
     except _UNREADABLE as error:
         raise DamagedError(f"the {Opcode(opcode).name} record is damaged ({error or type(error).__name__})") from error
-    if isinstance(record, Attachment) and again[:-4] == data[:-4]:
-        if check_crc and data[-4:] not in (again[-4:], b"\0\0\0\0"):
+    known = data[: len(again)]
+    if isinstance(record, Attachment) and again[:-4] == known[:-4]:
+        if check_crc and known[-4:] not in (again[-4:], b"\0\0\0\0"):
             raise DamagedError(f"the CRC of attachment '{record.name}' does not fit its content")
-    elif again != data:
+    elif again != known:
         raise DamagedError(f"the {Opcode(opcode).name} record has a length that does not fit its content")
-    return record
+    return record, len(again)
 
 
 def packed(record: McapRecord) -> bytes:
@@ -228,7 +237,7 @@ def packed(record: McapRecord) -> bytes:
 
 
 def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
-    """A chunk; DamagedError unless its parts fill it exactly. cut_off: the end of its records may be missing."""
+    """A chunk; DamagedError if its parts are longer than it. cut_off: the end of its records may be missing."""
     try:
         start, end, size, crc, name_length = _CHUNK_HEAD.unpack_from(content)
         name = bytes(content[32 : 32 + name_length])
@@ -236,7 +245,7 @@ def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
     except struct.error as error:
         raise DamagedError("the chunk is too short") from error
     begin = 40 + name_length
-    if name not in (b"", b"zstd", b"lz4") or (begin + compressed != len(content) and not cut_off):
+    if name not in (b"", b"zstd", b"lz4") or (begin + compressed > len(content) and not cut_off):
         raise DamagedError("the chunk's sizes do not agree with each other")
     return Chunk(start, end, size, crc, name.decode(), content[begin : begin + compressed], begin + compressed)
 
@@ -246,9 +255,9 @@ def parse_message_index(content: memoryview) -> tuple[int, list[tuple[int, int]]
     if len(content) < 6:
         raise DamagedError("the MESSAGE_INDEX record is too short")
     channel, n_bytes = struct.unpack_from("<HI", content)
-    if n_bytes != len(content) - 6 or n_bytes % 16:
+    if n_bytes > len(content) - 6 or n_bytes % 16:
         raise DamagedError("the MESSAGE_INDEX record has a length that does not fit its content")
-    return channel, list(struct.iter_unpack("<QQ", content[6:]))
+    return channel, list(struct.iter_unpack("<QQ", content[6 : 6 + n_bytes]))
 
 
 def records_of(raw: bytes | memoryview, cut_off: bool = False, most: int | None = None) -> Iterator[tuple[int, int, int]]:
@@ -322,6 +331,30 @@ def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
 def chunk_indexes(data: memoryview, summary: Summary) -> Iterator[ChunkIndex]:
     """The indexes of chunks as they stand in the summary of a file's bytes, one by one; DamagedError. data: the bytes."""
     return (record for record in _summary_records(data, summary.start) if isinstance(record, ChunkIndex))
+
+
+def defines_all(summary: Summary) -> bool:
+    """Whether a summary has all schemas and channels of its file: those that chunks, channels and statistics name.
+
+    Without statistics only message indexes tell which channels there are. summary: of the file.
+    """
+    schemas, known, told = summary.schemas.keys(), summary.channels.keys(), summary.statistics
+    if any(channel.schema_id and channel.schema_id not in schemas for channel in summary.channels.values()):
+        return False
+    if any(not known >= chunk.channels or (told is None and not chunk.channels) for chunk in summary.chunks):
+        return False
+    if told is None:
+        return len(summary.chunks) > 0
+    # rosbag2's writer counts only the channels that have messages
+    return told.schema_count <= len(schemas) and told.channel_count <= len(known) and known >= told.channel_message_counts.keys()
+
+
+def data_end_before(data: memoryview, place: int) -> int | None:
+    """Where the DATA_END record begins that ends at a place; None if none does. data: the bytes of the file."""
+    for begin in range(place - 13, max(len(MAGIC), place - 13 - MOST_UNKNOWN) - 1, -1):
+        if RECORD.unpack_from(data, begin) == (Opcode.DATA_END, place - begin - RECORD.size):
+            return begin
+    return None
 
 
 def _summary_records(data: memoryview, start: int) -> Iterator[McapRecord]:

@@ -19,6 +19,7 @@ from mcap.records import Channel, McapRecord, Schema
 from dart_skill.recording.mcap._mapped import give_back
 from dart_skill.recording.mcap.records import (
     MAGIC,
+    MOST_UNKNOWN,
     PARSED,
     RECORD,
     Chunk,
@@ -26,11 +27,14 @@ from dart_skill.recording.mcap.records import (
     Message,
     Summary,
     chunk_indexes,
+    data_end_before,
+    defines_all,
     messages_of,
     parse,
     parse_chunk,
     parse_header,
     parse_message_index,
+    parse_with_length,
     read_summary,
     records_of,
 )
@@ -172,8 +176,7 @@ def belongs(data: memoryview, summary: Summary) -> bool:
             said = (place.message_start_time, place.message_end_time, place.uncompressed_size, place.compression)
             if said == (chunk.start_ns, chunk.end_ns, chunk.size, chunk.compression):
                 return True
-    before = _record_at(data, summary.start - 13)
-    return not len(summary.chunks) and isinstance(before, Record) and before.opcode == Opcode.DATA_END
+    return not len(summary.chunks) and data_end_before(data, summary.start) is not None
 
 
 def _is_one(data: memoryview) -> bool:
@@ -247,20 +250,19 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
 
     data: the file's bytes.
     """
-    if summary is not None and summary.has_crc and summary.channels:
-        return summary.schemas, summary.channels
     return all_definitions(data, summary).best()
 
 
 def all_definitions(data: memoryview, summary: Summary | None = None) -> Definitions:
     """All that a file defines. data: its bytes; summary: as for `walk`."""
     found = Definitions()
-    if summary is not None and summary.has_crc and summary.channels:
+    if summary is not None and summary.has_crc:
         for schema in summary.schemas.values():
             found.take(schema, True)
         for channel in summary.channels.values():
             found.take(channel, True)
-        return found
+        if defines_all(summary):
+            return found
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
@@ -314,16 +316,19 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
     if end > len(data):
         return Damage(place, len(data), "the file ends within a record", _rest(opcode, length, content))
     try:
+        known = length
         if opcode == Opcode.CHUNK:
-            parse_chunk(content)
+            known = parse_chunk(content).length
         elif opcode == Opcode.MESSAGE_INDEX:
-            parse_message_index(content)
+            known = 6 + 16 * len(parse_message_index(content)[1])
         elif opcode == Opcode.MESSAGE and length < 22:
             raise DamagedError("the message is too short")
         elif opcode in PARSED:
-            parse(opcode, content, check_crc=False)  # an attachment whose CRC is wrong is still a record, to be named and left out
+            _, known = parse_with_length(opcode, content, check_crc=False)  # one whose CRC is wrong is still a record, to be left out
         elif opcode >= 0x80 and _chunk_at(data, place, "") is not None:
             raise DamagedError("the chunk's opcode is damaged")
+        if known < length and (opcode == Opcode.FOOTER or _hides_record(data, place + RECORD.size + known, end)):
+            raise DamagedError(f"the {Opcode(opcode).name} record has a length that does not fit its content")
     except DamagedError as error:
         return Damage(place, end, str(error))
     return Record(place, end, opcode, content)
@@ -332,9 +337,19 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
 def _rest(opcode: int, length: int, content: memoryview) -> Chunk | None:
     """The chunk that a file's end cuts off, if that is what stands there."""
     with suppress(DamagedError):
-        if opcode == Opcode.CHUNK and (chunk := parse_chunk(content, cut_off=True)).length == length:
+        if opcode == Opcode.CHUNK and (chunk := parse_chunk(content, cut_off=True)).length <= length:
             return chunk
     return None
+
+
+def _hides_record(data: memoryview, place: int, end: int) -> bool:
+    """Whether what looks like fields that are not known here, from a place to the end of their record, are the next records."""
+    if bytes(data[place : place + len(MAGIC)]) == MAGIC:
+        return True
+    if not _begins(data, place):
+        return False
+    after = place + RECORD.size + RECORD.unpack_from(data, place)[1]
+    return after <= end or after == len(data) or bytes(data[after : after + len(MAGIC)]) == MAGIC or _begins(data, after)
 
 
 def _chunk_at(data: memoryview, place: int, reason: str) -> Record | None:
@@ -398,7 +413,11 @@ def _next_record(data: memoryview, place: int, known: _KnownPlaces, before: int 
 
 
 def _goes_on(data: memoryview, record: Record) -> bool:
-    """Whether the bytes of a record that was searched are one indeed: chunks by content, others by what follows."""
+    """Whether the bytes of a record that was searched are one indeed: chunks by content, others by their fields and what follows."""
+    if record.opcode in PARSED:
+        _, known = parse_with_length(record.opcode, record.content, check_crc=False)
+        if len(record.content) > known + MOST_UNKNOWN:
+            return False
     if record.opcode == Opcode.CHUNK:
         with suppress(DamagedError):
             record.chunk().unpack()

@@ -208,7 +208,7 @@ def test_types_encodings_and_messages_that_cannot_be_read_are_found(tmp_path):
     cases = {
         "topic /hand: it has type a/msg/B, which the bag does not define": ("warning", dict(definition_text="", type_name="a/msg/B")),
         "whose definition in the bag is damaged": ("error", dict(definition_text="float64[ x of no kind\n", type_name="a/msg/B")),
-        "topic /hand: it has no type: the schema is missing": ("error", dict(type_name="")),
+        "topic /hand: it has no type: its schema names none": ("warning", dict(type_name="")),
         "topic /hand: its messages are encoded as 'json', not as cdr": ("note", dict(encoding="json")),
     }
     for reason, (severity, options) in cases.items():
