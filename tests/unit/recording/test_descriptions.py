@@ -292,7 +292,8 @@ def test_one_topic_with_two_types_gives_each_message_by_its_own(tmp_path):
         with BagReader(file) as bag:
             assert (bag.topics["/p"].type_name, bag.topics["/p"].other_types) == (POSE, (STRING,))
         assert describe(file)["topics"][0]["other_types"] == [STRING]
-        assert f"its messages have several types: {POSE}, {STRING}" in said(check_file(file))
+        told = said(check_file(file))
+        assert any(f"its messages have several types: {both}" in told for both in (f"{POSE}, {STRING}", f"{STRING}, {POSE}"))
 
 
 @pytest.mark.parametrize(
