@@ -89,12 +89,21 @@ def _learn(options: argparse.Namespace) -> int:
     try:
         skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
     except NothingLearned as error:
-        print(*fault_lines(error.report.faults), sep="\n", file=sys.stderr)
+        print(*fault_lines(error.report.faults), *_found_by_check(options.bag), sep="\n", file=sys.stderr)
         raise
     origin = {"clocks": report.clocks} if report.clocks else None
     save_model(output, list(report.learned_from), skill.skill.configuration, origin=origin)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0
+
+
+def _found_by_check(bag: Path) -> list[str]:
+    """What `bag check` says against a bag of which nothing can be learned."""
+    from dart_skill.recording.bags import check_bag
+
+    if bag.is_dir() and not any(file.suffix in (".mcap", ".db3") for file in bag.iterdir()):
+        return []
+    return [str(one) for one in check_bag(bag) if one.severity != "note"]
 
 
 def _file_for(bag: Path) -> Path:

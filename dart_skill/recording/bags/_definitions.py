@@ -19,7 +19,7 @@ from rosbags.typesys.store import Typestore
 from dart_skill.recording.bags._names import full_name
 
 MOST_LINES, MOST_LINES_OF_ALL, LARGEST_DEFINITION = 5_000, 20_000, 1_000_000
-"""Of the definition of a type, with all that it nests, of all definitions of a bag, and characters of one: they take 0.4 ms a line."""
+"""Most lines of a type's definition with all that it nests, most lines of all of a bag, and most characters of one: a line takes 0.4 ms."""
 _HEADS = re.compile(r"^={3,}[ \t]*\n(MSG|SRV|ACTION|IDL):[ \t]*(\S+)[ \t]*\n", re.MULTILINE)
 _SERVICE = re.compile(r"(.+/srv/.+?)(?:_Request|_Response|_Event)?")
 _ACTION = re.compile(

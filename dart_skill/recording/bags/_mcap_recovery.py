@@ -47,7 +47,7 @@ SMALLEST_MESSAGE = 31
 TOGETHER = 500
 """Messages outside chunks that are judged at once."""
 ROS_ENCODINGS = ("ros2msg", "ros2idl")
-"""Of definitions, as rosbag2 writes them."""
+"""Encodings of definitions, as rosbag2 writes them."""
 LAST_TIME_NS = 2**63 - 1
 """ROS has no later time [ns]."""
 

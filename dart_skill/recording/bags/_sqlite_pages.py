@@ -16,11 +16,11 @@ from dart_skill.recording.mcap import give_back
 LEAF = 0x0D
 """First byte of a page of rows."""
 FIRST_HEADER = 100
-"""Of the first page, bytes before its own head."""
+"""Bytes of the first page before its own head."""
 SIZES = [2**power for power in range(9, 17)]
 """That a page may have [bytes]."""
 USUAL_SIZE = 4096
-"""Of a page, since 2016 [bytes]."""
+"""Usual size of a page, since 2016 [bytes]."""
 LARGEST_ROW = 2**30
 """SQLite takes no larger one [bytes]."""
 _WAL_HEAD, _FRAME_HEAD = 32, 24

@@ -26,7 +26,7 @@ from dart_skill.recording.mcap import McapChannel, McapFile, mapped
 TOGETHER = 500
 """Messages that are judged at once."""
 SMALLEST_ROW = 8
-"""Of a message [bytes]."""
+"""Smallest size of a message [bytes]."""
 _COLUMNS = {"topics": 4, "message_definitions": 4, "metadata": 2, "schema": 1}
 """Columns that each version of these tables has, besides its number."""
 

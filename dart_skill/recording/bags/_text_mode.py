@@ -25,7 +25,7 @@ from dart_skill.recording.mcap import DamagedError, mapped, parse_header, read_s
 from dart_skill.recording.mcap.records import MAGIC, PARSED, RECORD, parse_chunk, parse_with_length
 
 LOOKED_AT = 2**22
-"""Of a file without telling first bytes [bytes]."""
+"""Part of a file without telling first bytes that is looked at [bytes]."""
 ENOUGH = 16
 """Line feeds, all with a carriage return before them, are no chance."""
 MOST_TRIES = 1000

@@ -21,7 +21,7 @@ from dart_skill.recording.bags._finding import Finding
 BATCH = 1024
 """So many messages are looked at together."""
 N_LONGEST = 32
-"""Of the intervals of a topic so many are remembered, the longest."""
+"""Number of the longest intervals of a topic that are remembered."""
 FEWEST, FEWEST_IN_BURSTS = 20, 200
 """Intervals by which a topic is known to be regular."""
 SHORTEST_GAP_NS = 200_000_000

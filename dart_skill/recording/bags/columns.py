@@ -27,7 +27,7 @@ LITTLE_ENDIAN = 1
 
 
 MOST_LAYOUTS = 16
-"""Of messages of a topic that are taken at once; what is laid out otherwise is read one by one."""
+"""Largest number of layouts of a topic that are taken at once; what is laid out otherwise is read one by one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,7 @@ class Poses:
     * rows: x, y, z, qx, qy, qz, qw of each.
     * elsewhere: how many were in other frames than the one that is asked for, by frame.
     * taken_for: how many were in a frame that is taken for it, by frame.
+    * frames: how many were in each frame, where none is asked for.
     """
 
     stamps: Any = field(default_factory=list)
@@ -38,6 +39,7 @@ class Poses:
     rows: Any = field(default_factory=list)
     elsewhere: Counter[str] = field(default_factory=Counter)
     taken_for: Counter[str] = field(default_factory=Counter)
+    frames: Counter[str] = field(default_factory=Counter)
 
 
 class Signal(GripSignal):
@@ -167,6 +169,12 @@ def _poses(messages: list[BagMessage], role: str, where: PoseSource, name: str, 
         _take_poses(alone, poses, where, name, messages[k], _decoded(bag, messages[k]))
         places += [k] * (len(alone.stamps) - before)
     parts.append((np.array(places, dtype=int), np.array(alone.stamps, dtype=np.int64), np.array(alone.rows, dtype=float).reshape(-1, 7)))
+    if len(poses.frames) > 1:
+        frames = ", ".join(f"{count} in '{frame}'" for frame, count in poses.frames.most_common())
+        most = poses.frames.most_common(1)[0][0]
+        raise ValueError(
+            f"{where.topic}: poses of the {role} are told in several frames: {frames}: choose one, as {role}: {{frame: {most}}}"
+        )
     index, stamps, rows = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(index, kind="stable")
     poses.stamps, poses.rows = stamps[order], rows[order]
@@ -192,6 +200,8 @@ def _is_meant(frame: str, wanted: str, told: Poses, count: int) -> bool:
     """Whether poses are in the frame that is asked for. One that nobody filled in, and one with a slash before it as in ROS 1, are
     taken for it, and that is told.
     """
+    if not wanted:
+        told.frames[frame.removeprefix("/")] += count
     if not wanted or frame == wanted:
         return True
     meant = frame in ("", f"/{wanted}")

@@ -255,7 +255,7 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
     if where.topic:
         poses: Poses = taken.get(role, Poses(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 7))))
         stamps, log_ns, position, quaternion = poses.stamps, poses.log, poses.rows[:, :3], poses.rows[:, 3:]
-        faults = _of_frames(role, poses, frame)
+        faults = _of_frames(role, poses, where.frame or frame)
     elif where.table is not None:
         stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit, where.length)
     else:

@@ -11,7 +11,7 @@ from zlib import crc32
 from dart_skill.files import open_file
 
 READ_AT_ONCE = 2**24
-"""Of a file that is gone through, so many bytes stay in memory [bytes]."""
+"""Part of a file that stays in memory while the file is gone through [bytes]."""
 
 
 @contextmanager
