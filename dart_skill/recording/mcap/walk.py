@@ -240,7 +240,7 @@ class Definitions:
     def best(self) -> tuple[dict[int, Schema], dict[int, Channel]]:
         """Schemas and channels by number: those that are vouched for, and else the first."""
         first = {key: records[0] for key, records in self.others.items()}
-        best = list((first | self.vouched).values())[::-1]
+        best = (first | self.vouched).values()
         schemas = {record.id: record for record in best if isinstance(record, Schema)}
         return schemas, {record.id: record for record in best if isinstance(record, Channel)}
 
