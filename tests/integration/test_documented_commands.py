@@ -87,6 +87,7 @@ FULL_ROS = Not("needs a full ROS installation; names and types are compared with
 COLCON = Elsewhere(
     "unit/repository/test_messages_with_colcon.py::test_the_messages_are_built_beside_the_package_and_brought_up_to_date_the_next_time"
 )
+ROSBAG2 = Not("is a command of rosbag2, which needs a full ROS installation; what it writes is read in unit/recording/test_corpus.py")
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
 MACHINES = Not("is about other machines")
@@ -310,8 +311,8 @@ TYPED = {
     "dart-skill bag recover tuesday_0.db3": Elsewhere("unit/recording/test_recovery_sqlite.py::test_the_command_recovers_sqlite_too"),
     "DART_SKILL_CORPUS=~/corpus python3 -m pytest tests/unit/recording/test_corpus.py": TESTS,
     "python3 -m tests.unit.recording.make_corpus FOLDER": TESTS,
-    "ros2 bag record": FULL_ROS,
-    "ros2 bag reindex": FULL_ROS,
+    "ros2 bag record": ROSBAG2,
+    "ros2 bag reindex": ROSBAG2,
     "dart-skill learn friday": CAUSE,
     "dart-skill learn friday --mapping auto": AUTO,
     "dart-skill bag play monday --rate 0.5 --loop": Run(until="playing monday"),
