@@ -45,7 +45,7 @@ def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[F
     checked = []
     for file in _files_of(path, metadata or {}, findings):
         checked += _checked(file, types, line, findings)
-    if metadata is not None:
+    if metadata is not None and checked:
         findings += _metadata_findings(metadata, checked)
     else:
         findings += _gap_findings(path, checked)
