@@ -60,13 +60,11 @@ class OrientationFit:
 
     * world: rotation (3, 3) from the axes of the arm to those of the cameras.
     * hand: rotation (3, 3) of the tracked body in the frame of the hand.
-    * left: rotations (n, 3, 3) of each sample that are not explained, in the tracked body.
-    * residual: (n,) their angles [rad].
+    * residual: (n,) angles of what is left of each orientation [rad].
     """
 
     world: np.ndarray
     hand: np.ndarray
-    left: np.ndarray
     residual: np.ndarray
 
     @property
@@ -177,7 +175,7 @@ def fit_orientations(seen: np.ndarray, rotation: np.ndarray, rounds: int = ROUND
 
 def _orientation_fit(seen: np.ndarray, rotation: np.ndarray, world: np.ndarray, hand: np.ndarray) -> OrientationFit:
     left = (world @ rotation @ hand).transpose(0, 2, 1) @ seen
-    return OrientationFit(world, hand, left, turn_angles(left))
+    return OrientationFit(world, hand, turn_angles(left))
 
 
 def turn_angles(rotation: np.ndarray) -> np.ndarray:

@@ -5,8 +5,17 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 
-from dart_skill.recording import BagError, BagReader, TopicInfo
-from dart_skill.recording.imports import OWN, POSE_TYPES, PoseSource, RecordingMapping, SignalSource, read_recording, with_remedies
+from dart_skill.recording import BagError, BagReader
+from dart_skill.recording.imports import (
+    OWN,
+    POSE_TYPES,
+    PoseSource,
+    RecordingMapping,
+    SignalSource,
+    filled_topics,
+    read_recording,
+    with_remedies,
+)
 from dart_skill.session._disagreement import Disagreement, disagreement
 
 
@@ -29,17 +38,16 @@ def _by_names(path: str | os.PathLike) -> RecordingMapping:
     """Our own topics where they are there; else for each role the only topic with poses that has its name in it."""
     with BagReader(path) as bag:
         topics = {name: topic for name, topic in bag.topics.items() if topic.count}
+        posed, states = filled_topics(bag, *POSE_TYPES), filled_topics(bag, "JointState")
     bodies = {
-        role: where if where.topic in topics else PoseSource(topic=_pose_topic(path, topics, role)) for role, where in OWN.bodies.items()
+        role: where if where.topic in topics else PoseSource(topic=_pose_topic(path, posed, role)) for role, where in OWN.bodies.items()
     }
-    states = [name for name, topic in topics.items() if _kind(topic) == "JointState"]
     joints = "/joint_states" if "/joint_states" in states else max(states, key=lambda name: topics[name].count, default="")
     signals = {name: where for name in ("teacher", "command") if (where := getattr(OWN, name)) is not None and where.topic in topics}
     return replace(OWN, bodies=bodies, joints=SignalSource(joints) if joints else None, **{"teacher": None, "command": None, **signals})
 
 
-def _pose_topic(path: str | os.PathLike, topics: dict[str, TopicInfo], role: str) -> str:
-    posed = [name for name, topic in topics.items() if _kind(topic) in POSE_TYPES]
+def _pose_topic(path: str | os.PathLike, posed: list[str], role: str) -> str:
     named = [name for name in posed if role in name.lower()]
     if len(named) != 1:
         which = (
@@ -49,7 +57,3 @@ def _pose_topic(path: str | os.PathLike, topics: dict[str, TopicInfo], role: str
         )
         raise BagError(f"{path}: where is the {role}? {which}; name it in a mapping")
     return named[0]
-
-
-def _kind(topic: TopicInfo) -> str:
-    return topic.type_name.rsplit("/", 1)[-1]

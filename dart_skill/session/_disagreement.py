@@ -18,9 +18,9 @@ from dart_skill.quaternions import matrices
 from dart_skill.recording import BagReader
 from dart_skill.recording.imports import (
     AS_OURS,
+    BODY_TYPES,
     LENGTH_UNITS,
     OWN,
-    POSE_TYPES,
     UP_AXES,
     Axes,
     Clock,
@@ -29,6 +29,7 @@ from dart_skill.recording.imports import (
     RecordingMapping,
     ThrowRecording,
     axes_matrix,
+    filled_topics,
     flow_text,
     mended_joints,
     mended_pose,
@@ -243,13 +244,15 @@ class _Search:
 
     def _explanation(self, clocks: ClockOffset) -> tuple[Explanation, float]:
         """What explains most, and with which offset of the clocks; another body takes the place of the hand where only that explains it."""
+        tried = []
         for offset in self._offsets(clocks):
-            plain = self._search(self._hand, offset).plain(self._convention)
+            search = self._search(self._hand, offset)
+            plain = search.plain(self._convention)
             if plain.is_good or (_agrees(plain) and not plain.is_mirrored):
                 return plain, offset
-        first = self._offsets(clocks)[0]
-        search = self._search(self._hand, first)
-        if search.plain(self._convention).positions.error > AGREED_POSITION:
+            tried.append((search, plain, offset))
+        search, plain, first = tried[0]
+        if plain.positions.error > AGREED_POSITION:
             for stream, where in self._other_bodies():
                 its = self._offsets(clock_offset(stream, self._joints))[0]
                 other = self._search(stream, its).plain(self._convention)
@@ -274,8 +277,8 @@ class _Search:
             return
         known = {where.topic for where in self._told.bodies.values()}
         with BagReader(self._path) as bag:
-            kinds = {name: info.type_name.rsplit("/", 1)[-1] for name, info in bag.topics.items() if info.count}
-        for topic in sorted(name for name, kind in kinds.items() if kind in POSE_TYPES and kind != "TFMessage" and name not in known):
+            topics = sorted(set(filled_topics(bag, *BODY_TYPES)) - known)
+        for topic in topics:
             one = RecordingMapping({"hand": replace(_as_it_stands(self._told).bodies["hand"], topic=topic, frame="")})
             yield read_recording(self._path, one, mend=False).bodies["hand"], replace(self._where, topic=topic, frame="")
 

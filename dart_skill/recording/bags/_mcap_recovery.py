@@ -192,7 +192,7 @@ class _FileRecovery:
 
     @cached_property
     def crc(self) -> int:
-        """Of all its bytes."""
+        """The CRC-32 of all its bytes."""
         return crc_of(self.data, len(self.data))
 
     def marks(self) -> set[int]:

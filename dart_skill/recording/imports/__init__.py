@@ -1,7 +1,7 @@
 """Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong with their poses; ours as CSV files."""
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
-from dart_skill.recording.imports.bag_topics import POSE_TYPES
+from dart_skill.recording.imports.bag_topics import BODY_TYPES, POSE_TYPES, filled_topics
 from dart_skill.recording.imports.faults import Fault, fault_lines, in_words
 from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import (
@@ -34,6 +34,7 @@ __all__ = [
     "CaptureFile",
     "ANGLE_UNITS",
     "AS_OURS",
+    "BODY_TYPES",
     "Axes",
     "Clock",
     "LENGTH_UNITS",
@@ -59,6 +60,7 @@ __all__ = [
     "convert",
     "Leaps",
     "fault_lines",
+    "filled_topics",
     "in_words",
     "find_leaps",
     "flow_text",

@@ -17,7 +17,9 @@ from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, read_command
 from dart_skill.recording.imports.joint_streams import read_states
 from dart_skill.recording.imports.mapping import OWN, PoseSource, RecordingMapping, SignalSource
 
-POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
+BODY_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry")
+"""Types of which every message is a pose of one body."""
+POSE_TYPES = (*BODY_TYPES, "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
 PART_NS, PAUSE_NS = 180_000_000_000, 500_000_000
 """A part of a long recording takes so long, and ends with the next pause of so long, or when it is twice as long [ns]."""
@@ -53,6 +55,11 @@ class Signal(GripSignal):
         self.openings, self.stamps, self.log = [], np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         if self.pushes:
             self.forget_before(self.pushes[-1] - GUIDED_NS)
+
+
+def filled_topics(bag: BagReader, *kinds: str) -> list[str]:
+    """Topics of a bag that have messages of some types, in whichever package. bag: is open; kinds: names of types without their package."""
+    return [name for name, topic in bag.topics.items() if topic.count and topic.type_name.rsplit("/", 1)[-1] in kinds]
 
 
 def buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:

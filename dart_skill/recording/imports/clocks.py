@@ -117,7 +117,7 @@ def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np
 
 
 def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
-    """Of a clock that goes a thousand times as fast as the log time, or a thousandth."""
+    """A clock that goes a thousand times as fast as the log time, or a thousandth as fast."""
     if len(stamps) < LEAST:
         return []
     order = np.argsort(log_ns, kind="stable")
@@ -138,7 +138,7 @@ def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault
 
 
 def _step_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
-    """Of stamps that go forward rightly over seconds, but not from one message to the next, as where nanoseconds are microseconds."""
+    """Stamps that go forward rightly over seconds, but not from one message to the next, as where nanoseconds are microseconds."""
     if len(stamps) < LEAST or _unsteadiness(1e-9 * (log_ns - log_ns[0])) > 0.5:
         return []
     step, logged = float(np.median(np.diff(stamps))), float(np.median(np.diff(log_ns)))
@@ -150,13 +150,13 @@ def _step_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault
 
 
 def _overflow(body: str, stamps: np.ndarray) -> list[Fault]:
-    """Of stamps that run back again and again by the same time, or once by more than a late message."""
+    """Stamps that run back again and again by the same time, or once by more than a late message."""
     steps = np.diff(stamps)
     back = -steps[steps < -BACK_NS]
     if not len(back):
         return []
     usual = float(np.median(back))
-    counter = next((text for ns, text in OVERFLOWS.items() if abs(usual - ns) < max(0.02 * ns, 0.0)), "")
+    counter = next((text for ns, text in OVERFLOWS.items() if abs(usual - ns) < 0.02 * ns), "")
     if len(back) > 1 and np.ptp(back) > 0.05 * usual and not counter:
         return []
     why = f"as a counter of {counter} does that overflows" if counter else "the clock was set, or a bag was played again"
@@ -204,7 +204,7 @@ def _lateness(stamps: np.ndarray, log_ns: np.ndarray) -> dict[int, int]:
 
 
 def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray, off: np.ndarray) -> list[Fault]:
-    """Of stamps that would have to be later by `off` (k,) [ns] to agree with those of another topic, at log times (k,) [s]."""
+    """Stamps that would have to be later by `off` (k,) [ns] to agree with those of another topic, at log times (k,) [s]."""
     level = int(np.median(off - off[0])) + int(off[0])
     rest = 1e-9 * (off - level)
     slope = _slope(at, rest) if len(at) >= 5 else 0.0

@@ -181,7 +181,7 @@ def _clocks(mapping: RecordingMapping, taken: dict[str, Any], faulty: set[str]) 
 
 
 def _never_moving(bodies: Mapping[str, PoseStream]) -> list[Fault]:
-    """Of hand and ball whose poses are all the same to the last bit."""
+    """A hand and a ball whose poses are all the same to the last bit."""
     faults = []
     for role in ("hand", "ball"):
         stream = bodies.get(role)

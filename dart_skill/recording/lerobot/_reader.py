@@ -118,7 +118,7 @@ def _size(feature: Mapping[str, Any]) -> int | None:
 
 
 def _names(key: str, feature: Mapping[str, Any], notes: list[str]) -> tuple[str, ...]:
-    """Of the elements, by their places where a dataset has none, or not as many as there are elements, which becomes a note."""
+    """Names of the elements; their places, and a note, where a dataset has none, or not as many as there are elements."""
     size = _size(feature) or 0
     told = list(_told(feature.get("names")))
     several = {name for name, count in Counter(name for _, name in told).items() if count > 1}

@@ -22,7 +22,7 @@ THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
 ARRIVAL_NS = 50_000_000
 """Samples of so long before the end of watching may still be on their way."""
 LEAST_SAMPLES = 10
-"""Of each sensor, without which there is no demonstration."""
+"""With fewer samples of a sensor there is no demonstration."""
 BEFORE_NS = 200_000_000
 """The release is looked for from so long before the hand was told to open."""
 

@@ -103,7 +103,7 @@ def test_metadata_of_every_version_of_rosbag2_are_read(tmp_path, version, file):
 
 
 CHANGES = {
-    "an old folder": lambda told: told.update(relative_file_paths=["/home/lab/old bag/bag_0.db3"]),
+    "an old folder": lambda told: told.update(relative_file_paths=["/somewhere/old bag/bag_0.db3"]),
     "a folder of Windows": lambda told: told.update(relative_file_paths=["C:\\bags\\old\\bag_0.db3"]),
     "another name": lambda told: told.update(relative_file_paths=["recorded_0.db3"]),
     "an unknown storage": lambda told: told.update(storage_identifier="my_plugin"),

@@ -195,9 +195,7 @@ def test_poses_in_several_frames_are_not_mixed(tmp_path, types, poses):
     mapping["hand"] |= {"frame": "map"}
     recording = read_recording(bag, parse_mapping(mapping))
     assert len(recording.bodies["hand"]) == N
-    assert [fault.message for fault in recording.faults if fault.body == "hand"] == [
-        "50 poses in 'camera', and not in 'map', are left out"
-    ]
+    assert [fault.message for fault in recording.faults if fault.body == "hand"] == ["50 poses in 'camera', and not in 'map', are left out"]
 
 
 def test_a_missing_topic_is_named_with_those_there_are(tmp_path, types, poses):

@@ -199,7 +199,7 @@ def test_a_block_of_zero_bytes_is_called_that(tmp_path):
 
 
 def test_a_length_that_is_damaged_hides_no_messages(tmp_path):
-    """Of a message outside chunks: nothing but what follows tells it."""
+    """Outside chunks only what follows a message tells its length."""
     data = bytearray(mcap(tmp_path / "one.mcap", use_chunking=False))
     place = bytes(data).index(struct.pack("<BQ", 5, 66))
     struct.pack_into("<Q", data, place + 1, 5000)

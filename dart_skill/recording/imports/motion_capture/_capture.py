@@ -25,7 +25,7 @@ LENGTH_WORDS = {
 }
 """What programs call each unit of length, in small letters."""
 FEWEST_MARKERS = 3
-"""Of a body whose orientation follows from its markers."""
+"""From so many markers the orientation of a body follows."""
 MOST_NAMES = 40
 """So many names are listed in an error."""
 MEASURED = "Marker"

@@ -31,7 +31,7 @@ KEYS = (
     "length units",
     "coordinate space",
 )
-"""Of the first line, in small letters; a name or a note between them may hold commas."""
+"""Words of the first line, in small letters; a name or a note between them may hold commas."""
 MOST_HEADER_ROWS = 60
 """No header is longer."""
 KINDS = ("rigid body", "bone", "marker")

@@ -54,7 +54,7 @@ def _is_header(cells: Sequence[str]) -> bool:
 
 
 def _headers(file: TextFile) -> list[tuple[Row, Row, Row]]:
-    """Of each block the rows with rate, names and columns."""
+    """The rows of each block with rate, names and columns."""
     found = []
     latest: deque[Row] = deque(maxlen=3)
     for row in file.rows():
