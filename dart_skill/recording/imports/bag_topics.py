@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ import numpy as np
 from dart_skill.constants import NS_PER_S, UNTURNED, Grip
 from dart_skill.recording.bags import BagError, BagMessage, BagReader, Columns, GraphBag, columns_by_layout, deserialize, typestore
 from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, read_commands
+from dart_skill.recording.imports.faults import NOTE, Fault
+from dart_skill.recording.imports.frame_tree import FrameTree, read_frame_tree
 from dart_skill.recording.imports.joint_streams import read_states
 from dart_skill.recording.imports.mapping import OWN, PoseSource, RecordingMapping, SignalSource
 
@@ -23,25 +26,25 @@ POSE_TYPES = (*BODY_TYPES, "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
 PART_NS, PAUSE_NS = 180_000_000_000, 500_000_000
 """A part of a long recording takes so long, and ends with the next pause of so long, or when it is twice as long [ns]."""
+SAME_POSE = 1e-6
+"""Largest difference between two poses that are the same [m] and [1]."""
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of a body as they were recorded.
+    """Poses of a body as they were recorded, in the order of recording.
 
     * stamps, log: when they are said to be, and when they were recorded (n,) [ns].
-    * rows: x, y, z, qx, qy, qz, qw of each.
-    * elsewhere: how many were in other frames than the one that is asked for, by frame.
-    * taken_for: how many were in a frame that is taken for it, by frame.
-    * frames: how many were in each frame, where none is asked for.
+    * rows: x, y, z, qx, qy, qz, qw of each (n, 7).
+    * faults: what was left out, taken for something, or transformed, on account of frames.
+    * frame: name of their frame.
     """
 
-    stamps: Any = field(default_factory=list)
-    log: Any = field(default_factory=list)
-    rows: Any = field(default_factory=list)
-    elsewhere: Counter[str] = field(default_factory=Counter)
-    taken_for: Counter[str] = field(default_factory=Counter)
-    frames: Counter[str] = field(default_factory=Counter)
+    stamps: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    log: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    rows: np.ndarray = field(default_factory=lambda: np.empty((0, 7)))
+    faults: tuple[Fault, ...] = ()
+    frame: str = ""
 
 
 class Signal(GripSignal):
@@ -87,8 +90,11 @@ def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterat
             elif role not in mapping.optional:
                 raise BagError(f"{source}: no topic {where.topic} for '{role}', only {sorted(bag.topics)}: name it in a mapping")
         signals = {role: Signal() for role in there if role in ("teacher", "command")}
+        tree = cache(lambda: read_frame_tree(source))
         for part in _parts(bag.messages({where.topic for where in there.values()}, decode=False), part_ns if signals else 0):
-            yield _collected(part, there, bag, signals)
+            found = _collected(part, there, bag, signals, tree)
+            _require_told_frames({role: one for role, one in found.items() if isinstance(one, Poses) and not there[role].frame}, tree)
+            yield found
 
 
 def _parts(messages: Iterator[BagMessage], part_ns: int) -> Iterator[Iterator[BagMessage]]:
@@ -122,13 +128,17 @@ class _Part:
 
 
 def _collected(
-    messages: Iterator[BagMessage], wanted: dict[str, PoseSource | SignalSource], bag: BagReader, signals: dict[str, Signal]
+    messages: Iterator[BagMessage],
+    wanted: dict[str, PoseSource | SignalSource],
+    bag: BagReader,
+    signals: dict[str, Signal],
+    tree: Callable[[], FrameTree],
 ) -> dict[str, Any]:
     """What was collected of some messages for each role."""
     collectors: dict[str, list[Callable]] = {}
     collected: dict[str, Callable[[], Any]] = {}
     for role, where in wanted.items():
-        collected[role], collect = _collector(role, where, bag.topics[where.topic].type_name, bag, signals)
+        collected[role], collect = _collector(role, where, bag.topics[where.topic].type_name, bag, signals, tree)
         collectors.setdefault(where.topic, []).append(collect)
     for message in messages:
         for collect in collectors[message.topic]:
@@ -137,7 +147,12 @@ def _collected(
 
 
 def _collector(
-    role: str, where: PoseSource | SignalSource, type_name: str, bag: BagReader, signals: dict[str, Signal]
+    role: str,
+    where: PoseSource | SignalSource,
+    type_name: str,
+    bag: BagReader,
+    signals: dict[str, Signal],
+    tree: Callable[[], FrameTree],
 ) -> tuple[Callable[[], Any], Callable[[BagMessage], None]]:
     """Two functions: what was collected of a topic in the end, and one that takes a message."""
     name = type_name.rsplit("/", 1)[1]
@@ -150,7 +165,7 @@ def _collector(
     if isinstance(where, SignalSource):
         return lambda: read_states(messages, bag.types, lambda one: _decoded(bag, one), where, _stamp_of), messages.append
     assert isinstance(where, PoseSource)  # as every body has
-    return lambda: _poses(messages, role, where, name, bag), messages.append
+    return lambda: _poses(_by_frame(messages, where, name, bag), role, where, tree), messages.append
 
 
 def _decoded(bag: BagReader, message: BagMessage) -> Any:
@@ -160,60 +175,108 @@ def _decoded(bag: BagReader, message: BagMessage) -> Any:
         raise BagError(f"{bag.path}: topic {message.topic}: {error}") from error
 
 
-def _poses(messages: list[BagMessage], role: str, where: PoseSource, name: str, bag: BagReader) -> Poses:
-    found: list[Columns] = []
-    left = list(range(len(messages)))
-    if name == "PoseStamped" and messages:
-        _decoded(bag, messages[0])  # or it says what is wrong with it
-        found, left = columns_by_layout(bag.types, messages[0].type_name, [message.data for message in messages])
-    poses, alone, places = Poses(), Poses(), []
-    parts = []
-    for columns in found:
-        if _is_meant(columns.example.header.frame_id, where.frame, poses, len(columns.index)):
-            parts.append((columns.index, columns.stamps, columns.numbers))
-    for k in left:
-        before = len(alone.stamps)
-        _take_poses(alone, poses, where, name, messages[k], _decoded(bag, messages[k]))
-        places += [k] * (len(alone.stamps) - before)
-    parts.append((np.array(places, dtype=int), np.array(alone.stamps, dtype=np.int64), np.array(alone.rows, dtype=float).reshape(-1, 7)))
-    if len(poses.frames) > 1:
-        frames = ", ".join(f"{count} in '{frame}'" for frame, count in poses.frames.most_common())
-        most = poses.frames.most_common(1)[0][0]
-        raise ValueError(
-            f"{where.topic}: poses of the {role} are told in several frames: {frames}: choose one, as {role}: {{frame: {most}}}"
-        )
-    index, stamps, rows = (np.concatenate(column) for column in zip(*parts, strict=True))
-    order = np.argsort(index, kind="stable")
-    poses.stamps, poses.rows = stamps[order], rows[order]
-    poses.log = np.array([message.stamp_ns for message in messages], dtype=np.int64)[index[order]]
-    if poses.elsewhere and not len(poses.stamps):
-        n, frames = sum(poses.elsewhere.values()), " and ".join(f"'{frame}'" for frame in sorted(poses.elsewhere))
+def _poses(told: Mapping[str, Poses], role: str, where: PoseSource, tree: Callable[[], FrameTree]) -> Poses:
+    """The poses of a body. told: those in each frame."""
+    if not where.frame:
+        _require_one_frame(role, where, told)
+    kept = [_in_frame(frame, poses, role, where, tree) for frame, poses in told.items()]
+    poses = _together(kept, where.frame or next(iter(told), ""))
+    if told and not len(poses.stamps):
+        n, frames = sum(len(one.stamps) for one in told.values()), " and ".join(f"'{frame}'" for frame in sorted(told))
         what = f"a pose of the {role} is" if n == 1 else f"all {n} poses of the {role} are"
         raise ValueError(f"{where.topic}: {what} in {frames}, not '{where.frame}': give frame and axes in a mapping")
     return poses
 
 
-def _take_poses(poses: Poses, told: Poses, where: PoseSource, name: str, message: BagMessage, content: Any) -> None:
-    items = content.transforms if name == "TFMessage" else [content]
-    for item in items:
-        if where.child and getattr(item, "child_frame_id", where.child) != where.child:
-            continue
-        if _is_meant(item.header.frame_id, where.frame, told, 1):
-            poses.stamps.append(_stamp_of(item))
-            poses.rows.append(_pose_row(name, item))
+def _by_frame(messages: list[BagMessage], where: PoseSource, name: str, bag: BagReader) -> dict[str, Poses]:
+    """The poses in each frame, in the order of recording."""
+    found: list[Columns] = []
+    left = list(range(len(messages)))
+    if name == "PoseStamped" and messages:
+        _decoded(bag, messages[0])  # or it says what is wrong with it
+        found, left = columns_by_layout(bag.types, messages[0].type_name, [message.data for message in messages])
+    parts: dict[str, list[tuple]] = {}
+    for columns in found:
+        parts.setdefault(columns.example.header.frame_id, []).append((columns.index, columns.stamps, columns.numbers))
+    for k in left:
+        content = _decoded(bag, messages[k])
+        for item in content.transforms if name == "TFMessage" else [content]:
+            if not where.child or getattr(item, "child_frame_id", where.child) == where.child:
+                row = np.array([_pose_row(name, item)], dtype=float)
+                parts.setdefault(item.header.frame_id, []).append(([k], [_stamp_of(item)], row))
+    log = np.array([message.stamp_ns for message in messages], dtype=np.int64)
+    poses = {}
+    for frame, of_this in parts.items():
+        index, stamps, rows = (np.concatenate(column) for column in zip(*of_this, strict=True))
+        order = np.argsort(index, kind="stable")
+        poses[frame] = Poses(stamps[order], log[index[order]], rows[order])
+    return poses
 
 
-def _is_meant(frame: str, wanted: str, told: Poses, count: int) -> bool:
-    """Whether poses are in the frame that is asked for. One that nobody filled in, and one with a slash before it as in ROS 1, are
-    taken for it, and that is told.
+def _require_one_frame(role: str, where: PoseSource, told: Mapping[str, Poses]) -> None:
+    counts: Counter[str] = Counter()
+    for frame, poses in told.items():
+        counts[frame.removeprefix("/")] += len(poses.stamps)
+    if len(counts) > 1:
+        frames = ", ".join(f"{count} in '{frame}'" for frame, count in counts.most_common())
+        most = counts.most_common(1)[0][0]
+        raise ValueError(
+            f"{where.topic}: poses of the {role} are told in several frames: {frames}: choose one, as {role}: {{frame: {most}}};"
+            " where /tf leads there, the others are taken to it"
+        )
+
+
+def _in_frame(frame: str, poses: Poses, role: str, where: PoseSource, tree: Callable[[], FrameTree]) -> Poses:
+    """The poses in the frame that is asked for, which is any if none is, and what was done for that.
+
+    A frame that nobody filled in, and one with a slash before it as in ROS 1, are taken for it. From others /tf leads there, or nothing.
     """
-    if not wanted:
-        told.frames[frame.removeprefix("/")] += count
-    if not wanted or frame == wanted:
-        return True
-    meant = frame in ("", f"/{wanted}")
-    (told.taken_for if meant else told.elsewhere)[frame] += count
-    return meant
+    n = len(poses.stamps)
+
+    def fault(kind: str, count: int, text: str) -> Fault:
+        return Fault(kind, role, int(poses.stamps.min()), int(poses.stamps.max()), count, text, True)
+
+    if not where.frame or frame == where.frame:
+        return poses
+    if frame in ("", f"/{where.frame}"):
+        text = f"{n} poses are in the frame '{frame}'" if frame else f"{n} poses are in a frame that nobody filled in"
+        return replace(poses, faults=(fault(NOTE, n, f"{text}: taken to be '{where.frame}'"),))
+    one, by_log = frame.removeprefix("/"), where.clock.source == "log"
+    if not tree().connects(one, where.frame):
+        text = f"{n} poses in '{frame}', and not in '{where.frame}', are left out, for no /tf leads there"
+        return Poses(faults=(fault("frame", n, text),))
+    rows = tree().moved(poses.rows, one, where.frame, poses.log if by_log else poses.stamps, by_log)
+    known = np.isfinite(rows).all(axis=1) | ~np.isfinite(poses.rows).all(axis=1)
+    faults = [fault(NOTE, int(known.sum()), f"{known.sum()} poses in '{frame}' are taken to '{where.frame}' by /tf")] if known.any() else []
+    if not known.all():
+        text = f"{(~known).sum()} poses in '{frame}' are left out, for /tf does not tell where '{where.frame}' was then"
+        faults.append(fault("frame", int((~known).sum()), text))
+    return Poses(poses.stamps[known], poses.log[known], rows[known], tuple(faults))
+
+
+def _require_told_frames(bodies: Mapping[str, Poses], tree: Callable[[], FrameTree]) -> None:
+    """ValueError if bodies are in frames that /tf tells apart, and nobody said in which one they are wanted. bodies: by role."""
+    first = next(iter(bodies), "")
+    for role, poses in bodies.items():
+        frame, other = poses.frame.removeprefix("/"), bodies[first].frame.removeprefix("/")
+        if frame == other or not tree().connects(frame, other):
+            continue
+        moved = np.abs(tree().moved(poses.rows, frame, other, poses.stamps) - poses.rows)
+        if moved[np.isfinite(moved)].max(initial=0.0) > SAME_POSE:
+            raise ValueError(
+                f"the {first} is told in '{other}' and the {role} in '{frame}', and /tf says that these differ: give both a frame, as"
+                f" {role}: {{frame: {other}}}, to which /tf takes it; with frame: {frame} it is taken as it is"
+            )
+
+
+def _together(poses: list[Poses], frame: str) -> Poses:
+    """Poses of several frames in the order of recording."""
+    if len(poses) == 1:
+        return replace(poses[0], frame=frame)
+    parts = [(one.stamps, one.log, one.rows) for one in [Poses(), *poses]]
+    stamps, log, rows = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(log, kind="stable")
+    return Poses(stamps[order], log[order], rows[order], tuple(fault for one in poses for fault in one.faults), frame)
 
 
 def _stamp_of(item: Any) -> int:

@@ -116,7 +116,7 @@ class PoseSource:
     * table: columns of a file.
     * capture: a body in a file of a motion capture program.
     * fixed: a position that never changes (3,) [m].
-    * frame: header.frame_id that the messages must have, "" for any.
+    * frame: header.frame_id that is wanted, to which /tf takes other poses; "" for any.
     * axes: where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
     * orientation_axes: the same for orientations, where a driver turns positions only; None: those of the positions.
     * length: unit of lengths, of LENGTH_UNITS.

@@ -253,9 +253,9 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
     scale, order, log_ns = LENGTH_UNITS[where.length], QUATERNION_ORDERS[where.order], None
     faults: list[Fault] = []
     if where.topic:
-        poses: Poses = taken.get(role, Poses(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 7))))
+        poses: Poses = taken.get(role, Poses())
         stamps, log_ns, position, quaternion = poses.stamps, poses.log, poses.rows[:, :3], poses.rows[:, 3:]
-        faults = _of_frames(role, poses, where.frame or frame)
+        faults += poses.faults
     elif where.table is not None:
         stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit, where.length)
     else:
@@ -266,23 +266,6 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
     if not where.is_plain:
         stream = transformed(stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse)
     return stream, faults + time.faults
-
-
-def _of_frames(role: str, poses: Poses, frame: str) -> list[Fault]:
-    """What is to be said of poses in other frames than the one that is asked for."""
-    stamps = poses.stamps if len(poses.stamps) else np.zeros(1, dtype=np.int64)
-    start, stop = int(stamps.min()), int(stamps.max())
-    texts = [("frame", n, f"{n} poses in '{name}', and not in '{frame}', are left out") for name, n in poses.elsewhere.items()]
-    for name, n in poses.taken_for.items():
-        texts.append(
-            (
-                NOTE,
-                n,
-                f"{n} poses are in the frame '{name}', "
-                + (f"taken to be '{frame}'" if name else f"which nobody filled in: taken to be '{frame}'"),
-            )
-        )
-    return [Fault(kind, role, start, stop, n, text, True) for kind, n, text in texts]
 
 
 def _resting(role: str, pose: np.ndarray, stamps: np.ndarray, frame: str) -> PoseStream:

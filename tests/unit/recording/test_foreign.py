@@ -189,13 +189,15 @@ def test_poses_in_several_frames_are_not_mixed(tmp_path, types, poses):
         (topic, kind, stamp + 1, {**content, "header": header(stamp + 1, "camera")}) for topic, kind, stamp, content in messages[:50]
     ]
     bag = write_bag(tmp_path / "bag", types, messages)
-    with pytest.raises(ValueError, match="/lab/hand: .*several frames: 200 in 'map', 50 in 'camera': choose one, as hand: {frame: map}"):
+    with pytest.raises(ValueError, match="/lab/hand: .*several frames: 200 in 'map', 50 in 'camera': choose one, as hand: {frame: map};"):
         read_recording(bag, parse_mapping(topics()))
     mapping = topics()
     mapping["hand"] |= {"frame": "map"}
     recording = read_recording(bag, parse_mapping(mapping))
     assert len(recording.bodies["hand"]) == N
-    assert [fault.message for fault in recording.faults if fault.body == "hand"] == ["50 poses in 'camera', and not in 'map', are left out"]
+    assert [fault.message for fault in recording.faults if fault.body == "hand"] == [
+        "50 poses in 'camera', and not in 'map', are left out, for no /tf leads there"
+    ]
 
 
 def test_a_missing_topic_is_named_with_those_there_are(tmp_path, types, poses):
