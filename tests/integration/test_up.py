@@ -16,6 +16,7 @@ from dart_skill.session import learn_from_bag
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, SIMULATED
 from dart_skill_nodes.process.signals import ENDS_WITH
 from tests.paths import BAGS
+from tests.view_client import PageClient
 from tests.warm import nodes_of
 
 BAG = BAGS / "demonstrations"
@@ -96,6 +97,15 @@ def test_every_node_is_told_of_is_taught_learns_throws_and_none_is_left_after_ct
     for arguments, told in ((["teach", "--count", "2"], "lessons"), (["learn", "--at-least", "2"], "model_id"), (["throw"], "throws")):
         assert told_by(*arguments)[told]
     assert end(process)[-1]["event"] == "down"
+
+
+def test_the_page_is_that_of_the_skill(start):
+    process = start("--skill", "place", "--viewer", "--port", "0")
+    events = events_until(process, "up")
+    (url,) = [event["message"] for event in events if event["node"] == "viewer"]
+    with PageClient(url, origin=url) as page:
+        page.wait_for(lambda: page.says("Press Teach to have place shown"), PATIENCE, "what to press")
+    end(process)
 
 
 @pytest.mark.slow

@@ -37,6 +37,8 @@ TOKEN = "DART_SKILL_VIEW_TOKEN"
 """Environment variable: what the address of the viewer's page must hold; each viewer makes one of its own where it is not set."""
 START = 180.0
 """For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
+OF_NO_SKILL = ("bag_player", "effort_bridge")
+"""Executables that do the same for every skill."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
 
 
@@ -52,7 +54,7 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     registration: file of `dart-skill check arm --write`. skill: its name; empty: that of config/world.yaml.
     """
     parameters = {"seed": seed} if executable in SEEDED and layout in SIMULATED else {}
-    if skill != "" and executable != "bag_player":
+    if skill != "" and executable not in OF_NO_SKILL:
         parameters["skill"] = skill
     if executable in ("composed", "demonstration_recorder"):
         parameters["bag"] = bag

@@ -68,7 +68,8 @@ def _started(context: LaunchContext, layouts: list[str], arguments: list[str], e
     of_all = {name: given(name) for name in OF_ALL}
     _check(of_all)
     nodes = [_node(executable, of_all, parameters_of(executable, layout, **values)) for executable in LAYOUTS[layout]]
-    nodes += [_node(EXTRAS[name][0], of_all, {}, required=False) for name in extras if _is_true(name, given(name))]
+    beside = [EXTRAS[name][0] for name in extras if _is_true(name, given(name))]
+    nodes += [_node(executable, of_all, parameters_of(executable, layout, **values), required=False) for executable in beside]
     return nodes + (_rviz(of_all, layout) if _is_true("rviz", given("rviz")) else [])
 
 

@@ -143,7 +143,8 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
     if options.viewer:
         from dart_skill.view import new_token
 
-        wanted["viewer"] = {} if options.port is None else {"port": options.port}
+        wanted["viewer"] = parameters_of("viewer", options.layout, skill=options.skill)
+        wanted["viewer"] |= {} if options.port is None else {"port": options.port}
         os.environ.setdefault(TOKEN, new_token())
     return wanted
 

@@ -94,6 +94,12 @@ def test_nodes_and_their_parameters_exist(launched):
             assert set(options["parameters"][0]) <= parameters_there_are(executable), executable
 
 
+def test_the_skill_is_told_to_every_node_that_has_one(launched):
+    beside = {name: "true" for name in ("viewer", "bridge") if name in launched.declared}
+    for executable, options in launched.nodes(**beside, skill="place").items():
+        assert ("skill" in parameters_there_are(executable)) == (options["parameters"][0].get("skill") == "place"), executable
+
+
 def test_arguments_are_described(launched):
     assert all(options["description"] and isinstance(options["default_value"], str) for options in launched.declared.values())
     assert {"viewer", "rviz", "namespace", "params_file", "use_sim_time", "log_level"} <= set(launched.declared)
