@@ -87,8 +87,8 @@ def test_commands_are_played_where_they_are_asked_for_and_no_arm_is(throw, play,
 @pytest.mark.parametrize(
     ("options", "has_states", "complaint"),
     [
-        ([], True, " publishes /joint_states: an arm is there"),
-        (["--commands", "--exclude", "/joint_states"], True, " publishes /joint_states: an arm is there"),
+        ([], True, "driver publishes /joint_states: an arm is there. Play without these (--exclude /joint_states), or end it"),
+        (["--commands", "--exclude", "/joint_states"], True, "an arm is there. Play without these (--exclude /wam/command /hand/commands)"),
         (["--commands"], False, "driver hears /wam/command, and may move an arm"),
     ],
 )
@@ -100,11 +100,31 @@ def test_nothing_that_an_arm_would_take_for_its_own_is_played_beside_one(throw, 
         driver.create_publisher(String, "/joint_states", 10)
     driver.create_subscription(String, "/wam/command", commands.append, 10)
     player = play(throw, "--loop", *options)
-    wait_for(client, lambda: player.poll() is not None, what="the end of the player")
+    offered = set()
+
+    def has_ended():
+        offered.update(one.node_name for topic in ("/joint_states", "/wam/command") for one in driver.get_publishers_info_by_topic(topic))
+        return player.poll() is not None
+
+    wait_for(client, has_ended, what="the end of the player")
     _, told = player.communicate()
     rclpy.spin_once(driver, timeout_sec=0.1)
     driver.destroy_node()
     assert player.returncode == 1 and complaint in told and commands == [], told
+    assert "bag_player" not in offered and "playing" not in told, "an arm hears of the player before this has looked for it"
+
+
+def test_what_the_refusal_names_lets_the_rest_be_played(tmp_path, play, make_graph):
+    _, client = make_graph(None)
+    bag = write_texts(tmp_path / "bag", ("/joint_states", "/said"), 50)
+    driver, listener = rclpy.create_node("driver"), Listener(client, ["/said"])
+    driver.create_publisher(String, "/joint_states", 10)
+    player = play(bag, "--wait-for", "/said", "--exclude", "/joint_states")
+    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
+    _, told = player.communicate()
+    driver.destroy_node()
+    assert player.returncode == 0 and f"playing {bag}" in told and numbers(listener, "/said") == list(range(50))
+    listener.close()
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """Whether what a recording holds would move an arm that is there, or be mistaken for what it says of itself."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 
 from rclpy.node import Node
 
@@ -20,17 +20,25 @@ def commands_an_arm(topic: str) -> bool:
     return any(re.fullmatch(pattern, topic) for pattern in TAKE_COMMANDS)
 
 
-def arm_beside(node: Node, topics: Collection[str]) -> str:
-    """Why a node must not publish a recording on these topics: an arm publishes its states. Empty if it may."""
-    commands = [topic for topic in topics if commands_an_arm(topic)]
-    states = [topic for topic in topics if topic.endswith(f"/{JOINT_STATES}")]
+def concern_an_arm(topics: Iterable[str]) -> list[str]:
+    """Those of some topics on which an arm takes commands, or says its states."""
+    return [topic for topic in topics if commands_an_arm(topic) or topic.endswith(f"/{JOINT_STATES}")]
+
+
+def arm_beside(node: Node, topics: Mapping[str, str]) -> str:
+    """Why a node must not publish a recording on some topics: an arm publishes its states. Empty if it may.
+
+    * topics: what each is called in the recording, by the name under which it would be published.
+    """
+    theirs = concern_an_arm(topics)
+    commands = [topic for topic in theirs if commands_an_arm(topic)]
+    states = [topic for topic in theirs if topic not in commands]
     graphs = {topic.removesuffix(f"/{name}") for topic in commands for name in (COMMANDS, GUIDING) if topic.endswith(f"/{name}")}
     for topic in {*states, *([JOINT_STATES] if commands else []), *(f"{graph}/{JOINT_STATES}" for graph in graphs)}:
         if there := others(node, topic):
             who = " and ".join("somebody" if name == UNKNOWN else name for name in there)
-            return (
-                f"{who} publishes {node.resolve_topic_name(topic)}: an arm is there. Leave {', '.join([*commands, *states])} out, or end it"
-            )
+            without = " ".join(topics[one] for one in theirs)
+            return f"{who} publishes {node.resolve_topic_name(topic)}: an arm is there. Play without these (--exclude {without}), or end it"
     return ""
 
 

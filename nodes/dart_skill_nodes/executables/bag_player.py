@@ -1,7 +1,8 @@
 """The bag player: publishes what a bag holds, with the quality of service that was recorded, at any rate, with /clock.
 
 ~/pause (SetBool) and ~/step (a number of messages, while paused) steer it, and so does the parameter `rate`. It ends with the bag.
-Commands of a recording are played only where somebody asks for them, and no states or commands beside an arm that is there.
+Commands of a recording are played only where somebody asks for them, and no states or commands beside an arm that is there: before the
+player has looked for one, it offers nothing on any topic.
 """
 
 import math
@@ -15,12 +16,13 @@ from collections.abc import Callable, Iterable
 from dart_skill_msgs.srv import Step
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
 from dart_skill.recording import OLDER_COMMAND, BagReader, GraphBag, TopicInfo, completed_command, type_hash, types_for
 from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
-from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm
+from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm, concern_an_arm
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import message_class
 from dart_skill_nodes.comms.names import CLOCK, GLOBAL, full_name
@@ -45,7 +47,7 @@ TABLE = [
     Parameter("awaited", "regular expressions: topics, as published, that must have a subscriber before playing begins; '': none"),
 ]
 FINDS = 2.0
-"""For an arm to be found, before a command is played [s, wall clock]."""
+"""For an arm to be found, before a topic of arms is offered [s, wall clock]."""
 DEPTH = 10_000
 """Of publishers at least, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
 PATIENCE = Duration(seconds=10)
@@ -53,22 +55,29 @@ PATIENCE = Duration(seconds=10)
 
 
 class BagPlayer(GuardedNode):
-    """Publishes from a thread of its own, so that no callback delays a message. `finished`: everything was published. `refusal`: why not
-    everything was: an arm is there.
+    """Publishes from a thread of its own, so that no callback delays a message.
+
+    * on_begin: called, in that thread, when playing begins.
+
+    Attributes:
+
+    * finished: whether everything was published.
+    * refusal: why not everything was: an arm is there. Empty without one.
     """
 
-    def __init__(self):
+    def __init__(self, on_begin: Callable[[], None] = lambda: None):
         super().__init__("bag_player")
         self.p = declare(self, "bag_player.yaml", TABLE)
-        self.refusal, self._made = "", time.monotonic()
+        self.refusal, self._made, self._on_begin = "", time.monotonic(), on_begin
         self.finished, self._stopping = False, False
         self._steps, self._published, self._position_ns = 0, 0, 0
         self._bag = GraphBag(self.p["bag"]) if self.p["graph"] else BagReader(self.p["bag"])
         self._playback = Playback(self._bag, self._selection())
-        self._publishers_of = {topic: self._publisher(topic, info) for topic, info in self._playback.topics.items()}
+        self._offers = {topic: (message_class(info.type_name), _quality(info)) for topic, info in self._playback.topics.items()}
+        self._publishers_of: dict[str, Publisher] = {}
         self._older = {topic for topic, info in self._playback.topics.items() if info.type_hash == OLDER_COMMAND}
         if self._playback.makes_clock:
-            self._publishers_of[CLOCK_TOPIC] = self.create_publisher(message_class(CLOCK_TYPE), self._in_full(CLOCK_TOPIC), CLOCK_QOS)
+            self._offers[CLOCK_TOPIC] = (message_class(CLOCK_TYPE), CLOCK_QOS)
         self._awaited = self._awaited_topics()
         self._sent: Counter[str] = Counter()  # since everything was last acknowledged
         self._changed = threading.Condition()
@@ -77,7 +86,7 @@ class BagPlayer(GuardedNode):
         self.create_service(Step, "~/step", self._on_step)
         self.add_on_set_parameters_callback(self._on_parameters)
         self._diagnostics = Diagnostics(self, self._describe)
-        self._hearers = Hearers(self, self._publishers_of)
+        self._hearers = Hearers(self, self._offers)
         self._watch_arms()
         self.create_timer(LOOK, self._watch_arms, clock=WALL)
         self._thread = threading.Thread(target=self._play, name="playing")
@@ -132,9 +141,6 @@ class BagPlayer(GuardedNode):
             return False
         return True
 
-    def _publisher(self, topic: str, info: TopicInfo):
-        return self.create_publisher(message_class(info.type_name), self._in_full(topic), _quality(info))
-
     def _in_full(self, topic: str) -> str:
         """The time of a graph goes with it into its namespace."""
         return full_name(self, CLOCK) if self.p["graph"] and topic == CLOCK_TOPIC else topic
@@ -142,14 +148,15 @@ class BagPlayer(GuardedNode):
     def _awaited_topics(self) -> list[str]:
         """Those of `awaited`; ValueError if one of its expressions matches nothing that is played."""
         patterns = list(filter(None, self.p["awaited"]))
-        if unknown := [pattern for pattern in patterns if not any(re.fullmatch(pattern, topic) for topic in self._publishers_of)]:
-            raise ValueError(f"awaited: {unknown} are not played, only {sorted(self._publishers_of)}")
-        return [topic for topic in self._publishers_of if any(re.fullmatch(pattern, topic) for pattern in patterns)]
+        if unknown := [pattern for pattern in patterns if not any(re.fullmatch(pattern, topic) for topic in self._offers)]:
+            raise ValueError(f"awaited: {unknown} are not played, only {sorted(self._offers)}")
+        return [topic for topic in self._offers if any(re.fullmatch(pattern, topic) for pattern in patterns)]
 
     # playing, in the thread
 
     def _play(self) -> None:
-        if self._are_awaited() and self._is_alone():
+        if self._is_alone() and self._are_awaited():
+            self._on_begin()
             with self._changed:
                 self._pace.begin(time.monotonic())
             self._publish_all(self._playback)
@@ -164,20 +171,24 @@ class BagPlayer(GuardedNode):
             return not self._stopping
 
     def _is_alone(self) -> bool:
-        """Before the first command, wait until an arm that is there would have been found; False if playing was stopped."""
-        commands = any(map(commands_an_arm, self._publishers_of))
+        """Wait until the topics are offered; False if playing was stopped, as beside an arm."""
         with self._changed:
-            while commands and not self._stopping and (left := self._made + FINDS - time.monotonic()) > 0.0:
-                self._changed.wait(left)
+            while not self._stopping and not self._publishers_of:
+                self._changed.wait()
             return not self._stopping
 
     def _watch_arms(self) -> None:
-        """Stop when an arm is there that would take what is played for its own, or for a command."""
+        """Stop when an arm is there that would take what is played for its own, or for a command; else offer the topics."""
         if self.finished or self.refusal:
             return
-        reason = arm_beside(self, self._publishers_of) or self._hearers.look()
+        reason = arm_beside(self, {topic: info.name for topic, info in self._playback.topics.items()}) or self._hearers.look()
+        has_looked = not concern_an_arm(self._offers) or time.monotonic() > self._made + FINDS
         with self._changed:
             self.refusal, self._stopping = reason, self._stopping or bool(reason)
+            if has_looked and not self._stopping and not self._publishers_of:
+                self._publishers_of = {
+                    topic: self.create_publisher(kind, self._in_full(topic), quality) for topic, (kind, quality) in self._offers.items()
+                }
             self._changed.notify()
 
     def _publish_all(self, dues: Iterable[Due]) -> None:
@@ -243,6 +254,8 @@ class BagPlayer(GuardedNode):
     def _describe(self):
         if self.refusal:
             return ERROR, f"not played: {self.refusal}", {"published": self._published}
+        if not self._publishers_of:
+            return OK, "looking for an arm", {"published": 0}
         state = "finished" if self.finished else ("paused" if self._pace.paused else "playing")
         if awaited := self._awaited:
             state = f"waiting for a subscriber of {', '.join(awaited)}"
@@ -262,13 +275,12 @@ def _quality(info: TopicInfo) -> QoSProfile:
     )
 
 
-def play(args: list[str] | None, program: str, tell: Callable[[BagPlayer], None] = lambda player: None) -> BagPlayer:
-    """Play until the end, Ctrl-C or a refusal, which is said; tell: called with the player when it begins."""
+def play(args: list[str] | None, program: str, on_begin: Callable[[], None] = lambda: None) -> BagPlayer:
+    """Play until the end, Ctrl-C or a refusal, which is said. on_begin: as for the player."""
     players: list[BagPlayer] = []
 
     def make() -> list[BagPlayer]:
-        players.append(BagPlayer())
-        tell(players[0])
+        players.append(BagPlayer(on_begin))
         return players
 
     run(make, args, over=lambda nodes: nodes[0].finished or bool(nodes[0].refusal), program=program)
