@@ -87,7 +87,7 @@ def test_commands_are_played_where_they_are_asked_for_and_no_arm_is(throw, play,
 @pytest.mark.parametrize(
     ("options", "has_states", "complaint"),
     [
-        ([], True, "driver publishes /joint_states: an arm is there. Play without these (--exclude /joint_states), or end it"),
+        ([], True, " publishes /joint_states: an arm is there. Play without these (--exclude /joint_states), or end it"),
         (["--commands", "--exclude", "/joint_states"], True, "an arm is there. Play without these (--exclude /wam/command /hand/commands)"),
         (["--commands"], False, "driver hears /wam/command, and may move an arm"),
     ],

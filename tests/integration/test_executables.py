@@ -191,3 +191,15 @@ def test_a_node_that_cannot_start_says_why_in_a_line_and_ends(warm, tmp_path, ex
     told = ended.stdout + ended.stderr
     assert ended.returncode == 1 and "Traceback" not in told, told
     assert reason in told.splitlines()[-1] and told.splitlines()[-1].startswith(executable), told
+
+
+def test_a_node_that_lacks_a_package_says_which(tmp_path):
+    """rclpy keeps what goes wrong in a change of state to itself."""
+    package = tmp_path / "tf2_msgs"
+    package.mkdir()
+    (package / "__init__.py").write_text("raise ModuleNotFoundError('No module named tf2_msgs')")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    command = [shutil.which("ros2"), "run", "dart_skill", "mock_optitrack"]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    said = "mock_optitrack did not start: not configured: ModuleNotFoundError at __init__.py:1: No module named tf2_msgs"
+    assert done.returncode == 1 and said in done.stderr and "Traceback" not in done.stderr, done.stderr

@@ -55,6 +55,12 @@ class Selection:
     clock_rate: float = 100.0
 
     def __post_init__(self) -> None:
+        for name, patterns in (("topics", self.topics), ("exclude", self.exclude)):
+            for pattern in patterns:
+                try:
+                    re.compile(pattern)
+                except re.error as error:
+                    raise ValueError(f"{name}: '{pattern}' is no regular expression: {error}") from error
         if not (math.isfinite(self.start) and self.start >= 0.0):
             raise ValueError(f"start = {self.start}: give seconds after the bag's first message, not negative")
         if not self.duration > 0.0:
@@ -63,8 +69,9 @@ class Selection:
             raise ValueError(f"clock_rate = {self.clock_rate}: give ticks per second, or 0 for no /clock")
 
     def matches(self, topic: str) -> bool:
-        """Whether a recorded topic is played."""
-        return _any_matches(self.topics, topic) and not _any_matches(self.exclude, topic)
+        """Whether a topic is chosen."""
+        wanted, unwanted = (any(re.fullmatch(one, topic) for one in patterns) for patterns in (self.topics, self.exclude))
+        return wanted and not unwanted
 
 
 class Playback:
@@ -173,13 +180,6 @@ class Pace:
 def clock_message(stamp_ns: int) -> bytes:
     """rosgraph_msgs/msg/Clock as CDR."""
     return struct.pack("<4BiI", 0, 1, 0, 0, *divmod(stamp_ns, NS_PER_S))
-
-
-def _any_matches(patterns: Sequence[str], topic: str) -> bool:
-    try:
-        return any(re.fullmatch(pattern, topic) for pattern in patterns)
-    except re.error as error:
-        raise ValueError(f"{patterns}: no regular expression: {error}") from error
 
 
 def _checked(rate: float) -> float:

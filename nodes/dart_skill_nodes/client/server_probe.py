@@ -20,7 +20,7 @@ from dart_skill_nodes.comms.presence import UNKNOWN, Presence, servers
 AGAIN = 0.5
 """A question is asked again after so long [s, wall clock]."""
 APPEARS = 4.0
-"""For somebody to serve at all: a graph that has just been started finds itself within seconds [s, wall clock]."""
+"""For somebody to be found at all: a driver with Fast DDS's own settings tells of itself every 3 s [s, wall clock]."""
 FOUND_DEAD = 0.5
 """Where a dead one is found, the next one is waited for by so much of that time: it may be starting."""
 COMES_BACK = 0.7

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from rclpy.clock import Clock
 from rclpy.executors import ExternalShutdownException
-from rclpy.lifecycle import LifecycleNode
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
 from dart_skill_nodes.comms.in_process import Handing, has_called
@@ -20,6 +20,14 @@ SAID_AGAIN = 5.0
 """A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad messages is no stream of lines."""
 NOT_RECORDED = "recording has stopped"
 """Said of a bag that cannot be written to any more. No demonstration is made of what is in no bag: it would be gone with the learner."""
+NOT_CHANGED = {
+    "on_configure": "not configured",
+    "on_activate": "not activated",
+    "on_deactivate": "not deactivated",
+    "on_cleanup": "not cleaned up",
+    "on_shutdown": "not shut down",
+}
+"""What is said of a change of state that fails, by its method."""
 SHOWN = 10.0
 """The last refusal is the node's status for so long [s, wall clock]; the counts stay."""
 
@@ -65,7 +73,7 @@ class Refusals:
 def in_a_line(error: Exception) -> str:
     """What an error says; of one that is no plain refusal also where it was raised, as that is a defect of ours."""
     text = " ".join(str(error).split())[:500]
-    if isinstance(error, ValueError):
+    if isinstance(error, ValueError | OSError):
         return text
     frames = traceback.extract_tb(error.__traceback__)
     where = f" at {frames[-1].filename.rsplit('/', 1)[-1]}:{frames[-1].lineno}" if frames else ""
@@ -125,7 +133,28 @@ class GuardedNode(_Guarded, Node):
 
 
 class GuardedLifecycleNode(_Guarded, LifecycleNode):
-    """A managed node that survives what it is sent."""
+    """A managed node that survives what it is sent. A change of state that fails says why: rclpy keeps the exception to itself.
+
+    fault: why the last change of state failed; empty if it did not.
+    """
+
+    def __init__(self, name: str, **options):
+        self.fault = ""
+        for change, what in NOT_CHANGED.items():  # rclpy takes them from the node when it is made
+            setattr(self, change, self._saying(what, getattr(self, change)))
+        super().__init__(name, **options)
+
+    def _saying(self, what: str, callback: Callable[[LifecycleState], TransitionCallbackReturn]) -> Callable:
+        def change(state: LifecycleState) -> TransitionCallbackReturn:
+            self.fault = ""
+            try:
+                return callback(state)
+            except Exception as error:  # of whatever a node needs and does not find
+                self.fault = f"{what}: {in_a_line(error)}"
+                self.get_logger().error(self.fault)
+                return TransitionCallbackReturn.FAILURE
+
+        return change
 
 
 def _refusing(response, text: str):

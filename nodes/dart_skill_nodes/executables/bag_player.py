@@ -23,6 +23,7 @@ from std_srvs.srv import SetBool
 from dart_skill.recording import OLDER_COMMAND, BagReader, GraphBag, TopicInfo, completed_command, type_hash, types_for
 from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
 from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm, concern_an_arm
+from dart_skill_nodes.client.server_probe import APPEARS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import message_class
 from dart_skill_nodes.comms.names import CLOCK, GLOBAL, full_name
@@ -46,8 +47,6 @@ TABLE = [
     Parameter("clock_rate", "of /clock, unless the bag has one [1/s of the bag's time]; 0: none", 0.0, 10_000.0),
     Parameter("awaited", "regular expressions: topics, as published, that must have a subscriber before playing begins; '': none"),
 ]
-FINDS = 2.0
-"""For an arm to be found, before a topic of arms is offered [s, wall clock]."""
 DEPTH = 10_000
 """Of publishers at least, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
 PATIENCE = Duration(seconds=10)
@@ -182,7 +181,7 @@ class BagPlayer(GuardedNode):
         if self.finished or self.refusal:
             return
         reason = arm_beside(self, {topic: info.name for topic, info in self._playback.topics.items()}) or self._hearers.look()
-        has_looked = not concern_an_arm(self._offers) or time.monotonic() > self._made + FINDS
+        has_looked = not concern_an_arm(self._offers) or time.monotonic() > self._made + APPEARS
         with self._changed:
             self.refusal, self._stopping = reason, self._stopping or bool(reason)
             if has_looked and not self._stopping and not self._publishers_of:

@@ -95,17 +95,13 @@ class DemonstrationRecorder(BagKeeper):
     # life cycle
 
     def on_configure(self, state) -> TransitionCallbackReturn:
-        try:
-            self._thresholds = VelocityThreshold(
-                start=self.p["start_threshold"], stop=self.p["stop_threshold"], window=self.p["speed_window"],
-                **{name: self.p[name] for name in ("min_duration", "max_pause", "run_up", "settle")},
-            )  # fmt: skip
-            path = Path(self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}")
-            self._bag = BagSink(self, path, {"seed": str(self.p["seed"])})
-        except (ValueError, OSError) as error:
-            self.get_logger().error(f"not configured: {error}")
-            return TransitionCallbackReturn.FAILURE
+        self._thresholds = VelocityThreshold(
+            start=self.p["start_threshold"], stop=self.p["stop_threshold"], window=self.p["speed_window"],
+            **{name: self.p[name] for name in ("min_duration", "max_pause", "run_up", "settle")},
+        )  # fmt: skip
         self._observer = self._make_observer()
+        path = Path(self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}")
+        self._bag = BagSink(self, path, {"seed": str(self.p["seed"])})
         self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error, log=self._observer.log)
         self._role_of = {pose_topic(self._name_of[role]): role for role in self._observer.roles}
         self._cameras = [Cameras(self, topic) for topic in sorted(self._role_of)]

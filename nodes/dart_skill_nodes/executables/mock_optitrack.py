@@ -122,13 +122,9 @@ class MockOptitrack(GuardedLifecycleNode):
     # life cycle
 
     def on_configure(self, state) -> TransitionCallbackReturn:
-        try:
-            self._capture = MotionCapture(self._parameters_in_force, self.get_parameter("seed").value)
-            if (reliability := self.get_parameter("reliability").value) not in POSES:
-                raise ValueError(f"reliability = '{reliability}': give one of {', '.join(POSES)}")
-        except (ValueError, KeyError) as error:
-            self.get_logger().error(f"not configured: {error}")
-            return TransitionCallbackReturn.FAILURE
+        self._capture = MotionCapture(self._parameters_in_force, self.get_parameter("seed").value)
+        if (reliability := self.get_parameter("reliability").value) not in POSES:
+            raise ValueError(f"reliability = '{reliability}': give one of {', '.join(POSES)}")
         self._geometry = ArmGeometry()
         names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
         self._publishers_of = {n: self.create_publisher(PoseStamped, pose_topic(self._name_of[n]), qos) for n in names}

@@ -4,7 +4,6 @@ Beside them it writes what viewers need to show the arm, where nobody publishes 
 """
 
 import json
-import re
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from dart_skill.recording import LogTime, types_for
+from dart_skill.recording.bags import Selection
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.conversions import leading_stamp_ns
 from dart_skill_nodes.comms.matching_qos import message_class
@@ -54,22 +54,17 @@ class Recorder(BagKeeper):
     # life cycle
 
     def on_configure(self, state) -> TransitionCallbackReturn:
-        try:
-            self._wanted = [re.compile(pattern) for pattern in self.p["topics"]]
-            self._unwanted = [re.compile(pattern) for pattern in self.p["exclude"]]
-            notes = dict(_pair(text) for text in self.p["notes"])
-            path = Path(self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}")
-            limits = {"max_bytes": round(self.p["max_megabytes"] * 1e6), "max_duration_ns": round(self.p["max_minutes"] * 60e9)}
-            self._bag = BagSink(self, path, notes, **limits)
-        except (ValueError, OSError, re.error) as error:
-            self.get_logger().error(f"not configured: {error}")
-            return TransitionCallbackReturn.FAILURE
+        self._selection = Selection(self.p["topics"], self.p["exclude"])
+        notes = dict(_pair(text) for text in self.p["notes"])
+        path = Path(self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}")
+        limits = {"max_bytes": round(self.p["max_megabytes"] * 1e6), "max_duration_ns": round(self.p["max_minutes"] * 60e9)}
+        self._bag = BagSink(self, path, notes, **limits)
         self._kept, self._made, self._refused = set(), set(), {}
         self._simulated, self._log_time, self._early = self.get_parameter("use_sim_time").value, LogTime(), []
         self._messages = RawBatches(self)
         self._clock_topic = self.resolve_topic_name(CLOCK)
         if self._simulated:
-            self._listen(self._clock_topic, keep=self._is_wanted(self._clock_topic))
+            self._listen(self._clock_topic, keep=self._selection.matches(self._clock_topic))
         self._look_for_topics()
         self._ticking = [self.create_timer(TAKE, self._take, clock=WALL), self.create_timer(LOOK, self._look_for_topics, clock=WALL)]
         return TransitionCallbackReturn.SUCCESS
@@ -96,14 +91,11 @@ class Recorder(BagKeeper):
 
     # topics
 
-    def _is_wanted(self, topic: str) -> bool:
-        return any(p.fullmatch(topic) for p in self._wanted) and not any(p.fullmatch(topic) for p in self._unwanted)
-
     def _look_for_topics(self) -> None:
         if self._bag is None:
             return  # a last tick of the timer, when all is closed
         for topic, types in self.get_topic_names_and_types():
-            if topic in {*self._messages.topics, *self._refused, *self._made} or not self._is_wanted(topic):
+            if topic in {*self._messages.topics, *self._refused, *self._made} or not self._selection.matches(topic):
                 continue
             try:
                 message_class(types[0])

@@ -13,7 +13,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -187,8 +187,8 @@ def _started(make_nodes: Callable[[], list[Node]], args: list[str] | None, progr
         os._exit(1)  # nodes that had started already have threads, which nobody would end
 
 
-def autostart(node: LifecycleNode) -> None:
+def autostart(node: GuardedLifecycleNode) -> None:
     """Configure and activate a managed node at once; RuntimeError if it does not come up, instead of a silent node."""
     for trigger in (node.trigger_configure, node.trigger_activate):
         if trigger() != TransitionCallbackReturn.SUCCESS:
-            raise RuntimeError(f"{node.get_name()} did not start: {trigger.__name__} failed, see the messages above")
+            raise RuntimeError(f"{node.get_name()} did not start: {node.fault}")
