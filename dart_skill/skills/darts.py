@@ -167,8 +167,7 @@ class Darts(Throw):
 
     def target(self, situation: Situation) -> np.ndarray:
         aim = self._right_up(situation)
-        if unknown := sorted(set(situation.numbers) - set(AIM)):
-            raise ValueError(f"a dart is aimed by the numbers {' and '.join(AIM)} [m], from the bull, not by {', '.join(unknown)}")
+        self.check_known((), situation.numbers)
         if not np.hypot(*aim) <= FARTHEST_AIM:
             raise ValueError(f"the aim is {aim[0]:.3f} m to the right and {aim[1]:.3f} m up from the bull: that is not on the board")
         return self.face.beside_bull(aim)

@@ -62,6 +62,7 @@ class Reach(Skill):
     world = "belt"
     reacts = True
     corrects = "cup"
+    numbers = ("way_x", "way_y", "way_z", "steady", "start", "duration", "tunnel")
     units = MappingProxyType({"way_x": "m", "way_y": "m", "way_z": "m", "start": "s", "duration": "s"})
     settings_type = ReachSettings
     settings: ReachSettings

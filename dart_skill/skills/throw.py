@@ -39,9 +39,6 @@ class Throw(Skill):
     def situated(self) -> tuple[str, ...]:
         return ("basket",)
 
-    numbers: tuple[str, ...] = ()
-    """Of a situation, that say where a throw shall go."""
-
     @property
     def game(self) -> Game:
         """What is thrown at what."""

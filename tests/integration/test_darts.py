@@ -7,6 +7,7 @@ import pytest
 from dart_skill_msgs.action import Execute
 from dart_skill_msgs.msg import Situation as SituationMsg
 from dart_skill_msgs.srv import Plan, Reset
+from geometry_msgs.msg import Pose
 from rclpy.action import ActionClient
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
@@ -117,7 +118,8 @@ def test_a_plain_client_has_a_bed_aimed_at_in_a_world_that_runs(graph, skill):
 @pytest.mark.parametrize(
     ("situation", "why"),
     [
-        (SituationMsg(names=["rigth"], numbers=[0.1]), "a dart is aimed by the numbers right and up .* not by rigth"),
+        (SituationMsg(names=["rigth"], numbers=[0.1]), "names the number 'rigth', which 'darts' does not have: it has only right, up"),
+        (SituationMsg(bodies=["bucket"], poses=[Pose()]), "names the body 'bucket', which 'darts' does not have"),
         (SituationMsg(names=["right"], numbers=[float("nan")]), "the number right is nan"),
         (SituationMsg(names=["up"], numbers=[103.0]), "103.000 m up from the bull: that is not on the board"),
     ],

@@ -185,6 +185,18 @@ def test_throws_that_cannot_be_are_refused_with_a_reason(client):
     assert behind.code == 2 and "degrees" in behind.message
 
 
+@pytest.mark.parametrize("body", ["Basket", "bucket"])
+def test_a_throw_at_a_body_that_there_is_not_is_no_throw_at_the_basket(client, body):
+    action = ActionClient(client.node, Execute, "/execute")
+    wait_for(client, action.server_is_ready, what="the commander")
+    goal = Execute.Goal(situation=conversions.at_place(TARGET, body))
+    handle = client.wait(action.send_goal_async(goal), "/execute")
+    result = client.wait(handle.get_result_async(), "the result").result
+    action.destroy()
+    assert result.code == Execute.Goal.OUTCOME_REFUSED
+    assert f"names the body '{body}', which 'throw' does not have: it has only hand, ball, basket" in result.message, result.message
+
+
 def test_the_result_of_a_throw_is_asked_for_once(client, monkeypatch):
     """It holds the whole plan: to send, and to decode, it takes as long as to plan."""
     asked, ask = [], ClientGoalHandle.get_result_async

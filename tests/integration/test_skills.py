@@ -133,7 +133,8 @@ def test_the_model_is_saved_and_loaded_to_the_last_bit(graph, tmp_path):
 @pytest.mark.parametrize(
     ("bodies", "frame", "said"),
     [
-        (["basket"], "", "where is the holder"),
+        (["part"], "", "where is the holder"),
+        (["basket"], "", "names the body 'basket', which 'place' does not have: it has only hand, part, holder"),
         (["part", "part"], "", "part stands there twice"),
         (["part"], "camera", "the situation is in frame 'camera', not 'world'"),
     ],
@@ -144,6 +145,19 @@ def test_a_situation_that_is_none_has_no_plan(graph, bodies, frame, said):
     planner = graph.client.node.create_client(Plan, "/skill_learner/plan")
     response = graph.client.call(planner, request, may_refuse=True)
     assert not response.success and said in response.message, response.message
+
+
+def test_a_number_that_the_skill_does_not_have_is_not_executed(graph):
+    """The cameras see the bodies of which the goal says nothing, so it could be: but not as it was asked for."""
+    client, action = graph.client, ActionClient(graph.client.node, Execute, "/execute")
+    wait_for(client, action.server_is_ready, what="the commander")
+    goal = Execute.Goal()
+    goal.situation.names, goal.situation.numbers = ["mass"], [0.2]
+    handle = client.wait(action.send_goal_async(goal), "/execute")
+    result = client.wait(handle.get_result_async(), "the result").result
+    action.destroy()
+    assert result.code == Execute.Goal.OUTCOME_REFUSED
+    assert "names the number 'mass', which 'place' does not have: it has none" in result.message, result.message
 
 
 def test_a_body_that_this_world_does_not_have_is_not_put_anywhere(graph):

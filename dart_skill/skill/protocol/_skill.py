@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -71,6 +71,7 @@ class Skill:
       dart_skill.skill.model; `settings_type` derives from `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
     * speed: the level of config/limits.yaml that its movements need.
     * corrects: role of the body whose place practice corrects; empty: practice corrects nothing.
+    * numbers: names of those that a situation may have, beside those with which the skill was shown.
     * units: of the numbers of a situation, by name, for who reads them; one that is not here has none.
     * settings_type: class of its settings.
 
@@ -84,6 +85,7 @@ class Skill:
     reacts = False
     speed = Speed.CAREFUL
     corrects = ""
+    numbers: tuple[str, ...] = ()
     units: Mapping[str, str] = MappingProxyType({})
     settings_type: type[SkillSettings] = SkillSettings
 
@@ -105,6 +107,18 @@ class Skill:
     def situated(self) -> tuple[str, ...]:
         """Roles of the bodies on whose poses a plan depends. Default: all that the skill needs; of a skill that reacts, none."""
         return () if self.reacts else self.bodies
+
+    def check_known(self, bodies: Iterable[str], numbers: Iterable[str], shown: Iterable[str] = ()) -> None:
+        """ValueError for a body or a number that the skill does not have.
+
+        * bodies, numbers: their names in a situation that somebody asks for.
+        * shown: names of further numbers, with which it was shown.
+        """
+        known = {"body": (HAND, *self.bodies), "number": (*self.numbers, *shown)}
+        for what, given in (("body", bodies), ("number", numbers)):
+            if unknown := sorted(set(given) - set(known[what])):
+                has = f"only {', '.join(known[what])}" if known[what] else "none"
+                raise ValueError(f"the situation names the {what} '{unknown[0]}', which '{self.name}' does not have: it has {has}")
 
     def solids(self, role: str) -> Sequence[Solid]:
         """How a body looks, for viewers. Default: nothing is known, so a small box stands for it."""

@@ -322,7 +322,10 @@ def target_of(message: SituationMsg) -> np.ndarray:
 
 
 def aimed(message: SituationMsg, skill: Throw, what: str = "the situation") -> Situation:
-    """What a throw needs of a situation; how bodies are turned, and where others are, is of no effect. ValueError for what is missing."""
+    """What a throw needs of a situation; how bodies are turned, and where others are, is of no effect. ValueError for what is missing, and
+    for what the throw does not have.
+    """
+    skill.check_known(message.bodies, message.names)
     poses = {body: BodyPose(place_of(message, body, what)) for body in skill.situated}
     return skill.about(Situation(poses, numbers_of(message, what) if skill.numbers else {}))
 

@@ -335,6 +335,7 @@ class TaskLearning:
 
     def plan(self, situation: SituationMsg, frame_id: str, explore: bool) -> tuple[PlanMsg, SituationMsg]:
         asked, model = conversions.situation(situation), self._learned
+        self._skill.check_known(asked.poses, asked.numbers, model.movements[-1].situation.numbers)
         if isinstance(model, ReactiveSkill):
             message = conversions.policy_msg(model.policy, frame_id)
         else:

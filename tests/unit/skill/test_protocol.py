@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.configuration import config_path
 from dart_skill.robot import Grip
+from dart_skill.simulation import PlantSettings, make_world
 from dart_skill.skill.protocol import (
     Pose,
     Situation,
@@ -211,3 +212,19 @@ def test_a_skill_that_cannot_be_used_is_refused_with_the_reason(tmp_path, monkey
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(ValueError, match=said):
         load_skill("thing")
+
+
+@pytest.mark.parametrize("name", ["throw", "darts", "place", "reach"])
+def test_a_skill_has_the_numbers_of_its_world(name):
+    """Else a trial in a situation that it draws itself would be refused."""
+    skill = load_skill(name)
+    assert set(make_world(skill.world, PlantSettings(), own=skill.world_settings).numbers) <= set(skill.numbers)
+
+
+def test_what_a_skill_does_not_have_is_refused():
+    reach = load_skill("reach")
+    with pytest.raises(ValueError, match="the body 'cups', .* only hand, cup"):
+        reach.check_known(["cups"], [])
+    with pytest.raises(ValueError, match="the number 'mass', .* only way_x"):
+        reach.check_known(["cup"], ["mass"])
+    reach.check_known(["cup"], ["mass"], shown=["mass"])
