@@ -30,7 +30,6 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     _add_check(verbs)
     _add_recover(verbs)
     _bag_convert.add_to(verbs)
-    _add_upgrade(verbs)
     graph_verbs.add_to(verbs, "play")
 
 
@@ -62,14 +61,6 @@ def _add_recover(verbs: argparse._SubParsersAction) -> None:
     _add_new_bag(parser, "recovered")
     parser.add_argument("--json", action="store_true", help="what was kept and lost as JSON")
     parser.set_defaults(run=_recover)
-
-
-def _add_upgrade(verbs: argparse._SubParsersAction) -> None:
-    parser = verbs.add_parser("upgrade", help="a bag that an earlier version of dart_skill recorded, with the message types of today")
-    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder or .mcap file, which is not changed")
-    _add_new_bag(parser, "upgraded")
-    parser.add_argument("--json", action="store_true", help="what was converted and copied as JSON")
-    parser.set_defaults(run=_upgrade)
 
 
 def _add_bags(parser: argparse.ArgumentParser) -> None:
@@ -292,19 +283,3 @@ def _places_text(result: Recovery) -> str:
 def _recovery_json(result: Recovery) -> dict:
     plain = asdict(result) | {"path": str(result.path), "is_complete": result.is_complete, "lost_bytes": result.lost_bytes}
     return plain | {"message_count": sum(result.messages.values())}
-
-
-# upgrade
-
-
-def _upgrade(options: argparse.Namespace) -> int:
-    from dart_skill.recording import upgrade
-
-    done = upgrade(options.bag, _output(options, options.bag, "upgraded"))
-    told = {"path": str(done.path), "converted": done.converted, "copied": done.copied, "left_out": done.left_out}
-    lines = [f"{count} messages of {topic} have the type of today" for topic, count in done.converted.items()]
-    lines += [f"{topic} is left out: {reason}" for topic, reason in done.left_out.items()]
-    lines += [f"{done.copied} messages are as they were", f"new bag: {done.path}"]
-    text = "\n".join([*lines, f"next: dart-skill bag info {shlex.quote(str(done.path))}"])
-    print(json.dumps(told, indent=1) if options.json else printable(text))
-    return 0

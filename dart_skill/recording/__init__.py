@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from dart_skill.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from dart_skill.recording._upgrade import Upgrade, upgrade
     from dart_skill.recording.bags import (
         BagError,
         BagReader,
@@ -45,7 +44,7 @@ if TYPE_CHECKING:
         stamp_ns,
         times_after,
     )
-    from dart_skill.recording.grip_signal import OLDER_COMMAND, GripSignal, Opening, completed_command, read_command
+    from dart_skill.recording.grip_signal import GripSignal, Opening, read_command
     from dart_skill.recording.joint_state import JointLayout, joint_layout
     from dart_skill.recording.log_time import LogTime
     from dart_skill.recording.marks import (
@@ -63,7 +62,6 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
-            "_upgrade": "Upgrade upgrade",
             "bags": (
                 "BagError BagReader BagWriter GraphBag TopicInfo definition deserialize encoded is_stamped message "
                 "qos_yaml serialize type_hash types_for typestore"
@@ -73,7 +71,7 @@ else:
                 "demonstration_message duration_content each_demonstration fill_demonstration_message filled named "
                 "pose_rows read_demonstrations skill_of stamp_ns times_after"
             ),
-            "grip_signal": "OLDER_COMMAND GripSignal Opening completed_command read_command",
+            "grip_signal": "GripSignal Opening read_command",
             "joint_state": "JointLayout joint_layout",
             "log_time": "LogTime",
             "marks": "AS_ASKED DROPPED MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped unwanted",
@@ -97,10 +95,8 @@ __all__ = [
     "MARK_TOPIC",
     "MARK_TYPE",
     "Marks",
-    "OLDER_COMMAND",
     "Opening",
     "TopicInfo",
-    "Upgrade",
     "arm_rows",
     "check_known",
     "definition",
@@ -119,7 +115,6 @@ __all__ = [
     "named",
     "pose_rows",
     "qos_yaml",
-    "completed_command",
     "read_command",
     "read_demonstrations",
     "read_dropped",
@@ -131,5 +126,4 @@ __all__ = [
     "types_for",
     "typestore",
     "unwanted",
-    "upgrade",
 ]

@@ -154,12 +154,12 @@ def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any
 
 
 def demonstration_from_message(msg: Any) -> Demonstration:
-    """The demonstration in a message object, of rclpy or decoded without ROS, of today or of a bag before tracks had names.
+    """The demonstration in a message object, of rclpy or decoded without ROS.
 
     ValueError for one of another skill, or without what a throw has.
     """
     origin = stamp_ns(msg.header.stamp)
-    seen = _older_parts(msg, origin) if hasattr(msg, "hand_opened") else _parts(msg)
+    seen = _parts(msg)
     hand, ball, joints = seen.hand, seen.ball, msg.joints
     return Demonstration(
         id=msg.id,
@@ -169,7 +169,7 @@ def demonstration_from_message(msg: Any) -> Demonstration:
         hand_position=pose_rows(hand)[0],
         hand_quaternion=pose_rows(hand)[1],
         ball_time=times_after(ball, origin),
-        ball_position=_rows([_vector(item.point if hasattr(item, "point") else item.pose.position) for item in ball], 3),
+        ball_position=pose_rows(ball)[0],
         joint_time=times_after(joints, origin),
         joint_position=arm_rows(joints, "position"),
         joint_velocity=arm_rows(joints, "velocity"),
@@ -207,11 +207,6 @@ def _parts(msg: Any) -> _Parts:
     return _Parts(where[aimed_at].position, tracks["hand"], tracks.get(thrown, ()), told, msg.skill)
 
 
-def _older_parts(msg: Any, origin: int) -> _Parts:
-    """Of a message as bags before December 2026 have them, which knew of throws only."""
-    return _Parts(msg.target, msg.hand, msg.ball, _event(msg.hand_opened, origin))
-
-
 def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
     """Values by their names, as messages hold them in two sequences; ValueError, with `what` it is, if they do not fit together."""
     if len(names) != len(values):
@@ -222,7 +217,7 @@ def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, A
 
 
 def skill_of(bag_path: str | os.PathLike) -> str:
-    """The skill that a bag's demonstrations are of; throwing, where it has none, is older, or cannot be read: who learns of it says why."""
+    """The skill that a bag's demonstrations are of; throwing, where it has none or cannot be read: who learns of it says why."""
     try:
         with GraphBag(bag_path) as bag:
             if DEMONSTRATION_TOPIC not in bag.topics or bag.topics[DEMONSTRATION_TOPIC].type_name != DEMONSTRATION_TYPE:

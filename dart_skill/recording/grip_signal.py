@@ -66,17 +66,6 @@ class GripSignal:
         del self.pushes[: bisect_right(self.pushes, stamp_ns)]
 
 
-OLDER_COMMAND = "RIHS01_309ab091da6a01af101f027efd310e3d02b14738f815986b003527407ec706b8"
-"""Type hash of WamCommand as it was without `speed` and `sender`, in bags recorded before November 2026."""
-
-
-def completed_command(data: bytes) -> bytes:
-    """A serialised older WamCommand as one of today: at the careful level, of nobody who says who it is."""
-    length = struct.unpack_from("<I" if data[1] & 1 else ">I", data, 12)[0]
-    end_of_grip = 4 + (12 + length + 7) // 8 * 8 + 105
-    return data[:end_of_grip] + bytes(7)  # speed, two bytes of padding, sender
-
-
 def read_command(data: bytes) -> tuple[int, bool, int]:
     """Stamp [ns], whether there is a wrench, and grip of a serialised WamCommand: of 500 in a second one opens the hand.
 

@@ -330,9 +330,6 @@ TYPED = {
     "dart-skill learn thursday --mapping thursday.yaml": FOREIGN,
     "dart-skill bag info lab.bag": ROS1,
     "dart-skill learn lab.bag --mapping thursday.yaml": ROS1,
-    "dart-skill bag upgrade wednesday --output wednesday_new": Elsewhere(
-        "unit/recording/test_upgrade.py::test_the_command_says_what_it_did"
-    ),
     "dart-skill bag convert thursday --mapping thursday.yaml --output thursday_ours": FOREIGN,
     "dart-skill bag convert bags/demonstrations --to lerobot": LEROBOT,
     "dart-skill bag convert bags/demonstrations --to lerobot --fps 30 --video --output filmed": FILMED,

@@ -171,13 +171,12 @@ class Correction:
         return self._posterior.noise if len(self) else np.full(2, np.nan)
 
     def remember(self, throws: np.ndarray) -> None:
-        """Take up what another correction remembered: (n, 6), as `throws` gave it, or (n, 4) without what is explained."""
+        """Take up what another correction remembered: (n, 6), as `throws` gave it."""
         throws = np.asarray(throws, dtype=float)
-        if throws.ndim != 2 or throws.shape[1] not in (4, 6) or not np.isfinite(throws).all():
-            raise ValueError(f"throws of a correction must be a finite (n, 6) array, or (n, 4), got shape {throws.shape}")
+        if throws.ndim != 2 or throws.shape[1] != 6 or not np.isfinite(throws).all():
+            raise ValueError(f"throws of a correction must be a finite (n, 6) array, got shape {throws.shape}")
         if len(throws):
-            explained = throws[:, 4:] if throws.shape[1] == 6 else np.zeros((len(throws), 2))
-            self._remember(list(throws[:, :2]), list(throws[:, 2:4]), list(explained))
+            self._remember(list(throws[:, :2]), list(throws[:, 2:4]), list(throws[:, 4:]))
 
     def suspicions(self) -> list:
         """Misses that surprised and wait for another like them, for JSON."""

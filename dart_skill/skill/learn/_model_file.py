@@ -4,7 +4,7 @@ A model is a cache of its demonstrations: loading learns it again, to the last b
 """
 
 import json
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,17 +12,13 @@ import numpy as np
 
 from dart_skill.archive import in_order, numbered, read_arrays, write_arrays
 from dart_skill.files import new_file, open_file
-from dart_skill.recording import SKILL, Demonstration
+from dart_skill.recording import Demonstration
 from dart_skill.robot import KnownRegistration, Registration
-from dart_skill.skill.learn._configuration import CONFIGURATIONS, SkillConfiguration
+from dart_skill.skill.learn._configuration import SkillConfiguration
 
-KIND, VERSION = "dart_skill model", 1
+KIND, VERSION = "dart_skill model", 2
 """What a model file says it is. The version changes when older files cannot be read as they are any more."""
-NO_THROWS = np.empty((0, 4))
-OLDER = {"release": "shown", "overlap": 0.0, "inputs_once": False}
-"""What models did from before there was a choice."""
-FORMER = ("default", "ds_gmr")
-"""Names that meant another configuration before."""
+NO_THROWS = np.empty((0, 6))
 
 
 class SavedModel(NamedTuple):
@@ -30,8 +26,8 @@ class SavedModel(NamedTuple):
 
     * demonstrations: list of Demonstration.
     * configuration: SkillConfiguration.
-    * practised: (n, 6), `Correction.throws`; in older files (n, 4).
-    * found: dict, what practice has found besides, `PractisingSkill.state`; None in older files, and before practice.
+    * practised: (n, 6), `Correction.throws`.
+    * found: dict, what practice has found besides, `PractisingSkill.state`; None before practice.
     * origin: dict, how the recording was read that it was learned from, where that was not plain; else None.
     """
 
@@ -59,12 +55,12 @@ def save_model(
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
-    content: dict[str, Any] = {"format": np.array(f"{KIND} {VERSION}"), "configuration": np.array(json.dumps(_plain(configuration)))}
+    content: dict[str, Any] = {"format": np.array(f"{KIND} {VERSION}"), "configuration": np.array(json.dumps(asdict(configuration)))}
     content["practised"] = np.asarray(practised, dtype=float)
     for name, value in (("found", found), ("origin", origin)):
         if value is not None:
             content[name] = np.array(json.dumps(value, allow_nan=False))
-    content |= numbered({name: getattr(one, name) for name in _fields_of(one)} for one in demonstrations)
+    content |= numbered({field.name: getattr(one, field.name) for field in fields(one)} for one in demonstrations)
     with new_file(path) as file:
         write_arrays(file, content)
 
@@ -72,15 +68,14 @@ def save_model(
 def load_model(path: str | Path) -> SavedModel:
     """Demonstrations, configuration, and what practice has found, of a model file.
 
-    A configuration that has another name today has that one: what was the default is `intervals`.
     ValueError if it is not one, or one of another version.
     """
     with open_file(path) as file:
         try:
             content = read_arrays(file)
             _check_format(str(content.pop("format")))
-            configuration = _configuration({**OLDER, **json.loads(str(content.pop("configuration")))})
-            practised = _practised(content.pop("practised", NO_THROWS))
+            configuration = _configuration(json.loads(str(content.pop("configuration"))))
+            practised = _practised(content.pop("practised"))
             found, origin = _found(content.pop("found", None)), _found(content.pop("origin", None))
             demonstrations = [_demonstration(values) for values in in_order(content)]
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
@@ -98,8 +93,8 @@ def _check_format(found: str) -> None:
 
 def _practised(values: np.ndarray) -> np.ndarray:
     values = np.asarray(values)
-    if values.ndim != 2 or values.shape[1] not in (4, 6) or not np.issubdtype(values.dtype, np.floating):
-        raise ValueError(f"its practised throws have the shape {values.shape}: (n, 4) or (n, 6) numbers are known")
+    if values.ndim != 2 or values.shape[1] != 6 or not np.issubdtype(values.dtype, np.floating):
+        raise ValueError(f"its practised throws have the shape {values.shape}: (n, 6) numbers are known")
     return values
 
 
@@ -110,34 +105,15 @@ def _found(text: np.ndarray | None) -> dict | None:
     return found
 
 
-def _plain(configuration: SkillConfiguration) -> dict[str, Any]:
-    """A configuration as JSON has it; without a registration none is named, so that older versions read it."""
-    return {name: value for name, value in asdict(configuration).items() if name != "registration" or value is not None}
-
-
 def _configuration(values: dict[str, Any]) -> SkillConfiguration:
-    known = values.pop("registration", None)
+    known = values.pop("registration")
     if known is not None:
         known = KnownRegistration(Registration(**known["registration"]), tuple(known["spread"]))
-    return _with_its_name(SkillConfiguration(**values, registration=known))
-
-
-def _with_its_name(found: SkillConfiguration) -> SkillConfiguration:
-    """The same configuration, by its name of today if its own one is among FORMER; board and registration are of no account."""
-    if found.name not in FORMER:
-        return found
-    here = (replace(known, board=found.board, registration=found.registration) for known in CONFIGURATIONS.values())
-    return next((one for one in here if one == replace(found, name=one.name)), found)
-
-
-def _fields_of(demonstration: Demonstration) -> list[str]:
-    """Those that are saved: a throw at a basket does not say so, so that older versions read it."""
-    return [f.name for f in fields(Demonstration) if f.name != "skill" or demonstration.skill != SKILL]
+    return SkillConfiguration(**values, registration=known)
 
 
 def _demonstration(content: dict[str, np.ndarray]) -> Demonstration:
-    values: dict[str, Any] = {f.name: content[f.name] for f in fields(Demonstration) if f.name != "skill"}
-    values["skill"] = content.get("skill", SKILL)
+    values: dict[str, Any] = {f.name: content[f.name] for f in fields(Demonstration)}
     kinds = {"id": str, "frame_id": str, "stamp_ns": int, "skill": str}
     plain = {name: kind(values[name]) for name, kind in kinds.items()}
     names = tuple(str(name) for name in values["joint_names"])

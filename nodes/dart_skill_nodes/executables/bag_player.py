@@ -20,7 +20,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
-from dart_skill.recording import OLDER_COMMAND, BagReader, GraphBag, TopicInfo, completed_command, type_hash, types_for
+from dart_skill.recording import BagReader, GraphBag, TopicInfo, type_hash, types_for
 from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
 from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm, concern_an_arm
 from dart_skill_nodes.client.server_probe import APPEARS
@@ -74,7 +74,6 @@ class BagPlayer(GuardedNode):
         self._playback = Playback(self._bag, self._selection())
         self._offers = {topic: (message_class(info.type_name), _quality(info)) for topic, info in self._playback.topics.items()}
         self._publishers_of: dict[str, Publisher] = {}
-        self._older = {topic for topic, info in self._playback.topics.items() if info.type_hash == OLDER_COMMAND}
         if self._playback.makes_clock:
             self._offers[CLOCK_TOPIC] = (message_class(CLOCK_TYPE), CLOCK_QOS)
         self._awaited = self._awaited_topics()
@@ -133,10 +132,8 @@ class BagPlayer(GuardedNode):
         except (ImportError, AttributeError, ValueError) as error:
             self.get_logger().warning(f"{info.name} is not played: {error}")
             return False
-        if info.type_hash not in ("", here, OLDER_COMMAND):
-            self.get_logger().warning(
-                f"{info.name} is not played: its {info.type_name} differs from the one that is installed here (dart-skill bag upgrade)"
-            )
+        if info.type_hash not in ("", here):
+            self.get_logger().warning(f"{info.name} is not played: its {info.type_name} differs from the one that is installed here")
             return False
         return True
 
@@ -194,7 +191,7 @@ class BagPlayer(GuardedNode):
         for due in dues:
             if not self._wait_for(due):
                 return
-            self._publishers_of[due.topic].publish(completed_command(due.data) if due.topic in self._older else due.data)
+            self._publishers_of[due.topic].publish(due.data)
             self._hold_back(due)
             self._published, self._position_ns = self._published + 1, due.stamp_ns
         self._wait_for_acknowledgements()

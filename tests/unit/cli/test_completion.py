@@ -67,7 +67,7 @@ COMMANDS = "up status demo practice teach demonstrations check learn throw execu
     [
         ("dart-skill ", COMMANDS),
         ("dart-skill t", ["teach", "throw"]),
-        ("dart-skill bag ", ["info", "check", "recover", "convert", "upgrade", "play"]),
+        ("dart-skill bag ", ["info", "check", "recover", "convert", "play"]),
         ("dart-skill darts 5", ["501"]),
         ("dart-skill up --layout ", ["composed", "processes", "hardware", "replay"]),
         ("dart-skill up --layout=h", ["hardware"]),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import Reader
 
-from dart_skill.recording import BagReader, read_demonstrations
+from dart_skill.recording import BagReader, read_demonstrations, type_hash, types_for
 from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.throw_recording import read_recording
 from dart_skill.session import find_throws, learn_from_bag
@@ -25,6 +25,15 @@ def test_nothing_is_wrong_with_a_bag_and_others_read_it(name):
     with BagReader(BAGS / name) as bag, Reader(BAGS / name) as reader:
         assert sum(topic.count for topic in bag.topics.values()) == sum(1 for _ in reader.messages())
         assert "/tf" in bag.topics and "/robot_description" in bag.topics and "/simulation/state" not in bag.topics
+
+
+@pytest.mark.parametrize("name", ["demonstrations", "throws"])
+def test_bags_that_are_shipped_are_of_today(name):
+    with BagReader(BAGS / name) as bag:
+        ours = {topic: info for topic, info in bag.topics.items() if info.type_name.startswith("dart_skill_msgs/")}
+        assert {"/demonstrations", "/wam/command"} <= set(ours)
+        for topic, info in ours.items():
+            assert info.type_hash == type_hash(types_for(info.type_name), info.type_name), f"{topic}: make the bags again (bags/README.md)"
 
 
 def test_together_they_are_small():

@@ -708,7 +708,7 @@ def test_importing_the_core_loads_only_what_it_needs_at_once(package):
         "recording_2026_11_25-16_43_10/metadata.yaml",
         "demonstrations_model.npz",
         "bags/throws_report.html",
-        *(f"throws_{ending}/file" for ending in ("converted", "csv", "lerobot", "recovered", "upgraded")),
+        *(f"throws_{ending}/file" for ending in ("converted", "csv", "lerobot", "recovered")),
         ".venv-rerun/bin/rerun",
     ),
 )

@@ -122,8 +122,6 @@ def test_a_demonstration_says_of_what_it_is_in_model_files(shown, tmp_path):
     assert demonstrations[0].skill == "darts" and configuration.game == Darts().game
     save_model(tmp_path / "throws.npz", [replace(shown, skill="throw")], DEFAULT)
     assert load_model(tmp_path / "throws.npz")[0][0].skill == "throw"
-    with np.load(tmp_path / "throws.npz") as file:
-        assert "0000.skill" not in file, "older versions read it"
 
 
 def test_a_demonstration_of_what_is_no_throw_is_refused(shown):
