@@ -7,7 +7,6 @@ import pytest
 from tests.paths import ROOT
 
 pytest.importorskip("catkin_pkg")
-from catkin_pkg.changelog import Changelog, populate_changelog_from_rst  # noqa: E402
 from catkin_pkg.package import parse_package  # noqa: E402
 
 LAUNCHED = ROOT / "nodes/dart_skill_nodes/process/launch_description.py"
@@ -20,16 +19,6 @@ def test_the_manifest_is_one_and_warns_of_nothing(name):
     package = parse_package(str(PACKAGES[name]), warnings=warnings)
     assert (package.name, package.package_format) == (name, 3)
     assert not warnings
-
-
-@pytest.mark.filterwarnings("ignore:nodes.Node.traverse")
-@pytest.mark.parametrize("name", PACKAGES)
-def test_bloom_can_read_what_has_changed(name):
-    text = (PACKAGES[name] / "CHANGELOG.rst").read_text(encoding="utf-8")
-    released = text.replace("Forthcoming\n-----------", "0.1.0 (2026-01-01)\n------------------")  # as bloom does
-    [(_, _, lines)] = populate_changelog_from_rst(Changelog(name), released).foreach_version()
-    assert lines
-    assert text.splitlines()[1] == f"Changelog for package {name}"
 
 
 def test_launch_files_and_bags_name_what_they_need():
