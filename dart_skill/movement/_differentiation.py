@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
-from dart_skill.medians import median
 from dart_skill.movement import _quintic
 from dart_skill.movement._contrasts import contrasts
 from dart_skill.movement._time import as_stamps
@@ -112,7 +111,7 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) 
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
     noise = contrasts(time, samples)
-    return np.array([median(column) for column in noise] if apart else median(noise)) / NORMAL_MEDIAN
+    return np.array([np.median(column) for column in noise] if apart else np.median(noise)) / NORMAL_MEDIAN
 
 
 class _Smoother:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_number, as_samples
-from dart_skill.medians import row_medians
 from dart_skill.movement._differentiation import MIN_SAMPLES, estimate_noise
 from dart_skill.movement._time import as_stamps
 
@@ -39,7 +38,7 @@ def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.nda
     index = np.clip(index, 0, len(time) - 1)
     steps = time[index[:, second]] - time[index[:, first]]
     steps = np.where(inside[:, first] & inside[:, second], steps, np.nan)
-    velocity = [row_medians((axis[index[:, second]] - axis[index[:, first]]) / steps) for axis in positions.T]
+    velocity = [np.nanmedian((axis[index[:, second]] - axis[index[:, first]]) / steps, axis=1) for axis in positions.T]
     return np.linalg.norm(velocity, axis=0)
 
 

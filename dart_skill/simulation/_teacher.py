@@ -16,7 +16,6 @@ import numpy as np
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot import ArmModel, ArmState, Command, Grip, HandState, minimum_jerk, rotation_error
-from dart_skill.roots import root
 from dart_skill.simulation._hold import Hold, Quintic
 from dart_skill.surface import BASKETS, RIMS, Game
 
@@ -254,7 +253,9 @@ class Teacher:
         if miss(low) > 0 or miss(high) < 0:
             nearest, farthest = miss(low) + reach, miss(high) + reach
             raise ValueError(f"{out_of_reach}: place it between {nearest:.2f} and {surface.far(farthest)}")
-        speed = root(miss, low, high, 1e-4)
+        from scipy.optimize import brentq  # 0.1 s, which only a throw that is shown needs
+
+        speed = brentq(miss, low, high, xtol=1e-4)
         if abs(miss(speed)) > 0.05:
             raise ValueError(f"{out_of_reach}: place it lower or farther away")
         return speed

@@ -13,7 +13,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
-from dart_skill.medians import column_medians
 from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
 from dart_skill.quaternions import from_vectors, product, rotate
 from dart_skill.recording import Demonstration
@@ -255,7 +254,7 @@ def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray
     d = demonstration
     at_rest = _or_first(d.hand_time <= d.motion_start - 0.05)
     position = d.hand_position[at_rest] @ turn_matrix(azimuth)
-    return column_medians(np.hstack([position, angles[at_rest]]))
+    return np.median(np.hstack([position, angles[at_rest]]), axis=0)
 
 
 def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
@@ -263,7 +262,7 @@ def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
     d = demonstration
     if not len(d.joint_time):
         return np.full(N_JOINTS, np.nan)
-    posture = column_medians(d.joint_position[_or_first(d.joint_time <= d.motion_start)])
+    posture = np.median(d.joint_position[_or_first(d.joint_time <= d.motion_start)], axis=0)
     posture[0] -= azimuth
     return posture
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, may_fly
-from dart_skill.medians import median
 from dart_skill.skill.observe._noise import position_noise
 
 WINDOW, WINDOW_TIME = 10, 0.09  # samples and time [s] of the shortest window in which a flight is told from another motion
@@ -107,7 +106,7 @@ def _window(time: np.ndarray, noise: float) -> int:
     Over a time T the misfit of the best line to a parabola of curvature g is g T^2 / 12 at its ends.
     """
     needed = max(WINDOW_TIME, np.sqrt(12.0 * CLEARLY * tolerance(noise) / TENNIS_BALL.gravity))
-    return max(WINDOW, int(np.ceil(needed / median(np.diff(time)) - 1e-6)) + 1)
+    return max(WINDOW, int(np.ceil(needed / np.median(np.diff(time)) - 1e-6)) + 1)
 
 
 def _flying_runs(time: np.ndarray, position: np.ndarray, ball: Ball, noise: float) -> list[tuple[int, int, FlightFit]]:
@@ -144,8 +143,8 @@ def _grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
     if len(inside) < WINDOW:
         return samples
     pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
-    middle = median(samples)
-    grown = min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(median(piece) - middle))
+    middle = float(np.median(samples))
+    grown = min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
     return grown if len(grown) >= WINDOW else samples
 
 

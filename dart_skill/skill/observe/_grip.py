@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.checks import check_samples, check_unit_quaternions
-from dart_skill.medians import column_medians
 from dart_skill.movement import rotate
 
 HELD = (0.8, 0.05)
@@ -48,7 +47,7 @@ def seen_grip(
         return nominal
     there = rows_at(time[held], *ball)
     inverse = quaternion[held] * [-1.0, -1.0, -1.0, 1.0]
-    grip = column_medians(rotate(inverse, there - position[held]))
+    grip = np.median(rotate(inverse, there - position[held]), axis=0)
     return grip if np.linalg.norm(grip - nominal) < farthest else nominal
 
 

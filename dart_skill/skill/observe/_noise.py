@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.medians import quantile
 from dart_skill.movement import estimate_noise
 from dart_skill.skill.observe._speeds import repeats, usual_speeds
 
@@ -28,7 +27,7 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
         return LEAST
     step = usual_speeds(time, position)
     moves = np.zeros(len(time), dtype=bool)
-    moves[:-1] = step > SHARE * quantile(step, 0.99)
+    moves[:-1] = step > SHARE * np.quantile(step, 0.99)
     levels = [float(estimate_noise(time, position))]
     if np.count_nonzero(moves) >= ENOUGH:
         levels.append(float(estimate_noise(time[moves], position[moves])))
