@@ -14,9 +14,6 @@ from dart_skill.checks import as_finite, as_number, as_samples, as_vector
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._recursion import respond
 
-TERMS = 18
-"""Of the power series of an exponential: the rest is below rounding."""
-
 
 def critical_damping(stiffness: ArrayLike) -> np.ndarray:
     """kv = 2 sqrt(kp), at which a unit mass returns fastest without overshoot. stiffness: kp [1/s^2], one number or (d,)."""
@@ -95,24 +92,13 @@ def discretise(step: float, stiffness: float, damping: float) -> tuple[np.ndarra
     generator = np.zeros((4, 4))
     generator[:2] = step * np.array([[0.0, w, 0.0, 0.0], [-w, -damping, w, 0.0]])
     generator[2, 3] = 1.0
-    flow = _exponential(generator)
+    from scipy.linalg import expm  # a lesson needs it, and what only plays a plan does not
+
+    flow = expm(generator)
     parts = flow[:2, :2], flow[:2, 2] - flow[:2, 3], flow[:2, 3]
     for part in parts:
         part.flags.writeable = False
     return parts
-
-
-def _exponential(matrix: np.ndarray) -> np.ndarray:
-    """e to the power of a small matrix (n, n): its power series, after the matrix was halved until it is short, and squared as often."""
-    halvings = max(0, int(np.ceil(np.log2(max(np.abs(matrix).sum(axis=1).max(), 1e-300)))) + 1)
-    short = matrix / 2.0**halvings
-    result = term = np.eye(len(matrix))
-    for power in range(1, TERMS):
-        term = term @ short / power
-        result = result + term
-    for _ in range(halvings):
-        result = result @ result
-    return result
 
 
 def _respond(attractor: np.ndarray, step: float, start: np.ndarray, stiffness: float, damping: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,17 +9,16 @@ noise the fit is plain least squares, and exact on polynomials up to degree 5.
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
-from dart_skill.movement import _quintic
 from dart_skill.movement._contrasts import contrasts
 from dart_skill.movement._time import as_stamps
 
-DEGREE = _quintic.DEGREE
+DEGREE = 5
 MIN_SAMPLES = 8
 # The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear in the number of windows.
 RISK_WINDOW = 300
@@ -76,8 +75,7 @@ def smooth_derivatives(
                 penalties[group] = _best_penalty(risk[:, group])
     coefficients = basis.fit(basis.sums(trend), np.zeros_like(penalties)) + basis.fit(basis.sums(rest), penalties)
     points = (at - time[0]) / interval
-    first = basis.first_at(points)
-    return Motion(*(basis.evaluate(coefficients, points, order, first) / interval**order for order in range(3)))
+    return Motion(*(basis.evaluate(coefficients, points, order) / interval**order for order in range(3)))
 
 
 def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -160,12 +158,12 @@ class _RiskWindow:
     """The smoother for one window of stamps, in the basis in which it is diagonal."""
 
     def __init__(self, basis: _QuinticBasis):
+        from scipy.linalg import eigh
+
         # In these coordinates B'B is the identity, and the roughness diagonal.
-        factor, roughness = _quintic.factor(basis.gram), _lower(basis.roughness)
-        half = _quintic.forward(factor, roughness + np.tril(roughness, -1).T)
-        values, vectors = np.linalg.eigh(_quintic.forward(factor, half.T))
+        values, vectors = eigh(basis.roughness.toarray(), basis.gram.toarray())
         self._trends = _quadratics(basis.stamps)
-        self._project = _quintic.combined(basis.first, basis.design, _quintic.backward(factor, vectors)).T
+        self._project = (basis.design @ vectors).T
         kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
         self._left, self._trace = np.square(1.0 - kept), kept.sum(axis=1)[:, None]
 
@@ -180,58 +178,61 @@ def _quadratics(stamps: np.ndarray) -> np.ndarray:
     return np.linalg.qr(np.polynomial.legendre.legvander(2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2))[0]
 
 
-def _lower(bands: np.ndarray) -> np.ndarray:
-    """Lower triangle (n, n) of the symmetric matrix with these bands."""
-    n = bands.shape[1]
-    matrix = np.zeros((n, n))
-    for offset, band in enumerate(bands[:n]):
-        matrix.ravel()[offset * n :: n + 1] = band[: n - offset]
-    return matrix
-
-
 class _QuinticBasis:
-    """B-splines of degree 5 with a knot at every second stamp.
+    """B-splines of degree 5 with a knot at every second stamp. SciPy is imported here, as what only segments needs none of it.
 
-    first, design: of the B-splines that are not zero at the stamps the first, (n,), and the values (n, DEGREE + 1), the matrix B; gram,
-    roughness: bands of B'B and of the integral of the squared third derivative.
+    design: their values at the stamps (n, m), the matrix B. gram, roughness: B'B, and the integral of the squared third derivative (m, m).
+    All are sparse.
     """
 
     def __init__(self, stamps: np.ndarray):
+        from scipy.interpolate import BSpline
+
         self.stamps = stamps
         inner = stamps[2:-2:2] if len(stamps) >= 12 else stamps[:0]
         self.knots = np.concatenate([np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)])
-        self.n_functions = len(self.knots) - DEGREE - 1
-        self.first = self.first_at(stamps)
-        self.design = _quintic.values(self.knots, self.first, stamps, 0)
-        self.gram = _quintic.sum_of_squares(self.first, self.design, self.n_functions)
+        self.design = BSpline.design_matrix(stamps, self.knots, DEGREE)
+        self.gram = self.design.T @ self.design
         self.roughness = self._roughness()
 
-    def first_at(self, points: np.ndarray) -> np.ndarray:
-        """Index (p,) of the first B-spline that is not zero at points (p,)."""
-        spans = np.searchsorted(self.knots, points, "right") - (DEGREE + 1)
-        return np.minimum(np.maximum(spans, 0), self.n_functions - DEGREE - 1)  # of integers, clip takes five times as long
-
-    def _roughness(self) -> np.ndarray:
+    def _roughness(self) -> Any:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two quadratics."""
+        from scipy.interpolate import BSpline
+        from scipy.sparse import diags
+
         breaks = self.knots[DEGREE:-DEGREE]
         nodes, weights = GAUSS_POINTS
         half = 0.5 * np.diff(breaks)[:, None]
         points = (0.5 * (breaks[1:] + breaks[:-1])[:, None] + half * nodes).ravel()
-        first = self.first_at(points)
-        values = _quintic.values(self.knots, first, points, 3)
-        return _quintic.sum_of_squares(first, values * np.sqrt(half * weights).reshape(-1, 1), self.n_functions)
+        values = BSpline.design_matrix(points, self.knots[3:-3], DEGREE - 3)
+        for order in (2, 1, 0):  # coefficients of the derivative from those of the spline
+            knots, degree = self.knots[order : len(self.knots) - order], DEGREE - order
+            rate = degree / (knots[degree + 1 : -1] - knots[1 : -degree - 1])
+            values = values @ diags([-rate, rate], [0, 1], shape=(len(rate), len(rate) + 1))
+        values = diags(np.sqrt(half * weights).ravel()) @ values
+        return values.T @ values
 
     def sums(self, samples: np.ndarray) -> np.ndarray:
         """B'x (m, d) of samples x (n, d): all that a fit needs of them."""
-        return _quintic.sums(self.first, self.design, samples, self.n_functions)
+        return self.design.T @ samples
 
     def fit(self, sums: np.ndarray, penalties: np.ndarray) -> np.ndarray:
         """Coefficients (m, d) of the penalised least squares fit, with penalties (d,), to samples with these sums (m, d)."""
-        try:
-            return _quintic.solve_penalised(self.gram, self.roughness, penalties, sums)
-        except ValueError as error:
-            raise ValueError(f"the stamps do not determine the smoothing spline ({error}); drop stamps that nearly repeat") from error
+        from scipy.linalg import solveh_banded
 
-    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int, first: np.ndarray) -> np.ndarray:
-        """Derivative of the given order (n, d) at stamps (n,). first: what `first_at` says of these."""
-        return _quintic.combined(first, _quintic.values(self.knots, first, stamps, order), coefficients)
+        found = np.empty_like(sums)
+        for penalty in np.unique(penalties):
+            columns = penalties == penalty
+            matrix = self.gram + penalty * self.roughness
+            bands = [np.append(matrix.diagonal(-k), np.zeros(k)) for k in range(min(DEGREE + 1, len(sums)))]
+            try:
+                found[:, columns] = solveh_banded(np.array(bands), sums[:, columns], lower=True)
+            except np.linalg.LinAlgError as error:
+                raise ValueError(f"the stamps do not determine the smoothing spline ({error}); drop stamps that nearly repeat") from error
+        return found
+
+    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
+        """Derivative of the given order (n, d) of a spline with coefficients (m, d) at stamps (n,)."""
+        from scipy.interpolate import BSpline
+
+        return BSpline(self.knots, coefficients, DEGREE)(stamps, nu=order)

@@ -1,7 +1,4 @@
-"""Linear recursions of position and velocity over equal steps: what a spring-damper does that is driven from stamp to stamp.
-
-This module is compiled (docs/development.md): _recursion.pxd beside it has the types.
-"""
+"""Linear recursions of position and velocity over equal steps: what a spring-damper does that is driven from stamp to stamp."""
 
 import numpy as np
 
@@ -12,17 +9,10 @@ def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
     * transition: F (2, 2).
     * forcing: f (2, n, d).
     """
-    n, n_dims = forcing.shape[1], forcing.shape[2]
-    found = np.empty((2, n, n_dims))
-    state = found
-    for dim in range(n_dims):
-        state[0, 0, dim], state[1, 0, dim] = forcing[0, 0, dim], forcing[1, 0, dim]
-    for k in range(1, n):
-        for dim in range(n_dims):
-            x, v = state[0, k - 1, dim], state[1, k - 1, dim]
-            state[0, k, dim] = transition[0, 0] * x + transition[0, 1] * v + forcing[0, k, dim]
-            state[1, k, dim] = transition[1, 0] * x + transition[1, 1] * v + forcing[1, k, dim]
-    return found
+    states = np.array(forcing.swapaxes(0, 1), order="C")
+    for before, here in zip(states[:-1], states[1:], strict=True):
+        here += transition @ before
+    return states.swapaxes(0, 1)
 
 
 def respond(transition: np.ndarray, now: np.ndarray, later: np.ndarray, attractor: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -32,17 +22,8 @@ def respond(transition: np.ndarray, now: np.ndarray, later: np.ndarray, attracto
     * attractor: y (n, d).
     * start: (2, d).
     """
-    n, n_dims = attractor.shape[0], attractor.shape[1]
-    found = np.empty((2, n, n_dims))
-    state = found
-    for dim in range(n_dims):
-        state[0, 0, dim], state[1, 0, dim] = start[0, dim], start[1, dim]
-    for k in range(1, n):
-        for dim in range(n_dims):
-            x, v, before, here = state[0, k - 1, dim], state[1, k - 1, dim], attractor[k - 1, dim], attractor[k, dim]
-            state[0, k, dim] = transition[0, 0] * x + transition[0, 1] * v + (now[0] * before + later[0] * here)
-            state[1, k, dim] = transition[1, 0] * x + transition[1, 1] * v + (now[1] * before + later[1] * here)
-    return found
+    driven = np.multiply.outer(now, attractor[:-1]) + np.multiply.outer(later, attractor[1:])
+    return recur(transition, np.concatenate([start[:, None], driven], axis=1))
 
 
 def one_step(
@@ -63,14 +44,7 @@ def one_step(
     * start: (d,).
     * drive: u (3, d) at the beginning, in the middle and at the end.
     """
-    n_dims = position.shape[0]
-    places, slopes, curvatures = np.empty((2, n_dims)), np.empty((2, n_dims)), np.empty((2, n_dims))
-    place, rate, curvature = places, slopes, curvatures
-    for dim in range(n_dims):
-        x, v = position[dim] - start[dim], slope[dim]
-        first, middle, last = drive[0, dim], drive[1, dim], drive[2, dim]
-        y = transition[0, 0] * x + transition[0, 1] * v + (kicks[0, 0] * first + kicks[0, 1] * middle + kicks[0, 2] * last)
-        w = transition[1, 0] * x + transition[1, 1] * v + (kicks[1, 0] * first + kicks[1, 1] * middle + kicks[1, 2] * last)
-        place[0, dim], place[1, dim], rate[0, dim], rate[1, dim] = position[dim], start[dim] + y, v, w
-        curvature[0, dim], curvature[1, dim] = first - stiffness * x - damping * v, last - stiffness * y - damping * w
-    return places, slopes, curvatures
+    before = np.stack([position - start, slope])
+    states = np.stack([before, transition @ before + kicks @ drive], axis=1)
+    curvatures = drive[::2] - stiffness * states[0] - damping * states[1]
+    return states[0] + start, states[1], curvatures

@@ -1,4 +1,4 @@
-"""Combinations of seven samples: zero on polynomials, noise of unit norm otherwise, and the same as plain Python."""
+"""Combinations of seven samples: zero on polynomials, noise of unit norm otherwise."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ from scipy.interpolate import BarycentricInterpolator
 
 from dart_skill.movement import estimate_noise
 from dart_skill.movement._contrasts import contrasts
-from tests.interpreted import interpreted
 
 
 @pytest.fixture
@@ -34,9 +33,3 @@ def test_noise_is_told_of_all_columns_together_or_of_each(stamps):
     each = estimate_noise(stamps, samples, apart=True)
     np.testing.assert_array_equal(each, [estimate_noise(stamps, samples[:, k : k + 1]) for k in range(3)])
     assert each[2] < estimate_noise(stamps, samples) < each[1]
-
-
-def test_compiled_and_interpreted_have_the_same_bits(stamps):
-    samples = np.random.default_rng(3).standard_normal((40, 3))
-    plain = interpreted("dart_skill.movement._contrasts")
-    np.testing.assert_array_equal(contrasts(stamps, samples), plain.contrasts(stamps, samples))

@@ -95,7 +95,7 @@ def test_the_scatter_of_the_fit_is_that_of_a_linear_smoother():
     noise = np.random.default_rng(0).normal(0, NOISE, (n, 4000))
     for order in range(3):
         smoother, fitted = (
-            basis.evaluate(basis.fit(basis.sums(samples), np.full(samples.shape[1], penalty)), stamps, order, basis.first)
+            basis.evaluate(basis.fit(basis.sums(samples), np.full(samples.shape[1], penalty)), stamps, order)
             for samples in (np.eye(n), noise)
         )
         scatter = fitted.std(axis=1)

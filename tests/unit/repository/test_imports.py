@@ -189,17 +189,6 @@ def test_who_neither_moves_an_arm_nor_learns_starts_without_what_that_takes(modu
     assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
 
 
-def test_a_lesson_of_throws_needs_no_part_of_scipy():
-    """They take a third of a second to import, most of which is for what SciPy says of itself."""
-    heavy = ("scipy.linalg", "scipy.interpolate", "scipy.spatial", "scipy.special", "scipy.optimize")
-    shown = (
-        "import sys; from dart_skill.recording import read_demonstrations; from dart_skill.skill.learn import learn; "
-        f"skill = learn(list(read_demonstrations({str(BAGS / 'demonstrations')!r}))); skill.plan(skill.throws[0].task); "
-        f"print(*sorted(set(sys.modules) & set({heavy})))"
-    )
-    assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
-
-
 @pytest.mark.parametrize("module", ["composed", "skill_learner"])
 def test_the_graph_of_throws_starts_without_the_parts_of_scipy(module):
     """They took a third of a second of each process, before which nobody could give a lesson."""

@@ -1,10 +1,9 @@
-"""What a registration leaves of sightings: by SciPy's rotations, its derivatives by differences, and as plain Python."""
+"""What a registration leaves of sightings: by SciPy's rotations, its derivatives by differences."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.robot._registration_rows import linearised
-from tests.interpreted import interpreted
 
 RNG = np.random.default_rng(0)
 N = 12
@@ -38,9 +37,3 @@ def test_near_none_the_derivatives_are_those_of_differences():
         ahead, behind = (linearised(*seen, step * np.eye(13)[k])[:2] for step in (1e-6, -1e-6))
         for found, more, less in zip((rows, turned), ahead, behind, strict=True):
             np.testing.assert_allclose(-found[:, :, k], (more - less) / 2e-6, atol=1e-7)
-
-
-def test_compiled_and_interpreted_have_the_same_bits():
-    plain = interpreted("dart_skill.robot._registration_rows")
-    for ours, theirs in zip(linearised(*SIGHTINGS, UNKNOWN), plain.linearised(*SIGHTINGS, UNKNOWN), strict=True):
-        np.testing.assert_array_equal(ours, theirs)

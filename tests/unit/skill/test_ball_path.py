@@ -1,13 +1,10 @@
 """Where a held ball is along a movement, beside rotations of SciPy and differences of its places."""
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.skill.learn import _ball_path
-from tests.interpreted import interpreted
 
-PLAIN = interpreted("dart_skill.skill.learn._ball_path")
 AZIMUTH, ROLL, CENTRE = 0.7, -0.3, np.array([0.01, -0.02, 0.12])
 
 
@@ -23,17 +20,10 @@ def hand_at(position):
     return Rotation.from_euler("ZYZ", angles) * Rotation.from_euler("XY", [ROLL, np.pi / 2])
 
 
-@pytest.mark.parametrize("module", [_ball_path, PLAIN])
-def test_the_ball_is_at_its_seat_in_the_hand_and_moves_with_it(module):
+def test_the_ball_is_at_its_seat_in_the_hand_and_moves_with_it():
     time, step = np.linspace(0.0, 1.0, 11), 1e-5
     position, velocity = movement(time)
-    places, speeds = module.ball_states(position, velocity, AZIMUTH, ROLL, CENTRE)
+    places, speeds = _ball_path.ball_states(position, velocity, AZIMUTH, ROLL, CENTRE)
     np.testing.assert_allclose(places, position[:, :3] + hand_at(position).apply(CENTRE), atol=1e-14)
-    before, after = (module.ball_states(*movement(time + late), AZIMUTH, ROLL, CENTRE)[0] for late in (-step, step))
+    before, after = (_ball_path.ball_states(*movement(time + late), AZIMUTH, ROLL, CENTRE)[0] for late in (-step, step))
     np.testing.assert_allclose(speeds, (after - before) / (2.0 * step), atol=1e-8)
-
-
-def test_compiled_and_interpreted_have_the_same_bits():
-    arguments = *movement(np.linspace(0.0, 1.0, 11)), AZIMUTH, ROLL, CENTRE
-    for one, other in zip(_ball_path.ball_states(*arguments), PLAIN.ball_states(*arguments), strict=True):
-        np.testing.assert_array_equal(one, other)

@@ -1,10 +1,9 @@
-"""The instant at which two paths move alike: against NumPy's polynomials, and as plain Python."""
+"""The instant at which two paths move alike: against NumPy's polynomials."""
 
 import numpy as np
 import pytest
 
 from dart_skill.skill.observe._parting import parting
-from tests.interpreted import interpreted
 
 
 def differences(seed, n=17):
@@ -52,10 +51,3 @@ def test_the_deviation_is_that_of_repeated_samples():
 def test_too_few_samples_determine_no_polynomial():
     with pytest.raises(ValueError, match="not positive definite"):
         parting(np.zeros(6), np.zeros((6, 3)), 4)
-
-
-def test_compiled_and_interpreted_have_the_same_bits():
-    plain = interpreted("dart_skill.skill.observe._parting")
-    for seed in range(10):
-        for degree in (4, 5):
-            assert parting(*differences(seed), degree) == plain.parting(*differences(seed), degree)
