@@ -17,9 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import GRAPHS, add_configuration, add_model, add_run, asked, check_model, check_run, parameter_texts
-from dart_skill.cli.uncollected import uncollected
 from dart_skill.extras import explained, need
-from dart_skill.second_process import Begin, load, second_process
 from dart_skill.world import THROW
 
 if TYPE_CHECKING:
@@ -31,8 +29,6 @@ DARTS, IN_PROCESS = "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
 """Of another skill, and own darts, where nobody says how many."""
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"
-REPORT = ("dart_skill.report:write_report", "dart_skill.report:write_skill_report", "dart_skill.view:Scene")
-"""What the report at the end is made with."""
 DIFFERS = "a person and the cameras look at the bodies for another moment than on the graph: trials differ from those there"
 
 
@@ -65,24 +61,13 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.skill != THROW:
         return _demo_of_skill(options, parser, job)
     _check_run(options, parser)
-    with second_process() as begin:
-        summary = job.carried_out(partial(job.run, meanwhile=partial(_get_ready, begin)), options, "the demo")
-        if summary is None:
-            return 1
-        from dart_skill.session import table  # not before the nodes start, who are waited for
+    summary = job.carried_out(job.run, options, "the demo")
+    if summary is None:
+        return 1
+    from dart_skill.session import table  # not before the nodes start, who are waited for
 
-        print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
-        return _leave_behind(summary, options, partial(_throwing_report, summary, options, parser, begin))
-
-
-def _get_ready(begin: Begin) -> None:
-    """For the report, before anybody waits for it. begin: of a second process, which makes half of it. One after the other: the arm, with
-    which a person waits for the first throw, needs a core for itself.
-    """
-    from dart_skill.report import BESIDE
-
-    load(REPORT)
-    begin(load, (*BESIDE, "dart_skill.report:pictures"))
+    print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
+    return _leave_behind(summary, options, partial(_throwing_report, summary, options, parser))
 
 
 def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
@@ -105,20 +90,20 @@ def _check_run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> 
 
 
 class _InProcess:
-    """The demo in this process, with the calls of the nodes' module `demo`; it has no time to do something else meanwhile."""
+    """The demo in this process, with the calls of the nodes' module `demo`."""
 
-    def run(self, options: argparse.Namespace, meanwhile: Callable[[], None]) -> DemoSummary:
+    def run(self, options: argparse.Namespace) -> DemoSummary:
         from dart_skill.session import throwing_demo
 
         return throwing_demo(_job(options), say)
 
-    def run_skill(self, options: argparse.Namespace, skill: Skill, meanwhile: Callable[[], None]) -> SkillSummary:
+    def run_skill(self, options: argparse.Namespace, skill: Skill) -> SkillSummary:
         from dart_skill.session import skill_demo
 
         say(DIFFERS)
         return skill_demo(_job(options), skill, say)
 
-    def run_darts(self, options: argparse.Namespace, skill: Any, meanwhile: Callable[[], None]) -> DartsSummary:
+    def run_darts(self, options: argparse.Namespace, skill: Any) -> DartsSummary:
         from dart_skill.session import darts_demo
 
         return darts_demo(_job(options), skill, say)
@@ -169,7 +154,7 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
         parser.error(str(error))
     _check_run(options, parser)
     run = job.run_darts if options.skill == DARTS else job.run_skill
-    summary = job.carried_out(partial(run, skill=skill, meanwhile=partial(load, REPORT)), options, "the demo")
+    summary = job.carried_out(partial(run, skill=skill), options, "the demo")
     if summary is None:
         return 1
     if options.json:
@@ -181,7 +166,6 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
     return _leave_behind(summary, options, partial(_skill_report, summary, skill, options, parser))
 
 
-@uncollected()
 def _leave_behind(summary: DemoSummary | SkillSummary | DartsSummary, options: argparse.Namespace, report: Callable[[], list[Path]]) -> int:
     """The report of a run, and what to do next; returns the exit status."""
     bag, page = options.output / "bag", options.output / "report.html"
@@ -202,10 +186,10 @@ def _leave_behind(summary: DemoSummary | SkillSummary | DartsSummary, options: a
     return 0
 
 
-def _throwing_report(summary: DemoSummary, options: argparse.Namespace, parser: argparse.ArgumentParser, begin: Begin) -> list[Path]:
+def _throwing_report(summary: DemoSummary, options: argparse.Namespace, parser: argparse.ArgumentParser) -> list[Path]:
     from dart_skill.report import write_report
 
-    return write_report(summary, Path(summary.bag), options.output, _about_throws(options, parser, summary), begin)
+    return write_report(summary, Path(summary.bag), options.output, _about_throws(options, parser, summary))
 
 
 def _skill_report(

@@ -9,15 +9,11 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.uncollected import uncollected
 from dart_skill.extras import need
 from dart_skill.files import new_file
-from dart_skill.second_process import Begin, called, load, second_process
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from dart_skill.report import Run, Seen
+    from dart_skill.report import Run
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -38,33 +34,27 @@ def page_beside(bag: Path) -> Path:
     return bag.parent / ("report.html" if bag.name == "bag" else f"{bag.stem}_report.html")
 
 
-@uncollected()
 def _report(options: argparse.Namespace) -> int:
-    from dart_skill.report import BESIDE
+    from dart_skill.recording import SKILL, skill_of
+    from dart_skill.skill.learn import configuration
 
     need("matplotlib")
     bag = options.bag / "bag" if (options.bag / "bag" / "metadata.yaml").is_file() else options.bag
-    with second_process() as begin:
-        seen = begin(called, "dart_skill.report:seen_throws", bag)  # while this process imports what it learns with
-        begin(load, BESIDE)
-        from dart_skill.recording import SKILL, skill_of
-        from dart_skill.skill.learn import configuration
-
-        configuration(options.configuration)  # a name that is not known is told before anything is waited for
-        output = options.output or page_beside(bag)
-        if output.exists():
-            raise ValueError(f"{output} exists already: name another file with --output")
-        if (name := skill_of(bag)) == SKILL:
-            return _report_of_throws(bag, output, options, begin, seen)
+    configuration(options.configuration)  # a name that is not known is told before anything is waited for
+    output = options.output or page_beside(bag)
+    if output.exists():
+        raise ValueError(f"{output} exists already: name another file with --output")
+    if (name := skill_of(bag)) == SKILL:
+        return _report_of_throws(bag, output, options)
     return _report_of_skill(bag, name, output, options.json)
 
 
-def _report_of_throws(bag: Path, output: Path, options: argparse.Namespace, begin: Begin, seen: Callable[[], Seen]) -> int:
-    """The page of a bag of throws at baskets; returns the exit status. begin, seen: as of `make_page`."""
-    from dart_skill.report import About, make_page
+def _report_of_throws(bag: Path, output: Path, options: argparse.Namespace) -> int:
+    """The page of a bag of throws at baskets; returns the exit status."""
+    from dart_skill.report import About, page_of, pictures, read_run
 
-    about = About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration)
-    run, page = make_page(bag, about, begin=begin, seen=seen)
+    run = read_run(bag, About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration))
+    page = page_of(run, pictures(run))
     output.parent.mkdir(parents=True, exist_ok=True)
     with new_file(output) as file:
         file.write(page.encode())

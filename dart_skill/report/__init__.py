@@ -4,16 +4,11 @@ from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
 
-BESIDE = ("dart_skill.report._seen", "dart_skill.report._replay", "viser", "dart_skill.view:Scene")
-"""What a second process that helps with a page imports (`dart_skill.second_process.load`)."""
-
 if TYPE_CHECKING:
-    from dart_skill.report._making import make_page
     from dart_skill.report._page import page_of
     from dart_skill.report._pictures import pictures
     from dart_skill.report._replay import play
     from dart_skill.report._run import About, Phase, Run, read_run
-    from dart_skill.report._seen import Seen, seen_throws
     from dart_skill.report._skill_page import skill_page_of, skill_pictures
     from dart_skill.report._skill_run import SkillRun, read_skill_run
     from dart_skill.report._writing import PAGE, write_page, write_report, write_skill_report
@@ -21,12 +16,10 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
-            "_making": "make_page",
             "_page": "page_of",
             "_pictures": "pictures",
             "_replay": "play",
             "_run": "About Phase Run read_run",
-            "_seen": "Seen seen_throws",
             "_skill_page": "skill_page_of skill_pictures",
             "_skill_run": "SkillRun read_skill_run",
             "_writing": "PAGE write_page write_report write_skill_report",
@@ -36,18 +29,14 @@ else:
 __all__ = [
     "Run",
     "About",
-    "BESIDE",
     "PAGE",
     "Phase",
-    "Seen",
-    "make_page",
     "page_of",
     "pictures",
     "play",
     "SkillRun",
     "read_run",
     "read_skill_run",
-    "seen_throws",
     "skill_page_of",
     "skill_pictures",
     "write_page",

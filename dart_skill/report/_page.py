@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from dart_skill.extras import remedy
 from dart_skill.report._html import HANDLING, colour_key, embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture
 from dart_skill.report._replay import Replay
-from dart_skill.report._replay_of_run import begin_replay
+from dart_skill.report._replay_of_run import replay_of
 from dart_skill.report._run import Run, result_of
 from dart_skill.session import ThrowResult
 from dart_skill.view import ViewUnavailable
@@ -22,12 +22,9 @@ SHOWN = {"ball": palette.BALL, "basket": palette.BASKET, "way of the hand": pale
 """What is seen in the replay."""
 
 
-def page_of(run: Run, drawn: Sequence[Picture], replay_of: Callable[[], Replay | None] | None = None) -> str:
-    """The page of a run with its pictures; the same for the same run, versions and machine.
-
-    drawn: the pictures. replay_of: gives the replay, as `begin_replay` does; it is made here by default.
-    """
-    replay, why = _replay(run, replay_of)
+def page_of(run: Run, drawn: Sequence[Picture]) -> str:
+    """The page of a run with its pictures; the same for the same run, versions and machine. drawn: the pictures."""
+    replay, why = _replay(run)
     sections = [
         _numbers(run),
         _replay_section(run, replay, why),
@@ -81,10 +78,10 @@ def _errors(throws: Iterable[ThrowResult]) -> np.ndarray:
 # the replay
 
 
-def _replay(run: Run, replay_of: Callable[[], Replay | None] | None) -> tuple[Replay | None, str]:
+def _replay(run: Run) -> tuple[Replay | None, str]:
     """The replay, or why there is none."""
     try:
-        replay = (replay_of or begin_replay(run))()
+        replay = replay_of(run)
         return replay, "" if replay else "The bag holds no throw that can be shown."
     except ViewUnavailable:
         return None, f"The replay needs the package viser, which was not there: {remedy('viser')}, then dart-skill report BAG."

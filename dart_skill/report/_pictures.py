@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -57,16 +57,13 @@ class Picture:
 
 def pictures(run: Run) -> list[Picture]:
     """Every figure of a run, in the order of the page."""
-    return list(drawn_pictures(run))
-
-
-def drawn_pictures(run: Run) -> Iterator[Picture]:
-    """The same, each as soon as it is drawn."""
-    yield from _errors(run)
-    yield picture("landings", *_landings_words(run), partial(_landings, run))
-    yield picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, _synchronisation(run))
-    yield picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run))
-    yield picture("execution", "Executed path against attractor", EXECUTION, _execution(run))
+    return [
+        *_errors(run),
+        picture("landings", *_landings_words(run), partial(_landings, run)),
+        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, _synchronisation(run)),
+        picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run)),
+        picture("execution", "Executed path against attractor", EXECUTION, _execution(run)),
+    ]
 
 
 ERROR = "Landing error: horizontal distance from where the ball crossed the plane of the rim to the centre of the rim."

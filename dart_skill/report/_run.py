@@ -6,9 +6,8 @@ import importlib.metadata
 import os
 import platform
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,8 @@ import numpy as np
 
 from dart_skill.figures import SAME_BASKET, Recording
 from dart_skill.recording import SKILL, BagError, Demonstration, GraphBag, read_demonstrations, skill_of
-from dart_skill.recording.imports import ThrowRecording, fault_lines
-from dart_skill.report._seen import Seen, seen_throws
-from dart_skill.session import ThrowResult
+from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
+from dart_skill.session import ThrowResult, find_throws
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, ThrowingSkill, learn
 from dart_skill.skill.learn import configuration as configuration_of
 from dart_skill.skill.observe import FoundThrow, worlds
@@ -145,13 +143,11 @@ def read_run(
     bag: str | os.PathLike,
     about: About | None = None,
     results: Sequence[ThrowResult] | None = None,
-    seen: Callable[[], Seen] | None = None,
 ) -> Run:
     """Everything that a bag tells of a run; BagError says what is wrong with it.
 
     about: what is known besides. results: of the arm's throws as they were judged in the run, which has those, too, that came to nothing;
-    by default they are judged again, by what the cameras saw. seen: gives what `seen_throws` gives of the bag, which somebody else may read
-    while this process learns from the demonstrations that were published. ValueError if phases do not add up to all throws.
+    by default they are judged again, by what the cameras saw. ValueError if phases do not add up to all throws.
     """
     bag = Path(bag)
     if (name := skill_of(bag)) != SKILL:
@@ -161,7 +157,8 @@ def read_run(
         _check_phases(described.phases, len(results))
     shown = _published(bag)
     learned = _learned(shown, described.configuration) if shown else None
-    recording, throws = (seen or partial(seen_throws, bag))()
+    recording = read_recording(bag)
+    throws = find_throws(recording)
     guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
     shown = shown or tuple(throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows)
     judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 from dart_skill.files import new_file
-from dart_skill.report._making import make_page
-from dart_skill.report._pictures import Picture, save_picture, save_pictures
-from dart_skill.report._run import About
+from dart_skill.report._page import page_of
+from dart_skill.report._pictures import pictures, save_pictures
+from dart_skill.report._run import About, read_run
 from dart_skill.report._skill_page import skill_page_of, skill_pictures
 from dart_skill.report._skill_run import read_skill_run
-from dart_skill.second_process import Begin
 from dart_skill.session import DartsSummary, DemoSummary, SkillSummary, ThrowResult, write_summary
 from dart_skill.skill.protocol import Skill
 
@@ -26,26 +24,19 @@ def write_page(
     about: About | None = None,
     results: Sequence[ThrowResult] | None = None,
     figures: str | os.PathLike | None = None,
-    begin: Begin = partial,
 ) -> list[Path]:
     """Write the page of a bag to the file `output`; returns the paths of everything that was written, the page first.
 
     about: what is known of the run besides. results: of the arm's throws as the run judged them; judged again from the bag by default.
-    figures: a folder that gets every figure as SVG and PNG, too. begin: of a second process, which makes half of the page,
-    and writes the figures. BagError if the bag cannot be read; then nothing is written.
+    figures: a folder that gets every figure as SVG and PNG, too. BagError if the bag cannot be read; then nothing is written.
     """
-    saved: list[Callable[[], list[Path]]] = []
-
-    def keep(picture: Picture) -> None:
-        if figures is not None:
-            saved.append(begin(save_picture, picture, figures))
-
-    _, page = make_page(bag, about, results, begin, when_drawn=keep)
-    output = Path(output)
+    run, output = read_run(bag, about, results), Path(output)
+    drawn = pictures(run)
+    page = page_of(run, drawn)
     output.parent.mkdir(parents=True, exist_ok=True)
     with new_file(output, replace=True) as file:
         file.write(page.encode())
-    return [output, *(path for paths in saved for path in paths())]
+    return [output, *(save_pictures(drawn, figures) if figures is not None else [])]
 
 
 def write_skill_report(summary: SkillSummary | DartsSummary, skill: Skill, output: Path, about: About) -> list[Path]:
@@ -65,12 +56,12 @@ def write_skill_report(summary: SkillSummary | DartsSummary, skill: Skill, outpu
     return [*written, path, *save_pictures(drawn, output)]
 
 
-def write_report(summary: DemoSummary, bag: Path, output: Path, about: About | None = None, begin: Begin = partial) -> list[Path]:
+def write_report(summary: DemoSummary, bag: Path, output: Path, about: About | None = None) -> list[Path]:
     """Write summary.json, the page and every picture into `output`; returns the paths.
 
-    about: what the page says of the run besides. begin: of a second process, which makes half of the page.
+    about: what the page says of the run besides.
 
     The skill is learned again from the bag: the same demonstrations give the same plans to the last bit.
     """
     written = [write_summary(summary, output)]
-    return written + write_page(bag, Path(output) / PAGE, about, summary.throws, output, begin)
+    return written + write_page(bag, Path(output) / PAGE, about, summary.throws, output)

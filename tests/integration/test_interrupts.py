@@ -69,12 +69,6 @@ class OnTerminal:
         return library in Path(f"/proc/{self.pid}/maps").read_text()
 
     @property
-    def second(self):
-        """Its second process (`dart_skill.second_process`), a copy or a new interpreter; 0: there is none."""
-        own = Path(f"/proc/{self.pid}/cmdline").read_text()
-        return next((pid for pid, what in self.others.items() if "spawn_main" in what or what == own), 0)
-
-    @property
     def others(self):
         """Other processes of its session that still run, with what they are."""
         found = {}
@@ -155,14 +149,12 @@ def test_whoever_computes_on_all_cores_ends_at_once_and_leaves_no_worker(verb, e
 
 
 @pytest.mark.parametrize(("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)])
-def test_who_makes_a_page_ends_at_once_and_its_second_process_with_it(verb, tmp_path, end, status):
+def test_who_makes_a_page_ends_at_once(verb, tmp_path, end, status):
     process = verb(["report", str(BAGS / "throws"), "--output", str(tmp_path / "page.html")])
-    process.until(lambda: process.second, "a second process")
-    second = process.second
+    process.until(lambda: process.loads("matplotlib"), "a page that is being made")
     end(process)
     assert process.status() == status, process.said
     assert "Traceback" not in process.said and list(tmp_path.iterdir()) == [], process.said
-    process.until(lambda: not Path(f"/proc/{second}").exists(), "the end of the second process")
 
 
 @pytest.mark.parametrize("how, status", [("interrupted", 0), ("defect", 1)])

@@ -1,7 +1,6 @@
 """The work of `dart-skill demo` over the real graph; options, table and report are those of `dart_skill.cli.demo`."""
 
 import argparse
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,11 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["carried_out", "run", "run_darts", "run_skill"]
 
 
-def _begin(meanwhile: Callable[[], None]) -> None:
-    """What can be done while lessons are given, for which this process only waits: nobody waits for it at the end."""
-    threading.Thread(target=meanwhile, name="meanwhile").start()
-
-
 def _started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "GraphClient":
     """A client of the graph, which has been started and is ready. Where others may use the ROS domain, nodes of before must be gone first;
     where nobody does, nodes start while this process imports what a client needs.
@@ -50,14 +44,11 @@ def _started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "Gra
 
 
 @contextmanager
-def _learned_graph(
-    options: argparse.Namespace, skill: "Skill", rng: "np.random.Generator", meanwhile: Callable[[], None]
-) -> "Iterator[tuple[GraphClient, int]]":
+def _learned_graph(options: argparse.Namespace, skill: "Skill", rng: "np.random.Generator") -> "Iterator[tuple[GraphClient, int]]":
     """A graph of its own that was shown a skill and has learned it: a client, and how many attempts the lessons took."""
     with Graph(options.output / "logs") as graph:
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])} with the skill {skill.name}")
         client = _started(graph, options, skill.name)
-        _begin(meanwhile)
         attempts = _learned(client, options, lambda: show_all(client, skill, options.demonstrations, rng))
         if options.model is not None:
             rng.random(1000)  # other situations than those in which it may have been shown
@@ -75,13 +66,13 @@ def _learned(client: "GraphClient", options: argparse.Namespace, lessons: Callab
     return attempts
 
 
-def run_darts(options: argparse.Namespace, skill: "Darts", meanwhile: Callable[[], None]) -> "DartsSummary":
-    """Darts on a graph of its own: shown, learned, practised, and a leg of 501. meanwhile: as of `run`."""
+def run_darts(options: argparse.Namespace, skill: "Darts") -> "DartsSummary":
+    """Darts on a graph of its own: shown, learned, practised, and a leg of 501."""
     from dart_skill.session import DartsRun, DartsSummary, SkillResult, SkillSummary
     from dart_skill_nodes.comms import conversions
 
     begun = time.monotonic()
-    with _learned_graph(options, skill, drawn(options.seed), meanwhile) as (client, attempts):
+    with _learned_graph(options, skill, drawn(options.seed)) as (client, attempts):
         done = practise_darts(client, skill, options.throws)
         say(done.result.message)
         leg = play_leg(client, skill, done.agent)
@@ -102,12 +93,12 @@ def run_darts(options: argparse.Namespace, skill: "Darts", meanwhile: Callable[[
     return DartsSummary(of, DartsRun(options.seed, "of the graph", skill.bull, (), done.darts), leg)
 
 
-def run_skill(options: argparse.Namespace, skill: "Skill", meanwhile: Callable[[], None]) -> "SkillSummary":
-    """The whole job of any skill on a graph of its own. meanwhile: as of `run`."""
+def run_skill(options: argparse.Namespace, skill: "Skill") -> "SkillSummary":
+    """The whole job of any skill on a graph of its own."""
     from dart_skill.session import SkillSummary
 
     bag, begun, rng = options.output / "bag", time.monotonic(), drawn(options.seed)
-    with _learned_graph(options, skill, rng, meanwhile) as (client, attempts):
+    with _learned_graph(options, skill, rng) as (client, attempts):
         trials = execute_all(client, skill, options.throws, rng)
     simulated, took = client.throw_seconds
     return SkillSummary(
@@ -123,16 +114,15 @@ def run_skill(options: argparse.Namespace, skill: "Skill", meanwhile: Callable[[
     )
 
 
-def run(options: argparse.Namespace, meanwhile: Callable[[], None]) -> "DemoSummary":
+def run(options: argparse.Namespace) -> "DemoSummary":
     """The whole job on a graph of its own.
 
-    options: of the command. meanwhile: done in a thread while lessons are given.
+    options: of the command.
     """
     begun = time.monotonic()
     with Graph(options.output / "logs") as graph:
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
         client = _started(graph, options)
-        _begin(meanwhile)
         from dart_skill.regions import targets_for
         from dart_skill.session import DemoSummary
         from dart_skill.simulation import PlantSettings

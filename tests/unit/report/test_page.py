@@ -1,13 +1,10 @@
 """The page of a run: one file that asks nobody for anything, the same bytes for the same bag, and everything that was thrown on it."""
 
-import gc
 import json
 import platform
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,14 +15,12 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.cli.report import page_beside
 from dart_skill.recording import BagWriter, GraphBag, read_command
-from dart_skill.report import About, Phase, make_page, page_of, pictures, play, read_run, write_page
+from dart_skill.report import About, Phase, page_of, pictures, play, read_run, write_page
 from dart_skill.report._curve import WINDOW, compared_figure, curve_figure, running_quartiles
 from dart_skill.report._pictures import embeddable
-from dart_skill.report._replay import make_replay
-from dart_skill.report._replay_of_run import begin_replay
+from dart_skill.report._replay_of_run import replay_of
 from dart_skill.report._run import machine, result_of, versions
 from dart_skill.report._skill_run import _movements
-from dart_skill.second_process import second_process
 from dart_skill.session import SkillResult, ThrowResult
 from dart_skill.skill.learn import component_ellipsoids
 from dart_skill.skill.protocol import Situation, TaskOutcome
@@ -91,45 +86,6 @@ def test_the_same_run_gives_the_same_bytes():
     assert page_of(run, pictures(run)) == page_text("throws")
 
 
-@pytest.fixture(scope="module")
-def second():
-    """Another process, which imports what figures need only once for these tests."""
-    with second_process() as begin:
-        yield begin
-
-
-def test_a_page_of_two_processes_has_the_bytes_of_one(second):
-    _, page = make_page(BAGS / "throws", ABOUT, begin=second)
-    assert page == page_text("throws")
-
-
-def test_figures_that_a_second_process_writes_have_the_bytes_of_one(second, tmp_path, monkeypatch):
-    run = run_of("throws")
-    monkeypatch.setattr("dart_skill.report._making.seen_throws", "nothing is read")
-    monkeypatch.setattr("dart_skill.report._run.read_run", lambda *_: run)
-    monkeypatch.setattr("dart_skill.report._page._replay", lambda run, replay_of: (None, "not now"))
-    written = {}
-    for name, begin in (("one", partial), ("two", second)):
-        ask = lambda function, *arguments, begin=begin: begin(function, *arguments) if callable(function) else partial(list)  # noqa: E731
-        paths = write_page(BAGS / "throws", tmp_path / name / "page.html", figures=tmp_path / name, begin=ask)
-        written[name] = {path.name: path.read_bytes() for path in paths}
-    assert set(written["one"]) == {"page.html", *(f"{one}.{kind}" for one in DRAWN for kind in ("svg", "png"))}
-    assert [name for name, content in written["one"].items() if written["two"][name] != content] == []
-
-
-def test_what_a_second_process_does_for_a_page_needs_neither_scipy_nor_matplotlib():
-    """It is to have read the bag when the first one has only imported these."""
-    pytest.importorskip("viser")
-    heavy = ("scipy.spatial", "scipy.optimize", "pinocchio", "matplotlib", "dart_skill.mixture")
-    work = (
-        "import sys; from dart_skill.second_process import load; from dart_skill.report import BESIDE; load(BESIDE);"
-        "from dart_skill.report._seen import seen_throws; from dart_skill.report._replay import make_replay;"
-        f"recording, throws = seen_throws({str(BAGS / 'throws')!r}); make_replay(recording, throws[:1], []);"
-        f"print(*sorted(set(sys.modules) & set({heavy})))"
-    )
-    assert subprocess.run([sys.executable, "-c", work], capture_output=True, text=True, check=True).stdout.split() == []
-
-
 def test_every_throw_is_on_the_page_with_target_landing_error_and_result():
     run, cells = run_of("throws"), Document(page_text("throws")).cells
     assert len(run.results) == 20 and len(run.shown) == 13
@@ -189,7 +145,7 @@ def practised_run():
 
 
 def test_practice_is_judged_by_its_tests_and_not_by_the_throws_that_were_learned_from(monkeypatch):
-    monkeypatch.setattr("dart_skill.report._page._replay", lambda run, replay_of: (None, "not now"))
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
     run = practised_run()
     assert run.practised == run.results[5:15] and [results for _, results in run.tests] == [run.results[:5], run.results[15:]]
     drawn = pictures(run)
@@ -263,11 +219,12 @@ def test_what_became_of_a_throw_is_told_when_the_ball_is_down():
     assert stage.told == [len(stage.ball)], "nobody saw it: when all is over"
 
 
-def test_each_throw_is_shown_with_the_gaussians_for_its_own_basket():
+def test_each_throw_is_shown_with_the_gaussians_for_its_own_basket(monkeypatch):
     run, asked = run_of("throws"), []
-    begin_replay(replace(run, own=run.own[:2]), lambda function, *arguments: asked.extend((function, *arguments)))
-    function, recording, throws, shown, gaussians, names = asked
-    assert (function, recording, throws, shown) == (make_replay, run.recording, run.own[:2], run.shown)
+    monkeypatch.setattr("dart_skill.report._replay_of_run.make_replay", lambda *arguments: asked.extend(arguments))
+    replay_of(replace(run, own=run.own[:2]))
+    recording, throws, shown, gaussians, names = asked
+    assert (recording, throws, shown) == (run.recording, run.own[:2], run.shown)
     assert names == {0: "throw 1", 1: "throw 2"}
     for k, throw in enumerate(throws):
         for one, other in zip(gaussians[k], component_ellipsoids(run.skill.mixture(throw.demonstration.target)), strict=True):
@@ -341,8 +298,8 @@ def test_a_curve_needs_a_landing_and_marks_what_happened():
 
 
 def test_figures_are_written_beside_the_page(tmp_path, monkeypatch):
-    monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about, results, _: replace(run_of("throws"), results=results))
-    monkeypatch.setattr("dart_skill.report._page._replay", lambda run, replay_of: (None, "not now"))
+    monkeypatch.setattr("dart_skill.report._writing.read_run", lambda bag, about, results: replace(run_of("throws"), results=results))
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
     written = write_page(BAGS / "throws", tmp_path / "new" / "page.html", results=[], figures=tmp_path / "new")
     assert {path.name for path in written} == {"page.html", "gaussians.svg", "gaussians.png"} and all(path.is_file() for path in written)
 
@@ -391,20 +348,19 @@ def test_the_page_lies_beside_the_bag():
 
 
 def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatch):
-    unwritable = run_of("demonstrations"), "<html>" + "\ud800"  # no text that a file takes
-    monkeypatch.setattr("dart_skill.report.make_page", lambda bag, about, begin, seen: unwritable)
+    monkeypatch.setattr("dart_skill.report.read_run", lambda bag, about: run_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report.pictures", lambda run: [])
+    monkeypatch.setattr("dart_skill.report.page_of", lambda run, drawn: "<html>" + "\ud800")  # no text that a file takes
     assert main(["report", str(BAGS / "demonstrations"), "--output", str(tmp_path / "page.html")]) == 1
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("dart_skill.report._run.read_run", lambda *_: run_of("demonstrations"))
-    monkeypatch.setattr("dart_skill.report._page._replay", lambda run, replay_of: (None, "not now"))
-    monkeypatch.setattr("dart_skill.report._replay_of_run.begin_replay", lambda *_: None)
-    monkeypatch.setattr("dart_skill.report._pictures.drawn_pictures", lambda run: drawn_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report.read_run", lambda *_: run_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
+    monkeypatch.setattr("dart_skill.report.pictures", lambda run: drawn_of("demonstrations"))
     page = tmp_path / "page.html"
     assert main(["report", str(BAGS / "demonstrations"), "--output", str(page), "--json"]) == 0
-    assert gc.isenabled(), "garbage is collected again"
     said = json.loads(capsys.readouterr().out)
     assert said["report"] == str(page) and len(said["demonstrations"]) == 13 and said["throws"] == []
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")

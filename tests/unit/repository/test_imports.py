@@ -26,7 +26,6 @@ LAYERS = (
         "palette",
         "quaternions",
         "rotations",
-        "second_process",
         "small_matrices",
     },
     {"world", "fleet", "checks", "permissions"},
