@@ -7,18 +7,18 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from functools import partial
 from typing import Any
 
 from tqdm import tqdm
 
-from dart_skill.experiments._apart import end_with_parent, run_apart
-
 DEAF = "dart_skill.experiments._deaf_to_ctrl_c"
 """A process that imports this module ignores Ctrl-C, and so do the processes that it makes."""
+ORPHANED = 1.0
+"""A process looks so often whether the one that wants its results is still there [s]."""
 
 
 def all_of(function: Callable, seeds: Sequence[int], jobs: int = 1, scheduler: str = "") -> list[Any]:
@@ -44,7 +44,7 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
     if jobs <= 1:
         yield from ((index, function(task)) for index, task in enumerate(tasks))
         return
-    with ProcessPoolExecutor(jobs, mp_context=_workers(function), initializer=end_with_parent) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=_workers(function), initializer=_end_with_parent) as pool:
         try:  # from the first task on: workers are being started then
             with _signals_held_back():  # or a worker that was just asked for is not known, and not ended
                 futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
@@ -56,6 +56,17 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
             raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """From now on this process ends when its parent does."""
+
+    def watch(parent: int = os.getppid()) -> None:
+        while os.getppid() == parent:
+            time.sleep(ORPHANED)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _workers(function: Callable) -> multiprocessing.context.BaseContext:
@@ -88,7 +99,9 @@ def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tu
     except ImportError:
         raise ValueError(f"a scheduler at {scheduler} needs Dask here too: pip install -r requirements/optional.txt") from None
     with dask.Client(scheduler) as client:
-        futures = client.map(partial(run_apart, function), tasks, pure=False)
+        if crowded := [address for address, threads in client.nthreads().items() if threads > 1]:
+            raise ValueError(f"the worker {crowded[0]} has several threads, whose runs would share one PyBullet: give it --nthreads 1")
+        futures = client.map(function, tasks, pure=False)
         index_of = {future.key: index for index, future in enumerate(futures)}
         for future, result in dask.as_completed(futures, with_results=True):
             yield index_of[future.key], result

@@ -1,6 +1,5 @@
 """Runs on a Dask cluster: asked for through its own interface, in any order, and the same as here."""
 
-import os
 import sys
 from types import SimpleNamespace
 
@@ -8,7 +7,6 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.experiments import throws
-from dart_skill.experiments._apart import run_apart
 from dart_skill.experiments.parallel import all_of, run_all
 
 ADDRESS = "tcp://127.0.0.1:8786"
@@ -33,9 +31,11 @@ class Cluster:
 
     def map(self, function, tasks, pure):
         assert not pure  # or two runs of one task would be one
-        assert function.func is run_apart
         self.tasks += tasks
-        return [SimpleNamespace(key=f"{function}-{k}", result=function.args[0](task)) for k, task in enumerate(tasks)]
+        return [SimpleNamespace(key=f"{function}-{k}", result=function(task)) for k, task in enumerate(tasks)]
+
+    def nthreads(self):
+        return {ADDRESS: 1}
 
     def as_completed(self, futures, with_results):
         assert with_results
@@ -53,44 +53,30 @@ def twice(number):
     return [number, number]
 
 
-def process_of(task):
-    """The process that carries a task out; one of the tasks raises, one ends its process."""
-    if task == "raises":
-        raise ValueError("no such seed")
-    if task == "ends":
-        os._exit(3)
-    return os.getpid()
+def half(number):
+    if number % 2:
+        raise ValueError(f"{number} is odd")
+    return number // 2
 
 
-def variable(name):
-    """Of the environment in which a run is carried out."""
-    return os.environ.get(name)
-
-
-@pytest.fixture(scope="module")
-def real_cluster():
+@pytest.fixture(scope="module", params=[1, 2])
+def real_cluster(request):
     distributed = pytest.importorskip("distributed", reason="pip install -r requirements/test.txt, or make setup")
-    options = {"n_workers": 1, "threads_per_worker": 2, "host": "127.0.0.1", "dashboard_address": None}
-    with distributed.LocalCluster(**options) as made, distributed.Client(made) as client:
-        yield made.scheduler_address, next(iter(client.run(os.getpid).values()))
+    options = {"n_workers": 1, "threads_per_worker": request.param, "host": "127.0.0.1", "dashboard_address": None}
+    with distributed.LocalCluster(**options) as made:
+        yield made.scheduler_address, request.param
 
 
-def test_runs_of_a_worker_are_carried_out_in_processes_of_its_threads_that_stay(real_cluster):
-    address, worker = real_cluster
-    first = set(dict(run_all(process_of, ["a", "b", "c", "d"], scheduler=address)).values())
-    again = set(dict(run_all(process_of, ["e", "f", "g", "h"], scheduler=address)).values())
-    assert len(first | again) <= 2 and not {worker, os.getpid()} & (first | again)
+def test_runs_are_carried_out_by_workers_of_one_thread(real_cluster):
+    address, threads = real_cluster
+    if threads > 1:
+        with pytest.raises(ValueError, match="the worker tcp://.* has several threads.*: give it --nthreads 1"):
+            list(run_all(half, [2], scheduler=address))
+        return
+    assert sorted(run_all(half, [2, 8], scheduler=address)) == [(0, 1), (1, 4)]
     assert dict(run_all(lambda number: number + 1, [1], scheduler=address)) == {0: 2}, "a function that no module has"
-    assert dict(run_all(variable, ["MALLOC_TRIM_THRESHOLD_"], scheduler=address)) == {0: None}, "else a run takes a tenth longer"
-
-
-def test_what_a_run_on_a_worker_raises_is_raised_here_and_one_that_ends_its_process_is_named(real_cluster):
-    address, _ = real_cluster
-    with pytest.raises(ValueError, match="no such seed"):
-        dict(run_all(process_of, ["raises"], scheduler=address))
-    with pytest.raises(OSError, match="ended with status 3: is there too little memory"):
-        dict(run_all(process_of, ["ends"], scheduler=address))
-    assert len(dict(run_all(process_of, ["a", "b", "c"], scheduler=address))) == 3, "the worker goes on with a new process"
+    with pytest.raises(ValueError, match="3 is odd"):
+        list(run_all(half, [3], scheduler=address))
 
 
 def test_results_of_a_cluster_come_as_they_finish_and_are_put_in_order(cluster):
