@@ -18,7 +18,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.figures._layout import PanelLayout
+from dart_skill.figures._margins import FixedMargins
 from dart_skill.figures._style import (
     BLACK,
     DEMONSTRATION,
@@ -112,14 +112,11 @@ def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
     with house_style():
         ratios = _height_ratios(views)
         if narrow:
-            figure = Figure(figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)))
-            column = figure.subplots(4, 1, squeeze=False)
-            figure.set_layout_engine(PanelLayout(column, [1.0], 2 * ratios))
-            grid = column.reshape(2, 2).T
+            figure = Figure(figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)), layout=FixedMargins(4, 1))
+            grid = figure.subplots(4, 1, height_ratios=2 * ratios).reshape(2, 2).T
         else:
-            figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)))
-            grid = figure.subplots(2, 2)
-            figure.set_layout_engine(PanelLayout(grid, [1.0, 1.0], ratios))
+            figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout=FixedMargins(2, 2))
+            grid = figure.subplots(2, 2, height_ratios=ratios)
         for number, (column, view) in enumerate(zip(grid.T, views, strict=True), start=1):
             for axes, plane, side in zip(column, PLANES, ("side", "above"), strict=True):
                 _draw_view(axes, view, plane, shades, f"frame{number}_{side}")

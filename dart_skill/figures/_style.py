@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
-from weakref import WeakKeyDictionary
 
 import matplotlib
 import matplotlib.style
@@ -17,9 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Rectangle
 
 from dart_skill import palette
-from dart_skill.figures._layout import ColourBar, PanelLayout, legend_height
-from dart_skill.figures._texts import write_svg
-from dart_skill.figures._ticks import light_ticks
+from dart_skill.figures._margins import FixedMargins
 from dart_skill.files import new_file
 from dart_skill.palette import hexadecimal
 
@@ -51,8 +48,6 @@ LOOK = {
 
 _in_force = False
 """Whether they are set already: to set them takes as long as a few panels."""
-_LAID_OUT: WeakKeyDictionary[Figure, list[Axes]] = WeakKeyDictionary()
-"""Panels of the figures that are laid out once and for all, whose ticks may be drawn light."""
 
 
 @contextmanager
@@ -84,35 +79,32 @@ def panels(sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared:
     widths, heights = zip(*sizes, strict=True)
     if narrow:
         heights = tuple(height * min(1.0, NARROW / width) for width, height in sizes) if len(sizes) > 1 else heights
-        figure = Figure(figsize=(NARROW, sum(heights) + 0.6))
-        axes = figure.subplots(len(sizes), 1, squeeze=False)
-        figure.set_layout_engine(PanelLayout(axes, [1.0], heights))
+        figure = Figure(figsize=(NARROW, sum(heights) + 0.6), layout=FixedMargins(len(sizes), 1))
+        axes = figure.subplots(len(sizes), 1, squeeze=False, height_ratios=heights)
     else:
-        figure = Figure(figsize=(sum(widths), max(heights)))
-        axes = figure.subplots(1, len(sizes), squeeze=False, **shared)
-        figure.set_layout_engine(PanelLayout(axes, widths, [1.0]))
+        figure = Figure(figsize=(sum(widths), max(heights)), layout=FixedMargins(1, len(sizes)))
+        axes = figure.subplots(1, len(sizes), squeeze=False, width_ratios=widths, **shared)
     return figure, list(axes.ravel())
 
 
 def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int, narrow: bool = False) -> None:
     """One legend of all panels; in two columns below a narrow figure. handles, labels: of its entries, as matplotlib has them."""
-    columns = min(2, columns) if narrow else columns
+    columns, layout = min(2, columns) if narrow else columns, figure.get_layout_engine()
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
-    if isinstance(layout := figure.get_layout_engine(), PanelLayout):
-        layout.legend_height = legend_height(-(-len(labels) // columns))
+    if isinstance(layout, FixedMargins):
+        layout.legend_rows = -(-len(labels) // columns)
 
 
 def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool) -> None:
     """One colour bar for all panels of a figure: to the right of them, or, for a narrow screen, above them.
 
-    figure: with a `PanelLayout`; shades: its colours; label: what they stand for.
+    figure: of `panels`; shades: its colours; label: what they stand for.
     """
     layout = figure.get_layout_engine()
+    assert isinstance(layout, FixedMargins)  # as `panels` makes it
+    layout.bar = figure.add_axes((0.0, 0.0, 0.1, 0.1))
     side: Literal["right", "top"] = "top" if narrow else "right"
-    assert isinstance(layout, PanelLayout)  # as `panels` makes it
-    axes = figure.add_axes((0.0, 0.0, 0.1, 0.1))
-    figure.colorbar(shades, cax=axes, label=label, orientation="horizontal" if narrow else "vertical", ticklocation=side)
-    layout.bar = ColourBar(axes, side)
+    figure.colorbar(shades, cax=layout.bar, label=label, orientation="horizontal" if narrow else "vertical", ticklocation=side)
 
 
 def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list[Path]:
@@ -137,18 +129,9 @@ def _settle(figure: Figure) -> None:
     if engine is None:
         return
     engine.execute(figure)
+    if not isinstance(engine, FixedMargins) and any(axes.get_aspect() != "auto" for axes in figure.axes):
+        engine.execute(figure)  # for their titles one pass may not find room
     positions = _positions(figure)
-    if not isinstance(engine, PanelLayout) and any(
-        axes.get_aspect() != "auto" for axes in figure.axes
-    ):  # for their titles one pass may not find room
-        for _ in range(2):
-            before = positions
-            engine.execute(figure)
-            positions = _positions(figure)
-            if np.array_equal(positions, before):
-                break
-    if isinstance(engine, PanelLayout):
-        _LAID_OUT[figure] = engine.panels
     figure.set_layout_engine(None)  # "none" would leave a placeholder, for which every file is drawn twice
     for axes, position in zip(figure.axes, positions, strict=True):
         axes.set_position(position)
@@ -165,8 +148,7 @@ def svg_text(figure: Figure) -> str:
     """A figure as the text of an SVG file, the same for the same figure."""
     with house_style(), io.StringIO() as text:
         _settle(figure)
-        with light_ticks(_LAID_OUT.get(figure, ())):
-            write_svg(figure, text, {"Date": None, "Creator": "dart_skill"})
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
         return text.getvalue()
 
 
