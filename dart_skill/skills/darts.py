@@ -17,7 +17,7 @@ from dart_skill.darts import place_of, score
 from dart_skill.robot import DART, WamDescription
 from dart_skill.skill.improve import CorrectionSettings
 from dart_skill.skill.learn import SkillConfiguration
-from dart_skill.skill.protocol import Situation, SkillSettings, Solid
+from dart_skill.skill.protocol import Situation, SkillSettings, SkillWords, Solid
 from dart_skill.skills.throw import Throw
 from dart_skill.surface import BOARD_DIAMETER, BoardFace, Game, game_at
 from dart_skill.world import THROWN, the_world
@@ -117,6 +117,10 @@ class Darts(Throw):
         x, y, z = (float(value) for value in bull)
         one.bull = x, y, z
         return one
+
+    @property
+    def words(self) -> SkillWords:
+        return replace(super().words, lessons=8, unit=("mm", 1000.0))
 
     @property
     def situated(self) -> tuple[str, ...]:

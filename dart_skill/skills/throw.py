@@ -14,7 +14,7 @@ import numpy as np
 from dart_skill.regions import REGION
 from dart_skill.robot import Grip, Speed
 from dart_skill.skill.observe import Outcome, judge_flight
-from dart_skill.skill.protocol import Pose, Situation, Skill, TaskDemonstration, TaskOutcome
+from dart_skill.skill.protocol import Pose, Situation, Skill, SkillWords, TaskDemonstration, TaskOutcome
 from dart_skill.surface import BASKETS, Game
 from dart_skill.world import THROW, THROWN, the_world
 
@@ -32,8 +32,29 @@ class Throw(Skill):
     world = "basket"
     speed = Speed.THROW
     corrects = "basket"
+    by_pointer = False
+    has_configurations = True
     cocked: tuple[float, float, float] | None = None
     """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing for baskets."""
+
+    @property
+    def words(self) -> SkillWords:
+        thrown, aimed_at = self.bodies
+        return SkillWords(
+            welcome="Press Teach: a person shows the arm some throws. Then press Learn, then Throw.",
+            shown="throws that a person guides by hand",
+            begin=f"put the {thrown} into the hand, bring it to where the throw begins, hold it still, and press Enter",
+            show=f"throw, press the hand's button, wait until the {thrown} has landed, and press Enter",
+            do="Throw",
+            trials="throws",
+            lessons=13,
+            done=f"in the {aimed_at}",
+            failed="missed",
+            off="from the middle",
+            unseen="landing not seen",
+            outcome=f"where the {thrown} goes",
+            unit=("cm", 100.0),
+        )
 
     @property
     def situated(self) -> tuple[str, ...]:

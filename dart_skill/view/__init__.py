@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dart_skill.view._foxglove_server import FOXGLOVE_PORT, FoxgloveServer, serve_bag
     from dart_skill.view._held_hand import HeldHand, how_far, turned
     from dart_skill.view._holding_controls import DemonstrationRow
-    from dart_skill.view._panel import Knob, NodeStatus, Panel, PanelWords, Request
+    from dart_skill.view._panel import Knob, NodeStatus, Panel, Request
     from dart_skill.view._scene import Scene
     from dart_skill.view._scene_camera import SceneCamera
     from dart_skill.view._server import ViewUnavailable, new_token, open_server, url_of, with_token
@@ -23,7 +23,7 @@ else:
             "_foxglove_server": "FOXGLOVE_PORT FoxgloveServer serve_bag",
             "_held_hand": "HeldHand how_far turned",
             "_holding_controls": "DemonstrationRow",
-            "_panel": "Knob NodeStatus Panel PanelWords Request",
+            "_panel": "Knob NodeStatus Panel Request",
             "_scene": "Scene",
             "_scene_camera": "SceneCamera",
             "_server": "ViewUnavailable new_token open_server url_of with_token",
@@ -38,7 +38,6 @@ __all__ = [
     "Knob",
     "NodeStatus",
     "Panel",
-    "PanelWords",
     "Request",
     "Scene",
     "SceneCamera",

@@ -13,6 +13,8 @@ import numpy as np
 
 from dart_skill import palette
 from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT
+from dart_skill.skill.protocol import Skill
+from dart_skill.skills.throw import Throw
 from dart_skill.view._holding_controls import HoldingControls
 from dart_skill.view._page_style import STYLE
 from dart_skill.view._scene import GROUPS, Scene
@@ -71,52 +73,18 @@ class NodeStatus:
     message: str
 
 
-@dataclass(frozen=True)
-class PanelWords:
-    """What the controls of a page say of a skill.
-
-    * do: the button that has it carried out once; trials: what that is called, many.
-    * lessons: demonstrations that are asked for at first; shown: what they are.
-    * done, failed: kinds of points of the learning curve; unit: of their errors, its name and how many are a metre.
-    * welcome: what a visitor reads first.
-    * is_of_baskets: whether a basket can be dragged, and practised at; has_configurations: whether a model can be chosen.
-    * by_mouse: whether it can be shown with the mouse.
-    """
-
-    do: str = "Throw"
-    trials: str = "throws"
-    lessons: int = 13
-    shown: str = "throws that a person guides by hand, at new baskets"
-    done: str = "in the basket"
-    failed: str = "missed"
-    unit: tuple[str, float] = ("cm", 100.0)
-    welcome: str = "Press Teach: a person shows the arm some throws. Then press Learn, then Throw. Drag the basket to put it elsewhere."
-    is_of_baskets: bool = True
-    has_configurations: bool = True
-    by_mouse: bool = False
-
-    @classmethod
-    def of(cls, skill: str, throws: bool) -> PanelWords:
-        """Of another skill than throws at baskets; throws: in another game."""
-        do, trials = ("Throw", "throws") if throws else ("Execute", "trials")
-        return cls(
-            do, trials, 8, f"of the skill '{skill}', guided by a person, in new situations", "done", "failed", ("mm", 1000.0),
-            f"Press Teach to have {skill} shown{'' if throws else ', or Take the hand to show it yourself'}. Then press Learn, then {do}.",
-            is_of_baskets=False, has_configurations=throws, by_mouse=not throws,
-        )  # fmt: skip
-
-
 class Panel:
     """The controls of one page.
 
     * server: viser's server, or one client's part of it.
     * scene: what the page shows; its controls change it.
     * ask: called in the server's threads with each Request: hand over to your own.
-    * words: of its controls, default those of throws at baskets.
+    * skill: whose trials it controls, default throws at baskets.
     """
 
-    def __init__(self, server: Any, scene: Scene, ask: Callable[[Request], None], words: PanelWords | None = None):
-        self._gui, self._scene, self._ask, self._words = server.gui, scene, ask, words or PanelWords()
+    def __init__(self, server: Any, scene: Scene, ask: Callable[[Request], None], skill: Skill | None = None):
+        self._gui, self._scene, self._ask, self._skill = server.gui, scene, ask, skill or Throw()
+        self._words, self._has_basket = self._skill.words, "basket" in self._skill.bodies
         self._shown_nodes: tuple[NodeStatus, ...] = ()
         self._knobs: dict[tuple[str, str], Any] = {}
         self._first: dict[tuple[str, str], float] = {}  # values of the knobs when they were heard of
@@ -145,10 +113,14 @@ class Panel:
                 self._as_before = self._gui.add_button("As they were at first", hint="every number below", visible=False)
                 self._as_before.on_click(lambda _: self._ask_as_before())
                 self._no_knobs = self._gui.add_html(_words("no node has numbers that can be changed while it runs"))
-        if self._words.is_of_baskets:
+        if self._has_basket:
             scene.on_basket_dragged(lambda place, done: ask(Request("place_basket", {"place": place, "done": done})))
         self.show_legend()
-        self.say(self._words.welcome)
+        self.say(self._welcome)
+
+    @property
+    def _welcome(self) -> str:
+        return self._words.welcome + " Drag the basket to put it elsewhere." * self._has_basket
 
     @property
     def trial(self) -> str:
@@ -160,7 +132,7 @@ class Panel:
     def say(self, text: str, is_error: bool = False) -> None:
         """A line about what goes on. text: the line; is_error: shows it as one."""
         self._says.content = _says(text, is_error)
-        self._is_new = text == self._words.welcome
+        self._is_new = text == self._welcome
 
     def welcome_a_model(self) -> None:
         """Say that a skill is learned already, if the page has said only how to teach one."""
@@ -219,18 +191,18 @@ class Panel:
             names = tuple(CONFIGURATIONS)
             self._configuration = self._gui.add_dropdown(
                 "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/skill.md",
-                visible=self._words.has_configurations,
+                visible=self._skill.has_configurations,
             )  # fmt: skip
             learn = self._button("Learn", self._learn)
         self._starting = [teach, learn]
 
     def _add_holding(self) -> None:
-        if self._words.by_mouse:
+        if self._skill.by_pointer:
             self.holding = HoldingControls(self._gui, lambda what, values: self._ask(Request(what, values)))
             self._starting.append(self.holding.take_button)
 
     def _learn(self) -> Request:
-        return Request("learn", {"configuration": self._configuration.value if self._words.has_configurations else ""})
+        return Request("learn", {"configuration": self._configuration.value if self._skill.has_configurations else ""})
 
     def _add_throwing(self) -> None:
         words = self._words
@@ -238,7 +210,7 @@ class Panel:
             throw = self._button(words.do, lambda: Request("throw"), palette.BLUE)
             self._throws = self._gui.add_slider(f"Own {words.trials}", 1, MOST_THROWS, 1, 10, hint="each of them is learned from")
             self._follow = self._gui.add_checkbox(
-                "Only here", False, hint="practise at the basket that is there, else where throws are worst", visible=words.is_of_baskets
+                "Only here", False, hint="practise at the basket that is there, else where throws are worst", visible=self._has_basket
             )
             practise = self._button("Practise", self._practice)
         self._starting += [throw, practise]

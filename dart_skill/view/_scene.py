@@ -18,7 +18,6 @@ from dart_skill.regions import REGION, Region
 from dart_skill.robot import WamDescription, joint_transforms, wam_description, write_urdf
 from dart_skill.simulation import Basket
 from dart_skill.skill.protocol import Skill
-from dart_skill.skills.throw import Throw
 from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._page_style import SCENE_SHARE
 from dart_skill.view._placing import nearest_in, on_plane, outline
@@ -85,8 +84,8 @@ class Scene:
         self._add_arm()
         self._add_bodies()
         self._add_paths()
-        by_mouse = skill is not None and not isinstance(skill, Throw)  # a throw is too fast for a mouse
-        self.held_hand = HeldHand(server, parts_of(skill.solids(skill.moves))) if skill is not None and by_mouse else None
+        by_pointer = skill is not None and skill.by_pointer
+        self.held_hand = HeldHand(server, parts_of(skill.solids(skill.moves))) if skill is not None and by_pointer else None
 
     @property
     def first_sight(self) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ def test_a_skill_is_taught_learned_and_executed_from_the_page(ros, tmp_path, nam
             def until(condition, what, limit=60.0):
                 page.wait_for(condition, limit, what, meanwhile=client.spin)
 
-            until(lambda: page.says(f"Press Teach to have {name} shown") and page.says(f"Learn, then {button}"), "what to press")
+            until(lambda: page.says(skill.words.welcome) and page.says(f"Learn, then {button}"), "what to press")
             until(lambda: all(f"/{role}" in page.places for role in skill.bodies), "the bodies")
             page.set("Lessons", shown)
             page.click("Teach")
@@ -34,7 +34,7 @@ def test_a_skill_is_taught_learned_and_executed_from_the_page(ros, tmp_path, nam
             until(lambda: page.says(f"from {shown} demonstrations"), "a model")
             until(lambda: "/gaussians/components" in page.nodes, "the Gaussians")
             page.click(button)
-            until(lambda: page.says("mm off"), "what came of it", 120.0)
+            until(lambda: page.says(f"mm {skill.words.off}"), "what came of it", 120.0)
             until(lambda: not page.is_disabled("Teach"), "its end")
             assert np.isfinite(page.places[f"/{skill.bodies[0]}"]).all()
             assert "/basket" not in page.places and "/ball" not in page.places

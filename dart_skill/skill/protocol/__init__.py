@@ -16,6 +16,7 @@ from dart_skill.skill.protocol._situation import Pose, Situation
 from dart_skill.skill.protocol._skill import Planner, Skill, TaskOutcome, settings_file
 from dart_skill.skill.protocol._solid import Solid
 from dart_skill.skill.protocol._task_log import TaskLog
+from dart_skill.skill.protocol._words import SkillWords
 
 __all__ = [
     "BIC",
@@ -29,6 +30,7 @@ __all__ = [
     "Solid",
     "Skill",
     "SkillSettings",
+    "SkillWords",
     "TaskDemonstration",
     "TaskLog",
     "TaskOutcome",

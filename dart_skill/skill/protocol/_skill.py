@@ -18,6 +18,7 @@ from dart_skill.skill.protocol._demonstration import HAND, TaskDemonstration
 from dart_skill.skill.protocol._settings import SkillSettings
 from dart_skill.skill.protocol._situation import Pose, Situation
 from dart_skill.skill.protocol._solid import Solid
+from dart_skill.skill.protocol._words import SkillWords
 
 K = TypeVar("K", bound="Skill")
 
@@ -73,6 +74,8 @@ class Skill:
     * corrects: role of the body whose place practice corrects; empty: practice corrects nothing.
     * numbers: names of those that a situation may have, beside those with which the skill was shown.
     * units: of the numbers of a situation, by name, for who reads them; one that is not here has none.
+    * by_pointer: whether it is slow enough to be shown with a mouse.
+    * has_configurations: whether its model can be chosen among those of config/configurations.
     * settings_type: class of its settings.
 
     Attribute: settings, as they were given, or the defaults.
@@ -87,6 +90,8 @@ class Skill:
     corrects = ""
     numbers: tuple[str, ...] = ()
     units: Mapping[str, str] = MappingProxyType({})
+    by_pointer = True
+    has_configurations = False
     settings_type: type[SkillSettings] = SkillSettings
 
     def __init__(self, settings: SkillSettings | None = None):
@@ -107,6 +112,15 @@ class Skill:
     def situated(self) -> tuple[str, ...]:
         """Roles of the bodies on whose poses a plan depends. Default: all that the skill needs; of a skill that reacts, none."""
         return () if self.reacts else self.bodies
+
+    @property
+    def words(self) -> SkillWords:
+        """What people are told of it."""
+        return SkillWords(
+            welcome=f"Press Teach to have {self.name} shown, or Take the hand to show it yourself. Then press Learn, then Execute.",
+            shown=f"of the skill '{self.name}', guided by a person, in new situations",
+            begin=f"bring the hand to where the {self.name} begins, hold it still, and press Enter",
+        )
 
     def check_known(self, bodies: Iterable[str], numbers: Iterable[str], shown: Iterable[str] = ()) -> None:
         """ValueError for a body or a number that the skill does not have.

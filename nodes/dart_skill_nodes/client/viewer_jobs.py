@@ -12,10 +12,8 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from dart_skill.regions import Region
-from dart_skill.skill.protocol import Skill
-from dart_skill.skills.throw import Throw
+from dart_skill.skill.protocol import Skill, SkillWords
 from dart_skill.view import Request
-from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector
 from dart_skill_nodes.client.service_calls import ServiceCalls
@@ -38,7 +36,7 @@ class ViewerJobs:
 
     say: called with what goes on, and whether it is an error; busy: with whether a job is under way; threw: with the landing error [m] and
     whether the ball went in; seen: gives where the basket is seen (3,), or None; heard: number of demonstrations that were published.
-    skill: in whose situations something is taught and tried; None: throws at baskets. job: name of the one under way, empty: none;
+    skill: in whose situations something is taught and tried. job: name of the one under way, empty: none;
     progress: how far it is, such as "lesson 3 of 5".
     """
 
@@ -53,10 +51,10 @@ class ViewerJobs:
         threw: Callable[[float, bool], None],
         seen: Callable[[], np.ndarray | None],
         heard: Callable[[], int],
-        skill: Skill | None = None,
+        skill: Skill,
     ):
         self._node, self._region, self._frame_id = node, region, frame_id
-        self._rng, self._skill = np.random.default_rng([seed, 7]), skill
+        self._rng, self._skill, self._has_basket = np.random.default_rng([seed, 7]), skill, conversions.BASKET in skill.bodies
         self.say, self._show_busy, self._threw = say, busy, threw
         self._seen, self.heard = seen, heard
         self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
@@ -152,14 +150,9 @@ class ViewerJobs:
         """Such as "throw 3 of 10"; without the second number where somebody else asked for them."""
         return f"{what} {number}" + (f" of {self._wanted_trials}" if self._wanted_trials >= number else "")
 
-    @property
-    def _do(self) -> str:
-        """The button that has the skill carried out."""
-        return "Throw" if self._skill is None or isinstance(self._skill, Throw) else "Execute"
-
     def situations(self, n: int) -> list[Situation]:
         """In which something is shown."""
-        if self._skill is None:
+        if self._has_basket:
             return [conversions.at_place(target) for target in self._region.spread(n, self._rng)]
         return [conversions.situation_msg(one) for one in self._skill.draws(self._rng, n)]
 
@@ -172,12 +165,12 @@ class ViewerJobs:
             await pause(self._node, 0.1)
         if not response.success:
             raise CallFailed(response.message)
-        return f"{response.message}. Next: press {self._do}"
+        return f"{response.message}. Next: press {self._skill.words.do}"
 
     async def _throw(self) -> str:
-        if self._skill is not None:
+        if not self._has_basket:
             result = await self._practice(1, False, only_throw=True)  # the coach draws a situation, or chooses what to aim at
-            return in_words(result.outcomes[-1]) if result.success else result.message
+            return in_words(result.outcomes[-1], self._skill.words) if result.success else result.message
         target = await self._target()
         if not self._sequence.reset_client.service_is_ready():
             return await self._practise(1, True, only_throw=True)  # a person puts the ball into the hand: the coach says when
@@ -192,7 +185,7 @@ class ViewerJobs:
 
     def _judge(self, outcome) -> str:
         self._threw(float(outcome.error) if outcome.seen else float("nan"), bool(outcome.success))
-        return in_words(outcome)
+        return in_words(outcome, self._skill.words)
 
     async def _practise(self, throws: int, follow_basket: bool, only_throw: bool = False) -> str:
         return (await self._practice(throws, follow_basket, only_throw)).message
@@ -273,11 +266,7 @@ def _to_press(text: str) -> str:
     return text
 
 
-def in_words(outcome: Outcome) -> str:
-    """What became of a throw, or of another movement."""
-    seen, done = bool(outcome.seen), bool(outcome.success)
-    if outcome.skill != THROW:
-        miss = f"{1e3 * outcome.error:.1f} mm off" if seen else "not seen"
-        return f"{'done' if done else 'failed'}, {miss}"
-    miss = f"{100 * outcome.error:.1f} cm from the middle" if seen else "landing not seen"
-    return f"{'in the basket' if done else 'missed'}, {miss}"
+def in_words(outcome: Outcome, words: SkillWords) -> str:
+    """What became of a trial. words: of its skill."""
+    (unit, per_metre), done = words.unit, words.done if outcome.success else words.failed
+    return f"{done}, {per_metre * outcome.error:.1f} {unit} {words.off}" if outcome.seen else f"{done}, {words.unseen}"

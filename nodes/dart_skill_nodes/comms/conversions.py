@@ -54,7 +54,7 @@ from dart_skill.skill.protocol import (
 )
 from dart_skill.skill.protocol import Pose as BodyPose
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROW, THROWN
+from dart_skill.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.skill.model import Policy
@@ -81,11 +81,6 @@ LEADING_STAMP = struct.Struct("<4xiI")
 
 EPISODE_AND_STEP = ("episode", "step")
 """What differs from one SimulationState to the next beside its numbers."""
-
-
-def what_comes(skill: str) -> str:
-    """What nobody sees of a skill without cameras, in words."""
-    return f"where the {THROWN[skill][0]} goes" if skill in THROWN else "what becomes of it"
 
 
 def decoded(data: bytes, kind: type):

@@ -19,7 +19,6 @@ from dart_skill.robot import Grip
 from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.skill.protocol import HAND, load_skill
 from dart_skill.skills.darts import Darts
-from dart_skill.skills.throw import Throw
 from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
@@ -170,7 +169,7 @@ class CoachNode(GuardedNode):
     @property
     def _things(self) -> str:
         """Trials of the skill, in a word."""
-        return "throws" if isinstance(self._skill, Throw) else "trials"
+        return self._skill.words.trials
 
     async def _choose(self) -> Situation:
         """The situation where the skill is worst, of those for which the learner has a plan; a plan that needs a look comes later."""

@@ -302,7 +302,7 @@ class CommanderNode(GuardedNode):
             return f"{', '.join(self._strangers)} publishes /wam/command, too: end it, one commands an arm"
         if self._arm_fault:
             return f"the arm's safety module has stopped it ({self._arm_fault}): look at the arm, and reset it"
-        return f"{self._unseen}; nobody would see {conversions.what_comes(self._skill.name)}" if self._unseen else ""
+        return f"{self._unseen}; nobody would see {self._skill.words.outcome}" if self._unseen else ""
 
     async def _execute(self, plan: MotionPlan | ReactiveGuide, result) -> None:
         goal = self._goal

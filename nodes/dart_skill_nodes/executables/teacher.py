@@ -81,7 +81,7 @@ class TeacherNode(GuardedNode):
         self.p = declare(self, "teacher.yaml", TABLE)
         skill = load_skill(self.p["skill"])
         name_of = declare_bodies(self, (HAND, *skill.bodies))
-        self._skill, self._person, self._pointer = skill.name, showing_of(skill, self.p), PointerShowing(skill, self.p["frame_id"])
+        self._skill, self._person, self._pointer = skill, showing_of(skill, self.p), PointerShowing(skill, self.p["frame_id"])
         self._showing = self._person
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
         self._cameras = Cameras(self, pose_topic(name_of[skill.moves]))
@@ -309,7 +309,7 @@ class TeacherNode(GuardedNode):
             if not self._unseen:
                 return
             await pause(self, LOOK)
-        raise CallFailed(f"{self._unseen}; nobody would see {conversions.what_comes(self._skill)}")
+        raise CallFailed(f"{self._unseen}; nobody would see {self._skill.words.outcome}")
 
     def _go_on(self) -> None:
         """CallFailed if the lesson shall not go on."""

@@ -19,7 +19,7 @@ from dart_skill.regions import Region
 from dart_skill.simulation import Basket
 from dart_skill.skill.protocol import HAND, Skill, load_skill, task_demonstration_from_message
 from dart_skill.skills.throw import Throw
-from dart_skill.view import Panel, PanelWords, Request, Scene, new_token, open_server, url_of, with_token
+from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
 from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
@@ -95,19 +95,18 @@ class Viewer(GuardedNode):
         self._server = open_server(self.p["host"], self.p["port"], token=token)
         self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
         basket = Basket(radius=self.p["basket_radius"], depth=self.p["basket_depth"])
-        skill = load_skill(self.p["skill"])
+        self._skill = skill = load_skill(self.p["skill"])
         other = None if skill.name == THROW else skill
         self._scene = Scene(self._server, region=region, basket=basket, skill=other)
         self._demonstrated = SHOWN_OF[isinstance(skill, Throw)](skill)
-        words = None if other is None else PanelWords.of(skill.name, isinstance(skill, Throw))
-        self._panel = Panel(self._server, self._scene, self._requests.put, words)
+        self._panel = Panel(self._server, self._scene, self._requests.put, skill)
         self._demonstrations, self._new_demonstration, self._basket, self._fault = {}, False, None, ""
         self._status, self._phase = NodeStatuses(lambda name: in_graph(self, name) is not None), ""
         self._inspector = NodeInspector(self)
         self._path_ends, self._pictures = {name: [] for name in (*self._scene.bodies[:1], "hand", "attractor")}, 0
         self._controls = ViewerJobs(
             self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
-            seen=lambda: self._basket, heard=lambda: len(self._demonstrations), skill=other,
+            seen=lambda: self._basket, heard=lambda: len(self._demonstrations), skill=skill,
         )  # fmt: skip
         self._lesson = None
         if self._scene.held_hand is not None and self._panel.holding is not None:
@@ -251,7 +250,7 @@ class Viewer(GuardedNode):
             return
         error = float(feedback.outcome.error) if feedback.outcome.seen else float("nan")
         self._panel.add_throw(error, bool(feedback.outcome.success))
-        self._say_phase("; ".join(filter(None, (f"{what}: {in_words(feedback.outcome)}", feedback.message))))
+        self._say_phase("; ".join(filter(None, (f"{what}: {in_words(feedback.outcome, self._skill.words)}", feedback.message))))
 
     def _say_phase(self, text: str) -> None:
         if text != self._phase:

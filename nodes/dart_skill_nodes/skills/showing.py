@@ -186,7 +186,7 @@ class PointerShowing(_AtOneGlance):
         return "pulled" if self.guides else "waiting"
 
     def check(self, situation: Situation, again: bool) -> None:
-        if isinstance(self._skill, Throw):
+        if not self._skill.by_pointer:
             raise ValueError(f"'{self._skill.name}' is too fast to be shown with a pointer: ask for a lesson without by_pointer")
         conversions.situation(situation)
 

@@ -10,7 +10,6 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import full_name, in_namespace
 from dart_skill_nodes.process.discovery import choose_domain, stay_on_this_machine
@@ -19,17 +18,11 @@ if TYPE_CHECKING:
     import numpy as np
 
     from dart_skill.session import ThrowResult
+    from dart_skill.skill.protocol import SkillWords
     from dart_skill_nodes.client.graph_client import GraphClient
 
 PATIENCE = 10.0
 """For a graph that is said to run to answer at all [s, wall clock]."""
-
-
-BY_HAND = (
-    "put the ball into the hand, bring it to where the throw begins, hold it still, and press Enter",
-    "throw, press the hand's button, wait until the ball has landed, and press Enter",
-)
-"""What a person is told who guides a throw."""
 
 
 def say(text: str) -> None:
@@ -78,16 +71,19 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
     raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
 
 
-def teach_by_hand(client: "GraphClient", wanted: int, skill: str = THROW) -> int:
-    """Movements that a person guides on a real arm, told by the Enter key, until so many can be learned from; how many that are."""
+def teach_by_hand(client: "GraphClient", wanted: int, words: "SkillWords") -> int:
+    """Movements that a person guides on a real arm, told by the Enter key, until so many can be learned from; how many that are.
+
+    words: of the skill.
+    """
     say("the arm is free now: guide it by hand. Ctrl-D ends the lesson")
     client.release_arm(True)
     shown = 0
     try:
         while shown < wanted:
-            ask(BY_HAND[0] if skill == THROW else f"bring the hand to where the {skill} begins, hold it still, and press Enter")
+            ask(words.begin)
             client.start_demonstration()
-            ask(BY_HAND[1] if skill == THROW else "show it, tell the hand when to open and close, hold still for a second, press Enter")
+            ask(words.show)
             stopped = client.stop_demonstration()
             shown += bool(stopped.success and stopped.readable)
             what = f"{stopped.demonstration.id} is kept" if stopped.success else "not kept"

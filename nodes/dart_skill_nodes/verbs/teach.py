@@ -59,10 +59,13 @@ def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict
 
 
 def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
+    from dart_skill.skill.protocol import load_skill
+
     if options.at is not None:
         raise ValueError("--at puts a simulated basket there: put the real one where you like, and leave this out")
-    shown = teach_by_hand(client, options.count, skill)
-    text = f"{shown} of {options.count} {'throws' if skill == THROW else 'movements'} shown"
+    words = load_skill(skill).words
+    shown = teach_by_hand(client, options.count, words)
+    text = f"{shown} of {options.count} {words.trials} shown"
     return {"text": text, "shown": shown, "ok": shown == options.count, "next": "dart-skill demonstrations"}
 
 

@@ -98,6 +98,8 @@ def test_a_skill_of_somebody_else_needs_no_solids(server):
 
 
 def test_controls_have_the_words_of_their_skill():
-    words = view.PanelWords.of("place", throws=False)
-    assert (words.do, words.trials, words.unit) == ("Execute", "trials", ("mm", 1000.0)) and not words.has_configurations
-    assert view.PanelWords.of("darts", throws=True).do == "Throw"
+    place, darts, throw = (load_skill(name) for name in ("place", "darts", "throw"))
+    assert (place.words.do, place.words.trials, place.words.unit) == ("Execute", "trials", ("mm", 1000.0))
+    assert place.by_pointer and not place.has_configurations
+    assert darts.words.do == throw.words.do == "Throw" and not darts.by_pointer and darts.has_configurations
+    assert (darts.words.done, throw.words.done) == ("in the board", "in the basket")

@@ -1,0 +1,35 @@
+"""What people are told of a skill: on pages, by verbs, and by who asks them to guide the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SkillWords:
+    """Words for a skill.
+
+    * welcome: what a visitor of the live view reads first.
+    * shown: what demonstrations are.
+    * begin, show: what a person does who guides the arm, before the movement and with it.
+    * do: the button that has the skill carried out once; trials: what that is called, many.
+    * lessons: demonstrations that are asked for at first.
+    * done, failed: a trial that succeeded, and one that did not.
+    * off, unseen: what stands behind an error, and in its place.
+    * outcome: what nobody knows without cameras.
+    * unit: of errors, its name and how many are a metre.
+    """
+
+    welcome: str
+    shown: str
+    begin: str
+    show: str = "show it, tell the hand when to open and close, hold still for a second, press Enter"
+    do: str = "Execute"
+    trials: str = "trials"
+    lessons: int = 8
+    done: str = "done"
+    failed: str = "failed"
+    off: str = "off"
+    unseen: str = "not seen"
+    outcome: str = "what becomes of it"
+    unit: tuple[str, float] = ("mm", 1000.0)
