@@ -118,7 +118,7 @@ class TimeLine:
         self._take()
         usual = {name: topic.usual() for name, topic in self._topics.items() if name not in self._events}
         regular = {name: self._topics[name].gaps() for name, interval in usual.items() if interval is not None}
-        pauses = self._pauses(list(regular.values()))
+        pauses = self._pauses(regular)
         found = [*self._back(place), *self._pause_findings(place, pauses)]
         for name, gaps in regular.items():
             found += self._gap_findings(name, [gap for gap in gaps if not any(_covers(pause, gap) for pause in pauses)])
@@ -148,21 +148,21 @@ class TimeLine:
             found.append(Finding("note", place, text))
         return found
 
-    def _pauses(self, gaps_of_each: list[list[tuple[int, int]]]) -> list[tuple[int, int]]:
-        """Length and begin of what no regular topic has messages in, in order.
+    def _pauses(self, regular: dict[str, list[tuple[int, int]]]) -> list[tuple[int, int]]:
+        """Length and begin of what no regular topic has messages in, in order: in gaps, before it begins, or when it has ended.
 
-        That takes two of them, unless it is longer than all the rest, or than any recording is paused.
+        That takes two of them, unless it is longer than all the rest, or than any recording is paused. regular: gaps of each.
         """
-        whole = (self._all.last_ns or 0) - (self._all.first_ns or 0)
-        least = max(SHORTEST_LEAP_NS, 0.5 * whole) if gaps_of_each else LEAP_NS
+        start, end = self._all.first_ns or 0, self._all.last_ns or 0
+        least = max(SHORTEST_LEAP_NS, 0.5 * (end - start)) if regular else LEAP_NS
         found = [gap for gap in self._all.longest if gap[0] >= min(least, LEAP_NS)]
-        if len(gaps_of_each) > 1:
-            first, *others = sorted(gaps_of_each, key=len)
-            found += [
-                gap
-                for gap in first
-                if all(any(_covers(other, gap) for other in gaps) for gaps in others) and not any(_covers(pause, gap) for pause in found)
-            ]
+        silences = []
+        for name, gaps in regular.items():
+            first, last = self._topics[name].first_ns or 0, self._topics[name].last_ns or 0
+            silences.append([*gaps, (first - start, start), (end - last, last)])
+        for gap in (gap for gaps in regular.values() for gap in gaps if len(regular) > 1):
+            if all(any(_covers(one, gap) for one in silence) for silence in silences) and not any(_covers(one, gap) for one in found):
+                found.append(gap)
         return sorted(found, key=lambda gap: gap[1])
 
     def _pause_findings(self, place: str, pauses: list[tuple[int, int]]) -> list[Finding]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import heapq
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from functools import partial
+from itertools import chain
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +21,7 @@ from mcap.records import Attachment, Channel, McapRecord, Metadata
 from dart_skill.files import open_file
 from dart_skill.recording.mcap._mapped import mapped
 from dart_skill.recording.mcap.records import (
+    MAGIC,
     RECORD,
     ChunkTable,
     DamagedError,
@@ -28,6 +30,7 @@ from dart_skill.recording.mcap.records import (
     parse,
     parse_chunk,
     parse_header,
+    parse_message_index,
     read_summary,
 )
 from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, walk
@@ -71,6 +74,7 @@ class McapInput:
     counts: messages by the number of their channel.
     message_count: of all channels.
     start_ns, end_ns: log times of the first and last message, 0 without messages.
+    strays: messages by the number of a channel that the file does not define.
     compression: of the chunks; several are separated by commas.
     storage: how rosbag2 calls the format.
     """
@@ -85,7 +89,7 @@ class McapInput:
             with mapped(path) as data:
                 self.header, _ = parse_header(data)
                 summary = read_summary(data)
-                if summary is not None and is_complete(summary):
+                if summary is not None and is_complete(summary) and not _holds_more(data, summary):
                     self._take(summary)
                 else:
                     self._scan(data)
@@ -97,6 +101,11 @@ class McapInput:
     def is_open(self) -> bool:
         """Whether it can be read."""
         return not self._stream.closed
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether the file itself tells how many messages are in it, and where they are."""
+        return self._chunks is not None
 
     @property
     def library(self) -> str:
@@ -132,6 +141,26 @@ class McapInput:
             if start_ns <= chunk.message_end_time and chunk.message_start_time < stop_ns and not wanted.keys().isdisjoint(chunk.channels)
         ]
 
+    def log_times(self, wanted: Container[int]) -> Iterator[tuple[int, int]]:
+        """Channel and log time [ns] of each message of some channels, in the order in which they were written; DamagedError.
+
+        By the message indexes, where there are some: no chunk is unpacked. wanted: numbers of the channels.
+        """
+        if self._chunks is None:
+            with mapped(self.path) as data:
+                for record in _undamaged(data):
+                    yield from ((one.channel, one.log_time_ns) for one in record.messages() if one.channel in wanted)
+            return
+        for chunk in self._chunks:
+            data = memoryview(self._at(chunk.chunk_start_offset + chunk.chunk_length, chunk.message_index_length))
+            found: list[tuple[int, int, int]] = []
+            while len(data) > RECORD.size:
+                end = RECORD.size + RECORD.unpack_from(data)[1]
+                channel, entries = parse_message_index(data[RECORD.size : end])
+                found += [(place, channel, stamp_ns) for stamp_ns, place in entries] if channel in wanted else []
+                data = data[end:]
+            yield from ((channel, stamp_ns) for _place, channel, stamp_ns in sorted(found))
+
     def close(self) -> None:
         """Close the file."""
         self._stream.close()
@@ -148,6 +177,7 @@ class McapInput:
         statistics = summary.statistics
         assert statistics is not None  # or the summary would not have been complete
         self.schemas, self.channels, self._chunks = summary.schemas, summary.channels, summary.chunks
+        self.strays: dict[int, int] = {}
         self.counts: Counter[int] = Counter(statistics.channel_message_counts)
         self.message_count = statistics.message_count
         self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
@@ -170,6 +200,7 @@ class McapInput:
             elif found.opcode in places:
                 places[found.opcode].append(found.offset)
         self.schemas, self.channels = read_definitions(data)
+        self.strays = {number: count for number, count in self.counts.items() if number not in self.channels}
         self.compression = _listed(compressions)
         self._metadata_places, self._attachment_places = places[Opcode.METADATA], places[Opcode.ATTACHMENT]
         self.message_count = sum(self.counts.values())
@@ -272,6 +303,20 @@ def is_complete(summary: Summary) -> bool:
     indexed = sum((chunk.message_index_length - 15 * len(chunk.channels)) // 16 for chunk in summary.chunks)
     lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
     return lists and indexed == statistics.message_count
+
+
+def _holds_more(data: memoryview, summary: Summary) -> bool:
+    """Whether messages stand before, between or behind those chunks that the summary has."""
+    place = len(MAGIC)
+    known = ((one.chunk_start_offset, one.chunk_start_offset + one.chunk_length + one.message_index_length) for one in summary.chunks)
+    for begin, end in chain(known, [(summary.start, summary.start)]):
+        while place + RECORD.size <= begin:
+            opcode, length = RECORD.unpack_from(data, place)
+            if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
+                return True
+            place += RECORD.size + length
+        place = end
+    return False
 
 
 def _listed(compressions: Iterable[str]) -> str:
