@@ -252,10 +252,10 @@ class FileGlance(FileFacts):
             if isinstance(file, SqliteInput):
                 _sqlite_findings(self, file)
             self.file_findings(file.strays)
-            wanted = {number: one.name for number, one in self._topics.items() if one.name.endswith(topics)}
+            wanted = {number: line.number(one.name) for number, one in self._topics.items() if one.name.endswith(topics)}
             try:
-                for number, stamp_ns in file.log_times(wanted):
-                    line.add(wanted[number], stamp_ns)
+                for numbers, stamps in file.log_times(wanted):
+                    line.extend(numbers, stamps)
             except DamagedError as error:
                 self.add("error", str(error), RECOVER)
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -20,7 +21,10 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from dart_skill.files import require_file
 from dart_skill.recording.bags._files import SIDE_FILES, side_files
 from dart_skill.recording.bags._metadata import RECORD_KEY, RECORD_NAME
-from dart_skill.recording.mcap import BagMessage, DamagedError, Part
+from dart_skill.recording.mcap import BagMessage, DamagedError, Part, in_arrays
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _READABLE = "(typeof(timestamp) = 'integer' AND typeof(data) = 'blob')"
 """A row of messages with a time and bytes; SQLite does not forbid others."""
@@ -102,12 +106,13 @@ class SqliteInput:
         except (sqlite3.Error, UnicodeDecodeError) as error:
             return [str(error)]
 
-    def log_times(self, wanted: Collection[int]) -> Iterator[tuple[int, int]]:
+    def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """As of `McapInput`."""
+        assert self._database is not None
         marks = ", ".join(map(str, wanted))
+        query = f"SELECT topic_id, timestamp FROM messages WHERE topic_id IN ({marks}) AND {_READABLE} ORDER BY rowid"
         with _explained():
-            found = self._all(f"SELECT topic_id, timestamp FROM messages WHERE topic_id IN ({marks}) AND {_READABLE} ORDER BY rowid")
-        yield from found
+            yield from in_arrays((wanted[number], stamp_ns) for number, stamp_ns in self._database.execute(query))
 
     def close(self) -> None:
         """Close the file; twice is no error."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 import heapq
 import struct
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, McapRecord, Metadata
@@ -27,15 +27,20 @@ from dart_skill.recording.mcap.records import (
     DamagedError,
     Summary,
     defines_all,
+    message_index,
     parse,
     parse_chunk,
     parse_header,
-    parse_message_index,
     read_summary,
 )
 from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, walk
 
+if TYPE_CHECKING:
+    import numpy as np
+
 END_OF_TIME = 2**64
+AT_ONCE = 16_384
+"""Messages whose log times are looked at together."""
 _FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
 _STAMP = itemgetter(2)
 
@@ -141,25 +146,31 @@ class McapInput:
             if start_ns <= chunk.message_end_time and chunk.message_start_time < stop_ns and not wanted.keys().isdisjoint(chunk.channels)
         ]
 
-    def log_times(self, wanted: Container[int]) -> Iterator[tuple[int, int]]:
-        """Channel and log time [ns] of each message of some channels, in the order in which they were written; DamagedError.
+    def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Numbers and log times (n,) [ns] of messages of some channels, some at a time, in the order of writing; DamagedError.
 
-        By the message indexes, where there are some: no chunk is unpacked. wanted: numbers of the channels.
+        By the message indexes, where there are some: no chunk is unpacked. wanted: number that is given for each channel.
         """
+        import numpy as np
+
         if self._chunks is None:
             with mapped(self.path) as data:
-                for record in _undamaged(data):
-                    yield from ((one.channel, one.log_time_ns) for one in record.messages() if one.channel in wanted)
+                messages = (one for record in _undamaged(data) for one in record.messages())
+                yield from in_arrays((wanted[one.channel], one.log_time_ns) for one in messages if one.channel in wanted)
             return
         for chunk in self._chunks:
             data = memoryview(self._at(chunk.chunk_start_offset + chunk.chunk_length, chunk.message_index_length))
-            found: list[tuple[int, int, int]] = []
+            numbers, entries = [np.empty(0, np.int64)], [np.empty((0, 2), "<u8")]
             while len(data) > RECORD.size:
                 end = RECORD.size + RECORD.unpack_from(data)[1]
-                channel, entries = parse_message_index(data[RECORD.size : end])
-                found += [(place, channel, stamp_ns) for stamp_ns, place in entries] if channel in wanted else []
+                channel, index = message_index(data[RECORD.size : end])
+                if channel in wanted:
+                    entries.append(np.frombuffer(index, "<u8").reshape(-1, 2))
+                    numbers.append(np.full(len(entries[-1]), wanted[channel]))
                 data = data[end:]
-            yield from ((channel, stamp_ns) for _place, channel, stamp_ns in sorted(found))
+            stamps, places = np.concatenate(entries).T
+            order = np.argsort(places, kind="stable")
+            yield np.concatenate(numbers)[order], stamps[order]
 
     def close(self) -> None:
         """Close the file."""
@@ -242,6 +253,15 @@ def in_time_order(parts: Iterable[Part]) -> Iterator[BagMessage]:
         group.append(part)
         until = max(until, part.end_ns)
     yield from _merged(group)
+
+
+def in_arrays(pairs: Iterator[tuple[int, int]]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Numbers and log times (n,) of pairs of them, some at a time."""
+    import numpy as np
+
+    while some := list(islice(pairs, AT_ONCE)):
+        numbers, stamps = zip(*some, strict=True)
+        yield np.array(numbers), np.array(stamps)
 
 
 def _undamaged(data: memoryview) -> Iterator[Record]:
