@@ -14,6 +14,7 @@ from dart_skill.recording import BagReader, definition, read_command
 from dart_skill.recording.imports import MAPPING, convert, load_mapping, parse_mapping, read_recording, throws_to_csv
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, TIME_UNITS
 from dart_skill.session import NothingLearned, learn_from_bag, learn_throws_from_dataset, open_dataset, write_lerobot
+from dart_skill.skill.learn import Unreachable
 from dart_skill.world import ROLES
 from tests.paths import ROOT
 from tests.unit.recording.bag_files import TYPES, mcap_file, mcap_ways
@@ -23,7 +24,6 @@ TOPICS = (*POSES, "/joint_states", "/wam/command", "/wam/teacher_wrench")
 BEFORE_NS, AFTER_NS = 2_500_000_000, 2_500_000_000
 """What belongs to a throw, around the instant at which the hand is told to open."""
 SIGNED_AXES = [(*"xyz",), (*"yzx",), (*"zxy",), ("-y", "x", "z"), ("x", "-z", "y"), ("-x", "-y", "z"), ("y", "x", "z"), ("x", "z", "y")]
-BASKET = np.array([1.9, 0.2, 0.4])
 few = settings(max_examples=max(6, settings.default.max_examples // 16))
 
 recordings = st.fixed_dictionaries(
@@ -180,10 +180,10 @@ def instants(output, openings, layout):
     return {"table": "teacher.csv", "columns": written(output / "teacher.csv", layout, stamps), **layout}
 
 
-def learned(path, mapping=None):
+def learned(path, configuration="default"):
     """The skill; nothing to be asked where too little is left of what was drawn."""
     try:
-        return learn_from_bag(path, mapping)
+        return learn_from_bag(path, configuration=configuration)
     except NothingLearned:
         assume(False)
 
@@ -207,8 +207,13 @@ def apart(one, other):
     """How far the hands of two skills are apart before they let go, at most [m]; both learned from as many throws."""
     (skill, report), (again, second) = one, other
     assert len(report.learned_from) == len(second.learned_from)
+    target = np.mean([shown.target for shown in report.learned_from], axis=0)
+    try:
+        first = skill.plan(target)
+    except Unreachable:
+        assume(False)
     ways = []
-    for plan in (skilled.plan(BASKET) for skilled in (skill, again)):
+    for plan in (first, again.plan(target)):
         before = plan.path.time - plan.release
         ways.append(np.array([np.interp(np.linspace(-0.3, 0.0, 31), before, column) for column in plan.path.position.T]))
     return np.abs(ways[0] - ways[1]).max()
@@ -224,12 +229,9 @@ def test_tables_in_the_axes_and_units_of_another_laboratory_teach_the_same_but_f
 @few
 @given(drawn=recordings, fps=st.sampled_from([100, 120, 200]))
 def test_a_dataset_of_lerobot_teaches_nearly_the_same(shown, folder, drawn, fps):
-    """Its frames are not the instants of the recording, and EM comes to another optimum by as little: the ball lands where it did."""
+    """Its frames are not the instants of the recording. Without EM, which comes to another optimum by as little."""
     pytest.importorskip("pyarrow")
     path = recorded(shown, folder, drawn)
-    first = learned(path)
+    first = learned(path, "intervals")
     write_lerobot(path, folder / "dataset", fps=fps)
-    again = learn_throws_from_dataset(open_dataset(folder / "dataset"))
-    assert apart(first, again) < 0.02
-    here, there = (skill.plan(BASKET).predicted_landing for skill, _ in (first, again))
-    assert np.linalg.norm(here - there) < 2e-3
+    assert apart(first, learn_throws_from_dataset(open_dataset(folder / "dataset"), "intervals")) < 5e-3
