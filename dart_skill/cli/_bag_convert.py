@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.mapping_option import add_mapping, settle_mapping
-from dart_skill.cli.printable import printable
+from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.world import THROW
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def _to_csv(options: argparse.Namespace, output: Path, mapping: RecordingMapping
         folder = shlex.quote(str(output))
         lines = [_recording_text(recording), f"new folder: {output}", f"next: dart-skill learn {folder} --mapping {folder}/{MAPPING}"]
         return "\n".join(lines), {**_recording_json(recording, output), "mapping": str(output / MAPPING)}
+    tell_bag_faults(options.source)
     rows = bodies_to_csv(options.source, output, (HAND, *load_skill(name).bodies))
     lines = [", ".join(f"{file}: {count} rows" for file, count in rows.items()), f"new folder: {output}"]
     lines.append("only throws at baskets are learned from CSV files: 'dart-skill learn' takes the bag, or a dataset of '--to lerobot'")
@@ -93,6 +94,7 @@ def _to_lerobot(options: argparse.Namespace, output: Path, mapping: RecordingMap
         camera = SceneCamera
     fps = FPS if options.fps is None else options.fps
     wanted = {"with_throws": options.with_throws, "without": options.without}
+    tell_bag_faults(options.source, mapping)
     done = write_lerobot(options.source, output, mapping, fps=fps, camera=camera, **wanted)
     return _dataset_text(done, fps, output), {**asdict(done), "fps": fps, "path": str(output)}
 

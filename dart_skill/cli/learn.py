@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.mapping_option import add_mapping, settle_mapping
+from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.cli.run_options import add_configuration, add_namespace
 from dart_skill.constants import REMEMBERED
 from dart_skill.world import THROW
@@ -84,26 +85,19 @@ def _learn(options: argparse.Namespace) -> int:
         return _learn_skill(options, load_skill(name), output)
     mapping = load_mapping(options.mapping) if options.mapping else None
     raw = not options.demonstrations_topic
+    if not raw:
+        tell_bag_faults(options.bag)
     wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
     wanted["remember"] = REMEMBERED if options.remember is None else options.remember
     try:
         skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
     except NothingLearned as error:
-        print(*fault_lines(error.report.faults), *_found_by_check(options.bag), sep="\n", file=sys.stderr)
+        print(*map(printable, fault_lines(error.report.faults)), sep="\n", file=sys.stderr)
         raise
     origin = {"clocks": report.clocks} if report.clocks else None
     save_model(output, list(report.learned_from), skill.skill.configuration, origin=origin)
-    print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
+    print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else printable(_as_text(skill, report, output)))
     return 0
-
-
-def _found_by_check(bag: Path) -> list[str]:
-    """What `bag check` says against a bag of which nothing can be learned."""
-    from dart_skill.recording.bags import check_bag
-
-    if bag.is_dir() and not any(file.suffix in (".mcap", ".db3") for file in bag.iterdir()):
-        return []
-    return [str(one) for one in check_bag(bag) if one.severity != "note"]
 
 
 def _file_for(bag: Path) -> Path:
@@ -144,6 +138,7 @@ def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, datase
         if given:
             raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{name}'")
     if dataset is None:
+        tell_bag_faults(options.bag)
         learned, left_out = learn_skill_from_bag(options.bag, skill, options.without)
     else:
         learned, left_out = learn_skill_from_dataset(dataset, skill, options.without)
@@ -167,6 +162,7 @@ def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path,
             raise ValueError(f"{option} is for throws at baskets: {options.bag} is of the skill '{skill.name}'")
     name = options.configuration or "default"
     if dataset is None:
+        tell_bag_faults(options.bag)
         practice, left_out = learn_throws_from_bag(options.bag, skill, name, options.without)
     else:
         practice, left_out = learn_other_throws_from_dataset(dataset, skill, name, options.without)

@@ -9,6 +9,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.extras import need
 from dart_skill.files import new_file
 
@@ -58,7 +59,7 @@ def _report_of_throws(bag: Path, output: Path, options: argparse.Namespace) -> i
     output.parent.mkdir(parents=True, exist_ok=True)
     with new_file(output) as file:
         file.write(page.encode())
-    print(json.dumps(_as_json(run, output), indent=1) if options.json else _as_text(run, output))
+    print(json.dumps(_as_json(run, output), indent=1) if options.json else printable(_as_text(run, output)))
     return 0
 
 
@@ -67,6 +68,7 @@ def _report_of_skill(bag: Path, name: str, output: Path, as_json: bool) -> int:
     from dart_skill.report import About, read_skill_run, skill_page_of, skill_pictures
     from dart_skill.skill.protocol import load_skill
 
+    tell_bag_faults(bag)
     run = read_skill_run(bag, load_skill(name), About(f"{name.capitalize()}: the bag '{bag.resolve().name}'"))
     content = skill_page_of(run, skill_pictures(run, None))
     output.parent.mkdir(parents=True, exist_ok=True)

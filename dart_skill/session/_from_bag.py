@@ -18,7 +18,7 @@ import numpy as np
 from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import AS_ASKED, DROPPED, BagError, Demonstration, check_known, each_demonstration, unwanted
-from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, clocks_of, in_words, read_in_parts, read_recording
+from dart_skill.recording.imports import BAG, Fault, RecordingMapping, ThrowRecording, clocks_of, in_words, read_in_parts, read_recording
 from dart_skill.robot import Registration
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
@@ -244,7 +244,8 @@ def _too_few(report: LearnReport, has_joints: bool) -> str:
 
 def _main_faults(faults: Sequence[Fault]) -> list[str]:
     """The faults for which there is a remedy, or which could not be repaired, one of a kind for each body."""
-    kinds = {(fault.kind, fault.body): fault for fault in reversed(faults) if fault.remedy or not (fault.repaired or fault.is_information)}
+    told = [fault for fault in faults if fault.kind != BAG and (fault.remedy or not (fault.repaired or fault.is_information))]
+    kinds = {(fault.kind, fault.body): fault for fault in reversed(told)}
     ordered = sorted(kinds.values(), key=lambda fault: (not fault.remedy, fault.start_ns))
     return [in_words(fault) for fault in ordered[:MOST_FAULTS]]
 

@@ -1,13 +1,19 @@
 """Poses of one body may lag behind those of another: each has a topic, and what got lost on one of them is repeated seconds later."""
 
+import re
+
 import numpy as np
 import pytest
-from dart_skill_msgs.srv import Judge
+from dart_skill_msgs.msg import WamCommand
+from dart_skill_msgs.srv import Judge, StopDemonstration
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
 from dart_skill.constants import NS_PER_S
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.world import ROLES, joint_names, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import COMPLETE
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, REPAIRED, TrackedBodies
@@ -101,6 +107,7 @@ def test_a_body_that_was_never_seen_is_not_late():
 
 RIM = np.array([2.0, 0.0, 0.4])
 OPENED_NS, UNTIL_NS = NS_PER_S, 2 * NS_PER_S
+CALLS = {"start": Trigger, "stop": StopDemonstration}
 
 
 def poses(role, first_ns, last_ns):
@@ -140,3 +147,36 @@ def test_a_throw_is_not_judged_by_half_a_flight(make_graph, tmp_path):
     wait_for(client, lambda: not answer().pending, limit=0.9 * REPAIRED, what="a judgement")
     assert answer().outcome.seen
     assert answer().outcome.error == pytest.approx(abs(3.5 * np.sqrt(2.0 * 1.6 / 9.81) - RIM[0]), abs=0.02)
+
+
+def test_poses_that_nobody_stamped_are_told_by_the_recorder(make_graph, tmp_path):
+    graph, client = make_graph(None)
+    graph.start("demonstration_recorder", {"bag": str(tmp_path / "bag")})
+    topics = {**{pose_topic(role): PoseStamped for role in ROLES}, "/joint_states": JointState, "/wam/command": WamCommand}
+    publishers = {topic: client.node.create_publisher(kind, topic, COMPLETE) for topic, kind in topics.items()}
+    calls = {name: client.node.create_client(kind, f"/demonstration_recorder/{name}") for name, kind in CALLS.items()}
+    for call in calls.values():
+        client.reach(call)
+    wait_for(client, lambda: all(one.get_subscription_count() for one in publishers.values()), what="a recorder that hears all")
+    said = []
+
+    def publish(first_ns, last_ns):
+        rest = [0.0] * len(joint_names())
+        for message in poses("hand", first_ns, last_ns):
+            stamp = message.header.stamp
+            for role in ROLES:
+                message.header.stamp = conversions.time_msg(0) if role == "hand" else stamp
+                publishers[pose_topic(role)].publish(message)
+            state = JointState(header=Header(stamp=stamp), name=list(joint_names()), position=rest, velocity=rest)
+            publishers["/joint_states"].publish(state)
+            publishers["/wam/command"].publish(WamCommand(header=Header(stamp=stamp), grip=WamCommand.GRIP_OPEN))
+
+    def answer(name):
+        said.append(client.call(calls[name], CALLS[name].Request(), may_refuse=True))
+        return said[-1]
+
+    publish(OPENED_NS, UNTIL_NS)
+    wait_for(client, lambda: answer("start").success, what=lambda: f"the start: {said[-1]}")
+    publish(UNTIL_NS + FRAME_NS, UNTIL_NS + NS_PER_S)
+    told = r"only 1 samples of the hand, and \d+ that do not count: not numbers, or stamped no later"
+    wait_for(client, lambda: re.search(told, answer("stop").message), what=lambda: f"what is wrong with the stamps: {said[-1]}")

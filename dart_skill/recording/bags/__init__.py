@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dart_skill.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from dart_skill.recording.bags.check import Finding, check_bag, check_file
+    from dart_skill.recording.bags.check import Finding, check_bag, check_file, glance
     from dart_skill.recording.bags.columns import Columns, columns_by_layout, columns_of
     from dart_skill.recording.bags.description import describe
     from dart_skill.recording.bags.messages import (
@@ -35,7 +35,7 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
-            "check": "Finding check_bag check_file",
+            "check": "Finding check_bag check_file glance",
             "columns": "Columns columns_by_layout columns_of",
             "description": "describe",
             "messages": (
@@ -73,6 +73,7 @@ __all__ = [
     "columns_of",
     "definition",
     "describe",
+    "glance",
     "deserialize",
     "encoded",
     "header_content",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from mcap.records import DataEnd, Header, Statistics
 from rosbags.typesys.store import Typestore
 
 from dart_skill.recording.bags._finding import RECOVER, REWRITE
-from dart_skill.recording.bags._message_check import MessageCheck
+from dart_skill.recording.bags._inputs import open_input
+from dart_skill.recording.bags._message_check import FileFacts, MessageCheck
 from dart_skill.recording.bags._sqlite import SqliteInput
 from dart_skill.recording.bags._time_line import TimeLine
 from dart_skill.recording.mcap import (
@@ -209,10 +211,7 @@ class SqliteCheck(MessageCheck):
             file.close()
 
     def _check(self, file: SqliteInput) -> None:
-        if file.beside:
-            text = f"beside it lies {file.beside}: its recorder was stopped before it closed the file. {file.message_count} messages were"
-            text += " read in all; where such a file is damaged or cut off, SQLite stops without a word, and recovery may find more"
-            self.add("warning", text, "keep the files together, or " + RECOVER)
+        _sqlite_findings(self, file)
         for fault in file.faults():
             self.add("error", f"SQLite says: {fault}", RECOVER)
         self.define(file.schemas.values(), file.channels)
@@ -227,11 +226,48 @@ class SqliteCheck(MessageCheck):
             self.add("error", str(error), RECOVER)
         for number, messages in waiting.items():
             self.decode(number, messages)
-        if lost := file.message_count + sum(file.strays.values()) - sum(self._n_messages.values()):
-            self.add("error", f"{lost} messages cannot be read: they have no time, or no bytes", RECOVER)
         self.topic_findings()
         self.add("note", "its format has no CRC: it was read as a whole, but changed bytes may go unnoticed")
         del self._types, self._own_types
+
+
+class FileGlance(FileFacts):
+    """What a file says of its messages, and their log times by its indexes: nothing is decompressed where they are.
+
+    * path, line, name: as of `MessageCheck`.
+    * topics: endings of the names of topics whose log times are looked at.
+
+    DamagedError if the file cannot be opened.
+    """
+
+    def __init__(self, path: Path, topics: tuple[str, ...], line: TimeLine, name: str):
+        super().__init__(name)
+        with closing(open_input(path)) as file:
+            for number, channel in file.channels.items():
+                self.take_topic(number, channel, file.schemas.get(channel.schema_id), file.counts[number])
+                self.counts += Counter({channel.topic: file.counts[number]})
+            if file.message_count:
+                self.start_ns, self.end_ns = file.start_ns, file.end_ns
+            self.is_vouched_for = file.is_counted
+            if isinstance(file, SqliteInput):
+                _sqlite_findings(self, file)
+            self.file_findings(file.strays)
+            wanted = {number: line.number(one.name) for number, one in self._topics.items() if one.name.endswith(topics)}
+            try:
+                for numbers, stamps in file.log_times(wanted):
+                    line.extend(numbers, stamps)
+            except DamagedError as error:
+                self.add("error", str(error), RECOVER)
+
+
+def _sqlite_findings(facts: FileFacts, file: SqliteInput) -> None:
+    """Add what SQLite's tables tell without reading all of the file."""
+    if file.beside:
+        text = f"beside it lies {file.beside}: its recorder was stopped before it closed the file. {file.message_count} messages were"
+        text += " read in all; where such a file is damaged or cut off, SQLite stops without a word, and recovery may find more"
+        facts.add("warning", text, "keep the files together, or " + RECOVER)
+    if file.n_unreadable:
+        facts.add("error", f"{file.n_unreadable} messages cannot be read: they have no time, or no bytes", RECOVER)
 
 
 def _facts(chunk: Chunk, found: Record, size: int) -> ChunkPlace:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,9 +35,9 @@ class _Topic:
     name: str
     type_name: str
     encoding: str
+    has_lost_schema: bool
+    count: int
     reason: str = ""
-    has_lost_schema: bool = False
-    count: int = 0
     last_sequence: int | None = None
     gaps: int = 0
     missing: int = 0
@@ -48,32 +48,24 @@ class _Topic:
     has_pattern: bool = True  # until it turns out that it has none
 
 
-class MessageCheck:
-    """The check of a file.
+class FileFacts:
+    """What is found out about a file.
 
-    path: of the file.
-    types: definitions for topics whose file holds none; None: those of ROS 2 Jazzy and ours.
-    line: log times of the bag, to which those of the file are added.
-    name: of the file in findings, where it was unpacked from another one.
-
-    What it found:
-    findings: in the order in which they were found.
-    counts: messages by topic.
-    topic_types: types by topic, of those that have messages.
-    start_ns, end_ns: log times of the first and last message; None without messages.
+    * name: of the file in findings.
+    * findings: in the order in which they were found.
+    * counts: messages by topic.
+    * start_ns, end_ns: log times of the first and last message; None without messages.
+    * is_vouched_for: whether the file itself has counted as many messages as there are.
     """
 
-    def __init__(self, path: Path, types: Typestore | None = None, line: TimeLine | None = None, name: str = ""):
-        self.path, self.name = path, name or path.name
+    def __init__(self, name: str):
+        self.name = name
         self.findings: list[Finding] = []
         self.counts: Counter[str] = Counter()
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         self.is_vouched_for = False
-        self._line = TimeLine() if line is None else line
-        self._given = types
         self._topics: dict[int, _Topic] = {}  # by channel
-        self._n_messages: Counter[int] = Counter()  # by channel
 
     @property
     def topic_types(self) -> dict[str, list[str]]:
@@ -87,6 +79,46 @@ class MessageCheck:
     def add(self, severity: str, message: str, remedy: str = "", where: str = "") -> None:
         """Add a finding about the file. where: in it."""
         self.findings.append(Finding(severity, self.name + (f", {where}" if where else ""), message, remedy))
+
+    def take_topic(self, number: int, channel: Channel, schema: Schema | None, count: int = 0) -> _Topic:
+        """Take a topic of the file. number: of its channel; count: of its messages."""
+        encoding = "cdr" if channel.message_encoding.lower() in ("cdr", "") else channel.message_encoding
+        type_name = (full_name(schema.name) if encoding == "cdr" else schema.name) if schema else ""
+        self._topics[number] = topic = _Topic(channel.topic, type_name, encoding, channel.schema_id != 0 and schema is None, count)
+        return topic
+
+    def file_findings(self, undefined: Mapping[int, int]) -> None:
+        """Add what is to be said of the file once all messages are counted. undefined: messages of channels that it does not define."""
+        if undefined:
+            told = f"{sum(undefined.values())} messages are of channels {sorted(undefined)}, which the file does not define"
+            self.add("error", told, RECOVER)
+        if not self.counts:
+            self.add("warning", NO_MESSAGES)
+        of_each: dict[str, list[str]] = {}
+        for topic in self._topics.values():
+            if topic.count and topic.encoding == "cdr" and topic.type_name not in of_each.setdefault(topic.name, []):
+                of_each[topic.name].append(topic.type_name)
+        for name, types in of_each.items():
+            if len(types) > 1:
+                told = f"its messages have several types: {', '.join(types)}"
+                self.add("warning", told, "each message is read by its own", f"topic {name}")
+
+
+class MessageCheck(FileFacts):
+    """The check of a file.
+
+    path: of the file.
+    types: definitions for topics whose file holds none; None: those of ROS 2 Jazzy and ours.
+    line: log times of the bag, to which those of the file are added.
+    name: of the file in findings, where it was unpacked from another one.
+    """
+
+    def __init__(self, path: Path, types: Typestore | None = None, line: TimeLine | None = None, name: str = ""):
+        super().__init__(name or path.name)
+        self.path = path
+        self._line = TimeLine() if line is None else line
+        self._given = types
+        self._n_messages: Counter[int] = Counter()  # by channel
 
     def define(self, schemas: Iterable[Schema], channels: dict[int, Channel]) -> None:
         """Take the types and topics of the file, before its messages. channels: by number."""
@@ -105,7 +137,9 @@ class MessageCheck:
                 own = (full_name(schema.name), schema.encoding, schema.data.decode(errors="replace"))
                 others = [text for text in texts if text[0] != own[0]]
                 self._own_types[number] = embedded_types([*others, own], self._others, names)[0]
-            self._topics[number] = topic = self._topic(channel, schema)
+            topic = self.take_topic(number, channel, schema)
+            if topic.encoding == "cdr" and topic.type_name not in self._types.fielddefs:
+                topic.reason = self._unknown.get(topic.type_name, NOT_DEFINED)
             qos = profiles(channel.topic, channel.metadata.get("offered_qos_profiles", ""))
             if topic.type_name in OF_EVENTS or any(profile.durability.name == "TRANSIENT_LOCAL" for profile in qos):
                 self._line.is_of_events(topic.name)
@@ -166,19 +200,7 @@ class MessageCheck:
         for topic in self._topics.values():
             if topic.count:
                 self._of_topic(topic, f"topic {topic.name}")
-        if unknown := sorted(self._n_messages.keys() - self._topics.keys()):
-            count = sum(self._n_messages[number] for number in unknown)
-            self.add("error", f"{count} messages are of channels {unknown}, which the file does not define", RECOVER)
-        if not self.counts:
-            self.add("warning", NO_MESSAGES)
-        of_each: dict[str, list[str]] = {}
-        for topic in self._topics.values():
-            if topic.count and topic.encoding == "cdr" and topic.type_name not in of_each.setdefault(topic.name, []):
-                of_each[topic.name].append(topic.type_name)
-        for name, types in of_each.items():
-            if len(types) > 1:
-                told = f"its messages have several types: {', '.join(types)}"
-                self.add("warning", told, "each message is read by its own", f"topic {name}")
+        self.file_findings({number: count for number, count in self._n_messages.items() if number not in self._topics})
 
     def _of_topic(self, topic: _Topic, where: str) -> None:
         if topic.undecodable and topic.type_name in self._empty:  # it was taken for one without fields
@@ -206,11 +228,3 @@ class MessageCheck:
         if topic.gaps:
             text = f"{topic.missing} messages are missing in {topic.gaps} gaps of the sequence numbers"
             self.add("warning", text, "they were lost before or while they were recorded", where)
-
-    def _topic(self, channel: Channel, schema: Schema | None) -> _Topic:
-        encoding = "cdr" if channel.message_encoding.lower() in ("cdr", "") else channel.message_encoding
-        type_name = (full_name(schema.name) if encoding == "cdr" else schema.name) if schema else ""
-        reason = ""
-        if encoding == "cdr" and type_name not in self._types.fielddefs:
-            reason = self._unknown.get(type_name, NOT_DEFINED)
-        return _Topic(channel.topic, type_name, encoding, reason, channel.schema_id != 0 and schema is None)

@@ -5,6 +5,7 @@ All of it is optional where a bag is read: files tell by themselves which messag
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -145,6 +146,15 @@ def topics_of(metadata: Mapping[str, Any]) -> dict[str, dict]:
     """What the metadata say of each topic (name, type, offered_qos_profiles ...), and its message_count, by its name."""
     items = metadata.get("topics_with_message_count") or []
     return {item["topic_metadata"]["name"]: {**item["topic_metadata"], "message_count": item.get("message_count")} for item in items}
+
+
+def lost_in(custom_data: Mapping[str, str]) -> dict[str, int] | None:
+    """Messages that the recorder lost, by topic; None if it does not say."""
+    try:
+        lost = json.loads(custom_data.get("lost", ""))
+    except ValueError:
+        return None
+    return lost if isinstance(lost, dict) else None
 
 
 def _decoded(data: bytes) -> str:

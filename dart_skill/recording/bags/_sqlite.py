@@ -8,11 +8,12 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -20,8 +21,13 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from dart_skill.files import require_file
 from dart_skill.recording.bags._files import SIDE_FILES, side_files
 from dart_skill.recording.bags._metadata import RECORD_KEY, RECORD_NAME
-from dart_skill.recording.mcap import BagMessage, DamagedError, Part
+from dart_skill.recording.mcap import BagMessage, DamagedError, Part, in_arrays
 
+if TYPE_CHECKING:
+    import numpy as np
+
+_READABLE = "(typeof(timestamp) = 'integer' AND typeof(data) = 'blob')"
+"""A row of messages with a time and bytes; SQLite does not forbid others."""
 LATEST_NS = 2**63 - 1
 """SQLite has no larger time."""
 
@@ -40,10 +46,12 @@ class SqliteInput:
     """A SQLite file of a bag, open for reading, with the attributes of `McapInput`. Raises DamagedError for what is none.
 
     beside: what was found beside the file and read with it, as a text; empty if there was nothing.
+    n_unreadable: messages without a time, or without bytes.
     """
 
     storage = "sqlite3"
     library = compression = ""
+    is_counted = False
 
     def __init__(self, path: Path):
         require_file(path)
@@ -97,6 +105,14 @@ class SqliteInput:
             return [str(text) for (text,) in self._all("PRAGMA integrity_check(10)") if text != "ok"]
         except (sqlite3.Error, UnicodeDecodeError) as error:
             return [str(error)]
+
+    def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """As of `McapInput`."""
+        assert self._database is not None
+        marks = ", ".join(map(str, wanted))
+        query = f"SELECT topic_id, timestamp FROM messages WHERE topic_id IN ({marks}) AND {_READABLE} ORDER BY rowid"
+        with _explained():
+            yield from in_arrays((wanted[number], stamp_ns) for number, stamp_ns in self._database.execute(query))
 
     def close(self) -> None:
         """Close the file; twice is no error."""
@@ -152,11 +168,13 @@ class SqliteInput:
             yield Schema(id=number, name=str(name), encoding=str(encoding), data=str(text).encode())
 
     def _take_counts(self) -> None:
-        counted = self._all("SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id")
-        self.counts: Counter[int] = Counter({number: count for number, count, _first, _last in counted if number in self.channels})
-        self.strays = {number: count for number, count, _first, _last in counted if number not in self.channels}
+        columns = f"topic_id, COUNT(*), MIN(timestamp), MAX(timestamp), SUM({_READABLE})"
+        counted = self._all(f"SELECT {columns} FROM messages GROUP BY topic_id")
+        self.counts: Counter[int] = Counter({number: count for number, count, *_ in counted if number in self.channels})
+        self.strays = {number: count for number, count, *_ in counted if number not in self.channels}
+        self.n_unreadable = sum(count - readable for _number, count, _first, _last, readable in counted)
         self.message_count = sum(self.counts.values())
-        times = [time for number, _count, first, last in counted if number in self.channels for time in (first, last) if type(time) is int]
+        times = [time for number, _, first, last, _ in counted if number in self.channels for time in (first, last) if type(time) is int]
         self.start_ns, self.end_ns = (min(times), max(times)) if times else (0, 0)
 
     def _messages(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:

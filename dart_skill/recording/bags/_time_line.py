@@ -17,9 +17,8 @@ import numpy as np
 
 from dart_skill.constants import NS_PER_S
 from dart_skill.recording.bags._finding import Finding
+from dart_skill.recording.mcap import AT_ONCE
 
-BATCH = 1024
-"""So many messages are looked at together."""
 N_LONGEST = 32
 """Number of the longest intervals of a topic that are remembered."""
 FEWEST, FEWEST_IN_BURSTS = 20, 200
@@ -99,14 +98,28 @@ class TimeLine:
         self._all = _Intervals()
         self._topics: dict[str, _Intervals] = {}
         self._events: set[str] = set()
-        self._names: list[str] = []
-        self._stamps: list[int] = []
+        self._numbers: dict[str, int] = {}  # of topics, by name
+        self._waiting: list[tuple[np.ndarray, np.ndarray]] = []  # numbers of topics, and log times
+        self._n_waiting = 0
+        self._newest: tuple[list[int], list[int]] = ([], [])  # the same of single messages
+
+    def number(self, topic: str) -> int:
+        """The number by which a topic is told."""
+        return self._numbers.setdefault(topic, len(self._numbers))
 
     def add(self, topic: str, stamp_ns: int) -> None:
         """The next message."""
-        self._names.append(topic)
-        self._stamps.append(stamp_ns)
-        if len(self._stamps) >= BATCH:
+        numbers, stamps = self._newest
+        numbers.append(self.number(topic))
+        stamps.append(min(stamp_ns, _LATEST))
+        if len(stamps) >= AT_ONCE:
+            self._take()
+
+    def extend(self, numbers: np.ndarray, stamps: np.ndarray) -> None:
+        """The next messages: numbers of their topics and log times (n,) [ns]."""
+        self._waiting.append((numbers, np.minimum(stamps, _LATEST).astype(np.int64)))
+        self._n_waiting += len(stamps)
+        if self._n_waiting >= AT_ONCE:
             self._take()
 
     def is_of_events(self, topic: str) -> None:
@@ -118,22 +131,22 @@ class TimeLine:
         self._take()
         usual = {name: topic.usual() for name, topic in self._topics.items() if name not in self._events}
         regular = {name: self._topics[name].gaps() for name, interval in usual.items() if interval is not None}
-        pauses = self._pauses(list(regular.values()))
+        pauses = self._pauses(regular)
         found = [*self._back(place), *self._pause_findings(place, pauses)]
         for name, gaps in regular.items():
             found += self._gap_findings(name, [gap for gap in gaps if not any(_covers(pause, gap) for pause in pauses)])
         return found
 
     def _take(self) -> None:
-        if not self._stamps:
+        parts = [*self._waiting, tuple(np.array(one, np.int64) for one in self._newest)]
+        numbers, stamps = (np.concatenate(column) for column in zip(*parts, strict=True))
+        self._waiting, self._n_waiting, self._newest = [], 0, ([], [])
+        if not len(stamps):
             return
-        stamps = np.array([min(stamp, _LATEST) for stamp in self._stamps], dtype=np.int64)
         self._all.take(stamps)
-        numbers = {name: number for number, name in enumerate(dict.fromkeys(self._names))}
-        of_each = np.array([numbers[name] for name in self._names])
-        for name, number in numbers.items():
-            self._topics.setdefault(name, _Intervals()).take(stamps[of_each == number])
-        self._names, self._stamps = [], []
+        for name, number in self._numbers.items():
+            if (of_topic := numbers == number).any():
+                self._topics.setdefault(name, _Intervals()).take(stamps[of_topic])
 
     def _back(self, place: str) -> list[Finding]:
         found = []
@@ -148,21 +161,21 @@ class TimeLine:
             found.append(Finding("note", place, text))
         return found
 
-    def _pauses(self, gaps_of_each: list[list[tuple[int, int]]]) -> list[tuple[int, int]]:
-        """Length and begin of what no regular topic has messages in, in order.
+    def _pauses(self, regular: dict[str, list[tuple[int, int]]]) -> list[tuple[int, int]]:
+        """Length and begin of what no regular topic has messages in, in order: in gaps, before it begins, or when it has ended.
 
-        That takes two of them, unless it is longer than all the rest, or than any recording is paused.
+        That takes two of them, unless it is longer than all the rest, or than any recording is paused. regular: gaps of each.
         """
-        whole = (self._all.last_ns or 0) - (self._all.first_ns or 0)
-        least = max(SHORTEST_LEAP_NS, 0.5 * whole) if gaps_of_each else LEAP_NS
+        start, end = self._all.first_ns or 0, self._all.last_ns or 0
+        least = max(SHORTEST_LEAP_NS, 0.5 * (end - start)) if regular else LEAP_NS
         found = [gap for gap in self._all.longest if gap[0] >= min(least, LEAP_NS)]
-        if len(gaps_of_each) > 1:
-            first, *others = sorted(gaps_of_each, key=len)
-            found += [
-                gap
-                for gap in first
-                if all(any(_covers(other, gap) for other in gaps) for gaps in others) and not any(_covers(pause, gap) for pause in found)
-            ]
+        silences = []
+        for name, gaps in regular.items():
+            first, last = self._topics[name].first_ns or 0, self._topics[name].last_ns or 0
+            silences.append([*gaps, (first - start, start), (end - last, last)])
+        for gap in (gap for gaps in regular.values() for gap in gaps if len(regular) > 1):
+            if not any(_covers(one, gap) for one in found) and all(any(_covers(one, gap) for one in silence) for silence in silences):
+                found.append(gap)
         return sorted(found, key=lambda gap: gap[1])
 
     def _pause_findings(self, place: str, pauses: list[tuple[int, int]]) -> list[Finding]:

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path, PureWindowsPath
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,18 +18,18 @@ from typing import Any
 from rosbags.typesys.store import Typestore
 
 from dart_skill.files import NoFile, require_file
-from dart_skill.recording.bags._file_check import EMPTY, McapCheck, SqliteCheck
+from dart_skill.recording.bags._file_check import EMPTY, FileGlance, McapCheck, SqliteCheck
 from dart_skill.recording.bags._files import chosen_files, has_only_log, missing_parts, part_number, storage_files
 from dart_skill.recording.bags._finding import RECOVER, REWRITE, SEVERITIES, Finding
 from dart_skill.recording.bags._inputs import is_packed, storage_of, unpack_file
-from dart_skill.recording.bags._message_check import NO_MESSAGES, MessageCheck
-from dart_skill.recording.bags._metadata import METADATA_FILE, METADATA_VERSION, extent_of, read_metadata_file, topics_of
+from dart_skill.recording.bags._message_check import NO_MESSAGES, FileFacts
+from dart_skill.recording.bags._metadata import METADATA_FILE, METADATA_VERSION, extent_of, lost_in, read_metadata_file, topics_of
 from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.bags._time_line import TimeLine
 from dart_skill.recording.bags.reader import BagError, BagReader
 from dart_skill.recording.mcap import DamagedError
 
-__all__ = ["Finding", "check_bag", "check_file"]
+__all__ = ["Finding", "check_bag", "check_file", "glance"]
 
 
 def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[Finding]:
@@ -40,11 +43,43 @@ def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[F
         return [Finding("error", str(path), "no such bag")]
     if not path.is_dir():
         return check_file(path, types)
+    return _sorted(_with_refusal(path, _found_in(path, partial(_check_of, types=types))))
+
+
+def glance(path: str | os.PathLike, topics: tuple[str, ...]) -> list[Finding]:
+    """What of a check takes no time: its files, what they and metadata.yaml say of themselves, and log times, by the indexes.
+
+    Nothing is said of what is no bag, or cannot be opened: who reads it says why.
+
+    * path: folder or file.
+    * topics: endings of the names of topics whose log times are looked at.
+    """
+    path, look = Path(path), partial(_glance_at, topics=topics)
+    with suppress(DamagedError, OSError):
+        if path.is_dir() and storage_files(path):
+            return _sorted(_found_in(path, look))
+        if path.is_file() and storage_of(path) is not None:
+            findings, line = list[Finding](), TimeLine()
+            _checked(path, look, line, findings)
+            return _sorted(findings + line.findings(path.name))
+    return []
+
+
+def _check_of(file: Path, line: TimeLine, name: str, types: Typestore | None) -> FileFacts:
+    return (SqliteCheck if storage_of(file) == "sqlite3" else McapCheck)(file, types, line, name)
+
+
+def _glance_at(file: Path, line: TimeLine, name: str, topics: tuple[str, ...]) -> FileFacts:
+    return FileGlance(file, topics, line, name)
+
+
+def _found_in(path: Path, look: Callable[[Path, TimeLine, str], FileFacts]) -> list[Finding]:
+    """What is wrong with a folder and its files. look: at a file, of which the name in findings is given."""
     findings: list[Finding] = []
     metadata, line = _metadata_of(path, findings), TimeLine()
     checked = []
     for file in _files_of(path, metadata or {}, findings):
-        checked += _checked(file, types, line, findings)
+        checked += _checked(file, look, line, findings)
     if metadata is not None and checked:
         findings += _metadata_findings(metadata, checked)
     else:
@@ -54,7 +89,7 @@ def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[F
     findings = [finding for finding in findings if finding.message != NO_MESSAGES]  # a part of a bag may well hold none
     if checked and not any(check.counts for check in checked):
         findings.append(Finding("warning", path.name, "the bag holds no messages"))
-    return _sorted(_with_refusal(path, findings))
+    return findings
 
 
 def check_file(path: str | os.PathLike, types: Typestore | None = None) -> list[Finding]:
@@ -65,7 +100,7 @@ def check_file(path: str | os.PathLike, types: Typestore | None = None) -> list[
         require_file(path)
         if path.stat().st_size and storage_of(path) is None:
             return _read_through(path)
-        _checked(path, types, line, findings)
+        _checked(path, partial(_check_of, types=types), line, findings)
     except OSError as error:
         return [Finding("error", str(path), str(error) if isinstance(error, NoFile) or error.filename else "no such file")]
     return _sorted(_with_refusal(path, findings + line.findings(path.name)))
@@ -85,8 +120,8 @@ def _read_through(path: Path) -> list[Finding]:
     return _sorted(findings)
 
 
-def _checked(file: Path, types: Typestore | None, line: TimeLine, findings: list[Finding]) -> list[MessageCheck]:
-    """The check of a file, whose findings are added; none of a file that is none."""
+def _checked(file: Path, look: Callable[[Path, TimeLine, str], FileFacts], line: TimeLine, findings: list[Finding]) -> list[FileFacts]:
+    """What a look at a file found, whose findings are added; nothing of a file that is none."""
     try:
         require_file(file)
     except OSError as error:
@@ -104,7 +139,7 @@ def _checked(file: Path, types: Typestore | None, line: TimeLine, findings: list
         except DamagedError as error:
             findings.append(Finding("error", file.name, str(error)))
             return []
-        check = (SqliteCheck if storage_of(plain) == "sqlite3" else McapCheck)(plain, types, line, file.name)
+        check = look(plain, line, file.name)
     findings += check.findings
     return [check]
 
@@ -154,7 +189,7 @@ def _files_of(path: Path, metadata: dict, findings: list[Finding]) -> list[Path]
     return chosen
 
 
-def _metadata_findings(metadata: dict, checked: list[MessageCheck]) -> list[Finding]:
+def _metadata_findings(metadata: dict, checked: list[FileFacts]) -> list[Finding]:
     """Whether metadata.yaml agrees with the files. Where it tells more messages than there are, they may be lost."""
     counts: Counter = sum((check.counts for check in checked), Counter())
     may_be_lost = (metadata.get("message_count") or 0) > sum(counts.values()) and not all(check.is_vouched_for for check in checked)
@@ -164,12 +199,15 @@ def _metadata_findings(metadata: dict, checked: list[MessageCheck]) -> list[Find
             is_lost = may_be_lost and isinstance(said, int) and name.startswith("messages") and said > is_so
             text = f"it says {said} for {name}, the files say {is_so}"
             findings.append(Finding("error" if is_lost else "warning", METADATA_FILE, text, "" if is_lost else REWRITE))
-    if stopped := (metadata.get("custom_data") or {}).get("writing_stopped"):
+    told = metadata.get("custom_data") or {}
+    if lost := [f"{count} on {topic}" for topic, count in (lost_in(told) or {}).items()]:
+        findings.append(Finding("warning", METADATA_FILE, f"the recorder never received messages that were sent: {', '.join(lost)}"))
+    if stopped := told.get("writing_stopped"):
         findings.append(Finding("warning", METADATA_FILE, f"the recorder could not write all: {stopped}"))
     return findings
 
 
-def _metadata_pairs(metadata: dict, checked: list[MessageCheck], counts: Counter) -> dict[str, tuple[Any, Any]]:
+def _metadata_pairs(metadata: dict, checked: list[FileFacts], counts: Counter) -> dict[str, tuple[Any, Any]]:
     """What metadata.yaml says (None: nothing) and what is so, by name."""
     topics, whole = topics_of(metadata), extent_of(metadata)
     types = {name: names for check in checked for name, names in check.topic_types.items()}
@@ -197,7 +235,7 @@ def _metadata_pairs(metadata: dict, checked: list[MessageCheck], counts: Counter
     return pairs
 
 
-def _gap_findings(path: Path, checked: list[MessageCheck]) -> list[Finding]:
+def _gap_findings(path: Path, checked: list[FileFacts]) -> list[Finding]:
     """Parts of a split bag without metadata.yaml that are missing by their numbers."""
     files = [Path(check.name) for check in checked]
     missing = missing_parts(files) if len(files) > 1 and len({part_number(file)[0] for file in files}) == 1 else []
@@ -205,7 +243,7 @@ def _gap_findings(path: Path, checked: list[MessageCheck]) -> list[Finding]:
     return [Finding("warning", path.name, text, "find it and put it into the folder")] if missing else []
 
 
-def _one_bag_findings(path: Path, checked: list[MessageCheck]) -> list[Finding]:
+def _one_bag_findings(path: Path, checked: list[FileFacts]) -> list[Finding]:
     """Signs that the files of a folder are of different bags."""
     findings: list[Finding] = []
     types: dict[str, list[str]] = {}

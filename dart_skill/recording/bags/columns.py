@@ -18,7 +18,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from dart_skill.constants import NS_PER_S
-from dart_skill.recording.bags.messages import is_stamped
+from dart_skill.recording.bags.messages import deserialize, is_stamped
 
 STAMP = slice(4, 12)
 """Of a message that begins with one, behind the head of its encapsulation."""
@@ -76,15 +76,19 @@ class Pattern:
 
 
 def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | None:
-    """The pattern of a message; None for a type that does not begin with a stamp, and where its numbers are not found in its bytes.
+    """The pattern of a message; None for a type that does not begin with a stamp, where its numbers are not found in its bytes, and for
+    bytes that are no such message.
 
     * types: that know the message.
     * type_name: of the message.
-    * payload: CDR, which can be decoded.
+    * payload: CDR.
     """
     if not is_stamped(types, type_name) or len(payload) < STAMP.stop or payload[1] != LITTLE_ENDIAN:
         return None
-    example = types.deserialize_cdr(payload, type_name)
+    try:
+        example = deserialize(types, type_name, payload)
+    except ValueError:
+        return None
     places = _places(types, type_name, example, len(payload))
     if places is None:
         return None
@@ -112,7 +116,7 @@ def columns_by_layout(types: Typestore, type_name: str, payloads: Sequence[bytes
 
     * types: that know the messages.
     * type_name: of all messages.
-    * payloads: (n,), CDR, each of which can be decoded.
+    * payloads: (n,), CDR.
     """
     left = np.arange(len(payloads))
     found: list[Columns] = []

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.recording.bags._metadata import METADATA_FILE
+from dart_skill.recording.bags._metadata import METADATA_FILE, lost_in
 from dart_skill.recording.bags.reader import BagFile, BagReader, TopicInfo
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ def describe(path: str | os.PathLike, types: Typestore | None = None, with_defin
             "files": [_file(file) for file in bag.files],
             "topics": [_topic(topic, duration_ns, bag.types if with_definitions else None) for topic in bag.topics.values()],
             "attachments": [{"name": one.name, "media_type": one.media_type, "size_bytes": len(one.data)} for one in attachments],
-            "lost": _lost(bag.custom_data),
+            "lost": lost_in(bag.custom_data),
             "custom_data": bag.custom_data,
         }
 
@@ -73,12 +72,3 @@ def _qos(profile: Qos) -> dict:
         name: value.name.lower() if hasattr(value, "name") else {"sec": value.sec, "nsec": value.nsec} if hasattr(value, "sec") else value
         for name, value in profile._asdict().items()
     }
-
-
-def _lost(custom_data: dict[str, str]) -> dict[str, int] | None:
-    """Messages that the recorder lost, by topic; None if it does not say."""
-    try:
-        lost = json.loads(custom_data.get("lost", ""))
-    except ValueError:
-        return None
-    return lost if isinstance(lost, dict) else None

@@ -176,7 +176,30 @@ class BagReader:
         with _explained(self.path):
             found = self._called(self._source.messages(chosen, *limits, decode))
             found = _thinned(found, every_ns) if every_ns else found
-            yield from map(self._decoded, found) if decode else found
+            yield from (one._replace(type_name=str(one.type_name), data=self.typed(one)[1]) for one in found) if decode else found
+
+    def typed(self, message: BagMessage) -> tuple[Typestore, Any]:
+        """The types that a raw message is decoded by, those of the bag unless only others fit, and its content. BagError if none does."""
+        from dart_skill.recording.bags.messages import deserialize
+
+        topic, known, _stamp_ns, data = message
+        encoding = self.topics[topic].encoding
+        if encoding != "cdr":
+            raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
+        types, unknown = self._types_of(known) if isinstance(known, _DefinedType) else self._all_types
+        type_name = str(known)
+        if type_name not in types.fielddefs:
+            reason = unknown.get(type_name, "which neither the bag nor the given types define")
+            raise BagError(
+                f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with its folder of .msg files, or read it raw"
+            )
+        try:
+            return types, deserialize(types, type_name, data)
+        except ValueError as error:
+            try:  # its definition in the bag may be wrong
+                return self._other_types, deserialize(self._other_types, type_name, data)
+            except ValueError:
+                raise BagError(f"{self.path}: topic {topic}: {error}") from error
 
     def to_pandas(self, topic: str, start_ns: int | None = None, stop_ns: int | None = None) -> Any:
         """Messages of a topic as a pandas.DataFrame: a row for each, by its log time [ns]; columns as `pose.position.x`, `position[0]`.
@@ -220,28 +243,6 @@ class BagReader:
     def _called(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
         """The messages, their topics under the names that this reader gives them."""
         return messages
-
-    def _decoded(self, message: BagMessage) -> BagMessage:
-        from dart_skill.recording.bags.messages import deserialize
-
-        topic, known, stamp_ns, data = message
-        encoding = self.topics[topic].encoding
-        if encoding != "cdr":
-            raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
-        types, unknown = self._types_of(known) if isinstance(known, _DefinedType) else self._all_types
-        type_name = str(known)
-        if type_name not in types.fielddefs:
-            reason = unknown.get(type_name, "which neither the bag nor the given types define")
-            raise BagError(
-                f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with its folder of .msg files, or read it raw"
-            )
-        try:
-            return BagMessage(topic, type_name, stamp_ns, deserialize(types, type_name, data))
-        except ValueError as error:
-            try:  # its definition in the bag may be wrong
-                return BagMessage(topic, type_name, stamp_ns, deserialize(self._other_types, type_name, data))
-            except ValueError:
-                raise BagError(f"{self.path}: topic {topic}: {error}") from error
 
 
 class GraphBag(BagReader):

@@ -1,8 +1,8 @@
 """Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong with their poses; ours as CSV files."""
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
-from dart_skill.recording.imports.bag_topics import BODY_TYPES, POSE_TYPES, filled_topics
-from dart_skill.recording.imports.faults import Fault, fault_lines, in_words
+from dart_skill.recording.imports.bag_topics import BODY_TYPES, POSE_TYPES, bag_faults, filled_topics
+from dart_skill.recording.imports.faults import BAG, Fault, fault_lines, in_words
 from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
@@ -34,6 +34,7 @@ __all__ = [
     "CaptureFile",
     "ANGLE_UNITS",
     "AS_OURS",
+    "BAG",
     "BODY_TYPES",
     "Axes",
     "Clock",
@@ -55,6 +56,7 @@ __all__ = [
     "SignalSource",
     "Table",
     "ThrowRecording",
+    "bag_faults",
     "bodies_to_csv",
     "clocks_of",
     "convert",

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from dart_skill.constants import NS_PER_S, UNTURNED, Grip
-from dart_skill.recording.bags import BagError, BagMessage, BagReader, Columns, GraphBag, columns_by_layout, deserialize, typestore
+from dart_skill.recording.bags import BagError, BagMessage, BagReader, Columns, GraphBag, TopicInfo, columns_by_layout, glance, typestore
 from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, read_commands
-from dart_skill.recording.imports.faults import NOTE, Fault
+from dart_skill.recording.imports.faults import BAG, NOTE, Fault
 from dart_skill.recording.imports.frame_tree import FrameTree, read_frame_tree
-from dart_skill.recording.imports.joint_streams import read_states
+from dart_skill.recording.imports.joint_streams import States, read_states
 from dart_skill.recording.imports.mapping import OWN, PoseSource, RecordingMapping, SignalSource
 
 BODY_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry")
@@ -70,6 +70,18 @@ def buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
     return [("teacher", mapping.teacher), ("command", mapping.command)]
 
 
+def bag_faults(source: Path, mapping: RecordingMapping = OWN) -> list[Fault]:
+    """What a glance at a bag finds wrong with it and with the topics that a mapping names. source: the bag, or what is none."""
+    topics = tuple(where.topic for where in _sources(mapping).values() if where.topic)
+    found = glance(source, topics) if topics else []
+    return [Fault(BAG, one.place, 0, 0, 0, one.message, False, one.remedy) for one in found if one.severity != "note"]
+
+
+def _sources(mapping: RecordingMapping) -> dict[str, PoseSource | SignalSource]:
+    sources = {**mapping.bodies, "joints": mapping.joints, **dict(buttons(mapping))}
+    return {role: where for role, where in sources.items() if where is not None}
+
+
 def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterator[dict[str, Any]]:
     """What was collected for each role that is a topic, part by part; all at once for 0, or where nobody told the hand to open.
 
@@ -77,8 +89,7 @@ def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterat
     * mapping: says which topics.
     * part_ns: log time of a part, about; 0: all is one part [ns].
     """
-    roles: dict[str, Any] = {**mapping.bodies, "joints": mapping.joints, **dict(buttons(mapping))}
-    wanted = {role: where for role, where in roles.items() if where is not None and where.topic}
+    wanted = {role: where for role, where in _sources(mapping).items() if where.topic}
     if not wanted:
         yield {}
         return
@@ -135,44 +146,48 @@ def _collected(
     tree: Callable[[], FrameTree],
 ) -> dict[str, Any]:
     """What was collected of some messages for each role."""
-    collectors: dict[str, list[Callable]] = {}
+    collectors: dict[tuple, list[Callable]] = {}  # by topic and type
     collected: dict[str, Callable[[], Any]] = {}
     for role, where in wanted.items():
-        collected[role], collect = _collector(role, where, bag.topics[where.topic].type_name, bag, signals, tree)
-        collectors.setdefault(where.topic, []).append(collect)
+        type_name = _type_for(role, bag.topics[where.topic], bag.path)
+        collected[role], collect = _collector(role, where, type_name.rsplit("/", 1)[-1], bag, signals, tree)
+        collectors.setdefault((where.topic, type_name), []).append(collect)
     for message in messages:
-        for collect in collectors[message.topic]:
+        for collect in collectors.get(message[:2], ()):
             collect(message)
     return {role: content() for role, content in collected.items()}
+
+
+def _type_for(role: str, topic: TopicInfo, path: Path) -> str:
+    """The type of a topic's messages that a role takes, the first of several; BagError."""
+    kinds = {"joints": ("JointState",), "teacher": SIGNAL_TYPES, "command": SIGNAL_TYPES}.get(role, POSE_TYPES)
+    types = (topic.type_name, *topic.other_types)
+    if fitting := [one for one in types if one.rsplit("/", 1)[-1] in kinds]:
+        return fitting[0]
+    raise BagError(f"{path}: {topic.name} has type {', '.join(types) or 'none'}; for '{role}' it must be one of {', '.join(kinds)}")
 
 
 def _collector(
     role: str,
     where: PoseSource | SignalSource,
-    type_name: str,
+    name: str,
     bag: BagReader,
     signals: dict[str, Signal],
     tree: Callable[[], FrameTree],
 ) -> tuple[Callable[[], Any], Callable[[BagMessage], None]]:
-    """Two functions: what was collected of a topic in the end, and one that takes a message."""
-    name = type_name.rsplit("/", 1)[1]
-    kinds = {"joints": ("JointState",), "teacher": SIGNAL_TYPES, "command": SIGNAL_TYPES}.get(role, POSE_TYPES)
-    if name not in kinds:
-        raise BagError(f"{bag.path}: {where.topic} has type {type_name}; for '{role}' it must be one of {', '.join(kinds)}")
+    """Two functions: what was collected of a topic in the end, and one that takes a message. name: of its type, without the package."""
     messages: list[BagMessage] = []
     if role in ("teacher", "command"):
         return lambda: _signal(messages, name, bag, signals[role], where.clock.source == "log"), messages.append
     if isinstance(where, SignalSource):
-        return lambda: read_states(messages, bag.types, lambda one: _decoded(bag, one), where, _stamp_of), messages.append
+        return lambda: _states(messages, where, bag), messages.append
     assert isinstance(where, PoseSource)  # as every body has
     return lambda: _poses(_by_frame(messages, where, name, bag), role, where, tree), messages.append
 
 
-def _decoded(bag: BagReader, message: BagMessage) -> Any:
-    try:
-        return deserialize(bag.types, message.type_name, message.data)
-    except ValueError as error:
-        raise BagError(f"{bag.path}: topic {message.topic}: {error}") from error
+def _states(messages: list[BagMessage], where: SignalSource, bag: BagReader) -> States:
+    types = bag.typed(messages[0])[0] if messages else bag.types
+    return read_states(messages, types, lambda one: bag.typed(one)[1], where, _stamp_of)
 
 
 def _poses(told: Mapping[str, Poses], role: str, where: PoseSource, tree: Callable[[], FrameTree]) -> Poses:
@@ -193,13 +208,13 @@ def _by_frame(messages: list[BagMessage], where: PoseSource, name: str, bag: Bag
     found: list[Columns] = []
     left = list(range(len(messages)))
     if name == "PoseStamped" and messages:
-        _decoded(bag, messages[0])  # or it says what is wrong with it
-        found, left = columns_by_layout(bag.types, messages[0].type_name, [message.data for message in messages])
+        types, _ = bag.typed(messages[0])  # or it says what is wrong with it
+        found, left = columns_by_layout(types, messages[0].type_name, [message.data for message in messages])
     parts: dict[str, list[tuple]] = {}
     for columns in found:
         parts.setdefault(columns.example.header.frame_id, []).append((columns.index, columns.stamps, columns.numbers))
     for k in left:
-        content = _decoded(bag, messages[k])
+        content = bag.typed(messages[k])[1]
         for item in content.transforms if name == "TFMessage" else [content]:
             if not where.child or getattr(item, "child_frame_id", where.child) == where.child:
                 row = np.array([_pose_row(name, item)], dtype=float)
@@ -300,13 +315,16 @@ def _signal(messages: list[BagMessage], name: str, bag: BagReader, signal: Signa
     signal.begin_part()
     if name == "WamCommand":
         payloads: Sequence[bytes] = [_stamped_by_log(message) if by_log else message.data for message in messages]
-        signal.stamps, pushed, grip = read_commands(payloads)
+        try:
+            signal.stamps, pushed, grip = read_commands(payloads)
+        except ValueError as error:
+            raise BagError(f"{bag.path}: topic {messages[0].topic}: {error}") from error
         signal.log = np.array([message.stamp_ns for message in messages], dtype=np.int64)
         for k in np.flatnonzero(pushed | (grip == Grip.OPEN)).tolist():  # all others tell nothing
             signal.take_command(payloads[k])
     elif name == "Bool":
         for message in messages:
-            signal.take_button(message.stamp_ns, bool(_decoded(bag, message).data))  # these types have no stamp of their own
+            signal.take_button(message.stamp_ns, bool(bag.typed(message)[1].data))  # these types have no stamp of their own
     else:
         signal.openings = [message.stamp_ns for message in messages]
     return signal

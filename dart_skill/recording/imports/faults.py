@@ -10,7 +10,7 @@ import numpy as np
 
 MOST_OF_A_KIND = 4
 """So many faults of one kind and body have a line of their own."""
-GAP, NOTE = "gap", "note"
+GAP, NOTE, BAG = "gap", "note", "bag"
 UNSTAMPED, UNIT, SET_BACK, BURSTS = "unstamped", "unit", "set_back", "bursts"
 TIMELESS = (UNSTAMPED, UNIT, SET_BACK, BURSTS)
 """Kinds of stamps that tell no time: not filled in, in another unit, of a counter that overflows or a clock that was set, of receipt."""
@@ -23,12 +23,12 @@ class Fault:
     """What is wrong with the poses of a body, the states of the joints, or their stamps.
 
     * kind: of poses not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, leap, outlier; of joints those of
-      `joint_streams`; of stamps those of `clocks`; or what is no fault: of INFORMATION.
-    * body: its name; of an exchange, both names; `joints` for the arm's.
+      `joint_streams`; of stamps those of `clocks`; BAG of the bag itself; or what is no fault: of INFORMATION.
+    * body: its name; of an exchange, both names; `joints` for the arm's; of a bag its file or topic.
     * start_ns, stop_ns: stamps of the first and last sample that is concerned.
     * count: of samples; of a gap, of missing frames.
     * message: what is wrong and what was done, for people.
-    * remedy: what mends it in a mapping, below the body's name; empty if nothing does.
+    * remedy: what mends it in a mapping, below the body's name, or what to do about a bag; empty if nothing does.
     * repaired: what is left is right as far as anybody can tell; samples that were left out count as repaired if nothing was known of them.
     """
 
@@ -55,6 +55,8 @@ class Fault:
 def fault_lines(faults: Iterable[Fault]) -> list[str]:
     """A line for each fault, and for each body how often it was not seen."""
     faults = list(faults)
+    of_bag = [in_words(fault) for fault in faults if fault.kind == BAG]
+    faults = [fault for fault in faults if fault.kind != BAG]
     gaps: Counter[str] = Counter()
     missing: Counter[str] = Counter()
     for fault in (fault for fault in faults if fault.kind == GAP):
@@ -69,11 +71,13 @@ def fault_lines(faults: Iterable[Fault]) -> list[str]:
         elif shown[kind] == of_kind[kind]:
             more = of_kind[kind] - MOST_OF_A_KIND + 1
             lines.append(f"{1e-9 * fault.start_ns:10.3f} s  {in_words(fault)}; {more - 1} more of the kind '{fault.kind}' before it")
-    return lines + [f"{body} was not seen {number} times, {missing[body]} frames in all" for body, number in gaps.items()]
+    return of_bag + lines + [f"{body} was not seen {number} times, {missing[body]} frames in all" for body, number in gaps.items()]
 
 
 def in_words(fault: Fault) -> str:
     """What is wrong with which body, and what mends it. fault: the fault."""
+    if fault.kind == BAG:
+        return f"{fault.body}: {fault.message}" + (f" ({fault.remedy})" if fault.remedy else "")
     remedy = f"; in a mapping: {fault.body}: {{{fault.remedy}}}" if fault.remedy else ""
     return f"{fault.body}: {fault.message}{remedy}{'' if fault.repaired or fault.is_information else ' (NOT REPAIRED)'}"
 

@@ -10,6 +10,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ from dart_skill.recording.bags import (
 )
 from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_pose_table, read_table
-from dart_skill.recording.imports.bag_topics import PART_NS, Poses, buttons, read_topics
+from dart_skill.recording.imports.bag_topics import PART_NS, Poses, bag_faults, buttons, read_topics
 from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed
 from dart_skill.recording.imports.faults import GAP, NOTE, UNSTAMPED, Fault, in_words
 from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
@@ -114,15 +115,29 @@ def read_in_parts(
     recorded: Counter[str] = Counter()
     faults: list[Fault] = []
     still: dict[str, np.ndarray] = {}
-    for taken in read_topics(source, mapping, part_ns if mapping is OWN else 0):
-        recording = _recording(source, mapping, taken, mend, still)
-        seen |= {role for role, stream in recording.bodies.items() if len(stream)}
-        recorded.update(recording.recorded)
-        faults += [fault for fault in recording.faults if fault.kind != GAP][: FEW - len(faults)]
-        if part_ns == 0:
-            _require_seen(tracked, seen, recorded, faults)
-        yield recording
-    _require_seen(tracked, seen, recorded, faults)
+    of_bag = bag_faults(source, mapping) if mend else []
+    told = of_bag
+    with _beside(of_bag):
+        for taken in read_topics(source, mapping, part_ns if mapping is OWN else 0):
+            recording = _recording(source, mapping, taken, mend, still)
+            seen |= {role for role, stream in recording.bodies.items() if len(stream)}
+            recorded.update(recording.recorded)
+            faults += [fault for fault in recording.faults if fault.kind != GAP][: FEW - len(faults)]
+            if part_ns == 0:
+                _require_seen(tracked, seen, recorded, faults)
+            yield replace(recording, faults=(*told, *recording.faults))
+            told = []
+        _require_seen(tracked, seen, recorded, faults)
+
+
+@contextmanager
+def _beside(of_bag: list[Fault]) -> Iterator[None]:
+    """What cannot be read may be so for what is wrong with the bag: that is told with it."""
+    try:
+        yield
+    except ValueError as error:
+        error.args = ("; ".join([str(error), *map(in_words, of_bag)]),)
+        raise
 
 
 def _require_seen(tracked: Mapping[str, PoseSource], seen: set[str], recorded: Mapping[str, int], faults: list[Fault]) -> None:

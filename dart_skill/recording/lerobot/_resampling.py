@@ -54,14 +54,17 @@ def held_mean(stamps: np.ndarray, values: np.ndarray, frames: np.ndarray, fps: f
 
 
 def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: float) -> np.ndarray:
-    """1 for each frame (n,) near a sample (m,), 0 for one in a gap: the nearest sample is three quarters of a period away, or more.
+    """1 for each frame (n,) that stands for a sample (m,), or between two that follow each other; 0 for one in a gap, or beyond the ends.
 
-    The period is that of the slower of the two. fps: frames per second; stamps: (m,) [s].
+    A gap is longer than one and a half periods of the slower of the two: what is on a straight line across it was not seen, however near
+    a sample is to it. fps: frames per second; stamps: (m,) [s].
     """
     period = max(1.0 / fps, float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0)
     after = np.searchsorted(stamps, frames)
-    both = [np.abs(frames - stamps[np.clip(k, 0, len(stamps) - 1)]) for k in (after - 1, after)]
-    return (np.minimum(*both) < 0.75 * period).astype(float)
+    before, behind = (stamps[np.clip(k, 0, len(stamps) - 1)] for k in (after - 1, after))
+    nearest = np.minimum(np.abs(frames - before), np.abs(behind - frames))
+    between = (before <= frames) & (frames <= behind) & (behind - before < 1.5 * period)
+    return (between | (nearest < 0.75 / fps)).astype(float)
 
 
 def changes_at(share: np.ndarray, fps: float) -> list[tuple[float, bool]]:

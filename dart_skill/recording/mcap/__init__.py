@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
 from dart_skill.recording.mcap._mapped import crc_of, give_back, mapped
-from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, Part, in_time_order
+from dart_skill.recording.mcap.reader import AT_ONCE, END_OF_TIME, BagMessage, McapInput, Part, in_arrays, in_time_order
 from dart_skill.recording.mcap.records import (
     Chunk,
     ChunkPlace,
@@ -37,6 +37,7 @@ else:
     __getattr__, __dir__ = on_first_use(__name__, {"writer": "CHUNK_SIZE McapChannel McapFile"})
 
 __all__ = [
+    "AT_ONCE",
     "CHUNK_SIZE",
     "END_OF_TIME",
     "BagMessage",
@@ -62,6 +63,7 @@ __all__ = [
     "definitions_in",
     "extents",
     "give_back",
+    "in_arrays",
     "in_time_order",
     "mapped",
     "messages_of",

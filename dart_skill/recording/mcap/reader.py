@@ -8,11 +8,12 @@ from __future__ import annotations
 import heapq
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from itertools import chain, islice
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, McapRecord, Metadata
@@ -20,11 +21,13 @@ from mcap.records import Attachment, Channel, McapRecord, Metadata
 from dart_skill.files import open_file
 from dart_skill.recording.mcap._mapped import mapped
 from dart_skill.recording.mcap.records import (
+    MAGIC,
     RECORD,
     ChunkTable,
     DamagedError,
     Summary,
     defines_all,
+    message_index,
     parse,
     parse_chunk,
     parse_header,
@@ -32,7 +35,12 @@ from dart_skill.recording.mcap.records import (
 )
 from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, walk
 
+if TYPE_CHECKING:
+    import numpy as np
+
 END_OF_TIME = 2**64
+AT_ONCE = 16_384
+"""Messages whose log times are looked at together."""
 _FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
 _STAMP = itemgetter(2)
 
@@ -71,6 +79,7 @@ class McapInput:
     counts: messages by the number of their channel.
     message_count: of all channels.
     start_ns, end_ns: log times of the first and last message, 0 without messages.
+    strays: messages by the number of a channel that the file does not define.
     compression: of the chunks; several are separated by commas.
     storage: how rosbag2 calls the format.
     """
@@ -85,7 +94,7 @@ class McapInput:
             with mapped(path) as data:
                 self.header, _ = parse_header(data)
                 summary = read_summary(data)
-                if summary is not None and is_complete(summary):
+                if summary is not None and is_complete(summary) and not _holds_more(data, summary):
                     self._take(summary)
                 else:
                     self._scan(data)
@@ -97,6 +106,11 @@ class McapInput:
     def is_open(self) -> bool:
         """Whether it can be read."""
         return not self._stream.closed
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether the file itself tells how many messages are in it, and where they are."""
+        return self._chunks is not None
 
     @property
     def library(self) -> str:
@@ -132,6 +146,32 @@ class McapInput:
             if start_ns <= chunk.message_end_time and chunk.message_start_time < stop_ns and not wanted.keys().isdisjoint(chunk.channels)
         ]
 
+    def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Numbers and log times (n,) [ns] of messages of some channels, some at a time, in the order of writing; DamagedError.
+
+        By the message indexes, where there are some: no chunk is unpacked. wanted: number that is given for each channel.
+        """
+        import numpy as np
+
+        if self._chunks is None:
+            with mapped(self.path) as data:
+                messages = (one for record in _undamaged(data) for one in record.messages())
+                yield from in_arrays((wanted[one.channel], one.log_time_ns) for one in messages if one.channel in wanted)
+            return
+        for chunk in self._chunks:
+            data = memoryview(self._at(chunk.chunk_start_offset + chunk.chunk_length, chunk.message_index_length))
+            numbers, entries = [np.empty(0, np.int64)], [np.empty((0, 2), "<u8")]
+            while len(data) > RECORD.size:
+                end = RECORD.size + RECORD.unpack_from(data)[1]
+                channel, index = message_index(data[RECORD.size : end])
+                if channel in wanted:
+                    entries.append(np.frombuffer(index, "<u8").reshape(-1, 2))
+                    numbers.append(np.full(len(entries[-1]), wanted[channel]))
+                data = data[end:]
+            stamps, places = np.concatenate(entries).T
+            order = np.argsort(places, kind="stable")
+            yield np.concatenate(numbers)[order], stamps[order]
+
     def close(self) -> None:
         """Close the file."""
         self._stream.close()
@@ -148,6 +188,7 @@ class McapInput:
         statistics = summary.statistics
         assert statistics is not None  # or the summary would not have been complete
         self.schemas, self.channels, self._chunks = summary.schemas, summary.channels, summary.chunks
+        self.strays: dict[int, int] = {}
         self.counts: Counter[int] = Counter(statistics.channel_message_counts)
         self.message_count = statistics.message_count
         self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
@@ -170,6 +211,7 @@ class McapInput:
             elif found.opcode in places:
                 places[found.opcode].append(found.offset)
         self.schemas, self.channels = read_definitions(data)
+        self.strays = {number: count for number, count in self.counts.items() if number not in self.channels}
         self.compression = _listed(compressions)
         self._metadata_places, self._attachment_places = places[Opcode.METADATA], places[Opcode.ATTACHMENT]
         self.message_count = sum(self.counts.values())
@@ -211,6 +253,15 @@ def in_time_order(parts: Iterable[Part]) -> Iterator[BagMessage]:
         group.append(part)
         until = max(until, part.end_ns)
     yield from _merged(group)
+
+
+def in_arrays(pairs: Iterator[tuple[int, int]]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Numbers and log times (n,) of pairs of them, some at a time."""
+    import numpy as np
+
+    while some := list(islice(pairs, AT_ONCE)):
+        numbers, stamps = zip(*some, strict=True)
+        yield np.array(numbers), np.array(stamps)
 
 
 def _undamaged(data: memoryview) -> Iterator[Record]:
@@ -272,6 +323,20 @@ def is_complete(summary: Summary) -> bool:
     indexed = sum((chunk.message_index_length - 15 * len(chunk.channels)) // 16 for chunk in summary.chunks)
     lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
     return lists and indexed == statistics.message_count
+
+
+def _holds_more(data: memoryview, summary: Summary) -> bool:
+    """Whether messages stand before, between or behind those chunks that the summary has."""
+    place = len(MAGIC)
+    known = ((one.chunk_start_offset, one.chunk_start_offset + one.chunk_length + one.message_index_length) for one in summary.chunks)
+    for begin, end in chain(known, [(summary.start, summary.start)]):
+        while place + RECORD.size <= begin:
+            opcode, length = RECORD.unpack_from(data, place)
+            if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
+                return True
+            place += RECORD.size + length
+        place = end
+    return False
 
 
 def _listed(compressions: Iterable[str]) -> str:

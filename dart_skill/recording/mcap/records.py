@@ -250,14 +250,14 @@ def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
     return Chunk(start, end, size, crc, name.decode(), content[begin : begin + compressed], begin + compressed)
 
 
-def parse_message_index(content: memoryview) -> tuple[int, list[tuple[int, int]]]:
-    """Channel, and log time and place in the chunk of its messages; DamagedError."""
+def message_index(content: memoryview) -> tuple[int, memoryview]:
+    """Channel, and the bytes of log time and place in the chunk of its messages, 8 each; DamagedError."""
     if len(content) < 6:
         raise DamagedError("the MESSAGE_INDEX record is too short")
     channel, n_bytes = struct.unpack_from("<HI", content)
     if n_bytes > len(content) - 6 or n_bytes % 16:
         raise DamagedError("the MESSAGE_INDEX record has a length that does not fit its content")
-    return channel, list(struct.iter_unpack("<QQ", content[6 : 6 + n_bytes]))
+    return channel, content[6 : 6 + n_bytes]
 
 
 def records_of(raw: bytes | memoryview, cut_off: bool = False, most: int | None = None) -> Iterator[tuple[int, int, int]]:

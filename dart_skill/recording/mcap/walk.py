@@ -7,6 +7,7 @@ summary knows, or searches the next record.
 from __future__ import annotations
 
 import re
+import struct
 from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import suppress
@@ -29,11 +30,11 @@ from dart_skill.recording.mcap.records import (
     chunk_indexes,
     data_end_before,
     defines_all,
+    message_index,
     messages_of,
     parse,
     parse_chunk,
     parse_header,
-    parse_message_index,
     parse_with_length,
     read_summary,
     records_of,
@@ -79,7 +80,8 @@ class Record:
 
     def message_index(self) -> tuple[int, list[tuple[int, int]]]:
         """What it says if it is a message index: channel, and log time and place in the chunk of its messages."""
-        return parse_message_index(self.content)
+        channel, entries = message_index(self.content)
+        return channel, list(struct.iter_unpack("<QQ", entries))
 
 
 @dataclass(frozen=True)
@@ -320,7 +322,7 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
         if opcode == Opcode.CHUNK:
             known = parse_chunk(content).length
         elif opcode == Opcode.MESSAGE_INDEX:
-            known = 6 + 16 * len(parse_message_index(content)[1])
+            known = 6 + len(message_index(content)[1])
         elif opcode == Opcode.MESSAGE and length < 22:
             raise DamagedError("the message is too short")
         elif opcode in PARSED:

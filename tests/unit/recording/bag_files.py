@@ -4,13 +4,34 @@ import sqlite3
 from contextlib import closing
 
 import yaml
-from mcap.writer import Writer
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, IndexType, Writer
 
 from dart_skill.recording import definition, serialize, typestore
 
 TYPES = typestore()
 POSE, STRING, START_NS, STEP_NS = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String", 10**18, 10_000_000
 POSE_CDR = serialize(TYPES, POSE, {"header": {"frame_id": "world"}, "pose": {"position": {"x": 3.0}}})
+mcap_ways = st.fixed_dictionaries(
+    {
+        "chunk_size": st.sampled_from([1, 300, 10**6]),
+        "compression": st.sampled_from(CompressionType),
+        "index_types": st.sampled_from([IndexType.NONE, IndexType.MESSAGE, IndexType.CHUNK, IndexType.ALL]),
+        **{
+            name: st.booleans()
+            for name in (
+                "repeat_channels",
+                "repeat_schemas",
+                "use_chunking",
+                "use_statistics",
+                "use_summary_offsets",
+                "enable_crcs",
+                "enable_data_crcs",
+            )
+        },
+    }
+)
+"""How `mcap` may write a file."""
 _SCHEMAS = {
     1: ["topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL)"],
     2: ["topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT NOT NULL)"],

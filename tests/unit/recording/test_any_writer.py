@@ -5,14 +5,13 @@ import shutil
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, IndexType
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
 from dart_skill.recording import BagReader, definition, serialize
 from dart_skill.recording.bags import check_bag
-from tests.unit.recording.bag_files import POSE, POSE_CDR, STRING, TYPES, mcap_file
+from tests.unit.recording.bag_files import POSE, POSE_CDR, STRING, TYPES, mcap_file, mcap_ways
 
 CONTENTS = {
     POSE: POSE_CDR,
@@ -40,25 +39,6 @@ stamps = st.lists(st.tuples(st.integers(0, 3), st.one_of(st.integers(0, 50), st.
 rosbags_ways = st.sampled_from(
     [(StoragePlugin.SQLITE3, mode) for mode in (CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE)]
     + [(StoragePlugin.MCAP, mode) for mode in CompressionMode]
-)
-mcap_ways = st.fixed_dictionaries(
-    {
-        "chunk_size": st.sampled_from([1, 300, 10**6]),
-        "compression": st.sampled_from(CompressionType),
-        "index_types": st.sampled_from([IndexType.NONE, IndexType.MESSAGE, IndexType.CHUNK, IndexType.ALL]),
-        **{
-            name: st.booleans()
-            for name in (
-                "repeat_channels",
-                "repeat_schemas",
-                "use_chunking",
-                "use_statistics",
-                "use_summary_offsets",
-                "enable_crcs",
-                "enable_data_crcs",
-            )
-        },
-    }
 )
 few = settings(max_examples=max(12, settings.default.max_examples // 8))
 

@@ -254,6 +254,11 @@ HEALTHY = {
     "buttons that are held": {"/p": times(60.0), "/joy": bursts(4, 10.0, 4.0, 20.0)},
     "a teleoperator": {"/p": times(100.0), "/cmd": bursts(10, 5.0, 5.0, 20.0)},
     "the log of a node": {"/p": times(60.0), "/rosout": times(60.0, 10.0, 0.0, [(20.0, 30.0)])},
+    "a world that is paused when a topic has ended": {
+        "/p": times(60.0, 100.0, 0.1, [(30.0, 32.0)]),
+        "/q": times(60.0, 200.0, 0.1, [(30.0, 32.0)]),
+        "/guided": times(60.0, without=[(29.0, 60.0)]),
+    },
     "jitter": {"/p": times(60.0, 100.0, 0.8), "/q": times(60.0, 1.0, 0.2)},
     "a topic that begins late and ends early": {"/p": times(60.0), "/q": times(60.0, without=[(0.0, 20.0), (40.0, 60.0)])},
     "receipt in bursts": {"/p": np.sort(np.concatenate([times(30.0, 20.0) + k * 100_000 for k in range(5)])), "/q": times(30.0)},

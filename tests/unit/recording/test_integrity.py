@@ -16,6 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
 from dart_skill.recording.bags import Finding, check_bag, check_file, describe
+from dart_skill.recording.mcap.records import packed
 
 POSE, STEP_NS, START_NS = "geometry_msgs/msg/PoseStamped", 10_000_000, 10**18
 TYPES = typestore()
@@ -148,6 +149,28 @@ def test_statistics_and_chunk_indexes_that_disagree_are_found(bag):
     file.write_bytes(resealed(whole, other_chunk))
     (found,) = texts(check_bag(bag))
     assert "the summary disagrees with it (message_start_time)" in found
+
+
+def test_messages_of_a_chunk_that_the_summary_does_not_name_are_read(bag):
+    """The check says that readers miss them, as its statistics leave them out, too."""
+    file = bag / "bag_0.mcap"
+    with open(file, "rb") as stream:
+        told = make_reader(stream).get_summary()
+    lost, statistics = told.chunk_indexes[1], told.statistics
+
+    def without_it(summary):
+        before = packed(statistics)
+        for channel, place in lost.message_index_offsets.items():
+            count = struct.unpack_from("<I", file.read_bytes(), place + 11)[0] // 16
+            statistics.channel_message_counts[channel] -= count
+            statistics.message_count -= count
+        statistics.chunk_count -= 1
+        return bytes(summary).replace(packed(lost), b"").replace(before, packed(statistics))
+
+    file.write_bytes(resealed(file.read_bytes(), without_it))
+    assert any("1 chunks are not in the summary: readers miss their messages" in text for text in texts(check_bag(bag)))
+    with BagReader(bag) as reader:
+        assert reader.message_count == len(list(reader.messages())) == 600
 
 
 @pytest.mark.parametrize(

@@ -109,6 +109,8 @@ def test_a_gap_is_told_from_a_slow_sensor():
     stamps = np.delete(np.arange(20) / 20, [8, 9, 10])
     assert seen_at(stamps, frame_times(0.95, 20), 20).tolist() == [1.0] * 8 + [0.0] * 3 + [1.0] * 9
     assert seen_at(np.arange(20) / 20, frame_times(0.95, 200), 200).all()
+    slow = seen_at(stamps, frame_times(0.95, 200), 200)
+    assert slow[:71].all() and not slow[71:110].any() and slow[110:].all(), "on the line across a gap nothing was seen"
 
 
 # what is written

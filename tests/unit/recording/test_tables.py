@@ -50,11 +50,6 @@ def test_what_was_written_is_read_again_bit_for_bit(bag, folder):
     assert (there.joints.names, there.openings, there.frame_id) == (back.joints.names, back.openings, back.frame_id)
 
 
-def test_the_tables_teach_the_same_skill_to_the_last_bit(bag, folder):
-    skill, _ = learn_from_bag(folder, load_mapping(folder / MAPPING))
-    assert skill.skill.model_id == learn_from_bag(bag)[0].skill.model_id
-
-
 def test_who_forgets_the_mapping_is_told_of_it(folder, tmp_path):
     with pytest.raises(BagError, match=f"no .mcap file in this folder; its CSV files are read with --mapping {folder / MAPPING}, which"):
         learn_from_bag(folder)
