@@ -161,8 +161,7 @@ def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], m
     bodies |= _standing(bodies, mapping.frame, still, faults)
     openings = _openings(mapping, taken, folder)
     has_button = any(name in taken or (where is not None and where.table) for name, where in buttons(mapping))
-    commands = taken["command"].stamps if "command" in taken else ()
-    stamps = np.unique(np.asarray(commands, dtype=np.int64))
+    stamps = np.unique(mapping.command.clock.corrected(taken["command"].stamps) if mapping.command and "command" in taken else ())
     return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame, stamps, recorded)
 
 
@@ -316,7 +315,7 @@ def _joints(where: SignalSource | None, states: States | None, folder: Path) -> 
 
 
 def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Opening, ...]:
-    found, pushes, pushed_late = [], GripSignal(), 0
+    found, pushes = [], GripSignal()
     for name, where in buttons(mapping):
         if where is None or (where.topic and name not in taken):
             continue
@@ -325,10 +324,8 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
         if signal is None and where.table is not None:
             stamps = read_table(folder, where.table, where.clock.unit)["time"].tolist()
         if name == "teacher" and signal:
-            pushes, pushed_late = signal, where.clock.shift_ns
-        for stamp in stamps:
-            stamp = int(stamp) + where.clock.shift_ns
-            found.append(Opening(stamp, name == "teacher" or pushes.pushed_before(stamp - pushed_late)))
+            pushes.pushes = np.sort(where.clock.corrected(np.array(signal.pushes, dtype=np.int64))).tolist()
+        found += [Opening(one, name == "teacher" or pushes.pushed_before(one)) for one in where.clock.corrected(np.array(stamps)).tolist()]
     return tuple(sorted(found, key=lambda opening: opening.stamp_ns))
 
 
