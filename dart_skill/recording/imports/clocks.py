@@ -167,7 +167,7 @@ def _overflow(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
     if not counter and 1 < len(back) <= MOST_STEPS:
         rows, late = np.flatnonzero(steps < -BACK_NS) + 1, 1e-9 * (log_ns - stamps)
         by = [float(np.median(late[row : row + LEAST]) - np.median(late[max(0, row - LEAST) : row])) for row in rows]
-        return [_fault(SET_BACK, body, stamps, text, steps_line(stamps, rows, by))]
+        return [_fault(SET_BACK, body, stamps, text, f"time_steps: {steps_at(stamps, rows, by)}")]
     return [_fault(SET_BACK, body, stamps, text, "time: log")] if counter or len(back) > 1 else []
 
 
@@ -226,7 +226,7 @@ def _of_difference(name: str, reference: str, stream: tuple[np.ndarray, np.ndarr
         levels = [float(np.median(part)) * 1e-9 for part in np.split(off, steps + 1)]
         rows = [_leap(stamps, log_ns, at[k : k + 2]) for k in steps]
         told = f"time_shift: {levels[0]:.3f}, " if abs(levels[0]) > 1e-9 * APART_NS else ""
-        return [_fault(SET_BACK, name, stamps, text, told + steps_line(stamps, rows, np.diff(levels)))]
+        return [_fault(SET_BACK, name, stamps, text, f"{told}time_steps: {steps_at(stamps, rows, np.diff(levels))}")]
     if drifts:
         shift = 1e-9 * level - slope * (float(np.median(at)) - float(at[0]))
         text = f"the clock runs {'slower' if slope > 0 else 'faster'} than that of the {reference}, by {1e3 * abs(slope):.3f} ms a second"
@@ -247,15 +247,15 @@ def _leap(stamps: np.ndarray, log_ns: np.ndarray, around: np.ndarray) -> int:
     return int(np.argmax(np.where(near, np.abs(np.diff(stamps) - np.diff(log_ns)), -1))) + 1
 
 
-def steps_line(stamps: np.ndarray, rows: Sequence[int], by: Sequence[float] | np.ndarray) -> str:
-    """The line of a mapping for a clock that was set.
+def steps_at(stamps: np.ndarray, rows: Sequence[int] | np.ndarray, by: Sequence[float] | np.ndarray) -> list[list[float]]:
+    """The steps of a clock that was set, as a mapping has them.
 
     * stamps: as recorded (n,) [ns].
     * rows: first samples after that, ascending.
     * by: what is to be added from each of them on [s].
     """
     at = [0.5e-9 * float(stamps[row - 1] + stamps[row]) + 0.5 * more for row, more in zip(rows, by, strict=True)]
-    return f"time_steps: {[[round(float(when), 4), round(float(more), 4)] for when, more in zip(at, by, strict=True)]}"
+    return [[round(float(when), 4), round(float(more), 4)] for when, more in zip(at, by, strict=True)]
 
 
 def _slope(at: np.ndarray, values: np.ndarray) -> float:

@@ -84,9 +84,10 @@ def _row_of_step(stamps: np.ndarray, at: float, by: float) -> int:
     Of a clock that was set back they run back there; a body that was not seen meanwhile is silent there.
     """
     before, after = np.concatenate([[-np.inf], stamps]), np.concatenate([stamps, [np.inf]])
-    fits, leap = (before <= at + 0.5 * abs(by)) & (after >= at - by - 0.5 * abs(by)), after - before
-    back = int(np.argmin(np.where(fits, leap, np.inf)))
-    return back if leap[back] < 0.0 else int(np.argmax(np.where(fits, leap, -np.inf)))
+    fits = (before <= at + 0.5 * abs(by)) & (after >= at - by - 0.5 * abs(by))
+    steps = np.diff(stamps)
+    leap = np.minimum(np.abs(steps - np.median(steps)), 0.9 * abs(by)) if len(steps) else steps
+    return int(np.argmax(np.where(fits, np.concatenate([[0.5 * abs(by)], leap, [0.5 * abs(by)]])[: len(fits)], -1.0)))
 
 
 @dataclass(frozen=True)
