@@ -13,22 +13,20 @@ import numpy as np
 from dart_skill.recording.imports import JointStream, PoseStream, steps_at
 from dart_skill.session._alignment import RATE, activity, correlations
 
-BACK_NS = 20_000_000
-"""Stamps that run back by more, and stay behind, are of a clock that was set [ns]."""
 BLOCK = 8.0
 """Time over which offsets are looked for [s]."""
-FEW = 3
+FEW = 5
 """Offsets that are looked at of each such time."""
-DISTINCT = 0.2
+DISTINCT = 0.08
 """Offsets of movements that differ by less are one [s]."""
 EVERY = 5
 """Samples of movements that are compared together."""
 CHANGE = 0.25
 """What a change of the offset costs, in mean misfits of a moving second without any resemblance."""
+FARTHER = 0.03
+"""Share of a movement that it costs at most to be told by another offset than most: of movements that repeat themselves the nearest one."""
 ALIKE = 0.05
 """Misfit, in the same unit, that may be chance."""
-MOST_STEPS = 5
-"""A clock that was set more often is none."""
 LEAST_STEP = 0.005
 """A smaller step is none [s]."""
 LIKE = 0.25
@@ -47,16 +45,6 @@ class Change:
     last: float
     before: float
     by: float
-
-
-def without_running_back(stamp_ns: np.ndarray) -> np.ndarray:
-    """Stamps (n,) of a clock that was set back, as if it went on with the next sample. stamp_ns: in the order of recording (n,) [ns]."""
-    if len(stamp_ns) < 4:
-        return stamp_ns
-    steps = np.diff(stamp_ns)
-    following = np.lib.stride_tricks.sliding_window_view(np.pad(stamp_ns[1:], (0, 2), mode="edge"), 3).max(axis=1)
-    back = (steps < -BACK_NS) & (following < stamp_ns[:-1])  # what is late is followed by what is not
-    return stamp_ns + np.concatenate([[0], np.cumsum(np.where(back, round(float(np.median(steps))) - steps, 0))])
 
 
 def rows_of_change(
@@ -107,6 +95,8 @@ def changes_of_movements(hand: PoseStream, joints: JointStream) -> list[Change]:
     lags = _lags(np.nan_to_num(seen[1]), arm_speed)
     cost = np.column_stack([_misfit(seen[1], arm_speed, lag) for lag in lags])
     offsets = lags / RATE + arm[0] - seen[0]
+    apart = np.abs(offsets - offsets[np.argmin(cost.sum(axis=0))])
+    cost += FARTHER * apart / (apart + 1.0) * _misfit(seen[1], np.zeros(1), len(seen[1]))[:, None]
     stamps = origin + 1e9 * (seen[0] + np.arange(len(cost)) * EVERY / RATE)
     return changes(stamps, offsets, cost / RATE, CHANGE, ALIKE)
 
@@ -167,7 +157,7 @@ def _lags(seen: np.ndarray, arm: np.ndarray) -> np.ndarray:
 
 
 def _misfit(seen: np.ndarray, arm: np.ndarray, lag: int) -> np.ndarray:
-    """Squared differences of movements with a lag, added up over EVERY samples; where the joints are unknown as if they were at rest, where the hand is not seen nothing."""
+    """Squared differences of movements with a lag, added up over EVERY samples; unknown joints rest, of an unseen hand nothing is told."""
     places = np.arange(len(seen)) + lag
     known = (places >= 0) & (places < len(arm))
     apart = np.nan_to_num(seen - np.where(known, arm[np.clip(places, 0, len(arm) - 1)], 0.0)) ** 2

@@ -36,11 +36,12 @@ from dart_skill.recording.imports import (
     mended_pose,
     nearest_axes,
     read_recording,
+    without_running_back,
 )
 from dart_skill.robot import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
 from dart_skill.rotations import of_matrices
 from dart_skill.session._alignment import LOOKED_AT, ClockOffset, Instants, at_instants, clock_offset, diverse_instants, joints_at
-from dart_skill.session._clock_steps import Change, changes, changes_of_movements, rows_of_change, steps_of, without_running_back
+from dart_skill.session._clock_steps import Change, changes, changes_of_movements, rows_of_change, steps_of
 from dart_skill.session._joint_conventions import APART, STARTS, ConventionSearch, Explanation, JointConvention
 
 AGREED_POSITION = 0.015
@@ -75,10 +76,16 @@ LEAP = 0.5
 """Angle from which an orientation has leapt to another solution [rad]."""
 FEWEST_LEAPS = 0.02
 """Share of orientations from which such leaps are a cause."""
+UNCLEAR_STEPS = (
+    "the clocks of joints and cameras jump against each other, and it is not clear when: record both with one clock, or cut the recording"
+)
+"""What is said of clocks that were set, where no steps explain it."""
 SAME_MOVEMENTS = 0.7
 """Correlation from which two recordings are of the same movements."""
 AWAY = 0.3
 """Distance at which a ball has left the hand [m]."""
+LIKELY = 0.6
+"""Share of a misfit of commands and releases that another clock must leave at most."""
 SOON = 0.6
 """Longest time from the command to open the hand until the ball is so far away [s]."""
 
@@ -129,7 +136,7 @@ class Disagreement:
         """In words."""
         causes = "; ".join(map(str, self.causes))
         if self.before[0] < AGREED_POSITION and self.before[1] < AGREED_ANGLE:
-            return f"joints and cameras saw the same movements, but not in our axes: {causes}"
+            return f"joints and cameras saw the same movements, but not in our axes, or not at the same times: {causes}"
         head = f"joints and cameras disagree about the hand by {_far(self.before)}"
         if not any(one.line for one in self.causes):
             return f"{head}: {causes}"
@@ -151,7 +158,9 @@ def disagreement(path: str | os.PathLike, mapping: RecordingMapping | None = Non
     if agrees and not search.is_set:
         return None
     causes, mended = search.run()
-    return Disagreement(before, _errors(path, mended, mend=True)[0] if mended else before, tuple(causes), mended)
+    after = _errors(path, mended, mend=True)[0] if mended else before
+    found = Disagreement(before, after, tuple(causes), mended)
+    return found if found.can_be_mended or not search.is_set else Disagreement(before, before, (Cause(UNCLEAR_STEPS),), None)
 
 
 def _agrees(found: Explanation) -> bool:
@@ -218,13 +227,10 @@ class _Search:
         )
         self._told_offset = 1e-9 * (self._where.clock.shift_ns - told_joints.clock.shift_ns)
         self._was = self._hand.stamp_ns, self._joints.stamp_ns
-        self._as_told = tuple(
-            Clock(steps=where.clock.steps).corrected(was) for where, was in zip((self._where, told_joints), self._was, strict=True)
-        )
-        self._hand, self._joints = (
-            replace(stream, stamp_ns=without_running_back(stamps))
-            for stream, stamps in zip((self._hand, self._joints), self._as_told, strict=True)
-        )
+        clocks = self._where.clock, told_joints.clock
+        self._as_told = tuple(Clock(steps=clock.steps).corrected(was) for clock, was in zip(clocks, self._was, strict=True))
+        self._hand = replace(self._hand, stamp_ns=without_running_back(self._as_told[0]))
+        self._joints = replace(self._joints, stamp_ns=without_running_back(self._as_told[1]))
         for change in changes_of_movements(self._hand, self._joints):
             self._set(change)
         self._aligned = self._joints  # on the clock of the cameras
@@ -319,12 +325,12 @@ class _Search:
     # clocks
 
     def _set(self, change: Change) -> None:
-        """Set the clock right that was set: the one whose stamps leap so; else the one with which the ball leaves the hand as it is opened."""
+        """Set the clock right whose stamps leap so; if none does, the one with which the ball leaves the hand when this is opened."""
         by = round(1e9 * change.by)
         is_cameras, (row, their_row) = rows_of_change(change, self._hand.stamp_ns, self._joints.stamp_ns, self._was)
         stamps = self._hand.stamp_ns + np.where(np.arange(len(self._hand)) >= row, by, 0)
         if is_cameras is None:
-            is_cameras = self._in_time(stamps) >= self._in_time(self._hand.stamp_ns)
+            is_cameras = self._untimely(stamps) <= self._untimely(self._hand.stamp_ns)
         if is_cameras:
             self._hand = replace(self._hand, stamp_ns=stamps)
         else:
@@ -341,23 +347,24 @@ class _Search:
             times = " and ".join(f"by {-by:.3f} s at {at:.3f} s" for at, by in steps)
             whose = {"axes": "cameras", "joints": "joints"}[section]
             self._blame(f"the clock of the {whose} was set meanwhile, {times or 'not at all'}", section, time_steps=steps)
-            if section == "joints" and self._in_time(self._hand.stamp_ns, steps) > self._in_time(self._hand.stamp_ns):
+            if section == "joints" and self._untimely(self._hand.stamp_ns, steps) < LIKELY * self._untimely(self._hand.stamp_ns):
                 for name in ("teacher", "command"):
                     if getattr(self._told, name) is not None:
                         self._blame(f"that of the {name} likewise", name, time_steps=steps)
 
-    def _in_time(self, stamps: np.ndarray, steps: Sequence[Sequence[float]] = ()) -> int:
-        """How often the ball leaves the hand as late after the command to open it as usual.
+    def _untimely(self, stamps: np.ndarray, steps: Sequence[Sequence[float]] = ()) -> float:
+        """By how much the time differs from the command to open the hand until the ball has left it [s].
 
         * stamps: of the hand, set right (n,) [ns].
         * steps: of the clock of the commands.
         """
         late = np.array(self._lateness_of_releases(stamps, steps))
-        return int(np.sum(np.abs(late - np.median(late)) < LATE)) if len(late) else 0
+        missing = len(self._recording.openings) - len(late)
+        return float(np.sum(np.minimum(np.abs(late - np.median(late)), SOON))) + SOON * missing if len(late) else np.inf
 
     def _blame_clocks(self, late: float, drift: float, steady: bool) -> None:
         if not steady:
-            self._blame("the clocks of joints and cameras jump against each other: record both with one clock, or cut the recording there")
+            self._blame(UNCLEAR_STEPS)
         ours, theirs = 1e-9 * self._where.clock.shift_ns, 1e-9 * self._told.joints.clock.shift_ns  # type: ignore[union-attr]
         if drift:
             goes = "gains" if drift > 0.0 else "loses"
@@ -399,7 +406,7 @@ class _Search:
         return found, late, drift, steady
 
     def _small_changes(self, found: Explanation) -> list[Change]:
-        """Changes of the offset that show in where the hand is; none where there are too many."""
+        """Changes of the offset that show in where the hand is."""
         fit, stamps = found.positions, self._joints.stamp_ns
         rows = np.unique(np.linspace(0, len(stamps) - 1, 20 * LOOKED_AT).round().astype(int))
         joints = found.convention.joints(self._joints.position[rows])
@@ -445,7 +452,7 @@ class _Search:
         return not late or bool(np.median(late) < SOON)
 
     def _lateness_of_releases(self, stamps: np.ndarray, steps: Sequence[Sequence[float]]) -> list[float]:
-        """How long after each command to open the hand the ball has left it [s], where it has soon. stamps, steps: as of `_in_time`."""
+        """How long after each command to open the hand the ball has left it [s], where it has soon. stamps, steps: as of `_untimely`."""
         hand, ball = self._recording.bodies["hand"], self._recording.bodies["ball"]
         ball_stamps = _clock(steps_of(stamps, self._was[0])).corrected(ball.stamp_ns)
         late = []
@@ -573,11 +580,11 @@ class _Search:
         bodies = {role: where if where.fixed else mended_pose(where, axes) for role, where in sources.items()}
         bodies["hand"] = mended_pose(bodies["hand"], self._mending["hand"])
         assert told.joints is not None  # as it was read
-        signals = {
-            name: where and mended_joints(where, self._mending[name])
-            for name, where in (("teacher", told.teacher), ("command", told.command))
-        }
-        return replace(told, bodies=bodies, joints=mended_joints(told.joints, joints), **signals)
+        teacher, command = (
+            where and mended_joints(where, self._mending[name]) for name, where in (("teacher", told.teacher), ("command", told.command))
+        )
+        joints_source = mended_joints(told.joints, joints)
+        return replace(told, bodies=bodies, joints=joints_source, teacher=teacher, command=command)
 
 
 def _matrix(axes: Axes) -> np.ndarray:

@@ -29,6 +29,8 @@ FEWEST_STEPS = 0.2
 """Smallest share of the usual step of the log time that the usual step of stamps is; its inverse is the largest."""
 BACK_NS = 500_000_000
 """A stamp that runs back by more is no late message [ns]."""
+BEHIND_NS = 20_000_000
+"""Stamps that run back by more, and stay behind, are of a clock that was set [ns]."""
 APART_NS = 500_000_000
 """Clocks whose stamps are farther apart, by the log, are not the same [ns]."""
 SAME_NS = 50_000_000
@@ -245,6 +247,16 @@ def _leap(stamps: np.ndarray, log_ns: np.ndarray, around: np.ndarray) -> int:
     """The first sample after the clock was set, in one of two seconds of log time (2,) [s]."""
     near = (1e9 * around[0] <= log_ns[1:]) & (log_ns[1:] < 1e9 * around[1] + BIN_NS)
     return int(np.argmax(np.where(near, np.abs(np.diff(stamps) - np.diff(log_ns)), -1))) + 1
+
+
+def without_running_back(stamp_ns: np.ndarray) -> np.ndarray:
+    """Stamps (n,) of a clock that was set back, as if it went on with the next sample. stamp_ns: in the order of recording (n,) [ns]."""
+    if len(stamp_ns) < 4:
+        return stamp_ns
+    steps = np.diff(stamp_ns)
+    following = np.lib.stride_tricks.sliding_window_view(np.pad(stamp_ns[1:], (0, 2), mode="edge"), 3).max(axis=1)
+    back = (steps < -BEHIND_NS) & (following < stamp_ns[:-1])  # what is late is followed by what is not
+    return stamp_ns + np.concatenate([[0], np.cumsum(np.where(back, round(float(np.median(steps))) - steps, 0))])
 
 
 def steps_at(stamps: np.ndarray, rows: Sequence[int] | np.ndarray, by: Sequence[float] | np.ndarray) -> list[list[float]]:

@@ -85,9 +85,9 @@ def _row_of_step(stamps: np.ndarray, at: float, by: float) -> int:
     """
     before, after = np.concatenate([[-np.inf], stamps]), np.concatenate([stamps, [np.inf]])
     fits = (before <= at + 0.5 * abs(by)) & (after >= at - by - 0.5 * abs(by))
-    steps = np.diff(stamps)
-    leap = np.minimum(np.abs(steps - np.median(steps)), 0.9 * abs(by)) if len(steps) else steps
-    return int(np.argmax(np.where(fits, np.concatenate([[0.5 * abs(by)], leap, [0.5 * abs(by)]])[: len(fits)], -1.0)))
+    holds = (before <= at - 0.5 * by) & (after >= at - 0.5 * by)
+    leap = np.clip((after - before) - float(np.median(np.diff(stamps))), -abs(by), 0.6 * abs(by)) if len(stamps) > 1 else 0.0
+    return int(np.argmax(np.where(fits, np.maximum(leap, -2.0 * leap) + 0.1 * abs(by) * holds, -1.0)))
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ from dart_skill.recording.bags import (
 from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_pose_table, read_table
 from dart_skill.recording.imports.bag_topics import PART_NS, Poses, buttons, read_topics
-from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed
-from dart_skill.recording.imports.faults import GAP, NOTE, UNSTAMPED, Fault, in_words
+from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed, without_running_back
+from dart_skill.recording.imports.faults import BACKWARDS, GAP, NOTE, UNSTAMPED, Fault, in_words
 from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
@@ -311,6 +311,9 @@ def _joints(where: SignalSource | None, states: States | None, folder: Path) -> 
     stream, found = joint_stream(states.take(time.kept), time.stamp_ns, where)
     if not where.clock.is_regular and (bursts := bunched(JOINTS, stream.stamp_ns)) is not None:
         found += bursts[1]
+    if (back := int(np.sum(np.diff(without_running_back(time.stamp_ns) - time.stamp_ns) != 0))) and not time.faults:
+        text = f"stamps run back {back} times, and stay behind: was the clock set?"
+        found.append(Fault(BACKWARDS, JOINTS, int(time.stamp_ns.min()), int(time.stamp_ns.max()), back, text, False))
     return stream, [*states.faults, *time.faults, *found]
 
 
