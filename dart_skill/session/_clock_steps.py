@@ -95,10 +95,10 @@ def changes_of_movements(hand: PoseStream, joints: JointStream) -> list[Change]:
     lags = _lags(np.nan_to_num(seen[1]), arm_speed)
     cost = np.column_stack([_misfit(seen[1], arm_speed, lag) for lag in lags])
     offsets = lags / RATE + arm[0] - seen[0]
-    apart = offsets - offsets[np.argmin(cost.sum(axis=0))]
-    leaps = 1e-9 * np.concatenate([np.diff(joints.stamp_ns), -np.diff(hand.stamp_ns), [0]])
-    leaps = leaps[(np.abs(leaps) > DISTINCT) | (leaps == 0.0)]
-    apart = np.where(np.abs(apart[:, None] - leaps).min(axis=1) < DISTINCT, 0.0, np.abs(apart))
+    apart = np.abs(offsets - offsets[np.argmin(cost.sum(axis=0))])
+    leaps = 1e-9 * np.abs(np.concatenate([[0], np.diff(hand.stamp_ns), np.diff(joints.stamp_ns)]))
+    leaps = leaps[(leaps > DISTINCT) | (leaps == 0.0)]  # of stamps; of movements that repeat themselves they tell which
+    apart = np.where(np.abs(apart[:, None] - leaps).min(axis=1) < DISTINCT, 0.0, apart)
     cost += FARTHER * apart / (apart + 1.0) * _misfit(seen[1], np.zeros(1), len(seen[1]))[:, None]
     stamps = origin + 1e9 * (seen[0] + np.arange(len(cost)) * EVERY / RATE)
     return changes(stamps, offsets, cost / RATE, CHANGE, ALIKE)
