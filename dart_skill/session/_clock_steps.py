@@ -27,6 +27,8 @@ FARTHER = 0.03
 """Share of a movement that it costs at most to be told by another offset than most: of movements that repeat themselves the nearest one."""
 ALIKE = 0.05
 """Misfit, in the same unit, that may be chance."""
+MOST_STEPS = 5
+"""A clock that was set more often is none."""
 LEAST_STEP = 0.005
 """A smaller step is none [s]."""
 LIKE = 0.25
@@ -105,7 +107,7 @@ def changes_of_movements(hand: PoseStream, joints: JointStream) -> list[Change]:
 
 
 def changes(stamps: np.ndarray, offsets: np.ndarray, cost: np.ndarray, penalty: float, chance: float) -> list[Change]:
-    """Changes between offsets (k,) [s] on the cheapest path.
+    """Changes between offsets (k,) [s] on the cheapest path; none where there are too many.
 
     * stamps: of instants (n,) [ns].
     * cost: of each instant with each offset (n, k).
@@ -123,7 +125,7 @@ def changes(stamps: np.ndarray, offsets: np.ndarray, cost: np.ndarray, penalty: 
         end = row + int(np.argmin(np.concatenate([good[row - low :], [False]]))) - 1
         first, last = stamps[max(begin - 1, 0)], stamps[min(end, len(stamps) - 1)]
         found.append(Change(float(first), float(last), float(offsets[one]), float(offsets[other] - offsets[one])))
-    return found
+    return found if len(found) <= MOST_STEPS else []
 
 
 def _cheapest(cost: np.ndarray, penalty: float) -> np.ndarray:

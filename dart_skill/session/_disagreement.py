@@ -157,10 +157,11 @@ def disagreement(path: str | os.PathLike, mapping: RecordingMapping | None = Non
     search = _Search(path, told, as_it_stands)
     if agrees and not search.is_set:
         return None
-    causes, mended = search.run()
-    after = _errors(path, mended, mend=True)[0] if mended else before
-    found = Disagreement(before, after, tuple(causes), mended)
-    return found if found.can_be_mended or not search.is_set else Disagreement(before, before, (Cause(UNCLEAR_STEPS),), None)
+    found = search.found(before)
+    if found.can_be_mended or not search.is_set:
+        return found
+    steady = _Search(path, told, as_it_stands, may_be_set=False).found(before)  # a clock that drifts may look like one that was set
+    return steady if steady.can_be_mended or found.mapping is None else Disagreement(before, before, (Cause(UNCLEAR_STEPS),), None)
 
 
 def _agrees(found: Explanation) -> bool:
@@ -215,9 +216,9 @@ def _errors(path: str | os.PathLike, mapping: RecordingMapping, mend: bool) -> t
 
 
 class _Search:
-    """The search for the causes of one recording. `run` gives them, and the mapping that mends them."""
+    """The search for the causes of one recording. `found` gives them, and the mapping that mends them."""
 
-    def __init__(self, path: str | os.PathLike, told: RecordingMapping, recording: ThrowRecording):
+    def __init__(self, path: str | os.PathLike, told: RecordingMapping, recording: ThrowRecording, may_be_set: bool = True):
         assert told.joints is not None and recording.joints is not None  # as the caller has looked
         self._path, self._told, self._recording, self._model = path, told, recording, ArmModel()
         self._hand, self._joints, self._where = recording.bodies["hand"], recording.joints, told.bodies["hand"]
@@ -231,7 +232,7 @@ class _Search:
         self._as_told = tuple(Clock(steps=clock.steps).corrected(was) for clock, was in zip(clocks, self._was, strict=True))
         self._hand = replace(self._hand, stamp_ns=without_running_back(self._as_told[0]))
         self._joints = replace(self._joints, stamp_ns=without_running_back(self._as_told[1]))
-        for change in changes_of_movements(self._hand, self._joints):
+        for change in changes_of_movements(self._hand, self._joints) if may_be_set else []:
             self._set(change)
         self._aligned = self._joints  # on the clock of the cameras
         self._is_hand: PoseSource | None = None  # another body than the mapping says
@@ -244,7 +245,12 @@ class _Search:
         now = self._hand.stamp_ns, self._joints.stamp_ns
         return not all(np.array_equal(one, other) for one, other in zip(now, self._as_told, strict=True))
 
-    def run(self) -> tuple[list[Cause], RecordingMapping | None]:
+    def found(self, before: tuple[float, float]) -> Disagreement:
+        """What was found. before: by which joints and cameras disagree as the recording is read."""
+        causes, mended = self._run()
+        return Disagreement(before, _errors(self._path, mended, mend=True)[0] if mended else before, tuple(causes), mended)
+
+    def _run(self) -> tuple[list[Cause], RecordingMapping | None]:
         offset = clock_offset(self._hand, self._joints)
         found, coarse = self._explanation(offset)
         if found.positions.error > AGREED_POSITION:
@@ -287,6 +293,7 @@ class _Search:
                 other = self._search(stream, its).plain(self._convention)
                 if other.is_good:
                     self._hand, self._is_hand = stream, where
+                    self._was, self._as_told = ((stream.stamp_ns, both[1]) for both in (self._was, self._as_told))
                     return other, its
         return search.best(self._convention), first
 
@@ -453,7 +460,7 @@ class _Search:
 
     def _lateness_of_releases(self, stamps: np.ndarray, steps: Sequence[Sequence[float]]) -> list[float]:
         """How long after each command to open the hand the ball has left it [s], where it has soon. stamps, steps: as of `_untimely`."""
-        hand, ball = self._recording.bodies["hand"], self._recording.bodies["ball"]
+        ball = self._recording.bodies["ball"]
         ball_stamps = _clock(steps_of(stamps, self._was[0])).corrected(ball.stamp_ns)
         late = []
         for opening in _clock(steps).corrected(np.array([one.stamp_ns for one in self._recording.openings])).tolist():
@@ -461,7 +468,7 @@ class _Search:
             if not len(rows) or not len(ball):
                 continue
             nearest = np.clip(np.searchsorted(ball_stamps, stamps[rows]), 0, len(ball) - 1)
-            apart = np.linalg.norm(ball.position[nearest] - hand.position[rows], axis=1) * LENGTH_UNITS[self._where.length]
+            apart = np.linalg.norm(ball.position[nearest] - self._hand.position[rows], axis=1) * LENGTH_UNITS[self._where.length]
             if apart[0] < AWAY and (apart > AWAY).any():
                 late.append(1e-9 * float(stamps[rows[np.argmax(apart > AWAY)]] - opening))
         return late
