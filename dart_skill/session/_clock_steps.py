@@ -25,7 +25,7 @@ CHANGE = 0.25
 """What a change of the offset costs, in mean misfits of a moving second without any resemblance."""
 FARTHER = 0.03
 """Share of a movement that it costs at most to be told by another offset than most: of movements that repeat themselves the nearest one."""
-ALIKE = 0.05
+ALIKE = 0.12
 """Misfit, in the same unit, that may be chance."""
 MOST_STEPS = 5
 """A clock that was set more often is none."""

@@ -160,8 +160,11 @@ def disagreement(path: str | os.PathLike, mapping: RecordingMapping | None = Non
     found = search.found(before)
     if found.can_be_mended or not search.is_set:
         return found
-    steady = _Search(path, told, as_it_stands, may_be_set=False).found(before)  # a clock that drifts may look like one that was set
-    return steady if steady.can_be_mended or found.mapping is None else Disagreement(before, before, (Cause(UNCLEAR_STEPS),), None)
+    again = _Search(path, told, as_it_stands, may_be_set=False)
+    steady = again.found(before)  # a clock that drifts may look like one that was set
+    if steady.can_be_mended:
+        return steady
+    return Disagreement(before, before, (Cause(UNCLEAR_STEPS),), None) if again.is_set or found.mapping is not None else found
 
 
 def _agrees(found: Explanation) -> bool:
@@ -233,7 +236,7 @@ class _Search:
         self._hand = replace(self._hand, stamp_ns=without_running_back(self._as_told[0]))
         self._joints = replace(self._joints, stamp_ns=without_running_back(self._as_told[1]))
         for change in changes_of_movements(self._hand, self._joints) if may_be_set else []:
-            self._set(change)
+            self._set(change, least=0.5 * REACH)
         self._aligned = self._joints  # on the clock of the cameras
         self._is_hand: PoseSource | None = None  # another body than the mapping says
         self._causes: list[Cause] = []
@@ -331,12 +334,18 @@ class _Search:
 
     # clocks
 
-    def _set(self, change: Change) -> None:
-        """Set the clock right whose stamps leap so; if none does, the one with which the ball leaves the hand when this is opened."""
+    def _set(self, change: Change, least: float = 0.0) -> None:
+        """Set the clock right whose stamps leap so; if none does, the one with which the ball leaves the hand when this is opened.
+
+        * change: of the offset.
+        * least: smaller ones without a leap are not taken, as places tell them better than movements [s].
+        """
         by = round(1e9 * change.by)
         is_cameras, (row, their_row) = rows_of_change(change, self._hand.stamp_ns, self._joints.stamp_ns, self._was)
         stamps = self._hand.stamp_ns + np.where(np.arange(len(self._hand)) >= row, by, 0)
         if is_cameras is None:
+            if abs(change.by) < least:
+                return
             is_cameras = self._untimely(stamps) <= self._untimely(self._hand.stamp_ns)
         if is_cameras:
             self._hand = replace(self._hand, stamp_ns=stamps)
