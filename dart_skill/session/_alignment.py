@@ -77,10 +77,10 @@ def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
     * joints: of the arm.
     """
     origin = min(int(hand.stamp_ns[0]), int(joints.stamp_ns[0]))
-    seen, arm = (_activity(stream.stamp_ns - origin, stream.position) for stream in (hand, joints))
+    seen, arm = (activity(stream.stamp_ns - origin, stream.position) for stream in (hand, joints))
     if seen is None or arm is None:
         return ClockOffset((), 0.0, 0.0)
-    lags, correlation, shared = _correlation(seen[1], arm[1])
+    lags, correlation, shared = correlations(*map(np.nan_to_num, (seen[1], arm[1])))
     offsets = lags / RATE + arm[0] - seen[0]
     merit = correlation * np.sqrt(shared)  # of movements that repeat themselves, what explains more of them
     best = [int(np.argmax(merit))]
@@ -147,8 +147,8 @@ def joints_at(joints: JointStream, seconds: np.ndarray) -> tuple[np.ndarray, np.
     return found, (seconds >= time[0]) & (seconds <= time[-1]) & (step < GAP)
 
 
-def _activity(stamp_ns: np.ndarray, values: np.ndarray) -> tuple[float, np.ndarray] | None:
-    """When a stream begins [s], and how fast it moves from then on at RATE, from 0 to 1; None if it never moves."""
+def activity(stamp_ns: np.ndarray, values: np.ndarray) -> tuple[float, np.ndarray] | None:
+    """When a stream begins [s], and how fast it moves from then on at RATE, from 0 to 1, nan where it is silent; None if it never moves."""
     good = np.isfinite(values).all(axis=1)
     stamps, rows = np.unique(stamp_ns[good], return_index=True)
     if len(stamps) < 2 * WINDOW:
@@ -160,12 +160,12 @@ def _activity(stamp_ns: np.ndarray, values: np.ndarray) -> tuple[float, np.ndarr
     speed[WINDOW:] = np.linalg.norm(even[WINDOW:] - even[:-WINDOW], axis=1)
     holes = np.flatnonzero(np.diff(time) > GAP)
     for first, last in zip(time[holes], time[holes + 1], strict=True):
-        speed[int((first - time[0]) * RATE) : int((last - time[0]) * RATE) + WINDOW + 2] = 0.0
-    usual = np.quantile(speed, 0.95)
+        speed[int((first - time[0]) * RATE) : int((last - time[0]) * RATE) + WINDOW + 2] = np.nan
+    usual = np.quantile(speed[np.isfinite(speed)], 0.95)
     return (float(time[0]), np.tanh(speed / (0.3 * usual))) if usual > 0.0 else None
 
 
-def _correlation(seen: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def correlations(seen: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lags (k,) of the second behind the first that leave enough to compare [samples], with each the correlation (k,), and how much of the
     shorter one is compared (k,), from 0 to 1.
     """

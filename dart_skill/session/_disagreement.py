@@ -24,6 +24,7 @@ from dart_skill.recording.imports import (
     UP_AXES,
     Axes,
     Clock,
+    JointStream,
     PoseSource,
     PoseStream,
     RecordingMapping,
@@ -35,10 +36,12 @@ from dart_skill.recording.imports import (
     mended_pose,
     nearest_axes,
     read_recording,
+    without_running_back,
 )
 from dart_skill.robot import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
 from dart_skill.rotations import of_matrices
 from dart_skill.session._alignment import LOOKED_AT, ClockOffset, Instants, at_instants, clock_offset, diverse_instants, joints_at
+from dart_skill.session._clock_steps import Change, changes, changes_of_movements, rows_of_change, steps_of
 from dart_skill.session._joint_conventions import APART, STARTS, ConventionSearch, Explanation, JointConvention
 
 AGREED_POSITION = 0.015
@@ -53,6 +56,10 @@ FINE = 0.002
 """Step in which it is looked for [s]."""
 CLOCK_ROUNDS = 4
 """Rounds in which clocks and hand are found in turn."""
+FARTHEST = 5.0
+"""Distance beyond which the hand is elsewhere, in parts of AGREED_POSITION."""
+CHANGE = 2.0
+"""What a change of the offset costs, in instants at which the hand is elsewhere."""
 PIECES = 5
 """Parts of a recording whose offsets are compared."""
 STEADY = 0.012
@@ -69,10 +76,16 @@ LEAP = 0.5
 """Angle from which an orientation has leapt to another solution [rad]."""
 FEWEST_LEAPS = 0.02
 """Share of orientations from which such leaps are a cause."""
+UNCLEAR_STEPS = (
+    "the clocks of joints and cameras jump against each other, and it is not clear when: record both with one clock, or cut the recording"
+)
+"""What is said of clocks that were set, where no steps explain it."""
 SAME_MOVEMENTS = 0.7
 """Correlation from which two recordings are of the same movements."""
 AWAY = 0.3
 """Distance at which a ball has left the hand [m]."""
+LIKELY = 0.6
+"""Share of a misfit of commands and releases that another clock must leave at most."""
 SOON = 0.6
 """Longest time from the command to open the hand until the ball is so far away [s]."""
 
@@ -123,7 +136,7 @@ class Disagreement:
         """In words."""
         causes = "; ".join(map(str, self.causes))
         if self.before[0] < AGREED_POSITION and self.before[1] < AGREED_ANGLE:
-            return f"joints and cameras saw the same movements, but not in our axes: {causes}"
+            return f"joints and cameras saw the same movements, but not in our axes, or not at the same times: {causes}"
         head = f"joints and cameras disagree about the hand by {_far(self.before)}"
         if not any(one.line for one in self.causes):
             return f"{head}: {causes}"
@@ -141,11 +154,17 @@ def disagreement(path: str | os.PathLike, mapping: RecordingMapping | None = Non
     if as_it_stands.joints is None or len(as_it_stands.joints.stamp_ns) < 2 or len(as_it_stands.bodies["hand"]) < 2:
         return None
     before, agrees = _errors(path, told, mend=False)
-    if agrees:
-        return None
     search = _Search(path, told, as_it_stands)
-    causes, mended = search.run()
-    return Disagreement(before, _errors(path, mended, mend=True)[0] if mended else before, tuple(causes), mended)
+    if agrees and not search.is_set:
+        return None
+    found = search.found(before)
+    if found.can_be_mended or not search.is_set:
+        return found
+    again = _Search(path, told, as_it_stands, may_be_set=False)
+    steady = again.found(before)  # a clock that drifts may look like one that was set
+    if steady.can_be_mended:
+        return steady
+    return Disagreement(before, before, (Cause(UNCLEAR_STEPS),), None) if again.is_set or found.mapping is not None else found
 
 
 def _agrees(found: Explanation) -> bool:
@@ -164,7 +183,7 @@ def _as_it_stands(told: RecordingMapping) -> RecordingMapping:
     """The mapping that reads the same topics and columns, with their numbers as they stand."""
 
     def plain(clock: Clock) -> Clock:
-        return replace(clock, shift_ns=0, drift=0.0)
+        return replace(clock, shift_ns=0, drift=0.0, steps=())
 
     def body(where: PoseSource) -> PoseSource:
         kept = ("topic", "child", "table", "capture", "fixed", "frame")
@@ -200,9 +219,9 @@ def _errors(path: str | os.PathLike, mapping: RecordingMapping, mend: bool) -> t
 
 
 class _Search:
-    """The search for the causes of one recording. `run` gives them, and the mapping that mends them."""
+    """The search for the causes of one recording. `found` gives them, and the mapping that mends them."""
 
-    def __init__(self, path: str | os.PathLike, told: RecordingMapping, recording: ThrowRecording):
+    def __init__(self, path: str | os.PathLike, told: RecordingMapping, recording: ThrowRecording, may_be_set: bool = True):
         assert told.joints is not None and recording.joints is not None  # as the caller has looked
         self._path, self._told, self._recording, self._model = path, told, recording, ArmModel()
         self._hand, self._joints, self._where = recording.bodies["hand"], recording.joints, told.bodies["hand"]
@@ -211,12 +230,30 @@ class _Search:
             told_joints.angle, signs=told_joints.signs or ones, zeros=told_joints.zeros or tuple(0.0 for _ in ones)
         )
         self._told_offset = 1e-9 * (self._where.clock.shift_ns - told_joints.clock.shift_ns)
+        self._was = self._hand.stamp_ns, self._joints.stamp_ns
+        clocks = self._where.clock, told_joints.clock
+        self._as_told = tuple(Clock(steps=clock.steps).corrected(was) for clock, was in zip(clocks, self._was, strict=True))
+        self._hand = replace(self._hand, stamp_ns=without_running_back(self._as_told[0]))
+        self._joints = replace(self._joints, stamp_ns=without_running_back(self._as_told[1]))
+        for change in changes_of_movements(self._hand, self._joints) if may_be_set else []:
+            self._set(change, least=0.5 * REACH)
         self._aligned = self._joints  # on the clock of the cameras
         self._is_hand: PoseSource | None = None  # another body than the mapping says
         self._causes: list[Cause] = []
-        self._mending: dict[str, dict[str, Any]] = {"hand": {}, "axes": {}, "joints": {}}
+        self._mending: dict[str, dict[str, Any]] = {"hand": {}, "axes": {}, "joints": {}, "teacher": {}, "command": {}}
 
-    def run(self) -> tuple[list[Cause], RecordingMapping | None]:
+    @property
+    def is_set(self) -> bool:
+        """Whether a clock was set meanwhile otherwise than the mapping says."""
+        now = self._hand.stamp_ns, self._joints.stamp_ns
+        return not all(np.array_equal(one, other) for one, other in zip(now, self._as_told, strict=True))
+
+    def found(self, before: tuple[float, float]) -> Disagreement:
+        """What was found. before: by which joints and cameras disagree as the recording is read."""
+        causes, mended = self._run()
+        return Disagreement(before, _errors(self._path, mended, mend=True)[0] if mended else before, tuple(causes), mended)
+
+    def _run(self) -> tuple[list[Cause], RecordingMapping | None]:
         offset = clock_offset(self._hand, self._joints)
         found, coarse = self._explanation(offset)
         if found.positions.error > AGREED_POSITION:
@@ -226,6 +263,7 @@ class _Search:
             name, told = (where.name for where in (self._is_hand, self._where))
             keys = {"hand": {"topic": name}} if self._is_hand.topic else {}
             self._causes.append(Cause(f"{name} moves as the hand does, and {told} does not", flow_text(keys) if keys else ""))
+        self._blame_steps()
         self._blame_clocks(late, drift, steady)
         self._blame_joints(found.convention)
         world = self._blame_positions(found)
@@ -258,6 +296,7 @@ class _Search:
                 other = self._search(stream, its).plain(self._convention)
                 if other.is_good:
                     self._hand, self._is_hand = stream, where
+                    self._was, self._as_told = ((stream.stamp_ns, both[1]) for both in (self._was, self._as_told))
                     return other, its
         return search.best(self._convention), first
 
@@ -295,9 +334,53 @@ class _Search:
 
     # clocks
 
+    def _set(self, change: Change, least: float = 0.0) -> None:
+        """Set the clock right whose stamps leap so; if none does, the one with which the ball leaves the hand when this is opened.
+
+        * change: of the offset.
+        * least: smaller ones without a leap are not taken, as places tell them better than movements [s].
+        """
+        by = round(1e9 * change.by)
+        is_cameras, (row, their_row) = rows_of_change(change, self._hand.stamp_ns, self._joints.stamp_ns, self._was)
+        stamps = self._hand.stamp_ns + np.where(np.arange(len(self._hand)) >= row, by, 0)
+        if is_cameras is None:
+            if abs(change.by) < least:
+                return
+            is_cameras = self._untimely(stamps) <= self._untimely(self._hand.stamp_ns)
+        if is_cameras:
+            self._hand = replace(self._hand, stamp_ns=stamps)
+        else:
+            theirs = self._joints.stamp_ns
+            self._joints = replace(self._joints, stamp_ns=theirs - np.where(np.arange(len(theirs)) >= their_row, by, 0))
+
+    def _blame_steps(self) -> None:
+        """The clock that was set, and that of the arm's commands, if it is the same."""
+        told = {"axes": self._where, "joints": self._told.joints}
+        for (section, where), stamps, was in zip(told.items(), (self._hand.stamp_ns, self._joints.stamp_ns), self._was, strict=True):
+            steps = steps_of(stamps, was)
+            if where is None or steps == [list(one) for one in where.clock.steps]:
+                continue
+            times = " and ".join(f"by {-by:.3f} s at {at:.3f} s" for at, by in steps)
+            whose = {"axes": "cameras", "joints": "joints"}[section]
+            self._blame(f"the clock of the {whose} was set meanwhile, {times or 'not at all'}", section, time_steps=steps)
+            if section == "joints" and self._untimely(self._hand.stamp_ns, steps) < LIKELY * self._untimely(self._hand.stamp_ns):
+                for name in ("teacher", "command"):
+                    if getattr(self._told, name) is not None:
+                        self._blame(f"that of the {name} likewise", name, time_steps=steps)
+
+    def _untimely(self, stamps: np.ndarray, steps: Sequence[Sequence[float]] = ()) -> float:
+        """By how much the time differs from the command to open the hand until the ball has left it [s].
+
+        * stamps: of the hand, set right (n,) [ns].
+        * steps: of the clock of the commands.
+        """
+        late = np.array(self._lateness_of_releases(stamps, steps))
+        missing = len(self._recording.openings) - len(late)
+        return float(np.sum(np.minimum(np.abs(late - np.median(late)), SOON))) + SOON * missing if len(late) else np.inf
+
     def _blame_clocks(self, late: float, drift: float, steady: bool) -> None:
         if not steady:
-            self._blame("the clocks of joints and cameras jump against each other: record both with one clock, or cut the recording there")
+            self._blame(UNCLEAR_STEPS)
         ours, theirs = 1e-9 * self._where.clock.shift_ns, 1e-9 * self._told.joints.clock.shift_ns  # type: ignore[union-attr]
         if drift:
             goes = "gains" if drift > 0.0 else "loses"
@@ -318,18 +401,39 @@ class _Search:
         """The explanation once clocks are mended, the joints' stamps after the cameras' at the first one [s], what is added each second,
         and whether that is all. Each round knows the clocks better, and so the hand.
         """
-        recorded, first = self._joints, int(self._joints.stamp_ns[0])
-        late, drift = coarse, 0.0
+        first = int(self._joints.stamp_ns[0])
+        late, drift, may_be_set = coarse, 0.0, self.is_set
         for _ in range(CLOCK_ROUNDS):
+            recorded = self._joints
             stamps = first + np.rint(((recorded.stamp_ns - first) - 1e9 * late) / (1.0 + drift)).astype(np.int64)
             self._joints = replace(recorded, stamp_ns=stamps)
             found = self._search(self._hand, 0.0).explain(found.convention, STARTS)
             more, faster, steady = self._lateness(found, 0.0 if drift else STEADY)
+            small = self._small_changes(found) if may_be_set or not steady else []
+            self._aligned, self._joints = self._joints, recorded
+            may_be_set = False
+            if small:
+                for change in small:
+                    self._set(replace(change, before=change.before + late))
+                continue
             if not steady or (abs(more) < FINE and not faster):
                 break
             late, drift = late + (1.0 + drift) * more, (1.0 + drift) * (1.0 + faster) - 1.0
-        self._aligned, self._joints = self._joints, recorded
         return found, late, drift, steady
+
+    def _small_changes(self, found: Explanation) -> list[Change]:
+        """Changes of the offset that show in where the hand is."""
+        fit, stamps = found.positions, self._joints.stamp_ns
+        rows = np.unique(np.linspace(0, len(stamps) - 1, 20 * LOOKED_AT).round().astype(int))
+        joints = found.convention.joints(self._joints.position[rows])
+        place, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
+        path = JointStream(stamps[rows], place + rotation @ fit.lever, self._joints.velocity[rows])
+        seen = at_instants(self._hand.take(np.unique(np.linspace(0, len(self._hand) - 1, LOOKED_AT).round().astype(int))), path, 0.0)
+        back = (seen.position - fit.shift) @ fit.world / fit.scale
+        offsets = np.arange(-REACH, REACH + FINE, 2.0 * FINE)
+        apart = [np.linalg.norm(back - joints_at(path, seen.seconds + one)[0], axis=1) for one in offsets]
+        cost = np.minimum(np.array(apart).T / AGREED_POSITION, FARTHEST) ** 2
+        return changes(stamps[0] + 1e9 * seen.seconds, offsets, cost, CHANGE * FARTHEST**2, FARTHEST)
 
     def _lateness(self, found: Explanation, tolerated: float) -> tuple[float, float, bool]:
         """The joints' stamps after the cameras' at the first one of the recorded joints [s], what is added each second, and whether that is
@@ -360,17 +464,23 @@ class _Search:
 
     def _hand_opens_in_time(self) -> bool:
         """Whether the ball leaves the hand soon after the arm was told to open it: then arm and cameras have one clock."""
-        hand, ball = self._recording.bodies["hand"], self._recording.bodies["ball"]
+        late = self._lateness_of_releases(self._hand.stamp_ns, self._mending["command"].get("time_steps", ()))
+        return not late or bool(np.median(late) < SOON)
+
+    def _lateness_of_releases(self, stamps: np.ndarray, steps: Sequence[Sequence[float]]) -> list[float]:
+        """How long after each command to open the hand the ball has left it [s], where it has soon. stamps, steps: as of `_untimely`."""
+        ball = self._recording.bodies["ball"]
+        ball_stamps = _clock(steps_of(stamps, self._was[0])).corrected(ball.stamp_ns)
         late = []
-        for opening in self._recording.openings:
-            rows = np.flatnonzero((hand.stamp_ns >= opening.stamp_ns) & (hand.stamp_ns < opening.stamp_ns + 2_000_000_000))
+        for opening in _clock(steps).corrected(np.array([one.stamp_ns for one in self._recording.openings])).tolist():
+            rows = np.flatnonzero((stamps >= opening) & (stamps < opening + 2_000_000_000))
             if not len(rows) or not len(ball):
                 continue
-            nearest = np.clip(np.searchsorted(ball.stamp_ns, hand.stamp_ns[rows]), 0, len(ball) - 1)
-            apart = np.linalg.norm(ball.position[nearest] - hand.position[rows], axis=1) * LENGTH_UNITS[self._where.length]
+            nearest = np.clip(np.searchsorted(ball_stamps, stamps[rows]), 0, len(ball) - 1)
+            apart = np.linalg.norm(ball.position[nearest] - self._hand.position[rows], axis=1) * LENGTH_UNITS[self._where.length]
             if apart[0] < AWAY and (apart > AWAY).any():
-                late.append(1e-9 * float(hand.stamp_ns[rows[np.argmax(apart > AWAY)]] - opening.stamp_ns))
-        return not late or bool(np.median(late) < SOON)
+                late.append(1e-9 * float(stamps[rows[np.argmax(apart > AWAY)]] - opening))
+        return late
 
     # joints
 
@@ -486,13 +596,21 @@ class _Search:
         bodies = {role: where if where.fixed else mended_pose(where, axes) for role, where in sources.items()}
         bodies["hand"] = mended_pose(bodies["hand"], self._mending["hand"])
         assert told.joints is not None  # as it was read
-        return replace(told, bodies=bodies, joints=mended_joints(told.joints, joints))
+        teacher, command = (
+            where and mended_joints(where, self._mending[name]) for name, where in (("teacher", told.teacher), ("command", told.command))
+        )
+        joints_source = mended_joints(told.joints, joints)
+        return replace(told, bodies=bodies, joints=joints_source, teacher=teacher, command=command)
 
 
 def _matrix(axes: Axes) -> np.ndarray:
     found = axes_matrix(axes)
     assert found is not None  # as `Axes` are
     return found
+
+
+def _clock(steps: Sequence[Sequence[float]]) -> Clock:
+    return Clock(steps=tuple((at, by) for at, by in steps))
 
 
 def _turn(rotation: np.ndarray) -> float:

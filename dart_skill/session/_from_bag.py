@@ -115,7 +115,8 @@ def learn_from_bag(
         report = replace(report, throws=tuple(memory.throws))
     _check_without(report, without)
     too_few = len(report.learned_from) < LEAST_DEMONSTRATIONS
-    if raw and has_joints and (too_few or report.weakness) and not any(fault.is_of_time for fault in report.faults):
+    set_back = any(fault.kind == "backwards" and not fault.repaired for fault in report.faults)
+    if raw and has_joints and (too_few or report.weakness or set_back) and not any(fault.is_of_time for fault in report.faults):
         _refuse_disagreement(path, mapping, report)
     if too_few:
         raise NothingLearned(_too_few(report, has_joints), report)

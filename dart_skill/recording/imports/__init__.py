@@ -2,6 +2,7 @@
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
 from dart_skill.recording.imports.bag_topics import BODY_TYPES, POSE_TYPES, bag_faults, filled_topics
+from dart_skill.recording.imports.clocks import steps_at, without_running_back
 from dart_skill.recording.imports.faults import BAG, Fault, fault_lines, in_words
 from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import (
@@ -74,6 +75,8 @@ __all__ = [
     "read_in_parts",
     "read_recording",
     "repair",
+    "steps_at",
     "throws_to_csv",
     "with_remedies",
+    "without_running_back",
 ]

@@ -6,7 +6,7 @@ nobody filled in, seconds that are milliseconds, counters that overflow. Of seve
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,8 @@ FEWEST_STEPS = 0.2
 """Smallest share of the usual step of the log time that the usual step of stamps is; its inverse is the largest."""
 BACK_NS = 500_000_000
 """A stamp that runs back by more is no late message [ns]."""
+BEHIND_NS = 20_000_000
+"""Stamps that run back by more, and stay behind, are of a clock that was set [ns]."""
 APART_NS = 500_000_000
 """Clocks whose stamps are farther apart, by the log, are not the same [ns]."""
 SAME_NS = 50_000_000
@@ -37,6 +39,8 @@ DRIFTS_NS = 20_000_000
 """Clocks that drift apart by less over a recording are not told of [ns]."""
 MOST_DRIFT = 0.05
 """No clock of a computer or camera runs faster or slower than another by a larger share."""
+MOST_STEPS = 5
+"""A clock that was set more often is none."""
 BIN_NS = NS_PER_S
 """Log time over which the difference of two clocks is taken together [ns]."""
 OVERFLOWS = {2**32: "32 bits of nanoseconds", 2**32 * 10**3: "32 bits of microseconds", 2**32 * NS_PER_S: "32 bits of seconds"}
@@ -113,16 +117,17 @@ def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np
             _fault(UNSTAMPED, body, stamps[filled], text, "time: log" if gone > 0.05 * n else "", gone, repaired=gone <= 0.05 * n)
         )
     known, log = stamps[filled], log_ns[filled]
-    return filled, faults + (_overflow(body, known) or _rate_fault(body, known, log) or _step_fault(body, known, log))
+    return filled, faults + (_overflow(body, known, log) or _rate_fault(body, known, log) or _step_fault(body, known, log))
 
 
 def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
     """A clock that goes a thousand times as fast as the log time, or a thousandth as fast."""
     if len(stamps) < LEAST:
         return []
-    order = np.argsort(log_ns, kind="stable")
-    low, high = order[len(order) // 10], order[-1 - len(order) // 10]
-    lasted, whole = float(log_ns[high] - log_ns[low]) / 0.8, float(stamps[high] - stamps[low]) / 0.8
+    order = np.argsort(log_ns, kind="stable")[len(stamps) // 10 : -(len(stamps) // 10)]
+    steps, logged = np.diff(stamps[order]), np.diff(log_ns[order])
+    usual = np.argsort(np.abs(steps))[:-MOST_STEPS]  # without those of a clock that was set
+    lasted, whole = (float(part[usual].mean()) * len(stamps) for part in (logged, steps))
     if lasted < 1e8:
         return []
     rate = whole / lasted
@@ -149,18 +154,22 @@ def _step_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault
     return [_fault(UNIT, body, stamps, f"{text}the nanoseconds are filled in wrongly", "time: log")]
 
 
-def _overflow(body: str, stamps: np.ndarray) -> list[Fault]:
+def _overflow(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
     """Stamps that run back again and again by the same time, or once by more than a late message."""
     steps = np.diff(stamps)
     back = -steps[steps < -BACK_NS]
     if not len(back):
         return []
     usual = float(np.median(back))
-    counter = next((text for ns, text in OVERFLOWS.items() if abs(usual - ns) < 0.02 * ns), "")
+    counter = next((text for ns, text in OVERFLOWS.items() if abs(usual - ns) < 0.02 * ns and len(back) > np.ptp(log_ns) / ns - 2), "")
     if len(back) > 1 and np.ptp(back) > 0.05 * usual and not counter:
         return []
     why = f"as a counter of {counter} does that overflows" if counter else "the clock was set, or a bag was played again"
     text = f"stamps run back {len(back)} times by {1e-9 * usual:.3f} s, {why}"
+    if not counter and 1 < len(back) <= MOST_STEPS:
+        rows, late = np.flatnonzero(steps < -BACK_NS) + 1, 1e-9 * (log_ns - stamps)
+        by = [float(np.median(late[row : row + LEAST]) - np.median(late[max(0, row - LEAST) : row])) for row in rows]
+        return [_fault(SET_BACK, body, stamps, text, f"time_steps: {steps_at(stamps, rows, by)}")]
     return [_fault(SET_BACK, body, stamps, text, "time: log")] if counter or len(back) > 1 else []
 
 
@@ -178,7 +187,7 @@ def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[F
         both = sorted(set(bins) & set(late[reference]))
         if name != reference and len(both) >= 3:
             off = np.array([bins[k] - late[reference][k] for k in both], dtype=np.int64)
-            faults += _of_difference(name, reference, streams[name][0], np.array(both) * 1e-9 * BIN_NS, off)
+            faults += _of_difference(name, reference, streams[name], np.array(both) * 1e-9 * BIN_NS, off)
     return faults
 
 
@@ -203,8 +212,9 @@ def _lateness(stamps: np.ndarray, log_ns: np.ndarray) -> dict[int, int]:
     return {int(k): int(np.sort(group)[len(group) // 10]) for k, group in zip(bins, groups, strict=True)}
 
 
-def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray, off: np.ndarray) -> list[Fault]:
+def _of_difference(name: str, reference: str, stream: tuple[np.ndarray, np.ndarray], at: np.ndarray, off: np.ndarray) -> list[Fault]:
     """Stamps that would have to be later by `off` (k,) [ns] to agree with those of another topic, at log times (k,) [s]."""
+    stamps, log_ns = stream
     level = int(np.median(off - off[0])) + int(off[0])
     rest = 1e-9 * (off - level)
     slope = _slope(at, rest) if len(at) >= 5 else 0.0
@@ -212,10 +222,13 @@ def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray
     drifts = MOST_DRIFT > abs(slope) > 1e-9 * DRIFTS_NS / np.ptp(at) and np.median(np.abs(from_line)) < 0.1 * abs(slope) * np.ptp(at)
     spread = from_line - np.median(from_line) if drifts else rest
     steps = np.flatnonzero(np.abs(np.diff(spread)) > 1e-9 * APART_NS)
-    if 0 < len(steps) <= 5:
+    if 0 < len(steps) <= MOST_STEPS:
         by, when = np.diff(spread)[steps[0]], at[steps[0] + 1] - at[0]
         text = f"the clock was set by {-by:.3f} s, {when:.0f} s after the first message, against that of the {reference}"
-        return [_fault(SET_BACK, name, stamps, text, "time: log")]
+        levels = [float(np.median(part)) * 1e-9 for part in np.split(off, steps + 1)]
+        rows = [_leap(stamps, log_ns, at[k : k + 2]) for k in steps]
+        told = f"time_shift: {levels[0]:.3f}, " if abs(levels[0]) > 1e-9 * APART_NS else ""
+        return [_fault(SET_BACK, name, stamps, text, f"{told}time_steps: {steps_at(stamps, rows, np.diff(levels))}")]
     if drifts:
         shift = 1e-9 * level - slope * (float(np.median(at)) - float(at[0]))
         text = f"the clock runs {'slower' if slope > 0 else 'faster'} than that of the {reference}, by {1e3 * abs(slope):.3f} ms a second"
@@ -228,6 +241,33 @@ def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray
     side = "behind" if level > 0 else "ahead of"
     text = f"stamps are {1e-9 * abs(level):.3f} s {side} those of the {reference}, by when both were recorded: {kind}"
     return [_fault("clock", name, stamps, text, f"time_shift: {1e-9 * level:.3f}")]
+
+
+def _leap(stamps: np.ndarray, log_ns: np.ndarray, around: np.ndarray) -> int:
+    """The first sample after the clock was set, in one of two seconds of log time (2,) [s]."""
+    near = (1e9 * around[0] <= log_ns[1:]) & (log_ns[1:] < 1e9 * around[1] + BIN_NS)
+    return int(np.argmax(np.where(near, np.abs(np.diff(stamps) - np.diff(log_ns)), -1))) + 1
+
+
+def without_running_back(stamp_ns: np.ndarray) -> np.ndarray:
+    """Stamps (n,) of a clock that was set back, as if it went on with the next sample. stamp_ns: in the order of recording (n,) [ns]."""
+    if len(stamp_ns) < 4:
+        return stamp_ns
+    steps = np.diff(stamp_ns)
+    following = np.lib.stride_tricks.sliding_window_view(np.pad(stamp_ns[1:], (0, 2), mode="edge"), 3).max(axis=1)
+    back = (steps < -BEHIND_NS) & (following < stamp_ns[:-1])  # what is late is followed by what is not
+    return stamp_ns + np.concatenate([[0], np.cumsum(np.where(back, round(float(np.median(steps))) - steps, 0))])
+
+
+def steps_at(stamps: np.ndarray, rows: Sequence[int] | np.ndarray, by: Sequence[float] | np.ndarray) -> list[list[float]]:
+    """The steps of a clock that was set, as a mapping has them.
+
+    * stamps: as recorded (n,) [ns].
+    * rows: first samples after that, ascending.
+    * by: what is to be added from each of them on [s].
+    """
+    at = [0.5e-9 * float(stamps[row - 1] + stamps[row]) + 0.5 * more for row, more in zip(rows, by, strict=True)]
+    return [[round(float(when), 4), round(float(more), 4)] for when, more in zip(at, by, strict=True)]
 
 
 def _slope(at: np.ndarray, values: np.ndarray) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 MOST_OF_A_KIND = 4
 """So many faults of one kind and body have a line of their own."""
-GAP, NOTE, BAG = "gap", "note", "bag"
+GAP, NOTE, BAG, BACKWARDS = "gap", "note", "bag", "backwards"
 UNSTAMPED, UNIT, SET_BACK, BURSTS = "unstamped", "unit", "set_back", "bursts"
 TIMELESS = (UNSTAMPED, UNIT, SET_BACK, BURSTS)
 """Kinds of stamps that tell no time: not filled in, in another unit, of a counter that overflows or a clock that was set, of receipt."""

@@ -56,6 +56,7 @@ class Clock:
     * is_regular: whether samples are evenly spaced, whatever their stamps say.
     * shift_ns: added to every stamp [ns].
     * drift: added to every stamp, as a share of the time since the first one.
+    * steps: stamp at which the clock was set, as recorded, and what is added from then on, in order of recording [s].
     """
 
     source: str = "stamp"
@@ -63,13 +64,30 @@ class Clock:
     is_regular: bool = False
     shift_ns: int = 0
     drift: float = 0.0
+    steps: tuple[tuple[float, float], ...] = ()
 
     def corrected(self, stamp_ns: np.ndarray) -> np.ndarray:
-        """Stamps (n,) [ns] with shift and drift. stamp_ns: as they were recorded (n,) [ns]."""
-        stamps = np.asarray(stamp_ns, dtype=np.int64)
+        """Stamps (n,) [ns] with steps, drift and shift. stamp_ns: as they were recorded (n,) [ns], in the order of recording."""
+        stamps = np.array(stamp_ns, dtype=np.int64)
+        row = 0
+        for at, by in self.steps:
+            row += _row_of_step(np.asarray(stamp_ns)[row:], 1e9 * at, 1e9 * by)
+            stamps[row:] += round(1e9 * by)
         if self.drift and len(stamps):
             stamps = stamps + np.rint(self.drift * (stamps - stamps[0])).astype(np.int64)
         return stamps + self.shift_ns
+
+
+def _row_of_step(stamps: np.ndarray, at: float, by: float) -> int:
+    """The first of stamps (n,), in the order of recording, after their clock went from `at` to `at - by` [ns]; n if none is.
+
+    Of a clock that was set back they run back there; a body that was not seen meanwhile is silent there.
+    """
+    before, after = np.concatenate([[-np.inf], stamps]), np.concatenate([stamps, [np.inf]])
+    fits = (before <= at + 0.5 * abs(by)) & (after >= at - by - 0.5 * abs(by))
+    holds = (before <= at - 0.5 * by) & (after >= at - 0.5 * by)
+    leap = np.clip((after - before) - float(np.median(np.diff(stamps))), -abs(by), 0.6 * abs(by)) if len(stamps) > 1 else 0.0
+    return int(np.argmax(np.where(fits, np.maximum(leap, -2.0 * leap) + 0.1 * abs(by) * holds, -1.0)))
 
 
 @dataclass(frozen=True)
@@ -322,7 +340,7 @@ def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
     """A source of joint states with other values of some keys, as a mapping has them; MappingError.
 
     * where: the source.
-    * keys: of the section of the joints, but for topic and csv.
+    * keys: of the section of the joints, but for topic and csv; those of the clock for teacher and command, too.
     """
     section = _Section(keys, "mended")
     found = replace(_joint_keys(section, where), clock=_clock(section, where.clock))
@@ -413,6 +431,7 @@ def _clock_keys(clock: Clock) -> dict[str, Any]:
     words += [REGULAR] if clock.is_regular else []
     keys: dict[str, Any] = {"time": words} if words else {}
     keys |= {"time_shift": 1e-9 * clock.shift_ns} if clock.shift_ns else {}
+    keys |= {"time_steps": [list(one) for one in clock.steps]} if clock.steps else {}
     return keys | ({"time_drift": clock.drift} if clock.drift else {})
 
 
@@ -469,7 +488,16 @@ def _clock(section: _Section, default: Clock | None = None) -> Clock:
         is_regular=default.is_regular or REGULAR in words,
         shift_ns=round(1e9 * section.number("time_shift", 1e-9 * default.shift_ns)),
         drift=section.number("time_drift", default.drift),
+        steps=_steps(section, default.steps),
     )
+
+
+def _steps(section: _Section, default: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    def check(value: Any) -> bool:
+        return isinstance(value, list) and all(isinstance(one, list) and len(one) == 2 and all(map(_is_number, one)) for one in value)
+
+    what = "for each time that the clock was set its last stamp before and what is added from then on, as [[12.4, 0.3]]"
+    return tuple((float(at), float(by)) for at, by in section.take("time_steps", default, check, what))
 
 
 def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransform:

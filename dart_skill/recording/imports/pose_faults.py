@@ -15,7 +15,7 @@ import numpy as np
 
 from dart_skill.constants import GRAVITY
 from dart_skill.recording.imports.clocks import PAUSE, bunched, rate_of
-from dart_skill.recording.imports.faults import GAP, Fault, spans
+from dart_skill.recording.imports.faults import BACKWARDS, GAP, Fault, spans
 from dart_skill.recording.imports.orientation_leaps import find_leaps
 from dart_skill.recording.imports.pose_stream import PoseStream
 
@@ -118,7 +118,7 @@ def _sorted(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
         safe = by <= LATEST and sorted_way <= way + 5.0 * usual
         what = "sorted in" if safe else "left out: their poses do not fit there, so it is the clock that went back"
         text = f"{len(moved)} stamps run backwards, by at most {1e3 * by:.1f} ms; {what}"
-        faults.append(Fault("backwards", stream.body, int(stamps[moved].min()), int(stamps[moved].max()), len(moved), text, safe))
+        faults.append(Fault(BACKWARDS, stream.body, int(stamps[moved].min()), int(stamps[moved].max()), len(moved), text, safe))
         index.append(order[begin : end + 1] if safe else places[~late[begin : end + 1]])
     return stream.take(np.concatenate(index)), faults
 

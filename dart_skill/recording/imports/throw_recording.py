@@ -32,8 +32,8 @@ from dart_skill.recording.bags import (
 from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_pose_table, read_table
 from dart_skill.recording.imports.bag_topics import PART_NS, Poses, bag_faults, buttons, read_topics
-from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed
-from dart_skill.recording.imports.faults import GAP, NOTE, UNSTAMPED, Fault, in_words
+from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed, without_running_back
+from dart_skill.recording.imports.faults import BACKWARDS, GAP, NOTE, UNSTAMPED, Fault, in_words
 from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
@@ -176,8 +176,7 @@ def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], m
     bodies |= _standing(bodies, mapping.frame, still, faults)
     openings = _openings(mapping, taken, folder)
     has_button = any(name in taken or (where is not None and where.table) for name, where in buttons(mapping))
-    commands = taken["command"].stamps if "command" in taken else ()
-    stamps = np.unique(np.asarray(commands, dtype=np.int64))
+    stamps = np.unique(mapping.command.clock.corrected(taken["command"].stamps) if mapping.command and "command" in taken else ())
     return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame, stamps, recorded)
 
 
@@ -310,11 +309,14 @@ def _joints(where: SignalSource | None, states: States | None, folder: Path) -> 
     stream, found = joint_stream(states.take(time.kept), time.stamp_ns, where)
     if not where.clock.is_regular and (bursts := bunched(JOINTS, stream.stamp_ns)) is not None:
         found += bursts[1]
+    if (back := int(np.sum(np.diff(without_running_back(time.stamp_ns) - time.stamp_ns) != 0))) and not time.faults:
+        text = f"stamps run back {back} times, and stay behind: was the clock set?"
+        found.append(Fault(BACKWARDS, JOINTS, int(time.stamp_ns.min()), int(time.stamp_ns.max()), back, text, False))
     return stream, [*states.faults, *time.faults, *found]
 
 
 def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Opening, ...]:
-    found, pushes, pushed_late = [], GripSignal(), 0
+    found, pushes = [], GripSignal()
     for name, where in buttons(mapping):
         if where is None or (where.topic and name not in taken):
             continue
@@ -323,10 +325,8 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
         if signal is None and where.table is not None:
             stamps = read_table(folder, where.table, where.clock.unit)["time"].tolist()
         if name == "teacher" and signal:
-            pushes, pushed_late = signal, where.clock.shift_ns
-        for stamp in stamps:
-            stamp = int(stamp) + where.clock.shift_ns
-            found.append(Opening(stamp, name == "teacher" or pushes.pushed_before(stamp - pushed_late)))
+            pushes.pushes = np.sort(where.clock.corrected(np.array(signal.pushes, dtype=np.int64))).tolist()
+        found += [Opening(one, name == "teacher" or pushes.pushed_before(one)) for one in where.clock.corrected(np.array(stamps)).tolist()]
     return tuple(sorted(found, key=lambda opening: opening.stamp_ns))
 
 

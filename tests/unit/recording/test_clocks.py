@@ -155,9 +155,23 @@ def test_a_drift_is_told():
     assert fault.kind == "drift" and yaml.safe_load(f"{{{fault.remedy}}}") == {"time_drift": pytest.approx(-2e-3, rel=0.01)}
 
 
-def test_a_clock_that_was_set_meanwhile_is_told():
-    (fault,) = apart(lambda stamps: stamps + np.where(np.arange(N) > 1500, 2 * S, 0))
-    assert fault.kind == "set_back" and "the clock was set by 2.000 s" in fault.message and fault.remedy == "time: log"
+@pytest.mark.parametrize("by", [-3600 * S, -2 * S, -S, S, 2 * S, 3600 * S])
+def test_a_clock_that_was_set_meanwhile_is_told_and_mended(by):
+    late = 700 * S + np.where(np.arange(N) > 1500, by, 0) - np.where(np.arange(N) > 2200, 2 * S, 0)
+    (fault,) = apart(lambda stamps: stamps + late)
+    assert fault.kind == "set_back" and f"the clock was set by {1e-9 * by:.3f} s, 15 s after" in fault.message
+    clock = with_remedies(OWN, [fault]).bodies["hand"].clock
+    assert np.abs(clock.corrected(STAMPS + late) - STAMPS).max() < 10 * MS
+
+
+@pytest.mark.parametrize("by", [-5 * S, -0.3 * S, 0.3 * S, 20 * S, 100 * S])
+@pytest.mark.parametrize("unseen", [slice(0, 0), slice(1490, 1600), slice(0, 1510), slice(1500, N)])
+def test_each_stream_of_a_clock_finds_where_it_was_set(by, unseen):
+    """By the stamp at which another stream saw it, also where a body was not seen meanwhile, only before it, or only afterwards."""
+    kept = np.delete(np.arange(N), unseen)
+    late = np.where(np.arange(N) > 1500, by, 0).astype(np.int64)
+    clock = Clock(steps=((1e-9 * (STAMPS[1500] + 2 * MS), -1e-9 * by),))
+    np.testing.assert_array_equal(clock.corrected((STAMPS + late)[kept]), STAMPS[kept])
 
 
 def test_a_log_of_another_clock_than_all_stamps_is_no_fault():

@@ -149,9 +149,22 @@ def test_a_clock_that_drifts(tmp_path, motion):
     assert found.mapping.joints.clock.drift == pytest.approx(-0.002, rel=0.05)
 
 
-def test_a_clock_that_was_set_meanwhile_is_named_and_not_mended(tmp_path, motion):
-    folder, mapping = recorded(tmp_path, motion, joint_time=TIME + np.where(TIME > 20.0, 0.2, 0.0))
+@pytest.mark.parametrize(("at", "by"), [(21.0, 0.2), (7.5, -0.4), (20.0, -1.0), (21.0, 12.3), (21.0, 0.03)])
+@pytest.mark.parametrize("whose", ["joint_time", "time"])
+def test_a_clock_that_was_set_meanwhile_is_mended(tmp_path, motion, at, by, whose):
+    folder, mapping = recorded(tmp_path, motion, **{whose: TIME + np.where(TIME > at, by, 0.0)})
     found = disagreement(folder, mapping)
+    if abs(by) < 0.1:
+        assert found is None  # too little to matter
+        return
+    clock = (found.mapping.joints if whose == "joint_time" else found.mapping.bodies["ball"]).clock
+    assert len(found.causes) == 1 and clock.steps == ((pytest.approx(at + 0.01, abs=0.03), pytest.approx(-by, abs=0.012)),), str(found)
+    assert found.can_be_mended and disagreement(folder, found.mapping) is None
+
+
+def test_a_clock_that_was_set_again_and_again_is_named_and_not_mended(tmp_path, motion):
+    jumping = np.random.default_rng(0).choice([-0.3, 0.0, 0.2, 0.4], len(TIME) // 50)[np.arange(len(TIME)) // 50]
+    found = disagreement(*recorded(tmp_path, motion, joint_time=TIME + jumping))
     assert "jump against each other" in str(found) and not found.can_be_mended
 
 
