@@ -66,7 +66,8 @@ def most_memory(task):
 def grows_by(task, bags):
     """Memory by which the long bag needs more than the short one, in parts of the bytes by which it is longer."""
     short, long = bags
-    task(short)  # what is imported and cached the first time
+    for bag in bags:
+        task(bag)  # what is imported and cached the first time
     return (most_memory(lambda: task(long)) - most_memory(lambda: task(short))) / (long.stat().st_size - short.stat().st_size)
 
 
