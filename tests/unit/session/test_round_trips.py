@@ -24,7 +24,7 @@ TOPICS = (*POSES, "/joint_states", "/wam/command", "/wam/teacher_wrench")
 BEFORE_NS, AFTER_NS = 2_500_000_000, 2_500_000_000
 """What belongs to a throw, around the instant at which the hand is told to open."""
 SIGNED_AXES = [(*"xyz",), (*"yzx",), (*"zxy",), ("-y", "x", "z"), ("x", "-z", "y"), ("-x", "-y", "z"), ("y", "x", "z"), ("x", "z", "y")]
-few = settings(max_examples=max(6, settings.default.max_examples // 16))
+few = settings(max_examples=max(4, settings.default.max_examples // 25))
 
 recordings = st.fixed_dictionaries(
     {
@@ -234,4 +234,4 @@ def test_a_dataset_of_lerobot_teaches_nearly_the_same(shown, folder, drawn, fps)
     path = recorded(shown, folder, drawn)
     first = learned(path, "intervals")
     write_lerobot(path, folder / "dataset", fps=fps)
-    assert apart(first, learn_throws_from_dataset(open_dataset(folder / "dataset"), "intervals")) < 5e-3
+    assert apart(first, learn_throws_from_dataset(open_dataset(folder / "dataset"), "intervals")) < 1e-2
