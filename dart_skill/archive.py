@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 LARGEST = 2**28
-"""Of all that an archive holds: thousands of demonstrations [bytes]."""
+"""Largest size of all that an archive holds: thousands of demonstrations [bytes]."""
 
 
 def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:

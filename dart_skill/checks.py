@@ -15,7 +15,7 @@ LARGEST_LEARNABLE = 1e145
 FARTHEST = 1000.0
 """No hand, ball or basket is farther away from the arm: a place beyond it is given in another unit, or is an error [m]."""
 FEW = 16
-"""Of so many numbers Python tells faster than NumPy whether they are finite."""
+"""Largest number of values for which Python tells faster than NumPy whether they are finite."""
 
 
 def unmasked(value: Any) -> Any:

@@ -9,11 +9,11 @@ UNTURNED = (0.0, 0.0, 0.0, 1.0)
 N_JOINTS = 7
 """Joints of the WAM."""
 GRAVITY = 9.81
-"""Of the earth [m/s^2]."""
+"""Acceleration of free fall [m/s^2]."""
 AIR_DENSITY = 1.204
-"""Of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
+"""Density of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
 BULL_DISTANCE, BULL_HEIGHT = 2.37, 1.73
-"""Of a regulation dart board: its face from the throwing line, and its bull above the floor [m]."""
+"""Place of a regulation dart board: its face from the throwing line, and its bull above the floor [m]."""
 REMEMBERED = 2000
 """So many throws of a bag are learned from at most, where nobody asks for more: a lesson from them takes a second."""
 PARTITIONS = ("time", "em")

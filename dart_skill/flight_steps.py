@@ -11,13 +11,13 @@ import math
 import numpy as np
 
 MAX_STEP, MAX_LOSS = 0.1, 0.01
-"""Of an integration step: its length [s], and the share of the speed that drag takes in it."""
+"""Limits of an integration step: its length [s], and the share of the speed that drag takes in it."""
 PROBE = 1e-4
 """Difference of velocity with which the sensitivity of a flight is found [m/s]."""
 MOST_CORRECTIONS, CLOSE, CROSSED = 12, 1e-12, 1e-6
-"""Of the instant of a crossing: how many there are, which is the last [s], and how near to the plane a ball must be then [m]."""
+"""Corrections of the instant of a crossing: most of them, the last one [s], and how near to the plane a ball must be then [m]."""
 MOST_REPETITIONS = 30
-"""Of a fit."""
+"""Most repetitions of a fit."""
 
 
 def fly(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, drag: float, gravity: float) -> tuple[np.ndarray, np.ndarray]:
@@ -211,7 +211,7 @@ def _line(time: np.ndarray, samples: np.ndarray, line: np.ndarray) -> None:
 
 
 def _length(vectors: np.ndarray, i: int) -> float:
-    """Of the vector i of (n, 3)."""
+    """Length of the vector i of (n, 3)."""
     return math.sqrt(vectors[i, 0] * vectors[i, 0] + vectors[i, 1] * vectors[i, 1] + vectors[i, 2] * vectors[i, 2])
 
 

@@ -30,7 +30,7 @@ DEMONSTRATION = GREY
 RELEASE = PURPLE
 """The instant at which ball and hand part."""
 GAUSSIANS = (GREEN, SKY, PURPLE, YELLOW)
-"""Of groups of Gaussians, in the order in which they first come."""
+"""Colours of groups of Gaussians, in the order in which they first come."""
 GAUSSIAN = GAUSSIANS[0]
 SUCCESS, FAILURE = BASKET, BALL
 """What ended in the basket has its colour; what did not keeps that of the ball. The marks differ, too: a ring and a cross."""

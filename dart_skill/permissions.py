@@ -70,7 +70,7 @@ def permissions_of(section: str, namespace: str = "") -> dict[str, list[str]]:
 
 
 def _full_names(name: str, namespace: str) -> tuple[str, ...]:
-    """Of one name of the file: what is below the node stays so, and everything is that of the namespace and what all share."""
+    """Full names of a name of the file: what is below the node stays so, and everything is that of the namespace and what all share."""
     if name == "*":
         return (f"{namespace}/*", *GLOBAL) if namespace else ("/*",)
     return (name,) if name.startswith("~") or name in GLOBAL else (f"{namespace}{name}",)

@@ -18,7 +18,7 @@ SHIFTED = np.array([[3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
 SIGNS = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0]])
 """i, j and k times a quaternion: which number stands where, and its sign."""
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""Of a coordinate the one after it, and the one before it."""
+"""Numbers of the coordinate after each one, and before it."""
 
 
 def unit(quaternions: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from dart_skill.flight import DART, TENNIS_BALL, Ball, Landing, crossing, landing
 
 BOARD_DIAMETER = 0.451
-"""Of a dart board, the black rim around the doubles included [m]."""
+"""Diameter of a dart board, the black rim around the doubles included [m]."""
 STUCK = 0.02
 """What is less far before the face of a board is in it: cameras are off by millimetres [m]."""
 
@@ -90,7 +90,7 @@ class BoardFace:
 
     @cached_property
     def distance(self) -> float:
-        """Of the plane from the base axis [m]."""
+        """Distance of the plane from the base axis [m]."""
         return float(np.hypot(*self.bull[:2]))
 
     @cached_property

@@ -10,7 +10,7 @@ from dart_skill.robot import ArmModel
 from dart_skill.skill.observe import position_noise
 
 RATE = 100.0
-"""Of the cameras [Hz]."""
+"""Frame rate of the cameras [Hz]."""
 SEEN, TOO_FEW = 0.95, 0.80
 """Share of the frames in which a body is seen: good, bearable."""
 NOISE, TOO_NOISY = 0.001, 0.005

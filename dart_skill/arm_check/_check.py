@@ -17,7 +17,7 @@ from dart_skill.robot import ArmModel, RegistrationFit
 from dart_skill.world import the_world
 
 STATE_RATE = 500.0
-"""Of the joint states [Hz]."""
+"""Rate of the joint states [Hz]."""
 
 
 @dataclass(frozen=True)

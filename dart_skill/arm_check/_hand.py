@@ -26,7 +26,7 @@ BASE, TOO_FAR_BASE = (0.04, np.deg2rad(2.5)), (0.15, np.deg2rad(10.0))
 BODY, TOO_FAR_BODY = (0.02, np.deg2rad(2.5)), (0.05, np.deg2rad(15.0))
 """The same of the body on the hand: its origin is on the mounting face, and z points out of the palm."""
 HEIGHT, TOO_HIGH = 0.02, 0.1
-"""Of the seen base above or below the mount height [m]."""
+"""Height of the seen base above or below the mount that is good, and that is too much [m]."""
 UNKNOWNS = [
     f"{part} {axis}" for part in ("turn of the base", "shift of the base", "turn of the body", "shift of the body") for axis in "xyz"
 ]
@@ -52,7 +52,7 @@ def sightings_of(heard: Heard, model: ArmModel) -> Sightings:
 
 
 def _different(q: np.ndarray, usable: np.ndarray) -> np.ndarray:
-    """Of the usable instants those at which a joint has moved by STEP since the last one that was taken; MOST of them, over all."""
+    """Usable instants at which a joint has moved by STEP since the last one that was taken; MOST of them, over all."""
     chosen: list[int] = []
     for k in usable.tolist():
         if not chosen or np.abs(q[k] - q[chosen[-1]]).max() > STEP:

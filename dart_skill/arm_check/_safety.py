@@ -18,7 +18,7 @@ FASTEST, ERROR = 5.5, 0.15
 
 
 def safety_lines(limits: Mapping, description: WamDescription, simulated: bool) -> list[Line]:
-    """Of the commander's parameters `limits` (config/commander.yaml) and the description of the arm."""
+    """Lines about the commander's parameters `limits` (config/commander.yaml) and the description of the arm."""
     force, hand, error = (float(limits[name]) for name in ("strongest_force", "fastest_hand", "farthest_error"))
     firmest = STRONGEST_FORCE if simulated else FIRST_FORCE
     lower, upper = description.of_joints("lower"), description.of_joints("upper")

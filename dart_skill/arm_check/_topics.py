@@ -8,7 +8,7 @@ from dart_skill.arm_check._heard import Heard, PoseStream, Stream
 from dart_skill.arm_check._line import Line, Verdict, graded, line, worst
 
 TOLERANCE, BEARABLE = 0.05, 0.25
-"""Of a rate, as shares of it."""
+"""Deviations of a rate that are good and bearable, as shares of it."""
 OLD, TOO_OLD, FUTURE = 0.010, 0.100, -0.005
 """Age of a joint state when it comes: what is good, what is bearable, and what says that clocks disagree [s]."""
 LATE, TOO_LATE, FUTURE_POSE = 0.030, 0.100, -0.005

@@ -108,7 +108,7 @@ def _end(number: int, _: object) -> None:
 
 
 def _parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """Of all commands; if words begin with one, of this one alone, as nothing is asked of the others, and each takes some milliseconds."""
+    """Parser of all commands; if words begin with one, of this one alone, as each takes some milliseconds."""
     parser = _Parser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
     parser.add_argument("--version", action="version", version=f"dart-skill {__version__}")
     parser.set_defaults(takes_anything=False)
@@ -122,7 +122,7 @@ def _parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Of all commands. Where a command is missing, it says which there are."""
+    """Parser of all commands. Where a command is missing, it says which there are."""
 
     def error(self, message: str) -> NoReturn:
         if message.startswith("the following arguments are required") and _completion.verbs_of(self):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 DARTS, IN_PROCESS = "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
-"""Of another skill, and own darts, where nobody says how many."""
+"""Default numbers of demonstrations of another skill than throwing, and of own darts."""
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"
 DIFFERS = "a person and the cameras look at the bodies for another moment than on the graph: trials differ from those there"
 

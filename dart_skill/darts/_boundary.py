@@ -23,7 +23,7 @@ SHORT = 0.5
 
 
 Piece = tuple[np.ndarray, np.ndarray, int, int, np.ndarray]
-"""Of wire: nodes, weighted normals, the beds inside and outside, and its two ends."""
+"""Piece of wire: nodes, weighted normals, the beds inside and outside, and its two ends."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ class Thrower(NamedTuple):
 
     @property
     def grid_distance(self) -> float:
-        """Of the first aims [mm]."""
+        """Distance between the first aims [mm]."""
         return max(GRID, GRID_PER_SPREAD * min(spread.deviations[0] for spread in self.spreads))
 
 

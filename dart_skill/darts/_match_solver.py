@@ -22,7 +22,7 @@ from dart_skill.darts._leg_solver import FEWEST_ENDS, LARGEST_SCORE, POINTS, SAF
 
 MAX_ROUNDS = 100
 ACCURACY = 1e-7
-"""Of chances to win, after which the secant method ends; its next step would be shorter by a factor of ten at least."""
+"""Accuracy of chances to win at which the secant method ends; its next step would be shorter by a factor of ten at least."""
 NO_BUST_TWO, NO_BUST_THREE = safe_from(2), safe_from(3)
 PER_DART = LARGEST_SCORE + 1
 LAST_PARTS, SECOND_PARTS = (2, 32, SAFE), (2, 32, SAFE, NO_BUST_TWO)

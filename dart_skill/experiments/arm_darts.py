@@ -114,7 +114,7 @@ def _listed(seed: int, throws: int, demonstrations: int, practice: str, name: st
 
 
 def table_of_seeds(runs: Sequence[DartsRun]) -> str:
-    """Of each seed the mean score of a dart in the first and the last block of throws, and the median distance from the aim in the last.
+    """Table of each seed: mean score of a dart in the first and the last block of throws, and the median distance from the aim in the last.
 
     runs: one for each seed.
     """

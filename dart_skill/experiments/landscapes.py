@@ -36,7 +36,7 @@ class Landscape(Protocol):
     def best(self) -> np.ndarray: ...
 
     def rewards(self, parameters: np.ndarray, trial: int) -> np.ndarray:
-        """Of parameters (m, d), each tried as this trial: (m,)."""
+        """Rewards (m,) of parameters (m, d), each tried as this trial."""
         ...
 
 
@@ -47,7 +47,7 @@ class Stage(Protocol):
     def best(self) -> float: ...
 
     def rewards(self, parameters: np.ndarray) -> np.ndarray:
-        """Of parameters (m, d): (m,)."""
+        """Rewards (m,) of parameters (m, d)."""
         ...
 
 

@@ -50,7 +50,7 @@ from dart_skill.movement.pose import DiscretePosePrimitive, PoseDSGMR, PoseFrame
 
 N_TRAIN = 4
 N_SAMPLES = 500
-"""Of both paths that are compared, for handwriting."""
+"""Samples of both paths that are compared, for handwriting."""
 GRID = 5
 """Starts along either side of the grid."""
 NEAR = 1.0
@@ -62,10 +62,10 @@ PATIENCE = 8.0
 """A start of the grid gets so many times the mean duration."""
 STILL = [TaskFrame(np.eye(3), np.zeros(3))]
 PATH_SAMPLES = 200
-"""Of a path that is retimed."""
+"""Samples of a path that is retimed."""
 PEER = "movement_primitives"
 PEER_REGULARISATION = 1e-8
-"""Of pbdlib, its default: on the diagonal of its covariances."""
+"""Default of pbdlib, which it adds on the diagonal of its covariances."""
 Reproduce = Callable[[np.ndarray], np.ndarray]
 """From a start (d,) to a path (n, d)."""
 Generalise = Callable[[Sequence[Demonstrated], np.ndarray, Sequence[TaskFrame], np.ndarray], np.ndarray]

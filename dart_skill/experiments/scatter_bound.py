@@ -17,7 +17,7 @@ ELEVATIONS = np.radians(np.arange(-20.0, 61.0, 5.0))
 FASTEST = 12.0
 """Faster than any WAM [m/s]: the bound shall not be one of the arm."""
 FASTER = np.linspace(-0.04, 0.04, 9)
-"""Of the speed that hits the centre: about a curved spread of hits the best aim is beside it."""
+"""Shares by which a throw is faster than the one that hits the centre: with a curved spread the best aim is beside it."""
 SAMPLES = 4000
 
 

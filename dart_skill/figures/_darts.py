@@ -34,7 +34,7 @@ RUNNING = 25
 """Throws of a running mean."""
 MOST_BEDS = 12
 FEW = 60
-"""Of no more throws the marks are large."""
+"""Largest number of throws that are drawn with large marks."""
 BLOB = 40.0
 """Hits that are all so near to the bull are shown larger, too [mm]."""
 

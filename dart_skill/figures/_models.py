@@ -16,7 +16,7 @@ from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import Reproduction, TaskFrame
 
 FAINTEST = 0.12
-"""Of the insides of components: the most probable has 0.5."""
+"""Least opacity of the insides of components; the most probable has 0.5."""
 
 
 def plot_mixture(

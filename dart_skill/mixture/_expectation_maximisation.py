@@ -262,7 +262,7 @@ class _Run:
         return sweep.to_white(found.means, found.covariances)
 
     def _log_prior(self, sweep: Sweep, components: list[Components]) -> float:
-        """Of the covariances, per sample and up to a constant: -(strength / 2) sum_k log |S_k| + tr(S_k^-1 P)."""
+        """Logarithm of the prior of the covariances, per sample and up to a constant: -(strength / 2) sum_k log |S_k| + tr(S_k^-1 P)."""
         strength = self.settings.covariance_prior
         if not strength:
             return 0.0

@@ -47,7 +47,7 @@ class Conditionals(NamedTuple):
 
     @classmethod
     def of(cls, means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray) -> Conditionals:
-        """Of components with means (K, d) and covariances (K, d, d): the dimensions out (o,), given those of into (i,)."""
+        """Conditionals of components with means (K, d) and covariances (K, d, d): the dimensions out (o,), given those of into (i,)."""
         k, i, o = len(means), len(into), len(out)
         parts = np.empty((k, i, i)), np.empty(k), np.empty((k, 1 + i, o)), np.empty((k, o, o))
         try:

@@ -18,7 +18,7 @@ from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
 
 OVERLAP = 0.7
-"""Of components at equal intervals of time."""
+"""Overlap of components at equal intervals of time."""
 
 
 class AttractorModel(MixtureModel):

@@ -23,7 +23,7 @@ from dart_skill.movement._warping import mean_warped_distances
 STRONG, APART = 0.71, 3.0
 """Least mean silhouette of several patterns, and how often their width they are apart at least."""
 N_SAMPLES = 50
-"""Of each path that is compared, equally spaced over its samples."""
+"""Number of samples of each path that is compared, equally spaced."""
 
 
 @dataclass(frozen=True, eq=False)

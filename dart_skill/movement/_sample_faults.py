@@ -16,7 +16,7 @@ from dart_skill.checks import as_count, as_number, as_samples
 from dart_skill.movement._time import as_stamps
 
 LARGEST_SHARE = 0.1
-"""Of samples that repeat the one before, while others around them move: more are a fault."""
+"""Largest share of samples that may repeat the one before while others around them move."""
 JUMP = 10.0
 """A jump is so many times as fast as the motion before it, and as that after it."""
 AROUND = 5

@@ -74,7 +74,7 @@ class SavedModel(HyperParameters):
         return values
 
     def _shown(self) -> str:
-        """Of how many demonstrations, in words."""
+        """Number of demonstrations, in words."""
         n = getattr(self, "n_demonstrations_", 0)
         return f"{n} demonstration{'s' if n != 1 else ''}, " if n else ""
 

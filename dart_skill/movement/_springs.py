@@ -22,9 +22,9 @@ from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
 
 WEIGHT_OF_PRIOR = 1e-6
-"""Of the stiffness that is given, against that of the samples: it decides only where they say nothing."""
+"""Weight of the given stiffness against the samples: it decides only where they say nothing."""
 TOLERANCE = 1e-9
-"""Of the integration, relative and absolute in units of the movement."""
+"""Tolerance of the integration, relative and absolute in units of the movement."""
 
 
 @dataclass(frozen=True, eq=False)

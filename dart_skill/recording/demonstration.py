@@ -184,7 +184,7 @@ def demonstration_from_message(msg: Any) -> Demonstration:
 
 @dataclass(frozen=True)
 class _Parts:
-    """Of a message: the basket's rim, poses of the hand, positions of the ball, and when the hand was told to open after the stamp [s]."""
+    """Basket's rim in a message, poses of the hand, positions of the ball, and when the hand was told to open after the stamp [s]."""
 
     target: Any
     hand: Sequence[Any]

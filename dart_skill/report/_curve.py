@@ -83,7 +83,7 @@ def compared_figure(tests: Sequence[tuple[str, Sequence[ThrowResult]]], narrow: 
 
 
 def _draw_quartiles(axes: Axes, errors: np.ndarray) -> None:
-    """Of all throws: where nothing is learned, their order means nothing."""
+    """Draw the quartiles of all throws: where nothing is learned, their order means nothing."""
     low, middle, high = np.nanpercentile(errors, [25, 50, 75])
     axes.axhspan(low, high, color=LIGHT, alpha=0.5, linewidth=0, label="quartiles")
     axes.axhline(middle, color=BLACK, linewidth=1.8, label="median")

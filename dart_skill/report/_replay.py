@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dart_skill.view import Scene
 
 FRAME = 0.04
-"""Of the replay [s]."""
+"""Time of a picture of the replay [s]."""
 LEAD, FOLLOWED, PAUSE = 0.2, 0.9, 0.6
 """Shown before the motion starts and after the hand was told to open, and the time that the last picture of a throw stands [s]."""
 MOST_THROWS = 60

@@ -25,7 +25,7 @@ def replay_of(run: Run) -> Replay | None:
 
 
 def _gaussians(run: Run, target: np.ndarray) -> Sequence[Ellipsoid]:
-    """Of the skill, for a basket; none without one, or where it knows nothing of it."""
+    """Gaussians of the skill for a basket; none without a skill, or where it knows nothing of the basket."""
     try:
         return component_ellipsoids(run.skill.mixture(target)) if run.skill else ()
     except ValueError:

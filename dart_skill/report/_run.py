@@ -191,7 +191,7 @@ def _point(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def versions() -> dict[str, str]:
-    """Of this package and of what it computes with; "not installed" where there is none."""
+    """Versions of this package and of what it computes with; "not installed" where there is none."""
     found = {"Python": platform.python_version()}
     for package in PACKAGES:
         try:

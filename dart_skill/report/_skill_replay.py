@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 ABOVE = 0.6
 """What the page looks at: there it says which movement is shown [m]."""
 LONGEST = 12.0
-"""Of a movement in the replay: of a longer one its end [s]."""
+"""Longest movement in the replay; of a longer one its end is shown [s]."""
 
 
 def replay_of(run: SkillRun) -> Replay:

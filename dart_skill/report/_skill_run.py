@@ -131,7 +131,7 @@ def _joints(reader: BagReader) -> Stamped:
 
 
 def _stamps(reader: BagReader, topic: str) -> np.ndarray:
-    """Of the messages of a topic, thinned (n,) [ns]."""
+    """Stamps of the messages of a topic, thinned (n,) [ns]."""
     if topic not in reader.topics:
         return np.empty(0, dtype=np.int64)
     return np.sort([stamp_ns(item.data.header.stamp) for item in reader.messages([topic], every_ns=FRAME_NS)])

@@ -215,5 +215,5 @@ def _add_cross(left: np.ndarray, i: int, right: np.ndarray, j: int, result: np.n
 
 
 def _length(vector: np.ndarray) -> float:
-    """Of the first three numbers."""
+    """Length of the vector of the first three numbers."""
     return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])

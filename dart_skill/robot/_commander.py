@@ -219,7 +219,7 @@ class Commander:
         self._approach = self._time_to(posture, self._start)
 
     def _time_to(self, posture: np.ndarray, start: np.ndarray) -> float:
-        """Of a way between postures (7,) on which no joint is faster than it may be [s]."""
+        """Time of a way between postures (7,) on which no joint is faster than it may be [s]."""
         return max(0.3, 1.875 * float(np.abs(posture - start).max()) / self.settings.approach_speed)
 
     def _check_ready(self) -> None:

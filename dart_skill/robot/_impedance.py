@@ -151,7 +151,7 @@ class JointServo:
     LIMIT = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
     LEAST = -LIMIT
     FOLLOWING = PoseGains(np.array([360.0, 250.0, 120.0, 50.0, 7.5, 10.0, 1.6]), np.array([10.0, 10.0, 3.5, 2.0, 0.25, 0.35, 0.05]))
-    """Of a motion that is fed forward [N m/rad], [N m s/rad]: parts of the vendor's gains that leave a modulus margin of 0.25 with cables
+    """Gains of fed forward motions [N m/rad], [N m s/rad]: parts of the vendor's gains that leave a modulus margin of 0.25 with cables
     of half the stiffness of config/fleet.yaml, speeds behind a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
     """
     TAKES_OUT, SHARE = 0.5, 0.4

@@ -106,7 +106,7 @@ class GripEvent:
 
 
 ON_AN_ARM = PhaseRule(slowest=0.01, fastest=1.5, time_constant=0.02, ignored=0.01)
-"""Of a plan on an arm: one that is held waits, and does not hurry afterwards. If nothing is ignored, what an arm lags by moves the
+"""Phase of a plan on an arm: a held arm makes it wait, and it does not hurry then. If nothing is ignored, what an arm lags by moves the
 landings of throws by 1 to 5 cm; with 2.5 to 10 ms by nothing.
 """
 

@@ -56,7 +56,7 @@ class Sightings:
 
     @classmethod
     def of_joints(cls, model: ArmModel, joints: np.ndarray, speeds: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> Sightings:
-        """Of joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m], (k, 4) that the cameras saw then.
+        """Sightings from joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m], (k, 4) that the cameras saw then.
 
         model: of the arm.
         """

@@ -168,7 +168,7 @@ class SafetyModule:
         return f"j{j + 1} is at {position[j]:.3f} rad, {overruns[j]:.3f} rad beyond its range: are encoders and the joints' order right?"
 
     def _level(self, speed: Speed, elbow_speed: float, hand_speed: float, torques: list[float], shares: list[float]) -> str:
-        """Of the levels the one that is used most, in words."""
+        """Level that is used most, in words."""
         fastest_elbow, fastest_hand = self._fastest[speed]
         of = "a throw" if speed is Speed.THROW else "an arm that does not throw"
         j = shares.index(max(shares))

@@ -166,7 +166,7 @@ def _resting(position: np.ndarray) -> Track:
 
 
 def _commands(path: str | os.PathLike) -> tuple[CommandStream, ...]:
-    """Of all who told the arm something; ValueError for a wrench in other axes than those of the world."""
+    """Commands of all who told the arm something; ValueError for a wrench in other axes than those of the world."""
     found: dict[str, list[tuple[int, list[float]]]] = {}
     with GraphBag(path) as bag:
         topics = [name for name in COMMANDS if name in bag.topics and bag.topics[name].type_name == COMMAND_TYPE and bag.topics[name].count]

@@ -53,12 +53,12 @@ class ThrowResult:
 
     @property
     def distance(self) -> float:
-        """Of the basket from the base axis [m]."""
+        """Distance of the basket from the base axis [m]."""
         return math.hypot(*self.target[:2])
 
     @property
     def azimuth(self) -> float:
-        """Of the basket [rad]."""
+        """Azimuth of the basket [rad]."""
         return math.atan2(self.target[1], self.target[0])
 
     def to_json(self) -> dict:

@@ -30,7 +30,7 @@ from dart_skill.skill.protocol import HAND, Skill
 from dart_skill.world import joint_names
 
 FPS = 100
-"""Of the cameras of config/optitrack.yaml: nothing that they saw is lost."""
+"""Frames per second by default: as many as the cameras of config/optitrack.yaml make, so that none is lost."""
 LOWEST_FPS, HIGHEST_FPS = 5, 1000
 ROBOT_TYPE = "barrett_wam"
 STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
@@ -170,7 +170,7 @@ def _openness(one: Shown, frames: np.ndarray, fps: int) -> np.ndarray:
 
 
 def _pictures(maker: PictureMaker, skill: Skill, frames: Mapping[str, np.ndarray]) -> Iterator[np.ndarray]:
-    """Of each frame, with the bodies that were seen by then."""
+    """Picture of each frame, with the bodies that were seen by then."""
     states, n_joints = frames[STATE], len(joint_names())
     bodies = frames.get(ENVIRONMENT, np.empty((len(states), 0))).reshape(len(states), -1, len(pose_names("")))
     seen = np.maximum.accumulate(bodies[:, :, -1] > 0.5, axis=0)

@@ -165,7 +165,7 @@ class ArmDynamics(ArmGeometry):
         return self._mass_matrix, self._bias
 
     def _place_bodies(self, position: np.ndarray) -> None:
-        """Of each link the way from its joint to its centre of mass, in world axes."""
+        """Find for each link the way from its joint to its centre of mass, in world axes."""
         self._place_frames(position, 0.0)
         for k in range(1, self._masses.shape[0] + 1):
             for i in range(3):

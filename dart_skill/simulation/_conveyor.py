@@ -16,10 +16,10 @@ from dart_skill.simulation._plant import LooseState, Plant, PlantSettings, Plant
 from dart_skill.simulation._workbench import Pose
 
 START_POSTURE = (0.0, 0.3, 0.0, 2.2, 0.0, 1.0, 0.0)
-"""Of an arm beside a belt [rad]. The hand is tilted by 0.4 rad: with the palm straight down the wrist is straight above some cups."""
+"""Posture beside a belt [rad]. The hand is tilted by 0.4 rad: with the palm straight down the wrist is straight above some cups."""
 WAY = ("way_x", "way_y", "way_z")
 NUMBERS = (*WAY, "steady", "start", "duration", "tunnel")
-"""Of a situation in the world of a belt: the fields of `Belt`, the way along each axis."""
+"""Names of the numbers of a situation in the world of a belt: the fields of `Belt`, the way along each axis."""
 UPRIGHT, IN, AROUND = 0.01, 0.01, 0.001
 """A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its speed is measured over this time [s]."""
 

@@ -172,7 +172,7 @@ RENEWED = 50
 
 
 class LooseState(NamedTuple):
-    """Of what the hand may hold: position (3,) [m], quaternion (4,) and velocity (3,) [m/s], as PyBullet says them."""
+    """State of what the hand may hold: position (3,) [m], quaternion (4,) and velocity (3,) [m/s], as PyBullet says them."""
 
     position: tuple[float, ...]
     quaternion: tuple[float, ...]
@@ -523,7 +523,7 @@ class Plant:
 
     @property
     def _loose(self) -> LooseState:
-        """Of the ball, or of what stands for it in this world."""
+        """State of the ball, or of what stands for it in this world."""
         if self._seen_loose is None:
             self._seen_loose = self._look_at_loose()
         return self._seen_loose

@@ -332,7 +332,7 @@ def tremor(before: np.ndarray, person: Person, rng: np.random.Generator, step: f
 
 @cache
 def _shares(rate: float, step: float) -> tuple[float, float]:
-    """Of a first-order low-pass with a corner [Hz] a step [s] later: what is left of the noise, and what is new."""
+    """Shares of a first-order low-pass with a corner [Hz] a step [s] later: what is left of the noise, and what is new."""
     kept = np.exp(-2 * np.pi * rate * step)
     return float(kept), float(np.sqrt(1 - kept**2))
 

@@ -14,9 +14,9 @@ from dart_skill.robot import Actuation
 from dart_skill.small_matrices import factor_into, solve_into
 
 SUBSTEPS = 5
-"""Of a control period of 2 ms: a wrist on its spring swings at some 100 Hz."""
+"""Steps of a control period of 2 ms; a wrist on its spring swings at some 100 Hz."""
 DAMPING_RATIO = 0.05
-"""Of a motor that swings on its spring; chosen: no measurement of the WAM's cables was found in print."""
+"""Damping of a motor that swings on its spring; chosen: no measurement of the WAM's cables was found in print."""
 
 
 class Transmission:

@@ -54,7 +54,7 @@ class Bench:
 
     @property
     def inertia(self) -> np.ndarray:
-        """Of the part about its axes (3,) [kg m^2]."""
+        """Inertia of the part about its axes (3,) [kg m^2]."""
         square = np.square(self.size)
         return self.mass / 12.0 * (square.sum() - square)
 

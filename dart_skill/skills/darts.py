@@ -37,7 +37,7 @@ SEEN = 0.014
 
 @dataclass(frozen=True)
 class DartsSettings(SkillSettings):
-    """Of darts. How throws are learned is in their configuration (`dart_skill.skill.learn.SkillConfiguration`).
+    """Settings of darts. How throws are learned is in their configuration (`dart_skill.skill.learn.SkillConfiguration`).
 
     * step: of a plan [s]: finer than of a basket's, since its release is moved by milliseconds.
     * shown: half the height and width of the part of the board that is aimed at when it is shown [m].

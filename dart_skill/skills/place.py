@@ -78,7 +78,7 @@ class Place(Skill):
 
     @property
     def seat(self) -> Pose:
-        """Of the part in the frame of the holder."""
+        """Pose of the part in the frame of the holder when it is in."""
         return Pose(np.array(self.settings.seat))
 
     def goal(self, situation: Situation) -> Pose:

@@ -19,7 +19,7 @@ from dart_skill.skill.protocol import HAND, Pose, ReactiveSkillSettings, Situati
 WIDE = 0.05
 """Radius of a cup, as viewers show it: nothing touches it [m]."""
 UNHURRIED = {"start": 4.0, "duration": 10.0, "steady": 0.0}
-"""Of the belt, for somebody with a mouse: as fast as it is otherwise they would have one second [s]."""
+"""Numbers of a belt that is slow enough for a mouse; at its usual speed a person would have one second [s]."""
 RESTING = 0.2
 """Where the hand ends is the median of what was seen for so long after it has come to rest in the cup [s]."""
 
@@ -105,7 +105,7 @@ class Reach(Skill):
         return []
 
     def distances(self, seen: TaskDemonstration) -> tuple[float, float]:
-        """Of the hand from the axis of the cup when it came past the rim, and from the middle at the end [m]; ValueError if it did not.
+        """Distances of the hand from the cup's axis as it passes the rim, and from the middle at the end [m]; ValueError if it did not.
 
         seen: the movement.
         """

@@ -13,7 +13,7 @@ from dart_skill.view._shapes import sphere
 from dart_skill.view._solids import Part
 
 RADIUS = 0.055
-"""Of the ball that is dragged [m]: larger than the hand, so that it is what the mouse meets."""
+"""Radius of the ball that is dragged [m]: larger than the hand, so that the mouse meets it."""
 ARM_SPAN = 1.2
 """The ball stays so near to the axis of the base [m]; a plane that is seen from its edge leads anywhere."""
 ABOVE, BESIDE = np.array([-0.03, 0.0, 1.1]), 1.5

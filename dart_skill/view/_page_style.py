@@ -6,9 +6,9 @@ The scene stays on white: the hand's path is black, and what was shown is grey.
 from dart_skill.palette import BLACK, GREY, STOP, hexadecimal
 
 SAYS_LINES = 4
-"""Of what goes on, in the panel: there is room for so many, so that nothing moves when a line wraps; more can be scrolled to."""
+"""Lines of room for what goes on, so that nothing moves when a line wraps; more can be scrolled to."""
 SCENE_SHARE = 0.45
-"""Of the height of a telephone; the panel has the rest."""
+"""Share of the height of a telephone that the scene has; the panel has the rest."""
 STYLE = (
     f"""<style>
 :root {{ --ds-ink: {hexadecimal(BLACK)}; --ds-quiet: {hexadecimal(GREY)}; --ds-alarm: {hexadecimal(STOP)};

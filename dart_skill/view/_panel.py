@@ -20,7 +20,7 @@ from dart_skill.view._page_style import STYLE
 from dart_skill.view._scene import GROUPS, Scene
 
 LEVELS = ("ok", "warning", "error", "stale")
-"""Of a node's status, as diagnostic_msgs numbers them."""
+"""Levels of a node's status, as diagnostic_msgs numbers them."""
 UNHEARD = "none has been heard yet"
 LONGEST_CURVE = 2000
 """Throws that the learning curve holds."""

@@ -189,7 +189,7 @@ class Scene:
 
     @property
     def gaussian_colours(self) -> dict[str, tuple[int, int, int]]:
-        """Of the groups that there are."""
+        """Colours of the groups that there are."""
         return {group: palette.GAUSSIANS[self._numbers[group] % len(palette.GAUSSIANS)] for group in self._gaussians}
 
     def show_demonstrations(self, demonstrations: Sequence[Demonstration]) -> None:

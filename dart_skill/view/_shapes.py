@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 SIDES = 24
-"""Of everything round."""
+"""Sides of everything round."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ BLACK, CREAM, RED, GREEN, DARK = (35, 35, 35), (235, 222, 196), (200, 45, 40), (
 ARC = 6
 """Chords of a sector of the board."""
 THICK = 0.038
-"""Of a board [m]."""
+"""Thickness of a board [m]."""
 
 
 class Part(NamedTuple):

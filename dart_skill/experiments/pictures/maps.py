@@ -28,7 +28,7 @@ AZIMUTHS = np.linspace(-ASKED.side, ASKED.side, 9)
 DISTANCES = np.concatenate([[ASKED.near], np.linspace(REGION.near, REGION.far, 5), np.linspace(REGION.far, ASKED.far, 3)[1:]])
 """Borders of the cells [rad, m]; those of what is demonstrated are among them."""
 ERROR_LIMITS = (0.5, 50.0)
-"""Of the colours of the median error [cm]."""
+"""Limits of the colours of the median error [cm]."""
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 LOOKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "D"), (ORANGE, "^"), (PURPLE, "v"), (SKY, "P"), (BLACK, "X"))
 
@@ -157,7 +157,7 @@ def _wedge(azimuths: np.ndarray, distances: np.ndarray, **look: Any) -> Wedge:
 
 
 def _direction(azimuth: float) -> np.ndarray:
-    """Of an azimuth in the map (2,): to the right, ahead."""
+    """Direction of an azimuth in the map (2,): to the right, ahead."""
     return np.array([-np.sin(azimuth), np.cos(azimuth)])
 
 

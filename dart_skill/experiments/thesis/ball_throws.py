@@ -95,7 +95,7 @@ class Trajectory:
 
     @property
     def speed(self) -> float:
-        """Of the hand at the release [m/s]."""
+        """Speed of the hand at the release [m/s]."""
         speed = np.linalg.norm(np.gradient(self.position, self.time, axis=0), axis=1)
         return float(np.interp(self.release, self.time, speed))
 

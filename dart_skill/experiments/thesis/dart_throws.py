@@ -18,7 +18,7 @@ from dart_skill.darts import RADII
 from dart_skill.movement import DSGMR, attractor_from_motion, base_frame, critical_damping, follow_attractor, target_frame
 
 BOARD_RADIUS = float(RADII[-1]) / 1000.0
-"""Of the outside of the doubles [m]."""
+"""Radius of the outside of the doubles [m]."""
 SHOULDER = np.array([0.0, 0.0, 1.55])
 STIFFNESS = 400.0
 RELEASE, STEP = 0.1, 0.002

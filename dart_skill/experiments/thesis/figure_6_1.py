@@ -12,7 +12,7 @@ from dart_skill.figures import LIGHT, draw_board, house_style, quantity_colours,
 
 TITLE = "The dart board, and what its fields score"
 SPACING, LIMIT = 0.5, 200.0
-"""Of the picture [mm]."""
+"""Spacing and limits of the picture [mm]."""
 
 
 def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:

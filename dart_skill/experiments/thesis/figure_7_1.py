@@ -21,7 +21,7 @@ from dart_skill.movement import AutonomousDSGMR, Motion, TaskFrame, critical_dam
 
 TITLE = "A finger on a ball is held: a clock and a state as what drives it"
 RADIUS, DURATION = 0.1, 3.0
-"""Of the ball [m] and of the movement [s]."""
+"""Radius of the ball [m] and duration of the movement [s]."""
 STIFFNESS, N_COMPONENTS, N_DEMONSTRATIONS = 400.0, 12, 5
 HELD, LET_GO = 0.8, 2.2
 """When somebody takes hold of the finger, and when they let go [s]."""

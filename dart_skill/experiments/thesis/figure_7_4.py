@@ -31,7 +31,7 @@ from dart_skill.movement import DSGMR, Reproduction, TaskFrame
 TITLE = "Task-parameterised movement: two frames, and new places for them"
 N_DEMONSTRATIONS, N_NEW, N_COMPONENTS, STIFFNESS = 8, 3, 6, 200.0
 DURATION, RATE, NOISE = 1.5, 100.0, 0.0005
-"""Of a demonstration [s], samples per second, standard deviation of the measurement [m]."""
+"""Duration of a demonstration [s], samples per second, standard deviation of the measurement [m]."""
 LEAVE, ENTER, SWAY = 0.12, 0.12, 0.03
 """Straight ways out of frame 1 and into frame 2, and how much demonstrations differ between them [m]."""
 FRAMES = (BLUE, PURPLE)

@@ -23,7 +23,7 @@ from dart_skill.mixture import GaussianMixture, SplitMerge, split_and_merge
 
 TITLE = "A landscape modelled by a mixture that is told all of it"
 SIGMA, APART, SPACING = 10.0, 7.0, 2.0
-"""Of the thrower, between aims, and of the picture [mm]."""
+"""Standard deviation of the thrower, distance between aims, spacing of the picture [mm]."""
 THRESHOLDS = ((0.16, 0.01), (0.02, 0.005), (0.01, 0.002), (0.005, 0.001))
 """T^S and T^M, the thesis's first."""
 SHOWN = 3

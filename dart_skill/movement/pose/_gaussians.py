@@ -16,11 +16,11 @@ from dart_skill.movement.pose._manifold import exp_at, log_at, settle, transport
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 MAX_STEPS = 100
-"""Of the search for the mode of a product: two to five are usual."""
+"""Most steps of the search for the mode of a product; two to five are usual."""
 ROUNDING = 1e-11
-"""Of the cost, a sum of squares, relative to itself."""
+"""Rounding error of the cost, a sum of squares, relative to itself."""
 LEAST_CURVATURE = 0.1
-"""Of the cost in any direction, relative to that of the linear equations: a step is at most so many times longer."""
+"""Least curvature of the cost in any direction, relative to that of the linear equations; its inverse limits a step."""
 LEAST_SHARE = 1e-10
 """A search whose steps must be shortened further than this has ended."""
 SETTLED = 1e-12

@@ -23,7 +23,7 @@ from dart_skill.movement._orientation import make_continuous
 from dart_skill.movement.pose._manifold import as_points, exp_at, log_at
 
 LARGEST_STEP = 0.05
-"""Of the integration of a turn, in units of the fastest time constant of the spring-damper."""
+"""Largest step of the integration of a turn, in units of the fastest time constant of the spring-damper."""
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 

@@ -39,7 +39,7 @@ from dart_skill.movement.pose._motion import PoseMotion, as_pose, as_poses
 
 TOLERANCE = (0.03, 0.1)
 BASELINE_PASSES = 8
-"""Of the search for the mean orientation of a cycle; each makes its error smaller by the square of the swing."""
+"""Passes of the search for the mean orientation of a cycle; each makes its error smaller by the square of the swing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class PosePrimitive(SavedModel):
     _inner: Primitive
 
     _KIND: type[Primitive]
-    """Of the inner primitive."""
+    """Type of the inner primitive."""
     _LEARNED: dict[str, int]
     """Attributes that `fit` sets beside those of the inner primitive, and their lengths."""
 

@@ -65,7 +65,7 @@ class FileMetadata:
 
     @classmethod
     def of(cls, file: McapFile) -> FileMetadata:
-        """Of a file that is being written, as far as it is."""
+        """Metadata of a file that is being written, as far as it is."""
         return cls(file.path.name, file.message_count, file.start_ns, file.end_ns)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 LARGEST_TEXT = 2_000_000
-"""Of the metadata of a bag of ten thousand files [characters]."""
+"""Size of the metadata of a bag of ten thousand files [characters]."""
 DEEPEST, MOST_NODES = 30, 200_000
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

@@ -21,7 +21,7 @@ from dart_skill.constants import NS_PER_S
 from dart_skill.recording.bags.messages import deserialize, is_stamped
 
 STAMP = slice(4, 12)
-"""Of a message that begins with one, behind the head of its encapsulation."""
+"""Bytes of the stamp of a message that begins with one, behind the head of its encapsulation."""
 TIME = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
 LITTLE_ENDIAN = 1
 

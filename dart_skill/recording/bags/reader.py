@@ -122,7 +122,7 @@ class BagReader:
 
     @property
     def types(self) -> Typestore:
-        """Of the messages; parsed when somebody asks for the first time, which takes longer than to open a bag."""
+        """Types of the messages; parsed on first use, as that takes longer than to open a bag."""
         return self._all_types[0]
 
     @cached_property
@@ -531,7 +531,7 @@ def _require_one_bag(path: Path, files: list[McapInput | SqliteInput]) -> None:
 
 
 def _thinned(messages: Iterable[BagMessage], every_ns: int) -> Iterator[BagMessage]:
-    """Of each topic no message sooner after the last one than so long [ns]; where log time jumps back, the next one."""
+    """Messages of each topic that are at least so long after the last one [ns]; where log time jumps back, the next one."""
     last: dict[str, int] = {}
     for one in messages:
         since = one.stamp_ns - last.get(one.topic, one.stamp_ns - every_ns)

@@ -64,7 +64,7 @@ def described_video(camera: Camera, fps: int, codec: str, pixel_format: str) -> 
 
 
 def statistics(values: np.ndarray) -> dict[str, np.ndarray]:
-    """Of values (n, k) over n: min, max, mean, std and quantiles (k,), and the count (1,)."""
+    """Statistics of values (n, k) over n: min, max, mean, std and quantiles (k,), and the count (1,)."""
     values = np.asarray(values, dtype=float)
     found = {"min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0)}
     quantiles = {f"q{round(100 * q):02d}": np.quantile(values, q, axis=0) for q in QUANTILES}

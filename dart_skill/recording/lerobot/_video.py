@@ -48,7 +48,7 @@ class VideoFile:
         return {f"videos/{self._camera.key}/{name}": value for name, value in where.items()}
 
     def statistics(self, of_all: bool = False) -> dict[str, np.ndarray]:
-        """Of the colours of the last episode, or of all: (3, 1, 1) from 0 to 1; the count is of pictures."""
+        """Statistics of the colours of the last episode, or of all: (3, 1, 1) from 0 to 1; the count is of pictures."""
         chosen = self._sampled if of_all else self._sampled[-1:]
         found = format_.statistics(np.concatenate([colours for colours, _ in chosen]))
         shaped = {name: value.reshape(3, 1, 1) for name, value in found.items() if name != "count"}

@@ -35,7 +35,7 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish t
 LARGEST_CHUNK = 2**28
 """No writer makes larger ones: they are unpacked in memory [bytes]."""
 PIECE = 64
-"""Of a chunk that was cut off is unpacked at once: of zstd they become 2 MB at most [bytes]."""
+"""Part of a chunk that was cut off that is unpacked at once; with zstd it becomes 2 MB at most [bytes]."""
 USUAL_RECORDS = 10_000
 """A chunk may have so many records; of more, each takes at least a byte of the compressed chunk."""
 MOST_UNKNOWN = 64
@@ -105,7 +105,7 @@ class Chunk:
 
     @property
     def most_records(self) -> int:
-        """Of more, somebody made it to be slow."""
+        """Most records that a chunk of this size may have; more were made to be slow."""
         return USUAL_RECORDS + len(self.records)
 
     def messages(self) -> Iterator[Message]:

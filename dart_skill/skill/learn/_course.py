@@ -83,7 +83,7 @@ class Course:
 
     @property
     def pace_gain_of_hand(self) -> np.ndarray:
-        """Of the differences of position, orientation as a rotation vector, velocity and angular velocity in the world (n, 12).
+        """Gain of the differences of position, orientation as a rotation vector, velocity and angular velocity in the world (n, 12).
 
         Only valid if the state drives the movement.
         """

@@ -39,7 +39,7 @@ SOONEST, LATEST = -0.005, 0.3
 disagree, or a button that was pressed for another reason.
 """
 AGREED = Registration()
-"""Of cameras and arm that agree."""
+"""Registration of cameras and arm that agree."""
 OUTSIDE = 1.0
 """A motion begins and ends within what was recorded of the hand, or not longer before or after [s]."""
 OFF_POSITION, OFF_ANGLE = 0.015, 0.08

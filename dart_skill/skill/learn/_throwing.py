@@ -61,7 +61,7 @@ SIDE_MARGIN = np.deg2rad(45.0)
 LONGEST_DRIVE = 1.5
 """A movement that is driven by the state may take so many times as long as shown."""
 AIM_TOLERANCE, WORST_AIM, LONGEST_AIM_STEP = 5e-4, 5e-3, 0.15
-"""Of the search for the aim: where it stops, what it accepts at worst, its longest step; metres, and radians of azimuth."""
+"""Limits of the search for the aim: where it stops, what it accepts at worst, its longest step; metres, and radians of azimuth."""
 MOST_AIMS = 25
 """Largest number of aims that are tried after the first."""
 EARLIEST, LATEST = -0.04, 0.10

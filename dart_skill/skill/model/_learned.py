@@ -186,7 +186,7 @@ def _noise(movement: PreparedMovement) -> np.ndarray:
 
 
 def _azimuths(positions: np.ndarray) -> np.ndarray:
-    """Of places (n, 3 or more) about the axis of the base (n,) [rad], without jumps."""
+    """Azimuths (n,) of places (n, 3 or more) about the axis of the base [rad], without jumps."""
     return np.unwrap(np.arctan2(positions[:, 1], positions[:, 0]))
 
 

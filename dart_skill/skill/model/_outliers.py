@@ -13,7 +13,7 @@ from dart_skill.skill.model._reactive import ReactiveSkill
 from dart_skill.skill.model._shown import RATE
 
 FEWEST = 3
-"""Of two demonstrations nobody can say which one is unlike."""
+"""Fewest demonstrations of which one can be unlike the others."""
 FARTHER, LEAST = 3.0, 0.01
 """An outlier is so many times as far away as the median of the others, and at least so far [m]."""
 

@@ -14,7 +14,7 @@ from dart_skill.skill.model._prepared import PreparedMovement, prepare_movement
 from dart_skill.skill.protocol import HAND, Pose, Skill, TaskDemonstration, TaskOutcome
 
 RATE = 100.0
-"""Of the samples that are learned from [1/s]."""
+"""Rate of the samples that are learned from [1/s]."""
 
 
 class Shown:

@@ -13,7 +13,7 @@ LEAST = 2e-5
 ENOUGH = 20
 """Samples that an estimate of the noise needs."""
 SHARE = 0.2
-"""Of the largest speed: what is faster moves."""
+"""Share of the largest speed beyond which a hand moves."""
 
 
 def position_noise(time: ArrayLike, position: ArrayLike) -> float:

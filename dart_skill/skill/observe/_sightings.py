@@ -10,7 +10,7 @@ from dart_skill.robot import ArmModel, Sightings
 from dart_skill.skill.observe._grip import rows_at
 
 INSTANTS = 24
-"""Of a demonstration at which the two are compared."""
+"""Instants of a demonstration at which the two are compared."""
 
 
 class Recorded(Protocol):

@@ -88,7 +88,7 @@ class TaskDemonstration:
                 raise ValueError(f"demonstration {self.id}: {name} has shape {np.shape(getattr(self, name))}, not {(n, N_JOINTS)}")
 
     def track(self, role: str) -> Track:
-        """Of one body; ValueError if it was never seen."""
+        """Track of one body; ValueError if it was never seen."""
         if role not in self.tracks:
             raise ValueError(f"demonstration {self.id}: the {role} was never seen; tracked were {', '.join(sorted(self.tracks))}")
         return self.tracks[role]

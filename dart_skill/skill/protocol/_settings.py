@@ -14,7 +14,7 @@ S = TypeVar("S", bound="SkillSettings")
 COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
 """Numbers of components among which one is chosen on request."""
 OVERLAP = 0.7
-"""Of the components in time, relative to their intervals, after EM: that of throws."""
+"""Overlap of the components in time, relative to their intervals, after EM: that of throws."""
 BIC, CROSS_VALIDATION = "bic", "cross_validation"
 """How: by the Bayesian information criterion, or by what the others teach for each demonstration that is left out."""
 
@@ -92,7 +92,7 @@ class SkillSettings:
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Of the settings that a file may have. Default: all of the class."""
+        """Names of the settings that a file may have. Default: all of the class."""
         return tuple(one.name for one in fields(cls))
 
     @classmethod
@@ -131,7 +131,7 @@ class SkillSettings:
 
 @dataclass(frozen=True)
 class ReactiveSkillSettings(SkillSettings):
-    """Of a skill that reacts (`Skill.reacts`), beside those of every skill:
+    """Settings of a skill that reacts (`Skill.reacts`), beside those of every skill:
 
     * oldest: of the newest pose of a body [s]; an older one stops the motion.
     * follow_on: the hand stays with the bodies so long after the end of what was shown [s].

@@ -15,7 +15,7 @@ from dart_skill.constants import UNTURNED
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Of a body in the world: position (3,) [m] and quaternion (4,) x, y, z, w; ValueError for one that is none."""
+    """Pose of a body in the world: position (3,) [m] and quaternion (4,) x, y, z, w; ValueError for one that is none."""
 
     position: np.ndarray
     quaternion: np.ndarray = field(default_factory=lambda: np.array(UNTURNED))

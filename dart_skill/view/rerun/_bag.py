@@ -22,12 +22,12 @@ from dart_skill.recording import BagReader
 from dart_skill.world import pose_topic, the_world
 
 VERSION, SIZE = "0.41.0", "790 MB"
-"""Of the package rerun-sdk that this was tried with, and what its environment takes."""
+"""Version of the package rerun-sdk that this was tried with, and size of its environment."""
 VARIABLE = "DART_SKILL_RERUN"
 ENVIRONMENT = ".venv-rerun"
 LAYOUT = Path(__file__).with_name("_blueprint.py")
 HOST, RERUN_PORT = "127.0.0.1", 9090
-"""Of the page."""
+"""Address of the page."""
 QUIET_LOG = "info,re_sdk::web_viewer=warn"
 """What Rerun writes: not the address of its own web server, whose page is not kept from asking elsewhere."""
 DATED_NS = 10**18
@@ -190,7 +190,7 @@ def with_durations(rerun: Path, shown: BagLayout, folder: Path, environment: Map
 
 
 class Ports(NamedTuple):
-    """Of the page, of Rerun's own web server behind it, and of the server of its data."""
+    """Ports of the page, of Rerun's own web server behind it, and of the server of its data."""
 
     page: int
     behind: int

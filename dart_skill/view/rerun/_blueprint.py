@@ -27,7 +27,7 @@ LIGHT = (187, 187, 187)
 JOINTS = (BASKET, (230, 159, 0), (0, 158, 115), BALL, (204, 121, 167), SKY, GREY)
 """A joint has one colour in all plots, on a light page and on a dark one."""
 MOUNT_RADIUS = 0.12
-"""Of what stands for the pedestal [m], as on the live page."""
+"""Radius of what stands for the pedestal [m], as on the live page."""
 TIMELINE = "message_log_time"
 """All topics are on it."""
 

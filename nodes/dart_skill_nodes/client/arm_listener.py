@@ -109,7 +109,7 @@ class ArmListener:
 
 
 def _of_arm(message: JointState, values: Sequence[float]) -> np.ndarray:
-    """Of one value for each name those of the arm's joints, in their order; all of them where a joint is missing."""
+    """Values of the arm's joints in their order, from one value for each name; all of them where a joint is missing."""
     try:
         return np.array(values)[joint_order(tuple(message.name))]
     except (ValueError, IndexError):

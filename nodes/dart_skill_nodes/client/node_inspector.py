@@ -30,7 +30,7 @@ class NodeInspector:
         return {name: parameter_value_to_python(value) for name, value in zip(names, response.values, strict=True)}
 
     async def cameras(self, other: str) -> tuple[Camera, ...]:
-        """Of a motion-capture node with the parameters of mock_optitrack; ValueError or KeyError if they make no camera."""
+        """Cameras of a motion-capture node with the parameters of mock_optitrack; ValueError or KeyError if they make no camera."""
         common = await self.values(other, ["camera_names", "half_angles_deg", "range"])
         names = [f"cameras.{name}.{field}" for name in common["camera_names"] for field in ("position", "look_at")]
         config = MotionCaptureConfig.from_parameters({**common, **await self.values(other, names), "min_cameras": 1})
@@ -84,7 +84,7 @@ class NodeStatuses:
         return new
 
     def now(self) -> list[NodeStatus]:
-        """Of all nodes."""
+        """Status of all nodes."""
         ages = {name: time.monotonic() - heard for name, (heard, _) in self._heard.items()}
         return [
             NodeStatus(name, DiagnosticStatus.STALE[0], f"silent for {ages[name]:.0f} s") if ages[name] > self.SILENT else status

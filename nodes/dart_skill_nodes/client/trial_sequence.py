@@ -23,7 +23,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise
 
 LONGEST_TRIAL = 120.0
-"""Of the answer to a goal [s, wall clock]."""
+"""Longest wait for the answer to a goal [s, wall clock]."""
 LOOK_STEPS = 100
 """Steps of a held world in which the cameras see all bodies [2 ms]."""
 

@@ -22,7 +22,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise, pause, start
 
 LONGEST_JOB = 86_400.0
-"""Of practice and lessons [s, wall clock]."""
+"""Longest practice or lesson [s, wall clock]."""
 LOOK_STEPS = 20
 """Steps of a world that is held, in which the cameras see that the basket was moved: more than their latency."""
 TO_PRESS = {"call ~/learn, or ~/load a model": "press Teach, then Learn", "call /commander/reset": "press Reset after a stop"}

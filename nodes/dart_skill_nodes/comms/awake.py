@@ -6,7 +6,7 @@ from pathlib import Path
 from dart_skill_nodes.comms.presence import LEASE, LOOK
 
 SCHEDULED = Path("/proc/thread-self/schedstat")
-"""Of the thread that reads it: time on a core, and time in which it waited for one [ns] (Linux, Documentation/scheduler/sched-stats)."""
+"""Statistics of its reader: time on a core, and time in which it waited for one [ns] (Linux, Documentation/scheduler/sched-stats)."""
 
 
 class Awake:

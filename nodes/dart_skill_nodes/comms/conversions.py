@@ -70,7 +70,7 @@ NEW = {
 }
 """The skill whose target is a basket."""
 BASKET, BOARD, LANDING, RELEASE, MISS = "basket", "board", "landing", "release", "miss"
-"""Of a throw: the bodies at which it is aimed, and the instants that its outcome tells of; of other skills: by how much they missed."""
+"""Names in messages: the bodies at which a throw is aimed, the instants that its outcome tells of, and the miss of another skill."""
 
 BASKETS = Throw()
 """The skill of throwing at baskets."""
@@ -343,7 +343,7 @@ def body_state(name: str, position, velocity=(0.0, 0.0, 0.0)) -> BodyState:
 
 
 def state_of(bodies: Sequence[BodyState], name: str) -> BodyState:
-    """Of several bodies the one of that name; ValueError if there is none."""
+    """State of the body of that name among several; ValueError if there is none."""
     for one in bodies:
         if one.name == name:
             return one

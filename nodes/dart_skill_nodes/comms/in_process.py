@@ -158,7 +158,7 @@ class Exchange:
 
 
 _exchange: Exchange | None = None
-"""Of this process; None: everything goes through the middleware."""
+"""Exchange of this process; None: everything goes through the middleware."""
 
 
 @contextmanager
@@ -293,7 +293,7 @@ def kept_for(subscription: Subscription) -> list[tuple[int, bytes]]:
 
 
 def _nothing(message) -> None:
-    """Of one that has gone."""
+    """Callback of a subscription that has gone."""
 
 
 def _is_volatile(qos_profile: QoSProfile | int) -> bool:

@@ -139,7 +139,7 @@ def message_class(type_name: str) -> type:
 
 
 def type_name(message_type: type) -> str:
-    """Of a message class, as package/msg/Name."""
+    """Type name of a message class, as package/msg/Name."""
     package, kind = message_type.__module__.split(".")[:2]
     return f"{package}/{kind}/{message_type.__name__}"
 

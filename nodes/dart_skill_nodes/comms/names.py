@@ -13,7 +13,7 @@ JOINT_STATES = "joint_states"
 COMMANDS, GUIDING = "wam/command", "wam/teacher_wrench"
 """What moves the arm: the commander's commands, and the forces of whoever guides it."""
 CLOCK = "clock"
-"""Of a graph: each simulator has a time of its own."""
+"""Clock of a graph: each simulator has a time of its own."""
 DESCRIPTION = "robot_description"
 DEMONSTRATIONS, MARKS = world.DEMONSTRATION_TOPIC.removeprefix("/"), world.MARK_TOPIC.removeprefix("/")
 DIAGNOSTICS = "/diagnostics"
@@ -37,7 +37,7 @@ def namespace_of(node: "Node") -> str:
 
 
 def full_name(node: "Node", name: str) -> str:
-    """Of a topic or service of the graph, or of a node of it; without the remappings of the node."""
+    """Full name of a topic or service of the graph, or of a node of it; without the remappings of the node."""
     return name if name.startswith("/") else f"{namespace_of(node)}/{name}"
 
 

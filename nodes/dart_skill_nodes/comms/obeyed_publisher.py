@@ -1,4 +1,4 @@
-"""Of several publishers of commands one is obeyed: the first, and when that has gone, one of the same name, as after a restart.
+"""One of several publishers of commands is obeyed: the first, and when that has gone, one of the same name, as after a restart.
 
 Each publisher puts a number of its own into its commands (WamCommand.sender), by which they are told apart. One that was silent and comes
 back, as after it was frozen, is obeyed again unless another one has taken its place.

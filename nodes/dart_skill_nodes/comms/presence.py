@@ -167,7 +167,7 @@ class _Pulse:
 
 
 class _Pulses:
-    """Of all nodes that the nodes of this process have needed, on a hidden node that nobody spins.
+    """Pulses of all nodes that the nodes of this process have needed, on a hidden node that is not spun.
 
     One for all: of two subscriptions in a process, Fast DDS tells only the first one that a publisher is alive.
     """

@@ -16,7 +16,7 @@ FRAMES = QoSProfile(depth=500)
 """For what comes with every frame of the cameras: reliable, 5 s. Once its history is full, Fast DDS tells with every message what came
 before it, so that what was lost is repeated at once."""
 CALLS = QoSProfile(depth=1000)
-"""Of services: so many requests may wait, and so many answers of a client that asks with this depth, too. With ROS's own depth of 10 more
+"""Services: so many requests may wait, and so many answers of a client that asks with this depth, too. With ROS's own depth of 10 more
 are lost, and never answered."""
 POSES = {
     "reliable": FRAMES,

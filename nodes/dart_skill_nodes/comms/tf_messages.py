@@ -23,7 +23,7 @@ from dart_skill_nodes.comms.qos import LATCHED
 
 TF, TEXT = "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
 RATE = 50.0
-"""Of live transforms [1/s of their stamps]."""
+"""Rate of live transforms [1/s of their stamps]."""
 QUALITY = QoSProfile(depth=100)
 _BODY = re.compile(r"(?P<space>.*)/vrpn_mocap/(?P<body>[^/]+)/pose")
 _ARM = re.compile(rf"(?P<space>.*)/{JOINT_STATES}")

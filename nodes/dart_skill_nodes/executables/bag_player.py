@@ -48,7 +48,7 @@ TABLE = [
     Parameter("awaited", "regular expressions: topics, as published, that must have a subscriber before playing begins; '': none"),
 ]
 DEPTH = 10_000
-"""Of publishers at least, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
+"""Least depth of publishers, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
 PATIENCE = Duration(seconds=10)
 """At the end, for reliable subscribers to acknowledge everything; Fast DDS asks them every 3 s."""
 

@@ -261,7 +261,7 @@ class CoachNode(GuardedNode):
         self._goal.publish_feedback(Practice.Feedback(number=number, phase="waiting", message=text))
 
     async def _as_it_is(self, stamp: Time) -> Situation:
-        """Of a throw at where what it is thrown at stands; a board is aimed at in the middle."""
+        """Situation of a throw at where what it is thrown at stands; a board is aimed at in the middle."""
         if not self._skill.situated:
             return Situation()
         return conversions.at_place(await self._basket_seen(conversions.stamp_ns(stamp)))

@@ -49,7 +49,7 @@ WORLD = [
     Parameter("basket_radius", "free opening of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
     Parameter("basket_depth", "rim to floor of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
 ]
-"""Of config/world.yaml."""
+"""Parameters of config/world.yaml."""
 TEXTS = {
     "reliability": "of the published poses: reliable, or best_effort as vrpn_mocap publishes",
     "rate": "frames per second",

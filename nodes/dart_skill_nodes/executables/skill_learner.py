@@ -46,9 +46,9 @@ TABLE = [
 ]
 
 COLOURS = tuple(marker_colour(colour, 0.45) for colour in palette.GAUSSIANS)
-"""Of the product of the frames, and of the frames."""
+"""Colours of the product of the frames, and of the frames."""
 SHOWN = marker_colour(palette.DEMONSTRATION)
-"""Of the places for which something was shown."""
+"""Colour of the places for which something was shown."""
 
 
 class SkillLearner(GuardedNode):

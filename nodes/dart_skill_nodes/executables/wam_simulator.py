@@ -85,7 +85,7 @@ UNASKED = 0.5
 PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
 """Who moves the arm, and where."""
 MOST_STEPS = 100_000
-"""Of one call of ~/step: 200 s of simulated time."""
+"""Most steps of one call of ~/step: 200 s of simulated time."""
 STILL = np.zeros(3)
 LATEST = 0.05
 """Real time: steps that are late by more are not made any more, and the arm's time falls behind [s, wall clock]."""

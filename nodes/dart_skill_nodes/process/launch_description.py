@@ -94,7 +94,7 @@ def _ends_if_it_failed(over: Shutdown, event: ProcessExited, context: LaunchCont
 
 
 def _value(name: str, text: str):
-    """Of an argument, as its type has it; ValueError that names it."""
+    """Value of an argument, as its type has it; ValueError that names it."""
     kind = ARGUMENTS[name][0]
     try:
         return kind(text)

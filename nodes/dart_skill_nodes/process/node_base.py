@@ -69,7 +69,7 @@ def refuse_what_is_not_finite(node: Node) -> None:
 
 
 def _defaults(file: str, name: str) -> dict:
-    """Of a node by its name; one that was given another name has those of the file's own section."""
+    """Defaults of a node by its name; one that was given another name has those of the file's own section."""
     try:
         return node_parameters(file, name)
     except KeyError:

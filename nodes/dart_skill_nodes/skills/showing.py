@@ -223,7 +223,7 @@ class PointerShowing(_AtOneGlance):
 
 
 def showing_of(skill: Skill, p: dict[str, Any]) -> Showing:
-    """Of the skill that the teacher shows."""
+    """How a person shows the skill."""
     if skill.reacts:
         return ReachShowing(skill, p)
     return ThrowShowing(skill, p) if isinstance(skill, Throw) else CarryShowing(skill, p)

@@ -29,7 +29,7 @@ PATIENCE = 10.0
 TAKE = 0.02
 """Messages are taken so often [s]."""
 WIDEST = 64
-"""Of a column of the table."""
+"""Greatest width of a column of the table [letters]."""
 NEXT = "next: ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}', and teach (docs/hardware.md)"
 
 

@@ -64,7 +64,7 @@ def _listed(client: "GraphClient", compare: bool) -> dict:
 
 
 def _where(situation) -> dict:
-    """Of a throw where the basket stood; of another skill where all bodies were."""
+    """Place of the basket of a throw; of another skill the places of all bodies."""
     from dart_skill.session import situation_json
     from dart_skill_nodes.comms import conversions
 

@@ -20,7 +20,7 @@ SETTLES = 2.0
 """The address is printed so long after the start, when the topics are known [s]: foxglove-sdk may miss a client that asks for a topic at
 once."""
 TF_RATE = 50.0
-"""Of /tf, where nobody publishes it [1/s]."""
+"""Rate of /tf, where no node publishes it [1/s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

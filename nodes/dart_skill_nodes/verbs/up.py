@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
 
 LEVELS = {b"\x00": "ready", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
-"""Of diagnostic_msgs/DiagnosticStatus."""
+"""Words for the levels of diagnostic_msgs/DiagnosticStatus."""
 TEACH = "dart-skill teach --count 5"
 LEARN = "dart-skill learn --at-least 2"
 HARDWARE = "dart-skill check arm"

@@ -55,7 +55,7 @@ class ArmMeter:
 
     @property
     def speed(self) -> float:
-        """Of the fastest joint now [rad/s]; none where the arm's time stands still."""
+        """Speed of the fastest joint now [rad/s]; 0 where the arm's time stands still."""
         return self.last if time.time_ns() - self.newest_ns < STANDS_NS else 0.0
 
     @property

@@ -493,7 +493,7 @@ class ReplayBench(Bench):
 
 
 def _reaction(bench: Bench, case: Case) -> Reaction:
-    """Of a graph to a case; one that could not even be tried leaves a graph that is replaced."""
+    """Reaction of a graph to a case; one that could not even be tried leaves a graph that is replaced."""
     try:
         return bench.run(case)
     except FAILURES as failure:

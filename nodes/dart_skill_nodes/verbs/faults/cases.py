@@ -7,7 +7,7 @@ from dart_skill_nodes.comms.names import COMMANDS, GUIDING, pose_topic
 KILL, FREEZE, HOLD_UP = "kill", "freeze", "hold_up"
 """SIGKILL, and started again; SIGSTOP until the client has its answer; SIGSTOP for HELD_UP seconds, after which all goes on."""
 LOSE, DROP, DELAY, DUPLICATE, CORRUPT = "lose", "drop", "delay", "duplicate", "corrupt"
-"""Of a topic: every message is lost from then on; or one in 20 is lost, late, damaged; or each comes twice."""
+"""Faults of a topic: every message is lost from then on; or one in 20 is lost, late, damaged; or each comes twice."""
 FULL_DISK, ATTACK = "full_disk", "attack"
 """A bag's file system is full; a foreign node does what nobody should."""
 OF_NODES, OF_TOPICS = (KILL, FREEZE, HOLD_UP), (LOSE, DROP, DELAY, DUPLICATE, CORRUPT)
@@ -72,7 +72,7 @@ TOPICS = {
 BYSTANDERS = dict.fromkeys((RECORDER, VIEWER), GOES_ON)
 ARM = {name: name for name in (SIMULATOR, COMMANDER)}
 THROW = {**ARM, LEARNER: GOES_ON, CAMERAS: UNSEEN, DEMONSTRATIONS: DEMONSTRATIONS, TEACHER: GOES_ON, COACH: GOES_ON, **BYSTANDERS}
-"""Of a throw under way: what each node is to it."""
+"""Expected reactions during a throw, by the node that fails."""
 OF_KILLED: dict[str, dict[str, str]] = {
     "idle": {**THROW, LEARNER: LEARNER, TEACHER: TEACHER, COACH: COACH},
     "lesson": {**THROW, TEACHER: TEACHER},

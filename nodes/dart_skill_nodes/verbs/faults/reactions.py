@@ -15,7 +15,7 @@ AT_REST = 0.1
 
 @dataclass(frozen=True)
 class Reaction:
-    """Of the graph to one case.
+    """Reaction of the graph to one case.
 
     * answer, seconds: what the client was told, and how long after the fault [s, wall clock].
     * fastest, strongest: of the joints before the wrist, and of all that are driven, not braked, after the fault [rad/s], [N m]; last: of

@@ -115,7 +115,7 @@ def practise(client: "GraphClient", processes: dict[str, int], minutes: float) -
 
 
 def _stamp(result) -> float:
-    """Of the last throw of a round [s]; GraphFailure if the graph makes none any more."""
+    """Stamp of the last throw of a round [s]; GraphFailure if the graph makes none any more."""
     from dart_skill_nodes.comms import conversions
 
     if not result.success:

@@ -23,7 +23,7 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class Usage:
-    """Of one process. memory: resident [MB]; processor: time that it used in this round for a second of the world [s/s]."""
+    """What one process uses. memory: resident [MB]; processor: time that it used in this round for a second of the world [s/s]."""
 
     memory: float
     processor: float
@@ -72,7 +72,7 @@ def _fastest(samples: Sequence[Sample]) -> float:
 
 
 def _processor(samples: Sequence[Sample]) -> float:
-    """Of all processes, for a second of the world [s/s]."""
+    """Processor time of all processes for a second of the world [s/s]."""
     return float(np.median([sum(usage.processor for usage in one.usage.values()) for one in samples]))
 
 
