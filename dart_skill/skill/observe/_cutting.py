@@ -21,6 +21,8 @@ from dart_skill.world import THROWN, the_world
 THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
 ARRIVAL_NS = 50_000_000
 """Samples of so long before the end of watching may still be on their way."""
+LEAST_JOINTS = 0.5
+"""Least share of a throw that the joints must be known for."""
 LEAST_SAMPLES = 10
 """With fewer samples of a sensor there is no demonstration."""
 BEFORE_NS = 200_000_000
@@ -158,6 +160,9 @@ class ThrowLog(SensorLog):
         hand_time, hand = self.hand.between(origin, 0.0, stop)
         ball_time, ball = self.ball.between(origin, 0.0, (until_ns - origin) * 1e-9)
         joint_time, joints = self.joints.between(origin, -0.01, stop)
+        if not len(joint_time) or np.ptp(joint_time) < LEAST_JOINTS * stop:
+            told = f"only {len(joint_time)} states of the joints during the throw, which takes {stop:.2f} s"
+            raise ValueError(f"{told}, and {len(self.joints.stamps)} around it: have all sensors one clock?")
         return Demonstration(
             id=name,
             stamp_ns=origin,

@@ -106,6 +106,15 @@ def test_a_sensor_that_spoke_is_not_asked_whether_it_is_there():
         part.cut("one", END_NS)
 
 
+def test_joints_that_were_silent_during_the_throw_make_it_none():
+    """A clock that was set left one state of the joints in a demonstration, from which its registration was learned."""
+    log = filled(leave_out=("joints",))
+    for k in range(98):
+        log.add_joints(START_NS + k * 10 * MS, np.zeros(7), np.zeros(7))
+    with pytest.raises(ValueError, match=r"only \d states of the joints during the throw, .* and 98 around it: have all sensors one clock\?"):
+        log.cut("one", END_NS)
+
+
 def test_a_throw_without_the_button_is_none():
     with pytest.raises(ValueError, match="never told to open"):
         filled(opened=None).cut("one", END_NS)
