@@ -19,6 +19,8 @@ from dart_skill.constants import NS_PER_S
 from dart_skill.recording.bags._finding import Finding
 from dart_skill.recording.mcap import AT_ONCE
 
+BATCH = 1024
+"""So many single messages are looked at together."""
 N_LONGEST = 32
 """Number of the longest intervals of a topic that are remembered."""
 FEWEST, FEWEST_IN_BURSTS = 20, 200
@@ -112,7 +114,7 @@ class TimeLine:
         numbers, stamps = self._newest
         numbers.append(self.number(topic))
         stamps.append(min(stamp_ns, _LATEST))
-        if len(stamps) >= AT_ONCE:
+        if len(stamps) >= BATCH:
             self._take()
 
     def extend(self, numbers: np.ndarray, stamps: np.ndarray) -> None:
