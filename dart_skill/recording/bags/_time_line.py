@@ -11,6 +11,7 @@ recorder or the world was paused, which is told once.
 from __future__ import annotations
 
 import heapq
+from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -103,7 +104,7 @@ class TimeLine:
         self._numbers: dict[str, int] = {}  # of topics, by name
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []  # numbers of topics, and log times
         self._n_waiting = 0
-        self._newest: tuple[list[int], list[int]] = ([], [])  # the same of single messages
+        self._newest = array("q"), array("q")  # the same of single messages
 
     def number(self, topic: str) -> int:
         """The number by which a topic is told."""
@@ -142,7 +143,7 @@ class TimeLine:
     def _take(self) -> None:
         parts = [*self._waiting, tuple(np.array(one, np.int64) for one in self._newest)]
         numbers, stamps = (np.concatenate(column) for column in zip(*parts, strict=True))
-        self._waiting, self._n_waiting, self._newest = [], 0, ([], [])
+        self._waiting, self._n_waiting, self._newest = [], 0, (array("q"), array("q"))
         if not len(stamps):
             return
         self._all.take(stamps)
