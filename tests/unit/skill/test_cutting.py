@@ -111,9 +111,7 @@ def test_joints_that_were_silent_during_the_throw_make_it_none():
     log = filled(leave_out=("joints",))
     for k in range(98):
         log.add_joints(START_NS + k * 10 * MS, np.zeros(7), np.zeros(7))
-    with pytest.raises(
-        ValueError, match=r"only \d states of the joints during the throw, .* and 98 around it: have all sensors one clock\?"
-    ):
+    with pytest.raises(ValueError, match=r"only \d states of the joints during the throw, .* and 98 around it: have all"):
         log.cut("one", END_NS)
 
 
