@@ -13,7 +13,7 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.recording.bags._finding import RECOVER, REWRITE
 from dart_skill.recording.bags._inputs import open_input
-from dart_skill.recording.bags._message_check import FileFacts, MessageCheck
+from dart_skill.recording.bags._message_check import LOST_BEFORE, FileFacts, MessageCheck
 from dart_skill.recording.bags._sqlite import SqliteInput
 from dart_skill.recording.bags._time_line import TimeLine
 from dart_skill.recording.mcap import (
@@ -256,6 +256,9 @@ class FileGlance(FileFacts):
             try:
                 for numbers, stamps in file.log_times(wanted):
                     line.extend(numbers, stamps)
+                for number, count in file.missing(wanted).items():
+                    told = f"{count} messages are missing by the sequence numbers"
+                    self.add("warning", told, LOST_BEFORE, f"topic {self._topics[number].name}")
             except DamagedError as error:
                 self.add("error", str(error), RECOVER)
 

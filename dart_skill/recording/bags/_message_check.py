@@ -20,6 +20,8 @@ from dart_skill.recording.bags.columns import Pattern, pattern_of
 from dart_skill.recording.bags.messages import deserialize, shared_types
 from dart_skill.recording.mcap import DamagedError
 
+LOST_BEFORE = "they were lost before or while they were recorded"
+"""Said of messages that are missing by their sequence numbers."""
 NO_MESSAGES = "the file holds no messages"
 NOT_DEFINED = "which the bag does not define: its messages were not decoded"
 GIVE_TYPES = "give the folder of its .msg files with --definitions, or read its messages raw"
@@ -227,4 +229,4 @@ class MessageCheck(FileFacts):
             self.add("warning", text, "they are read by that definition", where)
         if topic.gaps:
             text = f"{topic.missing} messages are missing in {topic.gaps} gaps of the sequence numbers"
-            self.add("warning", text, "they were lost before or while they were recorded", where)
+            self.add("warning", text, LOST_BEFORE, where)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -113,6 +113,10 @@ class SqliteInput:
         query = f"SELECT topic_id, timestamp FROM messages WHERE topic_id IN ({marks}) AND {_READABLE} ORDER BY rowid"
         with _explained():
             yield from in_arrays((wanted[number], stamp_ns) for number, stamp_ns in self._database.execute(query))
+
+    def missing(self, wanted: Collection[int]) -> dict[int, int]:
+        """As of `McapInput`: these files have no sequence numbers."""
+        return {}
 
     def close(self) -> None:
         """Close the file; twice is no error."""

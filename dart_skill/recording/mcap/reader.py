@@ -8,12 +8,12 @@ from __future__ import annotations
 import heapq
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import chain, islice
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, McapRecord, Metadata
@@ -28,6 +28,7 @@ from dart_skill.recording.mcap.records import (
     Summary,
     defines_all,
     message_index,
+    messages_of,
     parse,
     parse_chunk,
     parse_header,
@@ -38,6 +39,7 @@ from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, wal
 if TYPE_CHECKING:
     import numpy as np
 
+T = TypeVar("T")
 END_OF_TIME = 2**64
 AT_ONCE = 16_384
 """Messages whose log times are looked at together."""
@@ -172,6 +174,19 @@ class McapInput:
             order = np.argsort(places, kind="stable")
             yield np.concatenate(numbers)[order], stamps[order]
 
+    def missing(self, wanted: Collection[int]) -> dict[int, int]:
+        """Messages that are missing by the sequence numbers of the first and the last one of each channel; DamagedError.
+
+        Only the chunks with these two are unpacked; of a file without indexes nothing is told. wanted: numbers of channels.
+        """
+        places = {number: [k for k, chunk in enumerate(self._chunks or ()) if number in chunk.channels] for number in wanted}
+        told: dict[int, list[int]] = {}
+        for index in sorted({k for found in places.values() for k in (*found[:1], *found[-1:])}):
+            for message in self._of_chunk(index, lambda raw, most: list(messages_of(raw, most=most))):
+                told.setdefault(message.channel, []).append(message.sequence)
+        lost = {number: told[number][-1] - told[number][0] + 1 - self.counts[number] for number in wanted if number in told}
+        return {number: count for number, count in lost.items() if count > 0}
+
     def close(self) -> None:
         """Close the file."""
         self._stream.close()
@@ -218,6 +233,10 @@ class McapInput:
         self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)
 
     def _chunk_messages(self, index: int, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+        return self._of_chunk(index, lambda raw, most: _messages_in(raw, most, wanted, start_ns, stop_ns))
+
+    def _of_chunk(self, index: int, read: Callable[[bytes, int], T]) -> T:
+        """What is read of a chunk; DamagedError. read: takes its unpacked records, and how many there may be."""
         assert self._chunks is not None  # as there are parts
         chunk = self._chunks[index]
         place = chunk.chunk_start_offset
@@ -226,7 +245,7 @@ class McapInput:
             if len(record) < RECORD.size or RECORD.unpack_from(record) != (Opcode.CHUNK, len(record) - RECORD.size):
                 raise DamagedError("no chunk begins there")
             packed_chunk = parse_chunk(memoryview(record)[RECORD.size :])
-            return _messages_in(packed_chunk.unpack(), packed_chunk.most_records, wanted, start_ns, stop_ns)
+            return read(packed_chunk.unpack(), packed_chunk.most_records)
         except (DamagedError, struct.error) as error:
             raise DamagedError(f"the chunk at byte {place} of {self.path.name} is damaged: {error}") from error
 

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import sqlite3
+from collections import Counter
 from contextlib import closing
 
 import pytest
@@ -117,6 +118,23 @@ def test_every_command_that_reads_a_bag_tells_it(tmp_path, source, capsys):
     pytest.importorskip("matplotlib")
     assert main(["report", str(bag), "--output", str(tmp_path / "page.html")]) == 0
     assert text in capsys.readouterr().out and text in (tmp_path / "page.html").read_text()
+
+
+def test_messages_that_sequence_numbers_miss_are_told(tmp_path, source, capsys):
+    """By the first and the last of a topic: only their chunks are unpacked."""
+    with BagReader(source) as bag:
+        channels = [(name, topic.type_name) for name, topic in bag.topics.items()]
+        numbers, seen, messages = {name: number for number, (name, _) in enumerate(channels)}, Counter(), []
+        for one in bag.messages(decode=False):
+            seen[one.topic] += 1
+            if one.topic != HAND or seen[HAND] not in (60, 61, 75):
+                messages.append((numbers[one.topic], one.stamp_ns, one.data, seen[one.topic]))
+    (tmp_path / "bag").mkdir()
+    mcap_file(tmp_path / "bag" / "bag_0.mcap", channels, messages)
+    assert any(f"topic {HAND}: 3 messages are missing in 2 gaps of the sequence numbers" in str(one) for one in check_bag(tmp_path / "bag"))
+    assert learned(tmp_path / "bag", tmp_path / "model.npz") == 0
+    said = capsys.readouterr().out
+    assert f"topic {HAND}: 3 messages are missing by the sequence numbers" in said and said.count("sequence numbers") == 1
 
 
 def test_log_time_that_jumps_back_is_told_beside_what_comes_of_it(tmp_path, source, capsys):

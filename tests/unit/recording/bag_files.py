@@ -55,7 +55,7 @@ def stamps(count=20, start_ns=START_NS, step_ns=STEP_NS):
 def mcap_file(path, channels, messages, profile="ros2", **options):
     """channels: topic, type, and what differs from CDR with a definition (encoding, schema, text, metadata).
 
-    messages: channel, time, bytes.
+    messages: channel, time, bytes, and a sequence number if there is one.
     """
     with open(path, "wb") as stream:
         writer = Writer(stream, **options)
@@ -66,8 +66,8 @@ def mcap_file(path, channels, messages, profile="ros2", **options):
             text = told["text"] if "text" in told else definition(TYPES, type_name)
             schema = writer.register_schema(type_name, told.get("schema", "ros2msg"), text.encode()) if told.get("schema", "x") else 0
             numbers.append(writer.register_channel(topic, told.get("encoding", "cdr"), schema, told.get("metadata", {})))
-        for channel, stamp, data in messages:
-            writer.add_message(numbers[channel], stamp, data, stamp)
+        for channel, stamp, data, *sequence in messages:
+            writer.add_message(numbers[channel], stamp, data, stamp, *sequence)
         writer.finish()
     return path
 
