@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -319,7 +320,8 @@ class _Search:
             topics = sorted(set(filled_topics(bag, *BODY_TYPES)) - known)
         for topic in topics:
             one = RecordingMapping({"hand": replace(_as_it_stands(self._told).bodies["hand"], topic=topic, frame="")})
-            yield read_recording(self._path, one, mend=False).bodies["hand"], replace(self._where, topic=topic, frame="")
+            with suppress(ValueError):  # of a topic that cannot be read, as of poses in several frames, nothing is known
+                yield read_recording(self._path, one, mend=False).bodies["hand"], replace(self._where, topic=topic, frame="")
 
     def _hopeless(self, offset: ClockOffset, found: Explanation) -> Cause:
         if max(offset.correlation, offset.as_stamped) < SAME_MOVEMENTS:

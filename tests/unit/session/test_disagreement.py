@@ -203,8 +203,8 @@ def test_a_mapping_is_written_as_it_is_read(path):
 # through the command
 
 
-def of_a_laboratory(path, change):
-    """A third of our demonstrations under topics of another laboratory; `change` changes each pose."""
+def of_a_laboratory(path, change, frames=("world",)):
+    """A third of our demonstrations under topics of another laboratory; `change` changes each pose. frames: of the ball, in turn."""
     types = typestore()
     renamed = {f"/vrpn_mocap/{role}/pose": f"/natnet/{role.capitalize()}" for role in ("hand", "ball", "basket")}
     topics = [*renamed, "/joint_states", "/wam/teacher_wrench"]
@@ -215,6 +215,7 @@ def of_a_laboratory(path, change):
         for topic, name, log_ns, message in bag.messages(topics, stop_ns=bag.start_ns + 30_000_000_000):
             if topic in renamed:
                 change(message.pose.position, message.pose.orientation)
+                message.header.frame_id = frames[log_ns // 10_000_000 % len(frames)] if "ball" in topic else "world"
             writer.write(renamed.get(topic, topic), log_ns, log_ns, serialize(types, name, message))
     return path
 
@@ -237,6 +238,14 @@ def test_learn_finds_the_mapping_of_another_laboratory_and_writes_it(in_w_x_y_z,
     assert model[0].split(":")[0] in capsys.readouterr().out
     assert main(["learn", str(in_w_x_y_z), "--mapping", "auto", "--output", "third.npz"]) == 1  # what was written is not overwritten
     assert "thursday_mapping.yaml exists already" in capsys.readouterr().err
+
+
+def test_a_topic_that_cannot_be_read_is_not_taken_for_the_hand(tmp_path):
+    """Another body is looked for among all topics, also where one of them tells poses in several frames."""
+    bag = of_a_laboratory(tmp_path / "bag", lambda *_: None, frames=("world", "camera"))
+    mapping = {"hand": {"topic": "/natnet/Basket"}, "ball": {"position": [1, 0, 1]}, "basket": {"position": [2, 0, 0.4]}}
+    found = disagreement(bag, parse_mapping({**mapping, "joints": {"topic": "/joint_states"}}))
+    assert any("/natnet/Hand moves as the hand does, and /natnet/Basket does not" in one.text for one in found.causes), str(found)
 
 
 def test_learn_tells_the_cause_instead_of_a_guess(in_w_x_y_z, tmp_path, capsys):
