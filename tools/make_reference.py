@@ -77,7 +77,7 @@ def arguments(folder: Path) -> list[str]:
         "viewer:port": 0,
         "bag_player:bag": ROOT / "bags" / "demonstrations",
         "bag_player:start_paused": "true",
-        "bag_player:topics": "[/joint_states]",
+        "bag_player:topics": "[/vrpn_mocap/ball/pose]",
     }
     return ["--ros-args", *(part for name, value in chosen.items() for part in ("-p", f"{name}:={value}"))]
 

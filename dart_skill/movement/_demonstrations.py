@@ -42,7 +42,7 @@ def as_demonstrations(
     noise = None if noise is None else as_finite(noise, "noise")
     if noise is not None and noise.min(initial=0.0) < 0:
         raise ValueError(f"noise must be at least 0, got {noise.min():g}")
-    if _are_several(position):
+    if are_several(position):
         demonstrations = _as_several(time, position, velocity, acceleration, weights, noise)
     else:
         demonstrations = [_as_demonstration(time, position, velocity, acceleration, weights, noise, "")]
@@ -78,7 +78,7 @@ def _as_several(
     return several
 
 
-def _are_several(position: ArrayLike) -> TypeGuard[Sequence[ArrayLike]]:
+def are_several(position: ArrayLike) -> TypeGuard[Sequence[ArrayLike]]:
     if isinstance(position, np.ndarray):
         return position.ndim == 3 and len(position) > 0
     try:

@@ -217,7 +217,7 @@ class DSGMR(AttractorModel):
         """
         time = as_stamps(time, minimum=2)
         attractor, spread = self.retrieve(frames, time, inputs, covariance=covariance)
-        motion = follow_attractor(self._pulled(attractor, push), _step(time, step), position0, velocity0, self.stiffness, self.damping)
+        motion = follow_attractor(self._pulled(attractor, push), step_of(time, step), position0, velocity0, self.stiffness, self.damping)
         return Reproduction(time, attractor, spread, *motion)
 
     def _pulled(self, attractor: np.ndarray, push: ArrayLike | None) -> np.ndarray:
@@ -263,7 +263,7 @@ def _smooth_normal(time: np.ndarray, length: float, shape: tuple[int, ...], rng:
     return rng.standard_normal((*shape, root.shape[1])) @ root.T
 
 
-def _step(time: np.ndarray, given: float | None) -> float:
+def step_of(time: np.ndarray, given: float | None) -> float:
     """Step of equally spaced stamps (n,) [s]: the given one, if the stamps agree with it."""
     measured = uniform_step(time)
     if given is None:

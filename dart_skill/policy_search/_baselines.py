@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_count, as_number, as_vector
 from dart_skill.policy_search._policy import GaussianPolicy, as_spread
 from dart_skill.policy_search._power import LARGEST, SMALLEST, PoWER, population
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, _plain, read_returns, restored_generator
+from dart_skill.policy_search._search import Search, Settings, Told, Trial, as_json, read_returns, restored_generator
 from dart_skill.policy_search._weights import among_best
 
 
@@ -354,7 +354,7 @@ class CMAES(VectorSearch):
         return True
 
     def _policy_state(self) -> dict:
-        return {**super()._policy_state(), "first_state": _plain(self._first_state), "history": list(self._history)}
+        return {**super()._policy_state(), "first_state": as_json(self._first_state), "history": list(self._history)}
 
     @classmethod
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> CMAES:
@@ -370,7 +370,7 @@ class CMAES(VectorSearch):
         asked = self._go_again()
         known = [*((number, noise) for number, (noise, _) in self._open.items()), *((one.number, one.noise) for one in self._told)]
         same = all(np.array_equal(asked[number], noise) for number, noise in known)
-        if not same or _plain(self._rng.bit_generator.state) != state["generator"]:
+        if not same or as_json(self._rng.bit_generator.state) != state["generator"]:
             raise ValueError("the returns since lead elsewhere now: this search was saved with another version of cma; install that one")
 
     def _go_again(self) -> list[np.ndarray]:

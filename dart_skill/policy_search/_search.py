@@ -273,16 +273,16 @@ def _frozen(values: ArrayLike) -> np.ndarray:
     return array
 
 
-def _plain(value: Any) -> Any:
+def as_json(value: Any) -> Any:
     """Nested dicts in which arrays are replaced by lists and numpy numbers by Python numbers."""
     if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
+        return {key: as_json(part) for key, part in value.items()}
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 
 def generator_state(rng: np.random.Generator) -> dict:
     """The state of a generator as numbers, strings, lists and dicts for JSON. rng: the generator."""
-    return _plain(rng.bit_generator.state)
+    return as_json(rng.bit_generator.state)
 
 
 def restored_generator(state: dict) -> np.random.Generator:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.robot import ArmModel, ArmState, Command, Grip, rotation_error
-from dart_skill.simulation._teacher import Person, _at_most, tremor
+from dart_skill.simulation._teacher import Person, at_most, tremor
 
 MOST_LEFT = np.repeat([0.02, 0.3], 3)
 """What is left of a distance to the path is taken out as if it were no larger [m], [rad]."""
@@ -50,7 +50,7 @@ class Guiding:
         self._tremble = tremor(self._tremble, self.person, self._rng, self._step)
         force = k * (off[:3] + self._left[:3]) + d * (velocity - hand.linear) + self._tremble
         twist = kr * (off[3:] + self._left[3:]) + dr * (spin - hand.angular)
-        push = np.concatenate([_at_most(force, self.person.strongest_push), _at_most(twist, self.person.strongest_twist)])
+        push = np.concatenate([at_most(force, self.person.strongest_push), at_most(twist, self.person.strongest_twist)])
         return Command(state.stamp_ns, push, self._steady_elbow(state, hand.position), self._button(time))
 
     def _time(self, state: ArmState) -> float:
@@ -70,7 +70,7 @@ class Guiding:
         elbow, jacobian = self._model.elbow(state.position)
         across = np.array([-hand[1], hand[0], 0.0]) / np.hypot(hand[0], hand[1])
         force = -(k * (elbow @ across) + d * (across @ jacobian @ state.velocity)) * across
-        return jacobian.T @ _at_most(force, self.person.strongest_push)
+        return jacobian.T @ at_most(force, self.person.strongest_push)
 
 
 def smooth(share: float) -> float:

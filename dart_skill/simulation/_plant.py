@@ -471,7 +471,7 @@ class Plant:
             centre = centre + self.settings.seat_spread * self._scatter.standard_normal(3)
         position = np.array(hand[4]) + rotate_one(np.array(hand[5]), centre)
         self._world.resetBasePositionAndOrientation(self._ball, position.tolist(), hand[5])
-        offset, turn = _in_principal_axes(hand, centre)
+        offset, turn = in_principal_axes(hand, centre)
         self._held = self._world.createConstraint(
             self._arm, HAND_LINK_INDEX, self._ball, -1, pybullet.JOINT_FIXED, [0, 0, 0], offset, [0, 0, 0], turn
         )
@@ -637,7 +637,7 @@ def _unseen(urdf: str) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float], list[float]]:
+def in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float], list[float]]:
     """A point of a link, and the link's axes, in the frame that PyBullet measures from: centre of mass, principal axes."""
     centre, turn = np.array(link_state[2]), np.array(link_state[3])
     back = np.array([-turn[0], -turn[1], -turn[2], turn[3]])
@@ -646,7 +646,7 @@ def _in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float
 
 def _floor(world: BulletClient) -> int:
     shape = world.createCollisionShape(pybullet.GEOM_PLANE)
-    body = world.createMultiBody(0, shape, _small_box(world))
+    body = world.createMultiBody(0, shape, small_box(world))
     world.changeDynamics(body, -1, restitution=1.0, lateralFriction=0.7)
     return body
 
@@ -657,14 +657,14 @@ def _keep_apart(world: BulletClient, arm: int, floor: int) -> None:
         world.setCollisionFilterPair(arm, floor, link, -1, 0)
 
 
-def _small_box(world: BulletClient) -> int:
+def small_box(world: BulletClient) -> int:
     """A visible shape that takes little time, see `_unseen`."""
     return world.createVisualShape(pybullet.GEOM_BOX, halfExtents=[0.005] * 3)
 
 
 def _ball_body(world: BulletClient, ball: Ball, mass: float) -> int:
     shape = world.createCollisionShape(pybullet.GEOM_SPHERE, radius=ball.radius)
-    body = world.createMultiBody(mass, shape, _small_box(world))
+    body = world.createMultiBody(mass, shape, small_box(world))
     inertia = [ball.inertia * mass / ball.mass] * 3
     world.changeDynamics(
         body, -1, restitution=ball.restitution, linearDamping=0, angularDamping=0, rollingFriction=1e-3,

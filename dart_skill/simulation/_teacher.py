@@ -293,7 +293,7 @@ class Teacher:
         error, stray = rotation_error(wanted.rotation, actual.rotation), self._wander(state.stamp_ns)
         wrench = self._hold.pull(wanted.position, wanted.velocity, stray, actual.position, actual.velocity, error)
         for part, strongest in ((wrench[:3], self.person.strongest_push), (wrench[3:], self.person.strongest_twist)):
-            part[:] = _at_most(part, strongest)
+            part[:] = at_most(part, strongest)
         return wrench
 
     def _wander(self, stamp_ns: int) -> np.ndarray:
@@ -310,7 +310,7 @@ class Teacher:
         actual, jacobian = self._model.elbow(state.position)
         force = k * (wanted - actual) - d * (jacobian @ state.velocity)
         across = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
-        return jacobian.T @ (_at_most(force @ across * across, self.person.strongest_push))
+        return jacobian.T @ (at_most(force @ across * across, self.person.strongest_push))
 
     def _tremor(self) -> np.ndarray:
         """Band-limited noise of a trembling hand (6,): force only."""
@@ -343,6 +343,7 @@ def _posture(azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:
     return q
 
 
-def _at_most(vector: np.ndarray, limit: float) -> np.ndarray:
+def at_most(vector: np.ndarray, limit: float) -> np.ndarray:
+    """A vector (n,), shortened where it is longer than a limit."""
     length = math.sqrt(vector @ vector)
     return vector if length <= limit else vector * (limit / length)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.robot import WamDescription, wam_description, with_box
 from dart_skill.simulation._bullet import BulletClient, pybullet
-from dart_skill.simulation._plant import HAND_LINK_INDEX, Plant, PlantSettings, PlantState, _in_principal_axes, _small_box
+from dart_skill.simulation._plant import HAND_LINK_INDEX, Plant, PlantSettings, PlantState, in_principal_axes, small_box
 
 Pose = tuple[np.ndarray, np.ndarray]
 """Position (3,) [m] and quaternion (4,)."""
@@ -135,7 +135,7 @@ class Workbench(Plant):
         self._table = float(stands[2] - 0.5 * b.size[2])
         self._ball_mass = b.mass
         shape = world.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[0.5 * side for side in b.size])
-        self._ball = world.createMultiBody(b.mass, shape, _small_box(world), stands.tolist(), [0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
+        self._ball = world.createMultiBody(b.mass, shape, small_box(world), stands.tolist(), [0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
         world.changeDynamics(
             self._ball, -1, restitution=0.0, lateralFriction=b.friction, linearDamping=0, angularDamping=0,
             localInertiaDiagonal=b.inertia.tolist(),
@@ -186,7 +186,7 @@ class Workbench(Plant):
     def _grasp(self) -> None:
         place, turn = self._seen_from_hand()
         hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
-        offset, back = _in_principal_axes(hand, place)
+        offset, back = in_principal_axes(hand, place)
         local = Rotation.from_quat(back) * turn
         self._held = self._world.createConstraint(
             self._arm, HAND_LINK_INDEX, self._ball, -1, pybullet.JOINT_FIXED, [0, 0, 0], offset, [0, 0, 0], local.as_quat().tolist()

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_count, as_finite, as_number
 from dart_skill.constants import PARTITIONS
 from dart_skill.movement._attractor import critical_damping
-from dart_skill.movement._ds_gmr import _step
+from dart_skill.movement._ds_gmr import step_of
 from dart_skill.movement._placement import Weights
 from dart_skill.movement._saved import Arrays, MixtureModel
 from dart_skill.movement._time import as_stamps
@@ -198,7 +198,7 @@ class PoseDSGMR(MixtureModel):
         time = as_stamps(time, minimum=2)
         attractor, covariance = self.retrieve(frames, time, inputs)
         start = np.zeros(6) if velocity0 is None else velocity0
-        motion = follow_pose_attractor(attractor, _step(time, step), pose0, start, self.stiffness, self.damping, push)
+        motion = follow_pose_attractor(attractor, step_of(time, step), pose0, start, self.stiffness, self.damping, push)
         return PoseReproduction(time, attractor, covariance, *motion)
 
     def _with_inputs(self, time: np.ndarray, inputs: ArrayLike | None) -> np.ndarray:

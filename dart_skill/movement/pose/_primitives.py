@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill import quaternions
 from dart_skill.checks import as_finite, as_vector
-from dart_skill.movement._demonstrations import _are_several, complete
+from dart_skill.movement._demonstrations import are_several, complete
 from dart_skill.movement._discrete_primitive import DiscretePrimitive
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
 from dart_skill.movement._primitive import Primitive, PrimitiveState
@@ -230,8 +230,8 @@ class DiscretePosePrimitive(PosePrimitive):
         """
         shown = _demonstrations(time, pose)
         tracks = [np.hstack([rows[:, :3], path_about(rows[:, 3:], rows[-1, 3:], last=True)]) for _, rows in shown]
-        _learn(self._inner, shown, tracks, weights, noise, _are_several(pose))
-        shares = _shares(weights, _are_several(pose))
+        _learn(self._inner, shown, tracks, weights, noise, are_several(pose))
+        shares = _shares(weights, are_several(pose))
         self._goal_rotation = mean_point([rows[-1, 3:] for _, rows in shown], shares)
         self.n_demonstrations_ = self._inner.n_demonstrations_
         self.start_turn_, self.duration_ = self._inner.start_[3:], self._inner.duration_
@@ -356,8 +356,8 @@ class RhythmicPosePrimitive(PosePrimitive):
         shown = _demonstrations(time, pose)
         bases, tracks = zip(*(_about_baseline(stamps, rows, period) for stamps, rows in shown), strict=True)
         nine = [np.hstack([track, np.zeros((len(track), 3))]) for track in tracks]
-        _learn(self._inner, shown, nine, weights, noise, _are_several(pose), period=period)
-        base = mean_point(np.array(bases), _shares(weights, _are_several(pose)))
+        _learn(self._inner, shown, nine, weights, noise, are_several(pose), period=period)
+        base = mean_point(np.array(bases), _shares(weights, are_several(pose)))
         self.n_demonstrations_ = self._inner.n_demonstrations_
         self.baseline_, self.period_ = np.concatenate([self._inner.baseline_[:3], base]), self._inner.period_
         return self
@@ -482,7 +482,7 @@ def _padded(six: np.ndarray, like: np.ndarray, value: float) -> np.ndarray:
 
 def _demonstrations(time: ArrayLike, pose: ArrayLike) -> list[tuple[np.ndarray, np.ndarray]]:
     """Stamps (n,) from zero and poses (n, 7) of one demonstration or several, checked."""
-    if not _are_several(pose):
+    if not are_several(pose):
         return [_demonstration(time, pose, "pose")]
     if not isinstance(time, Sequence | np.ndarray) or len(time) != len(pose):
         raise ValueError(f"time must have one entry for each of the {len(pose)} demonstrations")

@@ -56,7 +56,7 @@ PATIENCE = Duration(seconds=10)
 class BagPlayer(GuardedNode):
     """Publishes from a thread of its own, so that no callback delays a message.
 
-    * on_begin: called, in that thread, when playing begins.
+    * tell: called, in that thread, with "playing" when that begins, and before with what it waits for.
 
     Attributes:
 
@@ -64,10 +64,10 @@ class BagPlayer(GuardedNode):
     * refusal: why not everything was: an arm is there. Empty without one.
     """
 
-    def __init__(self, on_begin: Callable[[], None] = lambda: None):
+    def __init__(self, tell: Callable[[str], None] = lambda state: None):
         super().__init__("bag_player")
         self.p = declare(self, "bag_player.yaml", TABLE)
-        self.refusal, self._made, self._on_begin = "", time.monotonic(), on_begin
+        self.refusal, self._made, self._tell = "", time.monotonic(), tell
         self.finished, self._stopping = False, False
         self._steps, self._published, self._position_ns = 0, 0, 0
         self._bag = GraphBag(self.p["bag"]) if self.p["graph"] else BagReader(self.p["bag"])
@@ -148,11 +148,15 @@ class BagPlayer(GuardedNode):
             raise ValueError(f"awaited: {unknown} are not played, only {sorted(self._offers)}")
         return [topic for topic in self._offers if any(re.fullmatch(pattern, topic) for pattern in patterns)]
 
+    @property
+    def _waiting(self) -> str:
+        return f"waiting for a subscriber of {', '.join(self._awaited)}"
+
     # playing, in the thread
 
     def _play(self) -> None:
         if self._is_alone() and self._are_awaited():
-            self._on_begin()
+            self._tell("playing")
             with self._changed:
                 self._pace.begin(time.monotonic())
             self._publish_all(self._playback)
@@ -160,6 +164,8 @@ class BagPlayer(GuardedNode):
 
     def _are_awaited(self) -> bool:
         """Wait until somebody listens to the topics of `awaited`; False if playing was stopped."""
+        if self._awaited:
+            self._tell(f"{self._waiting} before playing")
         with self._changed:
             while not self._stopping and self._awaited:
                 self._awaited = [topic for topic in self._awaited if not self._publishers_of[topic].get_subscription_count()]
@@ -253,8 +259,8 @@ class BagPlayer(GuardedNode):
         if not self._publishers_of:
             return OK, "looking for an arm", {"published": 0}
         state = "finished" if self.finished else ("paused" if self._pace.paused else "playing")
-        if awaited := self._awaited:
-            state = f"waiting for a subscriber of {', '.join(awaited)}"
+        if self._awaited:
+            state = self._waiting
         return OK, state, {"published": self._published, "stamp_ns": self._position_ns, "rate": self._pace.rate}
 
 
@@ -271,12 +277,12 @@ def _quality(info: TopicInfo) -> QoSProfile:
     )
 
 
-def play(args: list[str] | None, program: str, on_begin: Callable[[], None] = lambda: None) -> BagPlayer:
-    """Play until the end, Ctrl-C or a refusal, which is said. on_begin: as for the player."""
+def play(args: list[str] | None, program: str, tell: Callable[[str], None] = lambda state: None) -> BagPlayer:
+    """Play until the end, Ctrl-C or a refusal, which is said. tell: as for the player."""
     players: list[BagPlayer] = []
 
     def make() -> list[BagPlayer]:
-        players.append(BagPlayer(on_begin))
+        players.append(BagPlayer(tell))
         return players
 
     run(make, args, over=lambda nodes: nodes[0].finished or bool(nodes[0].refusal), program=program)

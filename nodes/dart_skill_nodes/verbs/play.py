@@ -89,7 +89,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
     begun = time.monotonic()
     arguments = [*_ros_arguments(player_parameters(options)), *in_namespace(options.namespace)]
-    player = play(arguments, "dart-skill bag play", lambda: say(f"playing {options.bag}; Ctrl-C ends it"))
+    player = play(arguments, "dart-skill bag play", lambda state: say(f"{state} {options.bag}; Ctrl-C ends it"))
     if options.json:
         took = round(time.monotonic() - begun, 3)
         print(json.dumps({**player.p, "finished": player.finished, "refused": player.refusal, "seconds": took}, indent=1))

@@ -93,3 +93,18 @@ def test_what_the_hand_shall_do_is_no_bare_number():
     files = [path for folder in ("dart_skill", "nodes", "tools", "launch") for path in (ROOT / folder).rglob("*.py")]
     assert not [path for path in files if A_GRIP_AS_A_NUMBER.search(path.read_text(encoding="utf-8"))]
     assert all(A_GRIP_AS_A_NUMBER.search(line) for line in ("OPEN = 2", "if command.grip == 2:", '{"grip": 2}', "row['grip'] != 1"))
+
+
+def test_no_private_name_is_imported_from_another_module():
+    """Modules whose names begin with an underscore are parts of their package; functions and classes with one are not."""
+    paths = [path for folder in ("dart_skill", "nodes") for path in (ROOT / folder).rglob("*.py")]
+    modules = {path.stem for path in paths}
+    imported = [
+        (path.relative_to(ROOT), name.name)
+        for path in paths
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("dart_skill")
+        for name in node.names
+    ]
+    assert len(imported) > 1000
+    assert not [one for one in imported if one[1].startswith("_") and not one[1].startswith("__") and one[1] not in modules]
