@@ -137,7 +137,7 @@ class TimeLine:
         pauses = self._pauses(regular)
         found = [*self._back(place), *self._pause_findings(place, pauses)]
         for name, gaps in regular.items():
-            found += self._gap_findings(name, [gap for gap in gaps if not any(_covers(pause, gap) for pause in pauses)])
+            found += self._gap_findings(name, [gap for gap in gaps if not _covers(gap, *pauses)])
         return found
 
     def _take(self) -> None:
@@ -177,7 +177,7 @@ class TimeLine:
             first, last = self._topics[name].first_ns or 0, self._topics[name].last_ns or 0
             silences.append([*gaps, (first - start, start), (end - last, last)])
         for gap in (gap for gaps in regular.values() for gap in gaps if len(regular) > 1):
-            if not any(_covers(one, gap) for one in found) and all(any(_covers(one, gap) for one in silence) for silence in silences):
+            if not _covers(gap, *found) and all(_covers(gap, *silence) for silence in silences):
                 found.append(gap)
         return sorted(found, key=lambda gap: gap[1])
 
@@ -211,9 +211,9 @@ class TimeLine:
         return [Finding("warning" if is_short else "note", f"topic {name}", text, cause)]
 
 
-def _covers(pause: tuple[int, int], gap: tuple[int, int]) -> bool:
-    """Whether at least four fifths of a gap lie in a pause."""
-    return _common(pause, gap) >= 0.8 * gap[0]
+def _covers(gap: tuple[int, int], *pauses: tuple[int, int]) -> bool:
+    """Whether at least four fifths of a gap lie in pauses, which do not overlap."""
+    return sum(max(0, _common(pause, gap)) for pause in pauses) >= 0.8 * gap[0]
 
 
 def _common(one: tuple[int, int], other: tuple[int, int]) -> int:

@@ -254,6 +254,11 @@ HEALTHY = {
     "buttons that are held": {"/p": times(60.0), "/joy": bursts(4, 10.0, 4.0, 20.0)},
     "a teleoperator": {"/p": times(100.0), "/cmd": bursts(10, 5.0, 5.0, 20.0)},
     "the log of a node": {"/p": times(60.0), "/rosout": times(60.0, 10.0, 0.0, [(20.0, 30.0)])},
+    "a world that is paused twice, and one topic says something in between": {
+        "/p": times(40.0, 100.0, 0.1, [(9.0, 11.0)]),
+        "/q": times(40.0, 200.0, 0.1, [(9.0, 10.0), (10.01, 11.0)]),
+        "/r": times(40.0, 200.0, 0.1, [(9.0, 10.0), (10.01, 11.0)]),
+    },
     "a world that is paused when a topic has ended": {
         "/p": times(60.0, 100.0, 0.1, [(30.0, 32.0)]),
         "/q": times(60.0, 200.0, 0.1, [(30.0, 32.0)]),
