@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.recording.imports import JointStream, PoseStream, steps_at
+from dart_skill.recording.imports import MOST_STEPS, JointStream, PoseStream, steps_at
 from dart_skill.session._alignment import RATE, activity, correlations
 
 BLOCK = 8.0
@@ -27,8 +27,6 @@ FARTHER = 0.03
 """Share of a movement that it costs at most to be told by another offset than most: of movements that repeat themselves the nearest one."""
 ALIKE = 0.12
 """Misfit, in the same unit, that may be chance."""
-MOST_STEPS = 5
-"""A clock that was set more often is none."""
 LEAST_STEP = 0.005
 """A smaller step is none [s]."""
 LIKE = 0.25

@@ -18,7 +18,17 @@ import numpy as np
 from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import AS_ASKED, DROPPED, BagError, Demonstration, check_known, each_demonstration, unwanted
-from dart_skill.recording.imports import BAG, Fault, RecordingMapping, ThrowRecording, clocks_of, in_words, read_in_parts, read_recording
+from dart_skill.recording.imports import (
+    BACKWARDS,
+    BAG,
+    Fault,
+    RecordingMapping,
+    ThrowRecording,
+    clocks_of,
+    in_words,
+    read_in_parts,
+    read_recording,
+)
 from dart_skill.robot import Registration
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
@@ -115,7 +125,7 @@ def learn_from_bag(
         report = replace(report, throws=tuple(memory.throws))
     _check_without(report, without)
     too_few = len(report.learned_from) < LEAST_DEMONSTRATIONS
-    set_back = any(fault.kind == "backwards" and not fault.repaired for fault in report.faults)
+    set_back = any(fault.kind == BACKWARDS and not fault.repaired for fault in report.faults)
     if raw and has_joints and (too_few or report.weakness or set_back) and not any(fault.is_of_time for fault in report.faults):
         _refuse_disagreement(path, mapping, report)
     if too_few:

@@ -2,8 +2,8 @@
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
 from dart_skill.recording.imports.bag_topics import BODY_TYPES, POSE_TYPES, bag_faults, filled_topics
-from dart_skill.recording.imports.clocks import steps_at, without_running_back
-from dart_skill.recording.imports.faults import BAG, Fault, fault_lines, in_words
+from dart_skill.recording.imports.clocks import MOST_STEPS, steps_at, without_running_back
+from dart_skill.recording.imports.faults import BACKWARDS, BAG, Fault, fault_lines, in_words
 from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
@@ -35,6 +35,7 @@ __all__ = [
     "CaptureFile",
     "ANGLE_UNITS",
     "AS_OURS",
+    "BACKWARDS",
     "BAG",
     "BODY_TYPES",
     "Axes",
@@ -48,6 +49,7 @@ __all__ = [
     "nearest_axes",
     "Fault",
     "MAPPING",
+    "MOST_STEPS",
     "JointStream",
     "MappingError",
     "PoseSource",
