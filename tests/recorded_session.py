@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from dart_skill.arm import wam_description
 from dart_skill.recording import (
     DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
@@ -16,9 +17,8 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.robot import wam_description
 from dart_skill.session import Session
-from dart_skill.skill.learn import learn
+from dart_skill.skills.learning import learn_throwing
 
 GIGA, LATENCY_NS = 1_000_000_000, 5_000_000
 TYPES = {
@@ -112,7 +112,7 @@ def record(folder):
     """A bag with three guided throws and one of the arm's own: its path, the guided trials, the own trial."""
     session = RecordedSession(seed=3)
     taught = [session.teach(target, attempts=1)[0] for target in TAUGHT]
-    own = session.throw(learn([trial.demonstration for trial in taught]).plan(THROWN_AT))
+    own = session.throw(learn_throwing([trial.demonstration for trial in taught]).plan(THROWN_AT))
     session.close()
     path = folder / "recorded"
     session.write(path, [trial.demonstration for trial in taught])

@@ -20,8 +20,8 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from dart_skill import palette
-from dart_skill.palette import hexadecimal
+from dart_skill.common import palette
+from dart_skill.common.palette import hexadecimal
 
 TURN = "spin_once (dart_skill_nodes/comms/in_process.py"
 """Below it stands only what started the process."""

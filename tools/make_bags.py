@@ -21,7 +21,7 @@ choose_domain()
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 
-from dart_skill.regions import targets_for  # noqa: E402
+from dart_skill.common.regions import targets_for  # noqa: E402
 from dart_skill_nodes.client.failures import GraphFailure  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
 from dart_skill_nodes.verbs._run import teach, throw_all  # noqa: E402

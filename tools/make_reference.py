@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from dart_skill.permissions import PARAMETERS
+from dart_skill.common.permissions import PARAMETERS
 from dart_skill_nodes.process.discovery import choose_domain
 
 os.environ.pop("ROS_DOMAIN_ID", None)  # where another commander is, its topics would be taken for those of this one

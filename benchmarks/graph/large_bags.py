@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dart_skill.constants import REMEMBERED
+from dart_skill.common.constants import REMEMBERED
 
 BAG = Path(__file__).parents[2] / "bags" / "demonstrations"
 GIGABYTE = 1_000_000_000

@@ -31,12 +31,12 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
 from benchmarks.rows import tell  # noqa: E402
-from dart_skill.constants import N_JOINTS  # noqa: E402
+from dart_skill.common.constants import N_JOINTS  # noqa: E402
+from dart_skill.common.world import joint_names  # noqa: E402
 from dart_skill.session import Session, learn_throws_from_bag  # noqa: E402
 from dart_skill.simulation import Plant, PlantSettings  # noqa: E402
 from dart_skill.simulation._bullet import pybullet  # noqa: E402
 from dart_skill.skills.throw import Throw  # noqa: E402
-from dart_skill.world import joint_names  # noqa: E402
 from dart_skill_nodes.comms.names import DIAGNOSTICS  # noqa: E402
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP  # noqa: E402
 from dart_skill_nodes.process.graph_processes import SIMULATED, Graph  # noqa: E402

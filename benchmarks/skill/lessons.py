@@ -31,7 +31,7 @@ import numpy as np  # noqa: E402
 
 from benchmarks.rows import tell  # noqa: E402
 from dart_skill.recording import Demonstration, read_demonstrations  # noqa: E402
-from dart_skill.skill.learn import configuration, learn  # noqa: E402
+from dart_skill.skills.learning import configuration, learn_throwing  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMONSTRATIONS = ROOT / "bags" / "demonstrations"
@@ -99,8 +99,8 @@ def main() -> None:
     parser.add_argument("--rows", default="", help="only rows whose name holds this (default: all)")
     options = parser.parse_args()
     demonstrations = list(read_demonstrations(DEMONSTRATIONS))
-    skill, plainest = learn(demonstrations), configuration("intervals")
-    other, target = learn(demonstrations, plainest), targets(demonstrations).__next__
+    skill, plainest = learn_throwing(demonstrations), configuration("intervals")
+    other, target = learn_throwing(demonstrations, plainest), targets(demonstrations).__next__
 
     def new() -> list[Demonstration]:
         return [replace(one) for one in demonstrations]
@@ -109,10 +109,10 @@ def main() -> None:
         return [*demonstrations[:-1], replace(demonstrations[-1])]
 
     works: dict[str, Callable[[], float]] = {
-        "lesson from 13 demonstrations": lambda: median_ms(learn, options.repeats, new),
-        "lesson after one more demonstration": lambda: median_ms(learn, options.repeats, one_new),
-        "the same with intervals": lambda: median_ms(lambda shown: learn(shown, plainest), options.repeats, one_new),
-        "first plan of a model": lambda: median_ms(lambda one: one.plan(target()), options.repeats, lambda: learn(demonstrations)),
+        "lesson from 13 demonstrations": lambda: median_ms(learn_throwing, options.repeats, new),
+        "lesson after one more demonstration": lambda: median_ms(learn_throwing, options.repeats, one_new),
+        "the same with intervals": lambda: median_ms(lambda shown: learn_throwing(shown, plainest), options.repeats, one_new),
+        "first plan of a model": lambda: median_ms(lambda one: one.plan(target()), options.repeats, lambda: learn_throwing(demonstrations)),
         "plan of a throw": lambda: median_ms(skill.plan, 5 * options.repeats, target),
         "a plan with intervals": lambda: median_ms(other.plan, 5 * options.repeats, target),
         "dart-skill --help": lambda: command_ms(["--help"], options.repeats),

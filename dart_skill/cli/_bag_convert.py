@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.mapping_option import add_mapping, settle_mapping
 from dart_skill.cli.printable import printable, tell_bag_faults
-from dart_skill.world import THROW
+from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.recording.imports import RecordingMapping, ThrowRecording
@@ -70,7 +70,7 @@ def _to_bag(options: argparse.Namespace, output: Path, mapping: RecordingMapping
 def _to_csv(options: argparse.Namespace, output: Path, mapping: RecordingMapping | None) -> tuple[str, dict]:
     from dart_skill.recording import skill_of
     from dart_skill.recording.imports import MAPPING, bodies_to_csv, throws_to_csv
-    from dart_skill.skill.protocol import HAND, load_skill
+    from dart_skill.skills.protocol import HAND, load_skill
 
     if mapping or (name := skill_of(options.source)) == THROW:
         recording = throws_to_csv(options.source, output, mapping)

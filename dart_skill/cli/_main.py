@@ -17,7 +17,7 @@ from typing import NoReturn
 from dart_skill import __version__
 from dart_skill.cli import _completion, graph_verbs
 from dart_skill.cli.printable import in_a_line
-from dart_skill.extras import explained
+from dart_skill.common.extras import explained
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 

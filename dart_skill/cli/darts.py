@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 from dart_skill.cli import _darts_match
 from dart_skill.cli.experiment import search
 from dart_skill.cli.run_options import folder
-from dart_skill.files import new_file
+from dart_skill.common.files import new_file
 
 if TYPE_CHECKING:
     import numpy as np

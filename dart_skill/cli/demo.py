@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import GRAPHS, add_configuration, add_model, add_run, asked, check_model, check_run, parameter_texts
-from dart_skill.extras import explained, need
-from dart_skill.world import THROW
+from dart_skill.common.extras import explained, need
+from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.report import About
     from dart_skill.session import DartsSummary, DemoSummary, SkillSummary
-    from dart_skill.skill.protocol import Skill
+    from dart_skill.skills.protocol import Skill
 
 DARTS, IN_PROCESS = "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
@@ -140,7 +140,7 @@ def _job(options: argparse.Namespace) -> Any:
 def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser, job: Any) -> int:
     """The demo of another skill than throwing; returns the exit status."""
     from dart_skill.session import darts_table, skill_table
-    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.protocol import load_skill
 
     if options.configuration and options.skill != DARTS:
         parser.error("--configuration is for throws: other skills have their settings in a file of their own")

@@ -15,15 +15,15 @@ from dart_skill.cli import graph_verbs
 from dart_skill.cli.mapping_option import add_mapping, settle_mapping
 from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.cli.run_options import add_configuration, add_namespace
-from dart_skill.constants import REMEMBERED
-from dart_skill.world import THROW
+from dart_skill.common.constants import REMEMBERED
+from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.recording.lerobot import LeRobotDataset
     from dart_skill.session import LearnReport
-    from dart_skill.skill.improve import PractisingSkill
-    from dart_skill.skill.observe import FoundThrow
-    from dart_skill.skill.protocol import Skill
+    from dart_skill.skills.observation import FoundThrow
+    from dart_skill.skills.practice import PractisingSkill
+    from dart_skill.skills.protocol import Skill
     from dart_skill.skills.throw import Throw
 
 NEXT = "next: dart-skill demo{} --model {}"
@@ -68,8 +68,8 @@ def _learn(options: argparse.Namespace) -> int:
     from dart_skill.recording.imports import fault_lines, load_mapping
     from dart_skill.recording.lerobot import is_dataset
     from dart_skill.session import NothingLearned, learn_from_bag
-    from dart_skill.skill.learn import save_model
-    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.learning import save_model
+    from dart_skill.skills.protocol import load_skill
 
     if options.at_least is not None:
         raise ValueError("--at-least waits for demonstrations on a graph that runs: leave out BAG, or this")
@@ -109,7 +109,7 @@ def _file_for(bag: Path) -> Path:
 def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
     """Any skill, from the episodes of a dataset of LeRobot."""
     from dart_skill.session import learn_throws_from_dataset, open_dataset, skill_of_dataset
-    from dart_skill.skill.learn import save_model
+    from dart_skill.skills.learning import save_model
 
     of_bags = {"--mapping": options.mapping, "--demonstrations-topic": options.demonstrations_topic, "--with-throws": options.with_throws}
     of_bags["--remember"] = options.remember is not None
@@ -127,7 +127,7 @@ def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
 def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, dataset: LeRobotDataset | None = None) -> int:
     """Another skill than throwing at baskets, from the demonstrations that a recorder cut, or from a dataset."""
     from dart_skill.session import learn_skill_from_bag, learn_skill_from_dataset
-    from dart_skill.skill.model import save_skill_model
+    from dart_skill.skills.learning import save_skill_model
     from dart_skill.skills.throw import Throw
 
     if isinstance(skill, Throw):
@@ -155,7 +155,7 @@ def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, datase
 def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path, dataset: LeRobotDataset | None) -> int:
     """Throws in another game than at baskets, from the demonstrations that a recorder cut, or from a dataset."""
     from dart_skill.session import learn_other_throws_from_dataset, learn_throws_from_bag
-    from dart_skill.skill.learn import save_model
+    from dart_skill.skills.learning import save_model
 
     for option, given in {"--with-throws": options.with_throws, "--remember": options.remember is not None}.items():
         if given:

@@ -26,7 +26,7 @@ def settle_mapping(options: argparse.Namespace, source: Path, name: str) -> None
     """
     if options.mapping != AUTO:
         return
-    from dart_skill.files import new_file
+    from dart_skill.common.files import new_file
     from dart_skill.recording.imports import mapping_text
     from dart_skill.session import auto_mapping
 

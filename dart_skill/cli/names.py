@@ -6,9 +6,9 @@ Each is defined where its meaning is; a test compares. Names of professionals: `
 CONFIGURATIONS = (
     "default", "intervals", "thesis", "thesis_local", "em", "weighted", "cross_validated", "autonomous", "shown_release", "two_frames",
 )  # fmt: skip
-"""`dart_skill.skill.learn._configuration`."""
+"""`dart_skill.skills.learning._configuration`."""
 PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
-"""`dart_skill.skill.improve._practising`."""
+"""`dart_skill.skills.practice._practising`."""
 CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")
 """`dart_skill.experiments.practice`."""
 SEARCHES = (

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.printable import printable, tell_bag_faults
-from dart_skill.extras import need
-from dart_skill.files import new_file
+from dart_skill.common.extras import need
+from dart_skill.common.files import new_file
 
 if TYPE_CHECKING:
     from dart_skill.report import Run
@@ -37,7 +37,7 @@ def page_beside(bag: Path) -> Path:
 
 def _report(options: argparse.Namespace) -> int:
     from dart_skill.recording import SKILL, skill_of
-    from dart_skill.skill.learn import configuration
+    from dart_skill.skills.learning import configuration
 
     need("matplotlib")
     bag = options.bag / "bag" if (options.bag / "bag" / "metadata.yaml").is_file() else options.bag
@@ -66,7 +66,7 @@ def _report_of_throws(bag: Path, output: Path, options: argparse.Namespace) -> i
 def _report_of_skill(bag: Path, name: str, output: Path, as_json: bool) -> int:
     """The page of a bag of another skill than throws at baskets."""
     from dart_skill.report import About, read_skill_run, skill_page_of, skill_pictures
-    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.protocol import load_skill
 
     tell_bag_faults(bag)
     run = read_skill_run(bag, load_skill(name), About(f"{name.capitalize()}: the bag '{bag.resolve().name}'"))

@@ -82,7 +82,7 @@ def add_arm(parser: argparse.ArgumentParser) -> None:
 
 def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) -> dict[str, dict]:
     """Parameters by node in which --arm and --set differ from config/; a usage error names what does not exist."""
-    from dart_skill.fleet import arm_with
+    from dart_skill.common.fleet import arm_with
 
     try:
         return arm_with(options.arm, options.set)
@@ -135,6 +135,6 @@ def asked(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[
 
 def parameter_texts() -> dict[str, str]:
     """The parameter files in force that no bag holds."""
-    from dart_skill.configuration import config_path
+    from dart_skill.common.configuration import config_path
 
     return {name: config_path(name).read_text(encoding="utf-8") for name in PARAMETER_FILES}

@@ -8,7 +8,7 @@ import shlex
 from pathlib import Path
 
 from dart_skill.cli.run_options import add_namespace
-from dart_skill.files import new_file
+from dart_skill.common.files import new_file
 
 NEXT = (
     "next: ros2 security create_keystore keystore && ros2 security generate_artifacts -k keystore -p {path}\n"
@@ -28,7 +28,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the policy; returns the exit status."""
-    from dart_skill.permissions import enclave_of, policy, processes
+    from dart_skill.common.permissions import enclave_of, policy, processes
 
     with new_file(options.policy) as stream:
         stream.write(policy(options.namespace).encode())

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
-from dart_skill.configuration import config_path
+from dart_skill.common.configuration import config_path
 
 if TYPE_CHECKING:
     from dart_skill.view.rerun import BagLayout

@@ -6,7 +6,7 @@ the board. A dart lands at aim + bias + N(0, covariance). A bed is an area of th
 
 from typing import TYPE_CHECKING
 
-from dart_skill.lazy import on_first_use
+from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.darts._agent import ModelBasedAgent

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_finite
+from dart_skill.common.checks import as_finite
 
 RADII = np.array([6.35, 15.9, 99.0, 107.0, 162.0, 170.0])
 """Outer radii of double bull, single bull, inner singles, trebles, outer singles and doubles [mm]."""

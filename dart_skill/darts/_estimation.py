@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_number, as_vector
+from dart_skill.common.checks import as_number, as_vector
 from dart_skill.darts._spread import LARGEST, LARGEST_BIAS, Spread
 from dart_skill.darts._throws import Expectation, Throws, throws_from_points, throws_from_scores
 

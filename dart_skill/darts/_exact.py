@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_samples
+from dart_skill.common.checks import as_samples
 from dart_skill.darts._board import MISS, N_BEDS, as_points
 from dart_skill.darts._boundary import Boundary, boundary_for
 from dart_skill.darts._spread import Spread, as_spread

@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_number
+from dart_skill.common.checks import as_number
 from dart_skill.darts._board import BED_SCORES, RADII, SECTOR_ANGLE, bed_of
 from dart_skill.darts._spread import Spread, as_spread
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count
+from dart_skill.common.checks import as_count
 from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES, HIGHEST_CHECKOUT, bed_at, place_of
 from dart_skill.darts._candidates import REFINEMENTS, best_play, candidates_at, finer, first_aims, thrower_of
 from dart_skill.darts._leg_solver import LARGEST_SCORE, Costs, after_dart

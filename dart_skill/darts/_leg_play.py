@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count
+from dart_skill.common.checks import as_count
 from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES, bed_at, place_of
 
 PER_TURN = 3

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number
+from dart_skill.common.checks import as_count, as_number
 from dart_skill.darts._board import place_of
 from dart_skill.darts._leg import LegPolicy, after_hit, as_remaining, as_start, impacts
 from dart_skill.darts._leg_solver import LARGEST_SCORE, Nearby, after_dart

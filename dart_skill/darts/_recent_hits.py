@@ -8,7 +8,7 @@ from collections.abc import Set
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_vector
+from dart_skill.common.checks import as_count, as_vector
 from dart_skill.darts._estimation import estimate_from_points
 from dart_skill.darts._exact import expected_score
 from dart_skill.darts._optimum import Aim, best_aim, local_optima

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_covariances, as_vector
+from dart_skill.common.checks import as_covariances, as_vector
 from dart_skill.darts._board import as_points
 
 SMALLEST, LARGEST = 0.1, 2000.0

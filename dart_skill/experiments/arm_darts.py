@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.configuration import node_parameters
+from dart_skill.common.configuration import node_parameters
+from dart_skill.common.surface import BOARD_DIAMETER
 from dart_skill.darts import ModelBasedAgent
 from dart_skill.experiments.parallel import all_of
 from dart_skill.recording import Demonstration
 from dart_skill.session import BLOCK, Dart, DartsRun, Session, after_the_throw, as_pair, before_the_throw, throw_dart
 from dart_skill.simulation import Board, PlantSettings, Swing
-from dart_skill.skill.improve import PractisingSkill
-from dart_skill.skill.learn import configuration
-from dart_skill.skill.protocol import Situation
 from dart_skill.skills.darts import Darts
-from dart_skill.surface import BOARD_DIAMETER
+from dart_skill.skills.learning import configuration
+from dart_skill.skills.practice import PractisingSkill
+from dart_skill.skills.protocol import Situation
 
 PRACTICE = {"none": ("none", False), "misses": ("residual", False), "both": ("residual", True)}
 """What is practised: nothing; what repeats in the misses; that, and when to let go."""

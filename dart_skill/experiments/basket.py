@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dart_skill.common.regions import REGION, Region
 from dart_skill.experiments import runs
 from dart_skill.experiments.practice import teach
-from dart_skill.regions import REGION, Region
 from dart_skill.session import Session
-from dart_skill.skill.learn import ThrowingSkill, configuration, learn
+from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 
 ASKED = Region(near=0.8 * REGION.near, far=1.2 * REGION.far, side=np.deg2rad(60.0), rim=REGION.rim)
 """Where baskets are put."""
@@ -65,7 +65,7 @@ def run(task: Task) -> Run:
         targets = ASKED.spread(task.throws, np.random.default_rng([task.seed, 7]))
         thrown = []
         for name in task.models:
-            skill = learn(shown, configuration(name))
+            skill = learn_throwing(shown, configuration(name))
             thrown.append([_throw(session, skill, target) for target in targets])
         return Run(
             task,

@@ -13,11 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.throws import teach
-from dart_skill.regions import targets_for
-from dart_skill.robot import (
+from dart_skill.arm import (
     ArmModel,
     CommanderSettings,
     Impedance,
@@ -28,9 +24,13 @@ from dart_skill.robot import (
     ThrowPlan,
     attractor_acceleration,
 )
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.regions import targets_for
+from dart_skill.experiments.parallel import all_of
+from dart_skill.experiments.throws import teach
 from dart_skill.session import Session
 from dart_skill.simulation import PlantState
-from dart_skill.skill.learn import ThrowingSkill, configuration, learn
+from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 
 GRABBED = 0.05
 """A person pulls the hand so far aside [m]."""
@@ -70,7 +70,7 @@ def run_seed(seed: int, demonstrations: int = 13, throws: int = 5, name: str = "
     session = Session(seed, commander=CommanderSettings.configured(tracking="none"), keep_states=True)
     kept, swings = teach(session, seed, demonstrations), []
     for kind, stiffness in KINDS.items():
-        skill = learn(kept, replace(configuration(name), **stiffness))
+        skill = learn_throwing(kept, replace(configuration(name), **stiffness))
         for target in targets_for(seed, demonstrations, throws)[1]:
             try:
                 swings.append(_swing(session, kind, skill, skill.plan(target)))

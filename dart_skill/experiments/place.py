@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill.arm import PlanRefused
 from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.pose_skills import arm_of, configured, shown
-from dart_skill.robot import PlanRefused
 from dart_skill.session import BenchSession
-from dart_skill.skill.model import LearnedSkill, NoPlan
-from dart_skill.skill.protocol import Pose, TaskDemonstration
+from dart_skill.skills.learning import LearnedSkill, NoPlan
 from dart_skill.skills.place import Place
+from dart_skill.skills.protocol import Pose, TaskDemonstration
 
 
 @dataclass(frozen=True)

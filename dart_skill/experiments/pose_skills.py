@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TypeVar
 
 from dart_skill.session import SkillTrial
-from dart_skill.skill.protocol import TaskDemonstration
 from dart_skill.skills.place import Place
+from dart_skill.skills.protocol import TaskDemonstration
 from dart_skill.skills.reach import Reach
 
 ATTEMPTS = 3

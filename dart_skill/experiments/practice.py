@@ -16,13 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dart_skill.common.regions import REGION
 from dart_skill.experiments import runs, throws
 from dart_skill.recording import Demonstration
-from dart_skill.regions import REGION
 from dart_skill.session import Session
 from dart_skill.simulation import CHANGES, changed
-from dart_skill.skill.improve import METHODS, Curriculum, PractisingSkill
-from dart_skill.skill.learn import Unreachable, configuration
+from dart_skill.skills.learning import Unreachable, configuration
+from dart_skill.skills.practice import METHODS, Curriculum, PractisingSkill
 
 CANDIDATES = 48
 """Baskets among which the curriculum chooses."""

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.checks import as_samples
+from dart_skill.common.checks import as_samples
 from dart_skill.movement import TaskFrame, make_continuous
 
 LASA_PAGE = "https://github.com/epfl-lasa/LASAHandwritingDataset"

@@ -10,15 +10,15 @@ from functools import partial
 
 import numpy as np
 
+from dart_skill.arm import Command, Mode, PlanRefused
 from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.pose_skills import arm_of, configured, shown
 from dart_skill.movement import VelocityThreshold
-from dart_skill.robot import Command, Mode, PlanRefused
 from dart_skill.session import BeltSession, SkillTrial
 from dart_skill.simulation import Belt, Holder
-from dart_skill.skill.execute import ReactiveGuide
-from dart_skill.skill.model import ReactiveSkill
-from dart_skill.skill.protocol import Skill, TaskDemonstration
+from dart_skill.skills.execution import ReactiveGuide
+from dart_skill.skills.learning import ReactiveSkill
+from dart_skill.skills.protocol import Skill, TaskDemonstration
 from dart_skill.skills.reach import Reach
 
 HELD = (0.7, 1.7)

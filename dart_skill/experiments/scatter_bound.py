@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from dart_skill.flight import TENNIS_BALL, Ball, landing
+from dart_skill.common.flight import TENNIS_BALL, Ball, landing
 from dart_skill.movement import azimuth_of
 
 ELEVATIONS = np.radians(np.arange(-20.0, 61.0, 5.0))

@@ -8,16 +8,16 @@ from functools import partial
 
 import numpy as np
 
+from dart_skill.arm import PlanRefused
+from dart_skill.common.fleet import FLEET, arm_with
+from dart_skill.common.regions import REGION, targets_for
+from dart_skill.common.world import the_world
 from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.scatter_bound import best_share
-from dart_skill.fleet import FLEET, arm_with
 from dart_skill.recording import Demonstration
-from dart_skill.regions import REGION, targets_for
-from dart_skill.robot import PlanRefused
 from dart_skill.session import Session, Trial
-from dart_skill.skill.improve import Practice
-from dart_skill.skill.learn import ThrowingSkill, configuration, learn
-from dart_skill.world import the_world
+from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
+from dart_skill.skills.practice import Practice
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def repeatability(seed: int, distances: list[float], throws: int, demonstrations
     """
     session = Session(seed)
     lessons = [session.teach(target)[-1] for target in targets_for(seed, demonstrations, 0)[0]]
-    skill = learn([lesson.demonstration for lesson in lessons if lesson.outcome.in_basket], configuration(name))
+    skill = learn_throwing([lesson.demonstration for lesson in lessons if lesson.outcome.in_basket], configuration(name))
     rows = []
     for distance in distances:
         target = np.array([distance, 0.0, REGION.rim])

@@ -5,7 +5,7 @@ The same data give the same bytes.
 
 from typing import TYPE_CHECKING
 
-from dart_skill.lazy import on_first_use
+from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.figures._board import draw_board, draw_estimate, draw_heat_map, draw_leg, draw_path

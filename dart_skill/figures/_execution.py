@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dart_skill.arm import ThrowPlan, wam_description
 from dart_skill.figures._recordings import SAME_BASKET, Recording
 from dart_skill.figures._style import (
     ATTRACTOR,
@@ -32,7 +33,6 @@ from dart_skill.figures._style import (
     save,
     unit_along,
 )
-from dart_skill.robot import ThrowPlan, wam_description
 from dart_skill.simulation import Basket
 
 FLIGHT_WATCHED = 1.0

@@ -33,7 +33,7 @@ from dart_skill.figures._style import (
     save,
 )
 from dart_skill.movement import TaskFrame, azimuth_target_frame
-from dart_skill.skill.learn import PreparedThrow, ThrowingSkill, frames_for
+from dart_skill.skills.learning import PreparedThrow, ThrowingSkill, frames_for
 
 DEVIATIONS = 2.0
 NAMES = {

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dart_skill.common.world import the_world
 from dart_skill.figures._style import (
     BASKET,
     BLACK,
@@ -26,7 +27,6 @@ from dart_skill.figures._style import (
     zoomed_inset,
 )
 from dart_skill.session import ThrowResult, footer
-from dart_skill.world import the_world
 
 RIM_RADIUS = the_world().basket_radius
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}

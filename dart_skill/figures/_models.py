@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Ellipse
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_dims, as_number
+from dart_skill.common.checks import as_dims, as_number
 from dart_skill.figures._style import ATTRACTOR, BLACK, DEMONSTRATION, GAUSSIAN, HAND, gaussian_ellipse
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import Reproduction, TaskFrame

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from dart_skill.figures._style import BLACK, DEMONSTRATION, FAILURE, SUCCESS, house_style, legend_below, letter_panels, panels, save
 from dart_skill.session import SkillSummary
-from dart_skill.skill.protocol import HAND, Pose, Skill, TaskDemonstration
+from dart_skill.skills.protocol import HAND, Pose, Skill, TaskDemonstration
 
 SIDE = 0.035
 """A body is drawn as a square of this half edge [m], turned as it is."""

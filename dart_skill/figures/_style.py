@@ -15,10 +15,10 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Rectangle
 
-from dart_skill import palette
+from dart_skill.common import palette
+from dart_skill.common.files import new_file
+from dart_skill.common.palette import hexadecimal
 from dart_skill.figures._margins import FixedMargins
-from dart_skill.files import new_file
-from dart_skill.palette import hexadecimal
 
 BLACK, GREY, LIGHT, PALE = map(hexadecimal, (palette.BLACK, palette.GREY, palette.LIGHT, palette.PALE))
 BLUE, ORANGE, SKY, GREEN, VERMILION, PURPLE = map(

@@ -15,12 +15,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from dart_skill.arm import wam_description
 from dart_skill.figures._recordings import Recording
 from dart_skill.figures._style import BLACK, GREY, colour_bar, house_style, legend_below, letter_panels, panels, quantity_colours, save
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
-from dart_skill.robot import wam_description
-from dart_skill.skill.observe import THRESHOLDS, fit_release
+from dart_skill.skills.observation import THRESHOLDS, fit_release
 
 EVENTS = {"motion_start": ("o", "motion starts"), "release": ("D", "release"), "motion_stop": ("s", "motion stops")}
 

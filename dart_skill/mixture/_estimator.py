@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_learnable, as_samples, as_weights, unmasked
-from dart_skill.hyper_parameters import HyperParameters
+from dart_skill.common.checks import as_learnable, as_samples, as_weights, unmasked
+from dart_skill.common.hyper_parameters import HyperParameters
 from dart_skill.mixture._mixture import GaussianMixture
 from dart_skill.mixture._regression import Regression
 

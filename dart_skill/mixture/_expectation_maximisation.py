@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import LARGEST_LEARNABLE, require_near
+from dart_skill.common.checks import LARGEST_LEARNABLE, require_near
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, raise_to_floor, symmetric
 from dart_skill.mixture._sweep import DEAD_SHARE, Components, Sums, Sweep, seen_rows
 

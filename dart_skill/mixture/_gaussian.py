@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_covariances, as_dims, as_finite, as_samples, as_vector, as_weights, require_near
+from dart_skill.common.checks import as_count, as_covariances, as_dims, as_finite, as_samples, as_vector, as_weights, require_near
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 

@@ -14,8 +14,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_covariances, as_dims, as_finite, as_learnable, as_number, as_samples, as_vector, as_weights
-from dart_skill.hyper_parameters import HyperParameters
+from dart_skill.common.checks import (
+    as_count,
+    as_covariances,
+    as_dims,
+    as_finite,
+    as_learnable,
+    as_number,
+    as_samples,
+    as_vector,
+    as_weights,
+)
+from dart_skill.common.hyper_parameters import HyperParameters
 from dart_skill.mixture._expectation_maximisation import Parameters, Settings, Start, best_fit, expectation_at, normalise_log
 from dart_skill.mixture._gaussian import Gaussian, cholesky, log_determinants, moments, product_of_two, split_dims, square_root
 from dart_skill.mixture._start import kmeans_start

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_dims, as_finite, as_samples, require_near
+from dart_skill.common.checks import as_dims, as_finite, as_samples, require_near
 from dart_skill.mixture._expectation_maximisation import normalise_log
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, symmetric, upper_triangle
 from dart_skill.mixture._mixture import GaussianMixture

@@ -1,7 +1,7 @@
 # Types of _regression_terms.py, for Cython.
 cimport cython
 from libc cimport math
-from dart_skill.small_matrices cimport factor_into, invert_into
+from dart_skill.common.small_matrices cimport factor_into, invert_into
 
 @cython.locals(
     n_inputs=Py_ssize_t, n_outputs=Py_ssize_t, k=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, a=Py_ssize_t, b=Py_ssize_t,

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from dart_skill.small_matrices import factor_into, invert_into
+from dart_skill.common.small_matrices import factor_into, invert_into
 
 
 def write_conditionals(

@@ -1,7 +1,7 @@
 # Types of _second_moments.py, for Cython.
 cimport cython
 from libc cimport math
-from dart_skill.small_matrices cimport invert_into
+from dart_skill.common.small_matrices cimport invert_into
 
 cdef double LOG_2PI
 

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
+from dart_skill.common.small_matrices import invert_into
 from dart_skill.mixture._gaussian import LOG_2PI
-from dart_skill.small_matrices import invert_into
 
 
 def write_components(sums: np.ndarray, means: np.ndarray, affine: np.ndarray, log_volumes: np.ndarray, precisions: np.ndarray) -> bool:

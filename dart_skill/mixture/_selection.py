@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_samples, as_weights
+from dart_skill.common.checks import as_count, as_samples, as_weights
 from dart_skill.mixture._mixture import GaussianMixture
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_learnable, as_number, as_weights
+from dart_skill.common.checks import as_learnable, as_number, as_weights
 
 NEAR, ALMOST_ALL = 0.05, 0.95
 READINGS = ("copies", "printed")

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_samples, as_weights
+from dart_skill.common.checks import as_count, as_number, as_samples, as_weights
 from dart_skill.mixture._gaussian import log_normal, raise_to_floor, symmetric
 from dart_skill.mixture._mixture import GaussianMixture
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_vector, as_weights
+from dart_skill.common.checks import as_count, as_vector, as_weights
 from dart_skill.mixture._mixture import GaussianMixture
 
 

@@ -4,7 +4,8 @@
 
 from typing import TYPE_CHECKING
 
-from dart_skill.lazy import on_first_use
+from dart_skill.common.lazy import on_first_use
+from dart_skill.common.pace import PhaseRule
 from dart_skill.movement._attractor import attractor_from_motion, critical_damping, follow_attractor
 from dart_skill.movement._differentiation import Motion, estimate_noise, smooth_derivatives
 from dart_skill.movement._frames import (
@@ -37,7 +38,6 @@ from dart_skill.movement._orientation import (
 )
 from dart_skill.movement._sample_faults import SampleFaults, find_faults, retimed, without_repeats
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
-from dart_skill.pace import PhaseRule
 
 if TYPE_CHECKING:
     from dart_skill.movement._alignment import Fit, check_alignment

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_finite, as_number, as_samples, as_vector
+from dart_skill.common.checks import as_finite, as_number, as_samples, as_vector
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._recursion import respond
 

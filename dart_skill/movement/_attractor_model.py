@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_finite, as_number
-from dart_skill.constants import PARTITIONS
+from dart_skill.common.checks import as_count, as_finite, as_number
+from dart_skill.common.constants import PARTITIONS
 from dart_skill.movement._attractor import as_gains, critical_damping
 from dart_skill.movement._placement import Frames, Samples, Weights
 from dart_skill.movement._saved import Arrays, MixtureModel

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_finite, as_samples
+from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.movement._differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 from dart_skill.movement._time import as_stamps
 

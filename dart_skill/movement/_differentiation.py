@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_finite, as_samples
+from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.movement._contrasts import contrasts
 from dart_skill.movement._time import as_stamps
 

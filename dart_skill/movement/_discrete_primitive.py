@@ -7,7 +7,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number
+from dart_skill.common.checks import as_count, as_number
 from dart_skill.movement._demonstrations import Demonstration, as_demonstrations, shares
 from dart_skill.movement._forcing import REGRESSIONS, gaussian_kernels
 from dart_skill.movement._goal_path import BlendAttractor, blend

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_samples
+from dart_skill.common.checks import as_count, as_number, as_samples
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement._attractor import attractor_from_motion, follow_attractor
 from dart_skill.movement._attractor_model import AttractorModel

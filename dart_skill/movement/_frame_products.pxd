@@ -1,7 +1,7 @@
 # Types of _frame_products.py, for Cython.
 cimport cython
 from libc cimport math
-from dart_skill.small_matrices cimport invert_into
+from dart_skill.common.small_matrices cimport invert_into
 
 cdef double LEAST_PIVOT
 

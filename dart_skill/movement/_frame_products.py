@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from dart_skill.small_matrices import invert_into
+from dart_skill.common.small_matrices import invert_into
 
 # A direction of the world counts as seen when the frames tell it apart from the others by this share at least.
 LEAST_PIVOT = 1e-12

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_finite, as_samples, as_vector
+from dart_skill.common.checks import as_count, as_finite, as_samples, as_vector
 from dart_skill.movement._orientation import angles_from_quaternions, pointing_angles, turn_about_z
 from dart_skill.movement._time import as_stamps
 

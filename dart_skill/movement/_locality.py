@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_samples, as_vector
+from dart_skill.common.checks import as_count, as_number, as_samples, as_vector
 
 NEGLIGIBLE = 1e-4
 """A demonstration with less weight than this gets weight 0: it would only make the fit slower."""

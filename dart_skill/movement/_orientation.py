@@ -16,11 +16,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_finite, as_samples
+from dart_skill.common.checks import as_finite, as_samples
+from dart_skill.common.quaternions import CONJUGATE, product, to_vectors
+from dart_skill.common.quaternions import matrices as matrices_of
+from dart_skill.common.rotations import hand_angles, least_length, of_hand_angles, of_matrices, turned, unwrap
 from dart_skill.movement._time import as_stamps
-from dart_skill.quaternions import CONJUGATE, product, to_vectors
-from dart_skill.quaternions import matrices as matrices_of
-from dart_skill.rotations import hand_angles, least_length, of_hand_angles, of_matrices, turned, unwrap
 
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:

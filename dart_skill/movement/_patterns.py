@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_number, as_samples, as_vector
+from dart_skill.common.checks import as_number, as_samples, as_vector
 from dart_skill.movement._warping import mean_warped_distances
 
 STRONG, APART = 0.71, 3.0

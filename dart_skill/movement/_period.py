@@ -6,7 +6,7 @@ The coarse search uses the squared difference function of A. de Cheveigne and H.
 
 import numpy as np
 
-from dart_skill.checks import as_number
+from dart_skill.common.checks import as_number
 
 # A lag counts as a repetition if its squared difference, relative to that of unrelated samples, is below this.
 REPEATS_BELOW = 0.1

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_learnable, as_samples, as_vector
+from dart_skill.common.checks import as_learnable, as_samples, as_vector
 from dart_skill.movement._frame_products import write_seen
 from dart_skill.movement._frames import TaskFrame
 

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_finite, as_number, as_vector
+from dart_skill.common.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import REGRESSIONS, Kernels, normalised, regress_jointly, transformation

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_number, as_vector
+from dart_skill.common.checks import as_number, as_vector
 from dart_skill.movement._autonomous import AutonomousDSGMR, Moment, StateFrame
 
 

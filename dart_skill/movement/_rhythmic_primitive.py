@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_finite, as_number
+from dart_skill.common.checks import as_count, as_finite, as_number
 from dart_skill.movement._demonstrations import as_demonstrations, shares
 from dart_skill.movement._forcing import PeriodicKernels
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods

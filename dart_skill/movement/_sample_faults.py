@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_samples
+from dart_skill.common.checks import as_count, as_number, as_samples
 from dart_skill.movement._time import as_stamps
 
 LARGEST_SHARE = 0.1

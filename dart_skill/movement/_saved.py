@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dart_skill.archive import read_arrays
-from dart_skill.checks import as_count, as_finite
-from dart_skill.files import new_file, open_file
-from dart_skill.hyper_parameters import HyperParameters
+from dart_skill.common.archive import read_arrays
+from dart_skill.common.checks import as_count, as_finite
+from dart_skill.common.files import new_file, open_file
+from dart_skill.common.hyper_parameters import HyperParameters
 
 VERSION = 1
 Arrays = dict[str, np.ndarray]

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_covariances, as_finite, as_number, as_samples, as_vector
+from dart_skill.common.checks import as_covariances, as_finite, as_number, as_samples, as_vector
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement._attractor import attractor_from_motion
 from dart_skill.movement._differentiation import Motion

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_covariances, as_finite, as_number, as_samples
+from dart_skill.common.checks import as_covariances, as_finite, as_number, as_samples
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._time import as_stamps, uniform_step
 

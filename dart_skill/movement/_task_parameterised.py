@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_covariances, as_finite, as_number, as_samples, as_weights
+from dart_skill.common.checks import as_count, as_covariances, as_finite, as_number, as_samples, as_weights
 from dart_skill.mixture import (
     DEAD_SHARE,
     EMEstimator,

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_vector
+from dart_skill.common.checks import as_vector
 
 
 def as_stamps(time: ArrayLike, n_samples: int | None = None, minimum: int = 1) -> np.ndarray:

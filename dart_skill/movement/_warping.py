@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_samples, floats
+from dart_skill.common.checks import as_samples, floats
 
 
 def warped_distance(first: ArrayLike, second: ArrayLike) -> tuple[float, int]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_vector
+from dart_skill.common.checks import as_count, as_number, as_vector
 from dart_skill.policy_search._policy import GaussianPolicy, as_spread
 from dart_skill.policy_search._power import LARGEST, SMALLEST, PoWER, population
 from dart_skill.policy_search._search import Search, Settings, Told, Trial, as_json, read_returns, restored_generator

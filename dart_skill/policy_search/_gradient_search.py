@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_vector
+from dart_skill.common.checks import as_count, as_number, as_vector
 from dart_skill.policy_search._baselines import VectorSearch
 from dart_skill.policy_search._gradients import natural_gradient, reinforce_gradient
 from dart_skill.policy_search._power import LARGEST, SMALLEST

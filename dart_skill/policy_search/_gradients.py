@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_number, as_samples, as_vector
+from dart_skill.common.checks import as_number, as_samples, as_vector
 
 NOTHING = 1e-12  # share of the squared scores of all trials below which the others say nothing about a baseline
 

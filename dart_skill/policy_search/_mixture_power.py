@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_vector
+from dart_skill.common.checks import as_count, as_number, as_vector
 from dart_skill.mixture import GaussianMixture, SplitMerge, adapt, data_spectroscopy
 from dart_skill.policy_search._mixture_policy import MixturePolicy
 from dart_skill.policy_search._policy import as_spread

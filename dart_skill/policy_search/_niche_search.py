@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_vector
+from dart_skill.common.checks import as_vector
 from dart_skill.policy_search._baselines import VectorSearch
 from dart_skill.policy_search._search import Settings
 

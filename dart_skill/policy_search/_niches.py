@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number
+from dart_skill.common.checks import as_count, as_number
 from dart_skill.policy_search._niche import Niche, n_coefficients
 from dart_skill.policy_search._niche_search import NicheSearch
 from dart_skill.policy_search._search import Settings, Told

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_finite
+from dart_skill.common.checks import as_finite
 from dart_skill.policy_search._exploration import NOISE, PathLength
 from dart_skill.policy_search._search import Settings
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_samples
+from dart_skill.common.checks import as_count, as_samples
 from dart_skill.policy_search._policy import GaussianPolicy, as_spread
 from dart_skill.policy_search._power import population, with_defaults
 from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns

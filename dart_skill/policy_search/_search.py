@@ -18,8 +18,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, floats
-from dart_skill.files import new_file
+from dart_skill.common.checks import as_count, as_number, floats
+from dart_skill.common.files import new_file
 from dart_skill.policy_search._exploration import EXPLORATIONS
 from dart_skill.policy_search._weights import check_weighting
 

@@ -30,7 +30,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number
+from dart_skill.common.checks import as_count, as_number
 from dart_skill.policy_search._blurred_noise import BlurredNoise
 from dart_skill.policy_search._niche import Niche
 from dart_skill.policy_search._niche_search import NicheSearch

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_finite
+from dart_skill.common.checks import as_count, as_finite
 
 CONTRAST = 10.0  # "exponential": the worst of the best M has exp(-10) times the weight of the best one
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from dart_skill.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
-from dart_skill.constants import N_JOINTS, UNTURNED
+from dart_skill.common.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
+from dart_skill.common.constants import N_JOINTS, UNTURNED
+from dart_skill.common.world import DEMONSTRATION_TOPIC, THROW, THROWN, joint_names, joint_order, the_world
 from dart_skill.recording.bags import BagError, GraphBag, header_content, message, pose_content, stamp_content
-from dart_skill.world import DEMONSTRATION_TOPIC, THROW, THROWN, joint_names, joint_order, the_world
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 SKILL = THROW

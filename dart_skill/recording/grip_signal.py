@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S, Grip
+from dart_skill.common.constants import NS_PER_S, Grip
 
 GUIDED_NS = 500_000_000
 """The arm is guided if the person pushed it within this time before the hand opened."""

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dart_skill.world import joint_names, joint_order
+from dart_skill.common.world import joint_names, joint_order
 
 _OTHERS = "names none of the arm's joints"
 

@@ -10,9 +10,9 @@ import os
 from collections.abc import Collection, Iterable
 from typing import Any
 
+from dart_skill.common.world import MARK_TOPIC
 from dart_skill.recording.bags import BagError, GraphBag
 from dart_skill.recording.demonstration import stamp_ns
-from dart_skill.world import MARK_TOPIC
 
 AS_ASKED = "as asked"
 """The reason why a demonstration is left out that somebody named."""

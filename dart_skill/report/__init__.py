@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from dart_skill.lazy import on_first_use
+from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.report._page import page_of

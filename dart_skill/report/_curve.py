@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from dart_skill.common.world import the_world
 from dart_skill.figures import BLACK, FAILURE, GREY, LIGHT, SUCCESS, house_style, legend_below, letter_panels, panels
 from dart_skill.session import ThrowResult
-from dart_skill.world import the_world
 
 WINDOW = 5
 """Throws of a running median and its quartiles."""

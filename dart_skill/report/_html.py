@@ -5,8 +5,8 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Mapping, Sequence
 
-from dart_skill import palette
-from dart_skill.palette import Colour, hexadecimal
+from dart_skill.common import palette
+from dart_skill.common.palette import Colour, hexadecimal
 from dart_skill.report._pictures import Picture
 from dart_skill.report._run import About, machine, versions
 

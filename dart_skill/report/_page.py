@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from dart_skill import palette
-from dart_skill.extras import remedy
+from dart_skill.common import palette
+from dart_skill.common.extras import remedy
 from dart_skill.report._html import HANDLING, colour_key, embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture
 from dart_skill.report._replay import Replay

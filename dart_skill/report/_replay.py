@@ -16,7 +16,7 @@ import numpy as np
 
 from dart_skill.recording import Demonstration
 from dart_skill.recording.imports import PoseStream, ThrowRecording
-from dart_skill.skill.observe import FoundThrow
+from dart_skill.skills.observation import FoundThrow
 
 if TYPE_CHECKING:
     from dart_skill.view import Scene

@@ -8,7 +8,7 @@ import numpy as np
 
 from dart_skill.report._replay import Ellipsoid, Replay, in_replay, make_replay
 from dart_skill.report._run import Run
-from dart_skill.skill.learn import component_ellipsoids
+from dart_skill.skills.learning import component_ellipsoids
 
 
 def replay_of(run: Run) -> Replay | None:

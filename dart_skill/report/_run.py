@@ -17,9 +17,9 @@ from dart_skill.figures import SAME_BASKET, Recording
 from dart_skill.recording import SKILL, BagError, Demonstration, GraphBag, read_demonstrations, skill_of
 from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.session import ThrowResult, find_throws
-from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, ThrowingSkill, learn
-from dart_skill.skill.learn import configuration as configuration_of
-from dart_skill.skill.observe import FoundThrow, worlds
+from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, ThrowingSkill, learn_throwing
+from dart_skill.skills.learning import configuration as configuration_of
+from dart_skill.skills.observation import FoundThrow, worlds
 
 PACKAGES = ("dart_skill", "numpy", "scipy", "matplotlib", "viser")
 """Whose versions a report states."""
@@ -235,7 +235,7 @@ def _learned(shown: Sequence[Demonstration], name: str) -> tuple[ThrowingSkill |
     if len(shown) < LEAST_DEMONSTRATIONS:
         return None, [f"{len(shown)} demonstrations are too few to learn from: no skill is shown"]
     try:
-        return learn(list(shown), configuration_of(name)), []
+        return learn_throwing(list(shown), configuration_of(name)), []
     except ValueError as error:
         return None, [f"no skill is shown: {error}"]
 

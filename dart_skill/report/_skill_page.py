@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.extras import remedy
+from dart_skill.common.extras import remedy
 from dart_skill.figures import arm_darts_figure, trials_figure
 from dart_skill.report._html import HANDLING, embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture, picture
@@ -16,7 +16,7 @@ from dart_skill.report._replay import Replay
 from dart_skill.report._skill_replay import replay_of, shown_in_replay
 from dart_skill.report._skill_run import SkillRun
 from dart_skill.session import DartsSummary, SkillResult, SkillSummary, in_words
-from dart_skill.skill.protocol import TaskDemonstration
+from dart_skill.skills.protocol import TaskDemonstration
 from dart_skill.view import ViewUnavailable
 
 TRIALS = (

@@ -10,7 +10,7 @@ import numpy as np
 
 from dart_skill.report._replay import FRAME, MOST_THROWS, PAUSE, Replay, rows_at
 from dart_skill.report._skill_run import Movement, SkillRun
-from dart_skill.skill.protocol import HAND
+from dart_skill.skills.protocol import HAND
 
 if TYPE_CHECKING:
     from dart_skill.view import Scene

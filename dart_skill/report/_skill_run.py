@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dart_skill.common.world import pose_topic, the_world
 from dart_skill.recording import BagError, BagReader, GraphBag, arm_rows, pose_rows, stamp_ns
 from dart_skill.report._run import About, describe
 from dart_skill.session import SkillResult
-from dart_skill.skill.observe import worlds
-from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, read_task_demonstrations
-from dart_skill.world import pose_topic, the_world
+from dart_skill.skills.observation import worlds
+from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, read_task_demonstrations
 
 FRAME_NS = 20_000_000
 """The bag is looked at in steps of so long: a replay has 25 pictures a second."""

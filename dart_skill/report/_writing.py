@@ -6,14 +6,14 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from dart_skill.files import new_file
+from dart_skill.common.files import new_file
 from dart_skill.report._page import page_of
 from dart_skill.report._pictures import pictures, save_pictures
 from dart_skill.report._run import About, read_run
 from dart_skill.report._skill_page import skill_page_of, skill_pictures
 from dart_skill.report._skill_run import read_skill_run
 from dart_skill.session import DartsSummary, DemoSummary, SkillSummary, ThrowResult, write_summary
-from dart_skill.skill.protocol import Skill
+from dart_skill.skills.protocol import Skill
 
 PAGE = "report.html"
 

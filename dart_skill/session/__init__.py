@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from dart_skill.lazy import on_first_use
+from dart_skill.common.lazy import on_first_use
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
 from dart_skill.session._summary import (
     DemoSummary,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from dart_skill.configuration import node_file, node_parameters
-from dart_skill.fleet import arm_with
+from dart_skill.common.configuration import node_file, node_parameters
+from dart_skill.common.fleet import arm_with
 
 HAS = {"wam_simulator", "mock_optitrack", "teacher", "commander"}
 """Nodes whose part a session plays."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dart_skill.robot import Mode
+from dart_skill.arm import Mode
 from dart_skill.session._arm import parameters_of_arm
 from dart_skill.session._reaching_person import ReachingPerson
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.session._skill_session import Push, Sees, SkillSession, SkillTrial, nobody
 from dart_skill.simulation import Belt, Conveyor, Person, PlantSettings
-from dart_skill.skill.execute import ReactiveGuide
-from dart_skill.skill.protocol import Skill
+from dart_skill.skills.execution import ReactiveGuide
+from dart_skill.skills.protocol import Skill
 
 LOOKED, GLANCED = 0.5, 0.2
 """The cup is looked at for so long before the arm begins, and before a person does [s]."""

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from dart_skill.robot import MotionPlan
+from dart_skill.arm import MotionPlan
 from dart_skill.session._arm import parameters_of_arm
 from dart_skill.session._in_process import RESTING
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.session._skill_session import SkillSession, SkillTrial, nobody
 from dart_skill.simulation import Bench, Carrier, Person, PlantSettings, Workbench
-from dart_skill.skill.protocol import HAND, Pose, Situation, Skill
+from dart_skill.skills.protocol import HAND, Pose, Situation, Skill
 
 
 class BenchSession(SkillSession):

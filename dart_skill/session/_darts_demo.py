@@ -15,9 +15,9 @@ from dart_skill.session._in_process import Session
 from dart_skill.session._session_bag import LAYOUT, SessionBag
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words
 from dart_skill.simulation import Board, Swing
-from dart_skill.skill.improve import PractisingSkill
-from dart_skill.skill.protocol import TaskOutcome
 from dart_skill.skills.darts import Darts
+from dart_skill.skills.practice import PractisingSkill
+from dart_skill.skills.protocol import TaskOutcome
 
 MOST_DARTS = 120
 """A leg that takes more is given up."""

@@ -12,17 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill.configuration import node_parameters
+from dart_skill.common.configuration import node_parameters
+from dart_skill.common.regions import REGION, targets_for
+from dart_skill.common.world import THROW
 from dart_skill.recording import Demonstration
-from dart_skill.regions import REGION, targets_for
 from dart_skill.session._in_process import Session, Trial
 from dart_skill.session._session_bag import LAYOUT, SessionBag
 from dart_skill.session._summary import DemoSummary, ThrowResult, basket_in_words, throw_in_words
-from dart_skill.skill.improve import PracticeSettings, PractisingSkill
-from dart_skill.skill.learn import changed, configuration
-from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.learning import changed, configuration
+from dart_skill.skills.practice import PracticeSettings, PractisingSkill
+from dart_skill.skills.protocol import load_skill
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROW
 
 Say = Callable[[str], None]
 """Takes a line of progress."""

@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.quaternions import matrices
+from dart_skill.arm import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.quaternions import matrices
+from dart_skill.common.rotations import of_matrices
 from dart_skill.recording import BagReader
 from dart_skill.recording.imports import (
     AS_OURS,
@@ -39,8 +41,6 @@ from dart_skill.recording.imports import (
     read_recording,
     without_running_back,
 )
-from dart_skill.robot import ArmModel, Sightings, fit_positions, measure_registration, turn_angles
-from dart_skill.rotations import of_matrices
 from dart_skill.session._alignment import LOOKED_AT, ClockOffset, Instants, at_instants, clock_offset, diverse_instants, joints_at
 from dart_skill.session._clock_steps import Change, changes, changes_of_movements, rows_of_change, steps_of
 from dart_skill.session._joint_conventions import APART, STARTS, ConventionSearch, Explanation, JointConvention

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from dart_skill.arm import wam_description
 from dart_skill.movement import Segment, VelocityThreshold
 from dart_skill.recording import Opening
 from dart_skill.recording.imports import ThrowRecording
-from dart_skill.robot import wam_description
-from dart_skill.skill.observe import MEMORY_NS, THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, watched_until, worlds
+from dart_skill.skills.observation import MEMORY_NS, THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, watched_until, worlds
 
 FLIGHT_NS = 1_000_000_000
 """A ball that was thrown in a motion of the hand flies within this time after it."""

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill.constants import REMEMBERED
+from dart_skill.arm import Registration
+from dart_skill.common.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import AS_ASKED, DROPPED, BagError, Demonstration, check_known, each_demonstration, unwanted
 from dart_skill.recording.imports import (
@@ -29,15 +30,14 @@ from dart_skill.recording.imports import (
     read_in_parts,
     read_recording,
 )
-from dart_skill.robot import Registration
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
-from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
-from dart_skill.skill.learn import configuration as configuration_of
-from dart_skill.skill.observe import THRESHOLDS, FoundThrow
+from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
+from dart_skill.skills.learning import configuration as configuration_of
+from dart_skill.skills.observation import THRESHOLDS, FoundThrow
 
 if TYPE_CHECKING:
-    from dart_skill.skill.improve import PractisingSkill
+    from dart_skill.skills.practice import PractisingSkill
 
 OWN_THROW = "thrown by the arm itself"
 """Why a throw is left out that no person guided."""
@@ -130,7 +130,7 @@ def learn_from_bag(
         _refuse_disagreement(path, mapping, report)
     if too_few:
         raise NothingLearned(_too_few(report, has_joints), report)
-    from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
+    from dart_skill.skills.practice import PractisingSkill  # who only looks for throws does not practise
 
     learned = PractisingSkill(list(report.learned_from), chosen, method)
     if raw and _is_far(learned.skill.registration):

@@ -11,18 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from dart_skill.arm import Grip
+from dart_skill.common.world import joint_names, the_world
 from dart_skill.recording import AS_ASKED, Demonstration, check_known
 from dart_skill.recording.lerobot import Episode, LeRobotDataset, changes_at, read_dataset
-from dart_skill.robot import Grip
 from dart_skill.session._from_bag import LearnReport
 from dart_skill.session._to_lerobot import OPEN, pose_names, position_name, velocity_name
-from dart_skill.skill.improve import Practice, PractisingSkill
-from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, configuration, prepare
-from dart_skill.skill.model import AnySkill, learn_usable
-from dart_skill.skill.observe import FoundThrow, ThrowLog, judged
-from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, skill_names, skill_type
+from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, AnySkill, SkillConfiguration, configuration, learn_usable, prepare
+from dart_skill.skills.observation import FoundThrow, ThrowLog, judged
+from dart_skill.skills.practice import Practice, PractisingSkill
+from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, skill_names, skill_type
 from dart_skill.skills.throw import Throw
-from dart_skill.world import joint_names, the_world
 
 BEGIN_NS = 1_000_000_000
 """Stamp of the first frame of every episode: each is a world of its own."""

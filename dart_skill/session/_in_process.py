@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.configuration import node_parameters
+from dart_skill.arm import ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
+from dart_skill.common.configuration import node_parameters
+from dart_skill.common.surface import game_at
+from dart_skill.common.world import THROW, THROWN, the_world
 from dart_skill.recording import Demonstration
-from dart_skill.robot import ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
 from dart_skill.session._arm import parameters_of_arm
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import (
@@ -30,9 +32,7 @@ from dart_skill.simulation import (
     Swing,
     Teacher,
 )
-from dart_skill.skill.observe import ARRIVAL_NS, Outcome, ThrowLog, judge_flight
-from dart_skill.surface import game_at
-from dart_skill.world import THROW, THROWN, the_world
+from dart_skill.skills.observation import ARRIVAL_NS, Outcome, ThrowLog, judge_flight
 
 LONGEST_THROW = 15.0
 RESTING = (Mode.HOLDING, Mode.STOPPING)

@@ -8,10 +8,10 @@ from itertools import permutations, product
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.quaternions import matrices
+from dart_skill.arm import ArmModel, OrientationFit, PositionFit, fit_orientations, fit_positions, similarity, turn_angles
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.quaternions import matrices
 from dart_skill.recording.imports import ANGLE_UNITS, LENGTH_UNITS, QUATERNION_ORDERS
-from dart_skill.robot import ArmModel, OrientationFit, PositionFit, fit_orientations, fit_positions, similarity, turn_angles
 
 ROUGH = 16
 """Instants at which every order and every choice of signs is tried."""

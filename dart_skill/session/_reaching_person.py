@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.robot import ArmModel, ArmState, Command
+from dart_skill.arm import ArmModel, ArmState, Command
 from dart_skill.simulation import Person, Reacher
-from dart_skill.skill.execute import HandSeen, MovingBody
-from dart_skill.skill.protocol import HAND
+from dart_skill.skills.execution import HandSeen, MovingBody
+from dart_skill.skills.protocol import HAND
 
 
 class ReachingPerson:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from dart_skill.arm import ArmState, Command
+from dart_skill.common.world import joint_names, pose_topic, the_world
 from dart_skill.recording import (
     DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
@@ -23,11 +25,9 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.robot import ArmState, Command
 from dart_skill.simulation import Sample
-from dart_skill.skill.observe import attach_arm
-from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, Told, Track, task_demonstration_message
-from dart_skill.world import joint_names, pose_topic, the_world
+from dart_skill.skills.observation import attach_arm
+from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, Told, Track, task_demonstration_message
 
 JOINT_STATES, COMMAND, GUIDING = "/joint_states", "/wam/command", "/wam/teacher_wrench"
 JOINT_STATE, WAM_COMMAND, POSE = "sensor_msgs/msg/JointState", "dart_skill_msgs/msg/WamCommand", "geometry_msgs/msg/PoseStamped"

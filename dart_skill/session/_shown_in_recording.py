@@ -12,15 +12,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.arm import Grip
+from dart_skill.common.constants import NS_PER_S
+from dart_skill.common.world import THROW, THROWN, the_world
 from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, skill_of, stamp_ns, unwanted
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
-from dart_skill.robot import Grip
 from dart_skill.session._from_bag import explained, throws_in_bag
-from dart_skill.skill.learn import configuration
-from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, read_task_demonstrations
+from dart_skill.skills.learning import configuration
+from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, read_task_demonstrations
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROW, THROWN, the_world
 
 AROUND_NS = 50_000_000
 """Samples of so long before and after a movement help to tell where a body was at its ends; worlds are farther apart."""

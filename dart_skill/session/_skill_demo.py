@@ -14,9 +14,9 @@ from dart_skill.session._session_bag import LAYOUT, SessionBag
 from dart_skill.session._skill_session import SkillSession, SkillTrial
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words
 from dart_skill.simulation import Belt
-from dart_skill.skill.model import LearnedSkill, ReactiveSkill
-from dart_skill.skill.protocol import Situation, Skill, TaskDemonstration, TaskOutcome
+from dart_skill.skills.learning import LearnedSkill, ReactiveSkill
 from dart_skill.skills.place import Place
+from dart_skill.skills.protocol import Situation, Skill, TaskDemonstration, TaskOutcome
 from dart_skill.skills.reach import Reach
 
 

@@ -7,10 +7,9 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 from dart_skill.recording import check_known, read_demonstrations, unwanted
-from dart_skill.skill.improve import Practice
-from dart_skill.skill.learn import configuration
-from dart_skill.skill.model import AnySkill, learn_usable
-from dart_skill.skill.protocol import Skill, read_task_demonstrations
+from dart_skill.skills.learning import AnySkill, configuration, learn_usable
+from dart_skill.skills.practice import Practice
+from dart_skill.skills.protocol import Skill, read_task_demonstrations
 from dart_skill.skills.throw import Throw
 
 

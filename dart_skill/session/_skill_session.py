@@ -8,11 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dart_skill.robot import Command, Commander, CommanderSettings, Grip
+from dart_skill.arm import Command, Commander, CommanderSettings, Grip
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import ArmGeometry, Conveyor, Frame, LatencyQueue, MotionCapture, Workbench
-from dart_skill.skill.observe import ThrowLog
-from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, Told, Track
+from dart_skill.skills.observation import ThrowLog
+from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, Told, Track
 
 LONGEST = 30.0
 """A movement that takes longer is given up [s]."""

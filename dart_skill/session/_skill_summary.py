@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.skill.protocol import Situation, TaskOutcome
+from dart_skill.skills.protocol import Situation, TaskOutcome
 
 
 @dataclass(frozen=True)

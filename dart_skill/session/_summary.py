@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dart_skill.files import new_file
-from dart_skill.world import THROW
+from dart_skill.common.files import new_file
+from dart_skill.common.world import THROW
 
 
 @dataclass(frozen=True)

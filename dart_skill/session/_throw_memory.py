@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dart_skill.skill.learn import Crowd, SkillConfiguration, prepare
-from dart_skill.skill.observe import FoundThrow
+from dart_skill.skills.learning import Crowd, SkillConfiguration, prepare
+from dart_skill.skills.observation import FoundThrow
 
 
 class ThrowMemory:

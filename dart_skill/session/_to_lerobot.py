@@ -13,6 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
+from dart_skill.arm import Grip
+from dart_skill.common.world import joint_names
 from dart_skill.recording.imports import RecordingMapping
 from dart_skill.recording.lerobot import (
     Camera,
@@ -24,10 +26,8 @@ from dart_skill.recording.lerobot import (
     seen_at,
     turned_at_frames,
 )
-from dart_skill.robot import Grip
 from dart_skill.session._shown_in_recording import CommandStream, Shown, ShownSkill, read_shown
-from dart_skill.skill.protocol import HAND, Skill
-from dart_skill.world import joint_names
+from dart_skill.skills.protocol import HAND, Skill
 
 FPS = 100
 """Frames per second by default: as many as the cameras of config/optitrack.yaml make, so that none is lost."""

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.robot import WamDescription, fixed_transforms, wam_description
+from dart_skill.arm import WamDescription, fixed_transforms, wam_description
+from dart_skill.common.constants import N_JOINTS
 
 
 class ArmGeometry:

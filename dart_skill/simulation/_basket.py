@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from dart_skill.world import the_world
+from dart_skill.common.world import the_world
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from dart_skill.surface import BOARD_DIAMETER, BoardFace
-from dart_skill.world import the_world
+from dart_skill.common.surface import BOARD_DIAMETER, BoardFace
+from dart_skill.common.world import the_world
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from dart_skill.extras import Absent
+from dart_skill.common.extras import Absent
 
 
 @contextmanager

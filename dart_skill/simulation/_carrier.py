@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dart_skill.robot import ArmState, Grip
+from dart_skill.arm import ArmState, Grip
 from dart_skill.simulation._guiding import Guiding, smooth
 from dart_skill.simulation._teacher import Person
 from dart_skill.simulation._workbench import Pose

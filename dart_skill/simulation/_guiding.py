@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.robot import ArmModel, ArmState, Command, Grip, rotation_error
+from dart_skill.arm import ArmModel, ArmState, Command, Grip, rotation_error
 from dart_skill.simulation._teacher import Person, at_most, tremor
 
 MOST_LEFT = np.repeat([0.02, 0.3], 3)

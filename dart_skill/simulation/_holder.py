@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.robot import ArmState, Command
+from dart_skill.arm import ArmState, Command
 from dart_skill.simulation._guiding import Guiding
 from dart_skill.simulation._teacher import Person
 

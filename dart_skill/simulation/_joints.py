@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.robot import Actuation, Command, SafetyModule, Speed
+from dart_skill.arm import Actuation, Command, SafetyModule, Speed
+from dart_skill.common.constants import N_JOINTS
 from dart_skill.simulation._arm_geometry import ArmDynamics
 from dart_skill.simulation._bullet import BulletClient, pybullet
 from dart_skill.simulation._joint_dynamics import JointDynamics, read_joints

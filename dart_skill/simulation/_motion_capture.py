@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.quaternions import from_vectors, product, rotate
+from dart_skill.common.quaternions import from_vectors, product, rotate
 from dart_skill.simulation._lines_of_sight import LinesOfSight
 
 

@@ -15,9 +15,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from dart_skill.constants import AIR_DENSITY, N_JOINTS
-from dart_skill.quaternions import rotate_one
-from dart_skill.robot import (
+from dart_skill.arm import (
     DART,
     Actuation,
     ArmState,
@@ -33,6 +31,8 @@ from dart_skill.robot import (
     wam_description,
     write_urdf,
 )
+from dart_skill.common.constants import AIR_DENSITY, N_JOINTS
+from dart_skill.common.quaternions import rotate_one
 from dart_skill.simulation._arm_geometry import ArmDynamics
 from dart_skill.simulation._basket import Basket, basket_urdf
 from dart_skill.simulation._board import Board

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import check_unit_quaternions
-from dart_skill.robot import ArmState, Command, Grip
+from dart_skill.arm import ArmState, Command, Grip
+from dart_skill.common.checks import check_unit_quaternions
 from dart_skill.simulation._guiding import Guiding
 from dart_skill.simulation._teacher import Person
 

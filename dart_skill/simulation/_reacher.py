@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.robot import ArmState
+from dart_skill.arm import ArmState
 from dart_skill.simulation._guiding import Guiding, smooth
 from dart_skill.simulation._teacher import Person
 

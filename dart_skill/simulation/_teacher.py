@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.robot import ArmModel, ArmState, Command, Grip, HandState, minimum_jerk, rotation_error
+from dart_skill.arm import ArmModel, ArmState, Command, Grip, HandState, minimum_jerk, rotation_error
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.surface import BASKETS, RIMS, Game
 from dart_skill.simulation._hold import Hold, Quintic
-from dart_skill.surface import BASKETS, RIMS, Game
 
 NO_MOMENT = np.zeros(3)
 SWING_JOINTS = (1, 3, 5)

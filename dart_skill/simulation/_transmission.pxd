@@ -1,7 +1,7 @@
 # Types of _transmission.py, for Cython.
 cimport cython
 from libc cimport math
-from dart_skill.small_matrices cimport factor_into, solve_into
+from dart_skill.common.small_matrices cimport factor_into, solve_into
 
 cdef class Transmission:
     cdef const double[:] _stiffness, _damping

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.robot import Actuation
-from dart_skill.small_matrices import factor_into, solve_into
+from dart_skill.arm import Actuation
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.small_matrices import factor_into, solve_into
 
 SUBSTEPS = 5
 """Steps of a control period of 2 ms; a wrist on its spring swings at some 100 Hz."""

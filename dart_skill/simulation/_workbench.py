@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot import WamDescription, wam_description, with_box
+from dart_skill.arm import WamDescription, wam_description, with_box
 from dart_skill.simulation._bullet import BulletClient, pybullet
 from dart_skill.simulation._plant import HAND_LINK_INDEX, Plant, PlantSettings, PlantState, in_principal_axes, small_box
 

@@ -1,1 +1,1 @@
-"""The skills that come with dart_skill, one module each. `dart_skill.skill.protocol` says what a skill is."""
+"""Skills: the machinery that all share, and a folder for each that comes with dart_skill."""

@@ -6,7 +6,7 @@ What is used of it is imported only then: the command line opens bags in Rerun w
 
 from typing import TYPE_CHECKING
 
-from dart_skill.lazy import on_first_use
+from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.view._foxglove_server import FOXGLOVE_PORT, FoxgloveServer, serve_bag

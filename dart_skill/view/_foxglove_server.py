@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from dart_skill.extras import optional
+from dart_skill.common.extras import optional
 from dart_skill.recording import BagReader, definition
 
 HOST, FOXGLOVE_PORT = "127.0.0.1", 8765

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill import palette
+from dart_skill.common import palette
 from dart_skill.view._placing import on_plane
 from dart_skill.view._shapes import sphere
 from dart_skill.view._solids import Part

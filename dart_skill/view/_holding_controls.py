@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill import palette
+from dart_skill.common import palette
 
 HOW = (
     "Drag the ball at the hand: it moves as the screen does, seen from above over the ground. The buttons below do the rest. "

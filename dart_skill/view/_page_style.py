@@ -3,7 +3,7 @@
 The scene stays on white: the hand's path is black, and what was shown is grey.
 """
 
-from dart_skill.palette import BLACK, GREY, STOP, hexadecimal
+from dart_skill.common.palette import BLACK, GREY, STOP, hexadecimal
 
 SAYS_LINES = 4
 """Lines of room for what goes on, so that nothing moves when a line wraps; more can be scrolled to."""

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill import palette
-from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT
-from dart_skill.skill.protocol import Skill
+from dart_skill.common import palette
+from dart_skill.skills.learning import CONFIGURATIONS, DEFAULT
+from dart_skill.skills.protocol import Skill
 from dart_skill.skills.throw import Throw
 from dart_skill.view._holding_controls import HoldingControls
 from dart_skill.view._page_style import STYLE

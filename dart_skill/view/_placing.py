@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.regions import Region
+from dart_skill.common.regions import Region
 
 
 def nearest_in(region: Region, point: np.ndarray) -> np.ndarray:

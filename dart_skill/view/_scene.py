@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill import palette
-from dart_skill.checks import check_unit_quaternions
+from dart_skill.arm import WamDescription, joint_transforms, wam_description, write_urdf
+from dart_skill.common import palette
+from dart_skill.common.checks import check_unit_quaternions
+from dart_skill.common.regions import REGION, Region
 from dart_skill.recording import Demonstration
-from dart_skill.regions import REGION, Region
-from dart_skill.robot import WamDescription, joint_transforms, wam_description, write_urdf
 from dart_skill.simulation import Basket
-from dart_skill.skill.protocol import Skill
+from dart_skill.skills.protocol import Skill
 from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._page_style import SCENE_SHARE
 from dart_skill.view._placing import nearest_in, on_plane, outline

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill import palette
-from dart_skill.robot import wam_description, write_urdf
+from dart_skill.arm import wam_description, write_urdf
+from dart_skill.common import palette
+from dart_skill.common.world import THROW
 from dart_skill.simulation import Basket, connect
-from dart_skill.skill.protocol import Skill
+from dart_skill.skills.protocol import Skill
 from dart_skill.view._shapes import bucket, sphere
 from dart_skill.view._solids import Part, parts_of
-from dart_skill.world import THROW
 
 EYE, LOOKED_AT, ANGLE = (1.0, -3.9, 2.4), (0.85, 0.0, 0.85), 46.0
 """Where the camera of a throw stands and looks [m], and its angle of view [deg]."""

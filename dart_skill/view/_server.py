@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import urlsplit
 
-from dart_skill.extras import remedy
+from dart_skill.common.extras import remedy
 
 POLICY_VIOLATION = 1008
 """Status with which a websocket is closed (RFC 6455, section 7.4.1)."""

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dart_skill.common.surface import BOARD_DIAMETER
 from dart_skill.darts import RADII, SECTOR_ANGLE
-from dart_skill.skill.protocol import Solid
-from dart_skill.surface import BOARD_DIAMETER
+from dart_skill.skills.protocol import Solid
 from dart_skill.view._shapes import Mesh, box, bucket, cylinder, joined, sphere
 
 BLACK, CREAM, RED, GREEN, DARK = (35, 35, 35), (235, 222, 196), (200, 45, 40), (20, 120, 70), (20, 20, 20)

@@ -1,4 +1,4 @@
-"""The visual shapes and the joints of a URDF, as far as `dart_skill.robot._urdf` writes them: primitives, revolute and fixed joints."""
+"""The visual shapes and the joints of a URDF, as far as `dart_skill.arm._urdf` writes them: primitives, revolute and fixed joints."""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dart_skill.robot import ArmModel
-from dart_skill.skill.model import LearnedSkill
-from dart_skill.skill.protocol import HAND, Pose, Situation, Skill, TaskDemonstration, TaskOutcome, Track
+from dart_skill.arm import ArmModel
+from dart_skill.skills.learning import LearnedSkill
+from dart_skill.skills.protocol import HAND, Pose, Situation, Skill, TaskDemonstration, TaskOutcome, Track
 
 
 class Press(Skill):

@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from dart_skill.robot import Actuation, ArmModel
+from dart_skill.arm import Actuation, ArmModel
 
 PERIOD = 0.002
 NAMES = [f"wam_j{k}" for k in range(1, 8)]

@@ -16,9 +16,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
+from dart_skill.arm import same_plan
 from dart_skill.recording import BagReader, read_demonstrations, type_hash, types_for
 from dart_skill.recording.bags import recover
-from dart_skill.robot import same_plan
 from dart_skill.session import learn_from_bag
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions

@@ -11,10 +11,7 @@ from dart_skill_msgs.srv import Plan
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from dart_skill.configuration import node_parameters
-from dart_skill.fleet import arm_named
-from dart_skill.recording import read_demonstrations
-from dart_skill.robot import (
+from dart_skill.arm import (
     ArmModel,
     Command,
     Impedance,
@@ -25,9 +22,12 @@ from dart_skill.robot import (
     load_registration,
     save_registration,
 )
-from dart_skill.robot._impedance import JointServo
+from dart_skill.arm._impedance import JointServo
+from dart_skill.common.configuration import node_parameters
+from dart_skill.common.fleet import arm_named
+from dart_skill.recording import read_demonstrations
 from dart_skill.simulation import MotionCapture
-from dart_skill.skill.observe import sightings
+from dart_skill.skills.observation import sightings
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP

@@ -12,13 +12,13 @@ from rclpy.action import ActionClient
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
+from dart_skill.arm import same_plan
 from dart_skill.cli import main
 from dart_skill.darts import as_target, name_at
 from dart_skill.experiments import arm_darts
-from dart_skill.robot import same_plan
 from dart_skill.session import learn_throws_from_bag
-from dart_skill.skill.improve import PractisingSkill
-from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.practice import PractisingSkill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs._darts_run import play_leg, practise_darts
 from tests.integration.conftest import graphs

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dart_skill.configuration import config_path
+from dart_skill.common.configuration import config_path
 from dart_skill_nodes.process.discovery import PEERS, PROFILES, RANGE, hear_loopback_alone, stay_on_this_machine
 from tests.integration.conftest import wait_for
 

@@ -10,7 +10,7 @@ from dart_skill_msgs.msg import WamCommand
 from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
-from dart_skill.configuration import node_parameters
+from dart_skill.common.configuration import node_parameters
 from dart_skill_nodes.comms.qos import LATCHED
 from tests.integration.conftest import Diagnoses, Joints, wait_for
 from tests.integration.effort_stand_in import NAMES, START

@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.common.constants import NS_PER_S
 from dart_skill_nodes.comms.conversions import EPISODE_AND_STEP, ground_truth, leading_stamp_bytes
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader, _Cdr
 

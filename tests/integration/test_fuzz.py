@@ -25,9 +25,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
+from dart_skill.common.world import ROLES, joint_names, pose_topic
 from dart_skill.recording import read_command, read_demonstrations
-from dart_skill.skill.learn import DEFAULT
-from dart_skill.world import ROLES, joint_names, pose_topic
+from dart_skill.skills.learning import DEFAULT
 from dart_skill_nodes.client.node_inspector import NodeStatuses
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.latest_messages import poses_of

@@ -11,11 +11,11 @@ from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
+from dart_skill.common.world import joint_names
 from dart_skill.recording import deserialize, joint_layout, serialize, typestore
 from dart_skill.recording.imports import SignalSource
 from dart_skill.recording.imports.joint_streams import read_states
 from dart_skill.recording.mcap import BagMessage
-from dart_skill.world import joint_names
 from dart_skill_nodes.client.arm_listener import ArmListener
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, OfTheArm, Rivals, hear_joint_states

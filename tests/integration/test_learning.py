@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.configuration import load_yaml
+from dart_skill.common.configuration import load_yaml
 from dart_skill.recording import read_demonstrations
-from dart_skill.skill.learn import _preparation
-from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.learning import _preparation
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.skills import learning
 from tests.paths import BAGS
 

@@ -7,9 +7,9 @@ import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 
-from dart_skill.permissions import LIFE_CYCLE, PARAMETERS
+from dart_skill.common.permissions import LIFE_CYCLE, PARAMETERS
+from dart_skill.common.world import joint_names
 from dart_skill.recording import BagReader
-from dart_skill.world import joint_names
 from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.node_base import make_executor

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, Plan
 
-from dart_skill.permissions import policy
+from dart_skill.arm import same_plan
+from dart_skill.common.permissions import policy
+from dart_skill.common.regions import targets_for
 from dart_skill.recording import BagReader, read_demonstrations
-from dart_skill.regions import targets_for
-from dart_skill.robot import same_plan
 from dart_skill.session import Session
-from dart_skill.skill.learn import learn
+from dart_skill.skills.learning import learn_throwing
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
@@ -38,7 +38,7 @@ def in_process():
     """The job in one process without ROS: landing points of lessons and throw, and the plan of the throw."""
     session = Session(SEED)
     lessons = [session.teach(target) for target in TO_DEMONSTRATE]
-    skill = learn([lesson[-1].demonstration for lesson in lessons])
+    skill = learn_throwing([lesson[-1].demonstration for lesson in lessons])
     plan = skill.plan(TO_THROW)
     thrown = session.throw(plan).outcome
     session.close()

@@ -13,9 +13,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from dart_skill.permissions import policy
+from dart_skill.common.permissions import policy
+from dart_skill.common.regions import targets_for
 from dart_skill.recording import BagReader, GraphBag, read_demonstrations
-from dart_skill.regions import targets_for
 from dart_skill_nodes.client.graph_listener import GraphListener
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import NODES, NODES_OF

@@ -10,9 +10,9 @@ from dart_skill_msgs.srv import Judge
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.srv import GetParameters
 
+from dart_skill.common.regions import targets_for
+from dart_skill.common.world import pose_topic
 from dart_skill.recording import BagReader, read_demonstrations
-from dart_skill.regions import targets_for
-from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import FRAMES
 from tests.integration.conftest import graphs, teach_and_learn

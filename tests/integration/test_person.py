@@ -13,8 +13,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from dart_skill.robot import wam_description
-from dart_skill.world import ROLES
+from dart_skill.arm import wam_description
+from dart_skill.common.world import ROLES
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import LOOK, Patience, Person
 from dart_skill_nodes.client.service_calls import ServiceCalls

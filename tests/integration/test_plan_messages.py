@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.pace import PhaseRule
-from dart_skill.robot import GainsOverTime, Pace, same_plan
+from dart_skill.arm import GainsOverTime, Pace, same_plan
+from dart_skill.common.pace import PhaseRule
 from dart_skill_nodes.comms import conversions
 from tests.unit.conftest import planned_swing
 

@@ -10,12 +10,12 @@ from dart_skill_msgs.action import Practice
 from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import Plan
 
-from dart_skill.regions import targets_for
-from dart_skill.robot import same_plan
+from dart_skill.arm import same_plan
+from dart_skill.common.regions import targets_for
+from dart_skill.common.world import ROLES
 from dart_skill.session import Session
-from dart_skill.skill.improve import PractisingSkill, practised_skill
-from dart_skill.skill.learn import load_model
-from dart_skill.world import ROLES
+from dart_skill.skills.learning import load_model
+from dart_skill.skills.practice import PractisingSkill, practised_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs import practice
 from tests.integration.conftest import graphs, plan_request, teach_and_learn

@@ -12,11 +12,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from dart_skill.robot import Command
+from dart_skill.arm import Command
 from dart_skill.session import learn_skill_from_bag
 from dart_skill.simulation import Holder
-from dart_skill.skill.model import Policy
-from dart_skill.skill.protocol import Pose, Situation, load_skill, read_task_demonstrations
+from dart_skill.skills.learning import Policy
+from dart_skill.skills.protocol import Pose, Situation, load_skill, read_task_demonstrations
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP

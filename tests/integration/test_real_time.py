@@ -3,7 +3,7 @@
 import pytest
 from dart_skill_msgs.action import Execute
 
-from dart_skill.regions import targets_for
+from dart_skill.common.regions import targets_for
 from tests.integration.conftest import teach_and_learn
 
 SLOWLY = {"lockstep": False, "speed_factor": 0.2}

@@ -14,8 +14,8 @@ from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.configuration import load_yaml
-from dart_skill.regions import targets_for
+from dart_skill.common.configuration import load_yaml
+from dart_skill.common.regions import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES

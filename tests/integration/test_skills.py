@@ -15,8 +15,8 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from dart_skill.recording import BagReader
-from dart_skill.skill.model import LearnedSkill
-from dart_skill.skill.protocol import load_skill, read_task_demonstrations
+from dart_skill.skills.learning import LearnedSkill
+from dart_skill.skills.protocol import load_skill, read_task_demonstrations
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED

@@ -18,8 +18,8 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-from dart_skill.regions import targets_for
-from dart_skill.world import joint_names, pose_topic
+from dart_skill.common.regions import targets_for
+from dart_skill.common.world import joint_names, pose_topic
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP

@@ -13,8 +13,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from dart_skill.constants import NS_PER_S
-from dart_skill.world import ROLES, joint_names, pose_topic
+from dart_skill.common.constants import NS_PER_S
+from dart_skill.common.world import ROLES, joint_names, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import COMPLETE
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, REPAIRED, TrackedBodies

@@ -16,10 +16,10 @@ from rclpy.serialization import serialize_message
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill import palette
-from dart_skill.regions import targets_for
+from dart_skill.common import palette
+from dart_skill.common.regions import targets_for
+from dart_skill.common.world import ROLES
 from dart_skill.view._scene import EYE, LOOK_AT
-from dart_skill.world import ROLES
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.latest_messages import poses_of

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.protocol import load_skill
 from tests.integration.conftest import graphs, wait_for
 from tests.view_client import PageClient
 

@@ -17,12 +17,12 @@ import pinocchio
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
+from dart_skill.arm import ThrowPlan
+from dart_skill.common.regions import targets_for
 from dart_skill.experiments import arm_darts, practice
 from dart_skill.recording import read_demonstrations
-from dart_skill.regions import targets_for
-from dart_skill.robot import ThrowPlan
 from dart_skill.session import Session
-from dart_skill.skill.learn import ThrowingSkill, Unreachable, configuration, learn
+from dart_skill.skills.learning import ThrowingSkill, Unreachable, configuration, learn_throwing
 from tests.paths import BAGS
 
 MODELS = ("default", "intervals", "em", "two_frames", "thesis", "weighted", "autonomous", "shown_release")
@@ -77,7 +77,7 @@ def throws_of(seed: int) -> dict:
     session = Session(seed)
     try:
         lessons = [session.teach(target) for target in to_demonstrate]
-        skills = {name: learn([lesson[-1].demonstration for lesson in lessons], configuration(name)) for name in MODELS}
+        skills = {name: learn_throwing([lesson[-1].demonstration for lesson in lessons], configuration(name)) for name in MODELS}
         plans = {name: _planned(skill, to_throw[0]) for name, skill in skills.items()}
         landings = {name: [session.throw(skills[name].plan(target)).outcome.landing for target in to_throw] for name in THROWERS}
     finally:
@@ -108,8 +108,8 @@ def darts_of(seed: int) -> dict:
 def bags_of(seed: int) -> dict:
     """What the bags of the repository teach; the seed is of no account."""
     demonstrations = read_demonstrations(BAGS / "demonstrations")
-    models = {name: learn(demonstrations, configuration(name)) for name in ("default", "intervals", "em")}
-    fewer = learn(demonstrations[:4], replace(configuration("intervals"), name="fewer"))
+    models = {name: learn_throwing(demonstrations, configuration(name)) for name in ("default", "intervals", "em")}
+    fewer = learn_throwing(demonstrations[:4], replace(configuration("intervals"), name="fewer"))
     return {
         "models": {name: skill.model_id for name, skill in models.items()},
         "plans": {name: _planned(skill, np.array([1.9, 0.2, 0.4])) for name, skill in {**models, "fewer": fewer}.items()},

@@ -8,11 +8,11 @@ import re
 import numpy as np
 import pytest
 
+from dart_skill.common.regions import targets_for
 from dart_skill.experiments.throws import run_seed
 from dart_skill.recording import read_demonstrations
-from dart_skill.regions import targets_for
 from dart_skill.session import Session
-from dart_skill.skill.learn import learn
+from dart_skill.skills.learning import learn_throwing
 from tests.paths import BAGS, ROOT
 
 README = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
@@ -41,7 +41,7 @@ def assert_as_claimed_of_the_ideal_arm(errors):
 
 def test_what_the_bag_of_seed_0_teaches_throws_as_readme_says():
     """Its 13 demonstrations are those of the seed, already shown (bags/README.md)."""
-    skill, session = learn(read_demonstrations(BAGS / "demonstrations")), Session(0)
+    skill, session = learn_throwing(read_demonstrations(BAGS / "demonstrations")), Session(0)
     trials = [session.throw(skill.plan(target)) for target in targets_for(0, 0, 5)[1]]
     session.close()
     assert all(trial.ball_was_in for trial in trials), [trial.message for trial in trials]

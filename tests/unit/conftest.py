@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.flight import landing
-from dart_skill.robot import ArmModel, Gains, HandPath, ThrowPlan
+from dart_skill.arm import ArmModel, Gains, HandPath, ThrowPlan
+from dart_skill.common.flight import landing
 from dart_skill.session import Session
 from dart_skill.simulation import Plant, PlantSettings
 

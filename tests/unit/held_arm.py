@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dart_skill.robot import Command
+from dart_skill.arm import Command
 
 STIFFNESS = np.array([3000.0, 3000.0, 1500.0, 1500.0, 300.0, 300.0, 80.0])
 DAMPING = 0.04 * STIFFNESS

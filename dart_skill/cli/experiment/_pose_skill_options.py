@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from dart_skill.cli.run_options import positive
-from dart_skill.constants import PARTITIONS
+from dart_skill.common.constants import PARTITIONS
 
 
 def add_options(parser: argparse.ArgumentParser, tried: str, one: str) -> None:

@@ -6,7 +6,7 @@ import argparse
 import json
 
 from dart_skill.cli.run_options import add_configuration, folder
-from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT
+from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
 
 DEFAULT_BOARD = f"{BULL_DISTANCE},{BULL_HEIGHT}"
 

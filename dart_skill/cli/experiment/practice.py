@@ -39,9 +39,9 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 
 
 def _practice(options: argparse.Namespace) -> int:
+    from dart_skill.common.fleet import arm_named
     from dart_skill.experiments.practice import Task, run_all, summarise, table
     from dart_skill.experiments.throws import arm_of
-    from dart_skill.fleet import arm_named
 
     tested = tuple(int(number) for number in options.tested_after.split(","))
     if options.again < 0 or options.again == 1:

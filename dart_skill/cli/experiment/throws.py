@@ -32,10 +32,10 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 
 
 def _throws(options: argparse.Namespace) -> int:
+    from dart_skill.common.fleet import arm_with
     from dart_skill.experiments import throws
     from dart_skill.experiments.throws import arm_of
-    from dart_skill.fleet import arm_with
-    from dart_skill.skill.learn import LADDER, configuration
+    from dart_skill.skills.learning import LADDER, configuration
 
     asked = options.configurations.replace("ladder", ",".join(("thesis", *LADDER)))
     names = tuple(configuration(name).name for name in asked.split(","))

@@ -20,9 +20,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Wedge
 from matplotlib.patheffects import withStroke
 
+from dart_skill.common.regions import REGION
 from dart_skill.experiments.basket import ASKED, PLACES, Run, Throws, place_of, throws_of
 from dart_skill.figures import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, SKY, VERMILION, house_style, quantity_colours, save
-from dart_skill.regions import REGION
 
 AZIMUTHS = np.linspace(-ASKED.side, ASKED.side, 9)
 DISTANCES = np.concatenate([[ASKED.near], np.linspace(REGION.near, REGION.far, 5), np.linspace(REGION.far, ASKED.far, 3)[1:]])

@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from dart_skill.experiments.pictures.maps import wilson
 from dart_skill.experiments.practice import Run, Task
 from dart_skill.figures import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, house_style, save
-from dart_skill.skill.improve import METHODS
+from dart_skill.skills.practice import METHODS
 
 LOOKS = dict(zip(METHODS, ((BLUE, "o"), (VERMILION, "s"), (GREEN, "D"), (ORANGE, "^"), (PURPLE, "v")), strict=True))
 CHANGES = {

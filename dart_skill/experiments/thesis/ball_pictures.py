@@ -11,6 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from dart_skill.common.regions import REGION
 from dart_skill.experiments.thesis.ball_throws import Angles, Trajectory
 from dart_skill.figures import (
     BALL,
@@ -27,7 +28,6 @@ from dart_skill.figures import (
     unit_along,
 )
 from dart_skill.movement import rotate
-from dart_skill.regions import REGION
 
 TRIAD = 0.09
 """Length of the axes of a gripper frame [m]."""

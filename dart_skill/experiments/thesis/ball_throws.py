@@ -10,14 +10,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from dart_skill.arm import ThrowPlan, wam_description
+from dart_skill.common.flight import flight, landing
+from dart_skill.common.regions import targets_for
 from dart_skill.figures import Recording
-from dart_skill.flight import flight, landing
 from dart_skill.movement import rotate, smooth_derivatives
 from dart_skill.recording import Demonstration
-from dart_skill.regions import targets_for
-from dart_skill.robot import ThrowPlan, wam_description
 from dart_skill.session import Session, Trial
-from dart_skill.skill.learn import PreparedThrow, ThrowingSkill, configuration, frames_for, learn_prepared, prepare
+from dart_skill.skills.learning import PreparedThrow, ThrowingSkill, configuration, frames_for, learn_prepared, prepare
 
 N_DEMONSTRATIONS, N_NEW = 13, 10
 POSE_STEPS = 5

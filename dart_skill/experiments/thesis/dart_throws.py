@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT, GRAVITY
+from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT, GRAVITY
 from dart_skill.darts import RADII
 from dart_skill.movement import DSGMR, attractor_from_motion, base_frame, critical_damping, follow_attractor, target_frame
 

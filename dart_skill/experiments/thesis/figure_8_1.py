@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT
+from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.figures import (
     BALL,

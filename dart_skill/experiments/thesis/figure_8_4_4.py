@@ -17,12 +17,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dart_skill.common.regions import REGION, Region
 from dart_skill.experiments.parallel import run_all
 from dart_skill.experiments.throws import taught
 from dart_skill.figures import BLUE, LIGHT, VERMILION, house_style, legend_below, letter_panels, save
-from dart_skill.regions import REGION, Region
 from dart_skill.session import Session
-from dart_skill.skill.learn import ThrowingSkill, configuration, learn
+from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 
 TITLE = "Success of both models against the range of angles and of distances"
 ANGLES, SPREADS = (6.0, 15.0, 30.0, 45.0), (0.1, 0.25, 0.5)
@@ -68,7 +68,7 @@ def successes(task: Task) -> list[list[int]]:
         lessons = [taught(session, basket) for basket in task.case.region.spread(N_DEMONSTRATIONS, rng)]
         shown = [lesson.demonstration for lesson in lessons if lesson is not None]
         baskets = task.case.region.spread(task.throws, rng)
-        skills = [[learn(shown, replace(configuration(name), alignment=clock)) for clock in CLOCKS] for name in MODELS.values()]
+        skills = [[learn_throwing(shown, replace(configuration(name), alignment=clock)) for clock in CLOCKS] for name in MODELS.values()]
         return [[sum(_goes_in(session, skill, basket) for basket in baskets) for skill in row] for row in skills]
     finally:
         session.close()

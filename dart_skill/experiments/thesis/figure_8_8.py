@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dart_skill.common.regions import REGION
 from dart_skill.experiments.thesis import ball_throws
 from dart_skill.figures import BASKET, BLACK, DEMONSTRATION, RIM_RADIUS, basket_from_above, house_style, legend_below, letter_panels, save
 from dart_skill.movement import gaussian_weights, nearest_weights
-from dart_skill.regions import REGION
-from dart_skill.skill.learn import configuration
+from dart_skill.skills.learning import configuration
 
 TITLE = "The demonstrations nearest to a new basket"
 N_NEAREST = configuration("thesis_local").nearest

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill import quaternions
+from dart_skill.common import quaternions
 from dart_skill.movement._orientation import make_continuous
 from dart_skill.movement.pose._derivatives import cross, inverse_jacobians
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill import quaternions
-from dart_skill.checks import LARGEST_LEARNABLE, as_vector
-from dart_skill.constants import UNTURNED
+from dart_skill.common import quaternions
+from dart_skill.common.checks import LARGEST_LEARNABLE, as_vector
+from dart_skill.common.constants import UNTURNED
 from dart_skill.movement.pose._manifold import as_points, turn_covariances
 
 IDENTITY = np.array(UNTURNED)

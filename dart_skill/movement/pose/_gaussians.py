@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.checks import require_near
+from dart_skill.common.checks import require_near
 from dart_skill.mixture import cholesky, normalise_log, symmetric
 from dart_skill.movement.pose._derivatives import bend, inverse_jacobians
 from dart_skill.movement.pose._manifold import exp_at, log_at, settle, transport_matrices, turn_covariances

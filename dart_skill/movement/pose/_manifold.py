@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill import quaternions
-from dart_skill.checks import as_finite, as_weights
+from dart_skill.common import quaternions
+from dart_skill.common.checks import as_finite, as_weights
 
 LENGTH_TOLERANCE = 1e-3
 """A quaternion may be so far from length 1: then it is rounded, and is normalised."""

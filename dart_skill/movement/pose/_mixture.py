@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_covariances, as_dims, as_finite, as_samples, as_weights, require_near
+from dart_skill.common.checks import as_count, as_covariances, as_dims, as_finite, as_samples, as_weights, require_near
 from dart_skill.mixture import EMEstimator, Parameters, checked_priors, cholesky, kmeans_start, n_free_parameters, sliced_start
 from dart_skill.movement.pose._em import Blocks, expectation, iterate, maximisation, scales_of, tangents_at
 from dart_skill.movement.pose._frames import as_rows

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill import quaternions
-from dart_skill.checks import as_finite, as_number, as_vector
+from dart_skill.common import quaternions
+from dart_skill.common.checks import as_finite, as_number, as_vector
 from dart_skill.movement._attractor import as_gains, critical_damping, follow_attractor
 from dart_skill.movement._differentiation import smooth_derivatives
 from dart_skill.movement._orientation import make_continuous

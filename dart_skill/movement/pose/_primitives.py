@@ -23,8 +23,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill import quaternions
-from dart_skill.checks import as_finite, as_vector
+from dart_skill.common import quaternions
+from dart_skill.common.checks import as_finite, as_vector
 from dart_skill.movement._demonstrations import are_several, complete
 from dart_skill.movement._discrete_primitive import DiscretePrimitive
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods

@@ -5,7 +5,7 @@ What is done with whole bags is imported only then, so that each command of `dar
 
 from typing import TYPE_CHECKING
 
-from dart_skill.lazy import on_first_use
+from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags.check import Finding, check_bag, check_file, glance

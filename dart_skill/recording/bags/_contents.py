@@ -9,7 +9,7 @@ from pathlib import Path
 
 import zstandard
 
-from dart_skill.files import open_file
+from dart_skill.common.files import open_file
 from dart_skill.recording.mcap import LARGEST_UNPACKED, USUAL_RATIO
 
 SQLITE = b"SQLite format 3\0"

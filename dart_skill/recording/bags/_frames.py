@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.extras import optional
+from dart_skill.common.extras import optional
 
 MOST_ELEMENTS = 64
 """A longer array stays one in its cell."""

@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from dart_skill.files import open_file
+from dart_skill.common.files import open_file
 from dart_skill.recording.bags._files import PACKED, SUFFIXES, unpacked_name
 from dart_skill.recording.mcap import LARGEST_UNPACKED, USUAL_RATIO, BagMessage, DamagedError, McapInput
 

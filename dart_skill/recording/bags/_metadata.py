@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
-from dart_skill.files import open_file
+from dart_skill.common.files import open_file
 from dart_skill.recording.bags._disk_sync import sync_folder
 from dart_skill.recording.bags._yaml_text import LARGEST_TEXT, load
 

@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from dart_skill.files import require_file
+from dart_skill.common.files import require_file
 from dart_skill.recording.bags._files import SIDE_FILES, side_files
 from dart_skill.recording.bags._metadata import RECORD_KEY, RECORD_NAME
 from dart_skill.recording.mcap import BagMessage, DamagedError, Part, in_arrays

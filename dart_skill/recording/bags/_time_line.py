@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.common.constants import NS_PER_S
 from dart_skill.recording.bags._finding import Finding
 from dart_skill.recording.mcap import AT_ONCE
 

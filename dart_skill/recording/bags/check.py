@@ -17,7 +17,7 @@ from typing import Any
 
 from rosbags.typesys.store import Typestore
 
-from dart_skill.files import NoFile, require_file
+from dart_skill.common.files import NoFile, require_file
 from dart_skill.recording.bags._file_check import EMPTY, FileGlance, McapCheck, SqliteCheck
 from dart_skill.recording.bags._files import chosen_files, has_only_log, missing_parts, part_number, storage_files
 from dart_skill.recording.bags._finding import RECOVER, REWRITE, SEVERITIES, Finding

@@ -17,7 +17,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.common.constants import NS_PER_S
 from dart_skill.recording.bags.messages import deserialize, is_stamped
 
 STAMP = slice(4, 12)

@@ -18,7 +18,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from dart_skill.configuration import shared_folders
+from dart_skill.common.configuration import shared_folders
 from dart_skill.recording.bags._definitions import interface_of, nested, parts_of, split_definition
 from dart_skill.recording.bags._names import full_name
 

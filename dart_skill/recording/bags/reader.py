@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from dart_skill.files import open_file, require_file
+from dart_skill.common.files import open_file, require_file
 from dart_skill.recording.bags._files import chosen_files, files_in, has_only_log, missing_parts, part_number, unpacked_name
 from dart_skill.recording.bags._inputs import is_packed, open_input, storage_of, unpack_file, unpacked_messages
 from dart_skill.recording.bags._metadata import RECORD_NAME, known_metadata, parse_record, profiles, topics_of

@@ -10,7 +10,7 @@ import os
 import shutil
 from pathlib import Path
 
-from dart_skill.files import require_file
+from dart_skill.common.files import require_file
 from dart_skill.recording.bags._contents import SQLITE, foreign, packing, unpack
 from dart_skill.recording.bags._files import SUFFIXES, has_only_log, missing_parts, named_files, part_number
 from dart_skill.recording.bags._mcap_recovery import recover_mcap

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.common.constants import NS_PER_S
+from dart_skill.common.world import joint_names, pose_topic, the_world
 from dart_skill.recording.bags import BagError, GraphBag
 from dart_skill.recording.demonstration import stamp_ns
 from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import RecordingMapping
 from dart_skill.recording.imports.pose_stream import PoseStream
 from dart_skill.recording.imports.throw_recording import ThrowRecording, read_recording
-from dart_skill.world import joint_names, pose_topic, the_world
 
 MAPPING = "mapping.yaml"
 TIME = "time [s]"

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import UNTURNED
-from dart_skill.extras import optional
+from dart_skill.common.constants import UNTURNED
+from dart_skill.common.extras import optional
 from dart_skill.recording.imports.mapping import ANGLE_UNITS, LENGTH_UNITS, TIME_UNITS, Table
 from dart_skill.recording.imports.text_files import Row, TextFile, Timing
 

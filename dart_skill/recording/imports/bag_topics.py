@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S, UNTURNED, Grip
+from dart_skill.common.constants import NS_PER_S, UNTURNED, Grip
 from dart_skill.recording.bags import BagError, BagMessage, BagReader, Columns, GraphBag, TopicInfo, columns_by_layout, glance, typestore
 from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, read_commands
 from dart_skill.recording.imports.faults import BAG, NOTE, Fault

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.common.constants import NS_PER_S
 from dart_skill.recording.imports.faults import BURSTS, SET_BACK, UNIT, UNSTAMPED, Fault
 from dart_skill.recording.imports.mapping import TIME_UNITS, Clock
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S
-from dart_skill.quaternions import CONJUGATE, from_vectors, product, rotate, to_vectors, unit
+from dart_skill.common.constants import NS_PER_S
+from dart_skill.common.quaternions import CONJUGATE, from_vectors, product, rotate, to_vectors, unit
 from dart_skill.recording.bags import BagReader, deserialize, typestore
 
 LONGEST_GAP_NS = NS_PER_S

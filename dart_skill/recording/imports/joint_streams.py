@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.world import joint_names
 from dart_skill.recording.bags import BagMessage, columns_by_layout
 from dart_skill.recording.imports.faults import NOTE, Fault
 from dart_skill.recording.imports.mapping import ANGLE_UNITS, SignalSource
 from dart_skill.recording.joint_state import JointLayout, joint_layout
-from dart_skill.world import joint_names
 
 JOINTS = "joints"
 """What the arm's joints are called in faults and in a mapping."""

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dart_skill.constants import N_JOINTS, UNTURNED
+from dart_skill.common.constants import N_JOINTS, UNTURNED
+from dart_skill.common.world import ROLES, the_world
 from dart_skill.recording.imports.faults import Fault
 from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, RigidTransform, axes_matrix
-from dart_skill.world import ROLES, the_world
 
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 """Nanoseconds of each unit of time."""

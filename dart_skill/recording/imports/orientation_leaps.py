@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dart_skill.quaternions import CONJUGATE, product
+from dart_skill.common.quaternions import CONJUGATE, product
 from dart_skill.recording.imports.pose_stream import PoseStream
 
 LEAP = 0.5

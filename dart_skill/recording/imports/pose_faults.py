@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dart_skill.constants import GRAVITY
+from dart_skill.common.constants import GRAVITY
 from dart_skill.recording.imports.clocks import PAUSE, bunched, rate_of
 from dart_skill.recording.imports.faults import BACKWARDS, GAP, Fault, spans
 from dart_skill.recording.imports.orientation_leaps import find_leaps

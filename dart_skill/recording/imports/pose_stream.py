@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dart_skill.checks import floats
-from dart_skill.constants import UNTURNED
-from dart_skill.world import the_world
+from dart_skill.common.checks import floats
+from dart_skill.common.constants import UNTURNED
+from dart_skill.common.world import the_world
 
 Axes: TypeAlias = tuple[str, str, str]
 """Where our axes x, y, z point in other axes: each is x, y or z, with a minus where it points the other way."""

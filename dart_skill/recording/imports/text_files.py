@@ -18,8 +18,8 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S
-from dart_skill.files import open_file
+from dart_skill.common.constants import NS_PER_S
+from dart_skill.common.files import open_file
 from dart_skill.recording.imports.mapping import TIME_UNITS
 
 DELIMITERS = ("\t", ";", ",")

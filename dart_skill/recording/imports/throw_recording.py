@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS, UNTURNED, Grip
+from dart_skill.common.constants import N_JOINTS, UNTURNED, Grip
+from dart_skill.common.world import the_world
 from dart_skill.recording.bags import (
     BagError,
     BagWriter,
@@ -47,7 +48,6 @@ from dart_skill.recording.imports.mapping import (
 from dart_skill.recording.imports.motion_capture import read_capture
 from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import PoseStream, transformed, with_continuous_signs
-from dart_skill.world import the_world
 
 FEW = 10
 """A body that was published less often, and did not move, stands still: it is published once, for all who come later."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.extras import need, optional
+from dart_skill.common.extras import need, optional
 from dart_skill.recording.lerobot import _format as format_
 
 READ = ("v2.", "v3.")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.extras import optional
+from dart_skill.common.extras import optional
 from dart_skill.recording.lerobot import _format as format_
 from dart_skill.recording.lerobot._format import Camera
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.checks import floats
-from dart_skill.extras import need, optional
+from dart_skill.common.checks import floats
+from dart_skill.common.extras import need, optional
 from dart_skill.recording.lerobot import _format as format_
 from dart_skill.recording.lerobot._format import Camera, Feature
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from zlib import crc32
 
-from dart_skill.files import open_file
+from dart_skill.common.files import open_file
 
 READ_AT_ONCE = 2**24
 """Part of a file that stays in memory while the file is gone through [bytes]."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, McapRecord, Metadata
 
-from dart_skill.files import open_file
+from dart_skill.common.files import open_file
 from dart_skill.recording.mcap._mapped import mapped
 from dart_skill.recording.mcap.records import (
     MAGIC,

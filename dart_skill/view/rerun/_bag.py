@@ -18,8 +18,8 @@ from typing import NamedTuple
 from urllib.parse import quote
 from xml.etree import ElementTree
 
+from dart_skill.common.world import pose_topic, the_world
 from dart_skill.recording import BagReader
-from dart_skill.world import pose_topic, the_world
 
 VERSION, SIZE = "0.41.0", "790 MB"
 """Version of the package rerun-sdk that this was tried with, and size of its environment."""

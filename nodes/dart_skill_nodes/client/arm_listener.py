@@ -9,8 +9,8 @@ from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream
-from dart_skill.world import joint_order
+from dart_skill.arm.check import Endpoint, Heard, JointStream, PoseStream
+from dart_skill.common.world import joint_order
 from dart_skill_nodes.client.live_arm import NO_DRIVERS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import OfTheArm

@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.world import the_world
+from dart_skill.common.world import the_world
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.client.server_probe import APPEARS, ServerProbe
 from dart_skill_nodes.client.service_calls import ServiceCalls

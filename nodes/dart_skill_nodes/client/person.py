@@ -16,9 +16,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from dart_skill.robot import ArmState, Mode
-from dart_skill.skill.observe import basket_at_rest, check_ball_in_hand
-from dart_skill.world import ROLES
+from dart_skill.arm import ArmState, Mode
+from dart_skill.common.world import ROLES
+from dart_skill.skills.observation import basket_at_rest, check_ball_in_hand
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms import conversions

@@ -16,7 +16,7 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from dart_skill.skill.observe import ARRIVAL_NS
+from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, ServiceCalls
 from dart_skill_nodes.comms import conversions

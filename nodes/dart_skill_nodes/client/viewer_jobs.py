@@ -11,8 +11,8 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from dart_skill.regions import Region
-from dart_skill.skill.protocol import Skill, SkillWords
+from dart_skill.common.regions import Region
+from dart_skill.skills.protocol import Skill, SkillWords
 from dart_skill.view import Request
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector

@@ -3,7 +3,7 @@
 import numpy as np
 from dart_skill_msgs.msg import WamCommand
 
-from dart_skill.robot import Command
+from dart_skill.arm import Command
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 
 

@@ -8,7 +8,7 @@ from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, type_hash, types_for
-from dart_skill.skill.observe import attach_arm
+from dart_skill.skills.observation import attach_arm
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import NOT_RECORDED, GuardedLifecycleNode

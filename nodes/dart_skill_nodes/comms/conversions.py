@@ -23,11 +23,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-from dart_skill.checks import as_place
-from dart_skill.constants import N_JOINTS, NS_PER_S
-from dart_skill.pace import PhaseRule
-from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message, filled, joint_layout, named
-from dart_skill.robot import (
+from dart_skill.arm import (
     ArmState,
     Command,
     Gains,
@@ -42,8 +38,13 @@ from dart_skill.robot import (
     ThrowPlan,
     all_finite,
 )
-from dart_skill.skill.observe import Outcome, Release
-from dart_skill.skill.protocol import (
+from dart_skill.common.checks import as_place
+from dart_skill.common.constants import N_JOINTS, NS_PER_S
+from dart_skill.common.pace import PhaseRule
+from dart_skill.common.world import THROW
+from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message, filled, joint_layout, named
+from dart_skill.skills.observation import Outcome, Release
+from dart_skill.skills.protocol import (
     WORDS,
     Situation,
     Skill,
@@ -52,12 +53,11 @@ from dart_skill.skill.protocol import (
     grip_of,
     task_demonstration_content,
 )
-from dart_skill.skill.protocol import Pose as BodyPose
+from dart_skill.skills.protocol import Pose as BodyPose
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROW
 
 if TYPE_CHECKING:
-    from dart_skill.skill.model import Policy
+    from dart_skill.skills.learning import Policy
 
 UNIT = 1e-3
 """A quaternion's length is 1 within this."""

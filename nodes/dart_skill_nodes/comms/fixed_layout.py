@@ -10,7 +10,7 @@ import struct
 import numpy as np
 from rclpy.serialization import serialize_message
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.common.constants import NS_PER_S
 from dart_skill_nodes.comms.conversions import TIME, checked_stamp_ns, decoded, leading_stamp_ns
 
 BODY = 4

@@ -11,7 +11,7 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from dart_skill.robot import ArmState
+from dart_skill.arm import ArmState
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns, state_of_joints
 from dart_skill_nodes.comms.fixed_layout import BODY, LAYOUTS, LayoutReader

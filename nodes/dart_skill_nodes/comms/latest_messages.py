@@ -9,7 +9,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from dart_skill.checks import FARTHEST
+from dart_skill.common.checks import FARTHEST
 from dart_skill_nodes.comms.raw_batches import never_called, taken, unspun_node
 
 POSE_BYTES = 7 * 8

@@ -4,7 +4,7 @@ import numpy as np
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.palette import Colour, unit
+from dart_skill.common.palette import Colour, unit
 from dart_skill_nodes.comms import conversions
 
 

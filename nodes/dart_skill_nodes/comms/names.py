@@ -4,7 +4,7 @@ share a ROS domain. Global as everywhere in ROS are /diagnostics, /tf and /tf_st
 
 from typing import TYPE_CHECKING
 
-from dart_skill import world
+from dart_skill.common import world
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -13,9 +13,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.arm import Transform, fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.common.constants import NS_PER_S
 from dart_skill.recording import serialize, types_for
-from dart_skill.robot import Transform, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import OfTheArm
 from dart_skill_nodes.comms.names import DESCRIPTION, JOINT_STATES, namespace_of

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 
-from dart_skill.checks import as_place
-from dart_skill.constants import UNTURNED
-from dart_skill.skill.observe import MEMORY_NS, RESET_NS, SensorLog, ThrowLog
+from dart_skill.common.checks import as_place
+from dart_skill.common.constants import UNTURNED
+from dart_skill.skills.observation import MEMORY_NS, RESET_NS, SensorLog, ThrowLog
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import LayoutReader
 

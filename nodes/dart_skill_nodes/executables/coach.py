@@ -14,12 +14,12 @@ from dart_skill_msgs.srv import AddTrial, Plan
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 
-from dart_skill.regions import Region
-from dart_skill.robot import Grip
-from dart_skill.skill.observe import ARRIVAL_NS
-from dart_skill.skill.protocol import HAND, load_skill
+from dart_skill.arm import Grip
+from dart_skill.common.regions import Region
+from dart_skill.common.world import THROW
 from dart_skill.skills.darts import Darts
-from dart_skill.world import THROW
+from dart_skill.skills.observation import ARRIVAL_NS
+from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls

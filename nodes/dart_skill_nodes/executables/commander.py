@@ -19,12 +19,12 @@ from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import ArmState, Commander, CommanderSettings, Grip, Mode, MotionPlan, PlanRefused, load_registration, wam_description
-from dart_skill.rotations import of_matrices
-from dart_skill.skill.execute import ReactiveGuide
-from dart_skill.skill.model import Policy
-from dart_skill.skill.observe import ARRIVAL_NS
-from dart_skill.skill.protocol import HAND, load_skill
+from dart_skill.arm import ArmState, Commander, CommanderSettings, Grip, Mode, MotionPlan, PlanRefused, load_registration, wam_description
+from dart_skill.common.rotations import of_matrices
+from dart_skill.skills.execution import ReactiveGuide
+from dart_skill.skills.learning import Policy
+from dart_skill.skills.observation import ARRIVAL_NS
+from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions

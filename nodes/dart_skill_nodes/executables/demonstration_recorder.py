@@ -17,6 +17,8 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
+from dart_skill.arm import ArmState
+from dart_skill.common.world import THROW
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import (
     DEMONSTRATION_TYPE,
@@ -27,11 +29,9 @@ from dart_skill.recording import (
     encoded,
     types_for,
 )
-from dart_skill.robot import ArmState
-from dart_skill.skill.observe import ThrowFinder, watched_until
-from dart_skill.skill.protocol import HAND, TaskDemonstration, load_skill
+from dart_skill.skills.observation import ThrowFinder, watched_until
+from dart_skill.skills.protocol import HAND, TaskDemonstration, load_skill
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROW
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import OfTheArm, StateReader

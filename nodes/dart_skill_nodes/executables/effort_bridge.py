@@ -12,8 +12,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
-from dart_skill.robot import BridgePhase, BridgeSettings, EffortBridge
-from dart_skill.world import joint_names
+from dart_skill.arm import BridgePhase, BridgeSettings, EffortBridge
+from dart_skill.common.world import joint_names
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS

@@ -14,12 +14,12 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
-from dart_skill.checks import as_place
-from dart_skill.configuration import limit_parameters, node_parameters, world_parameters
-from dart_skill.robot import Transform
+from dart_skill.arm import Transform
+from dart_skill.common.checks import as_place
+from dart_skill.common.configuration import limit_parameters, node_parameters, world_parameters
+from dart_skill.common.world import THROW
 from dart_skill.simulation import ArmGeometry, BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
-from dart_skill.skill.protocol import HAND, skill_type
-from dart_skill.world import THROW
+from dart_skill.skills.protocol import HAND, skill_type
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 from dart_skill_nodes.comms.names import CLOCK, pose_topic

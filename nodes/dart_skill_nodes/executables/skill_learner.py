@@ -9,12 +9,11 @@ from geometry_msgs.msg import Point
 from rcl_interfaces.msg import SetParametersResult
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill import palette
+from dart_skill.arm import load_registration
+from dart_skill.common import palette
 from dart_skill.recording import BagError, Marks, check_known, read_dropped
-from dart_skill.robot import load_registration
-from dart_skill.skill.learn import Unreachable, component_ellipsoids
-from dart_skill.skill.model import NoPlan
-from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.learning import NoPlan, Unreachable, component_ellipsoids
+from dart_skill.skills.protocol import load_skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.markers import marker_colour

@@ -15,12 +15,12 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.regions import Region
+from dart_skill.common.regions import Region
+from dart_skill.common.world import THROW
 from dart_skill.simulation import Basket
-from dart_skill.skill.protocol import HAND, Skill, load_skill, task_demonstration_from_message
+from dart_skill.skills.protocol import HAND, Skill, load_skill, task_demonstration_from_message
 from dart_skill.skills.throw import Throw
 from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
-from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
 from dart_skill_nodes.client.pulled_lesson import PulledLesson

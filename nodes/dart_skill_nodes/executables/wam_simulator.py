@@ -20,9 +20,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import REST_SPEED, Command, HeldCommand, fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.arm import REST_SPEED, Command, HeldCommand, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
-from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import command_reader
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader

@@ -4,7 +4,7 @@ import os
 import socket
 from contextlib import closing
 
-from dart_skill.configuration import config_path
+from dart_skill.common.configuration import config_path
 from dart_skill_nodes.process.logs import find_log_folder
 
 RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"

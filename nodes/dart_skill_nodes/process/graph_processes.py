@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dart_skill.permissions import enclave_of
+from dart_skill.common.permissions import enclave_of
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, in_namespace, pose_topics
 from dart_skill_nodes.process.signals import ENDS_WITH
 
@@ -61,7 +61,7 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if registration != "" and executable in ("commander", "skill_learner"):
         parameters["registration_file"] = registration
     if layout == "hardware" and executable == "commander":
-        from dart_skill.fleet import arm_named  # costs NumPy, which completion with TAB does without
+        from dart_skill.common.fleet import arm_named  # costs NumPy, which completion with TAB does without
 
         parameters |= arm_named("unmeasured")["commander"]
     if layout == "hardware" and executable == "coach":

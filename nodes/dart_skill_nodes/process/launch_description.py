@@ -8,9 +8,9 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from dart_skill.configuration import config_path
-from dart_skill.robot import fixed_transforms, wam_description, write_urdf
-from dart_skill.world import the_world
+from dart_skill.arm import fixed_transforms, wam_description, write_urdf
+from dart_skill.common.configuration import config_path
+from dart_skill.common.world import the_world
 from dart_skill_nodes.comms.names import CLOCK
 from dart_skill_nodes.process.graph_processes import LAYOUTS, parameters_of
 from launch import LaunchContext, LaunchDescription

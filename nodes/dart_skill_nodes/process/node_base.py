@@ -17,8 +17,8 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from dart_skill.configuration import node_parameters
-from dart_skill.world import the_world
+from dart_skill.common.configuration import node_parameters
+from dart_skill.common.world import the_world
 from dart_skill_nodes.comms.in_process import exchanging, spin_once
 from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name
 from dart_skill_nodes.comms.presence import be_alive

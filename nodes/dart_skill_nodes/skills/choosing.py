@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from dart_skill_msgs.msg import Outcome, Situation
 
-from dart_skill.regions import Region
-from dart_skill.skill.improve import Curriculum
-from dart_skill.skill.protocol import Skill
+from dart_skill.common.regions import Region
+from dart_skill.skills.practice import Curriculum
+from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.comms import conversions
 
 if TYPE_CHECKING:

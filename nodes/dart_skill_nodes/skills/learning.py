@@ -12,33 +12,31 @@ from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import Plan as PlanMsg
 from dart_skill_msgs.msg import Situation as SituationMsg
 
+from dart_skill.arm import KnownRegistration
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration, read_demonstrations
-from dart_skill.robot import KnownRegistration
-from dart_skill.skill.improve import PracticeSettings, PractisingSkill, practised_skill, save_practised
-from dart_skill.skill.learn import (
+from dart_skill.skills.learning import (
+    AnySkill,
     PreparedThrow,
+    ReactiveSkill,
     SkillConfiguration,
     changed,
-    choose_components,
-    configuration,
-    load_model,
-    prepare,
-)
-from dart_skill.skill.model import (
-    AnySkill,
-    ReactiveSkill,
     changed_skill,
     check_movement,
+    choose_components,
+    choose_throw_components,
+    configuration,
+    learn,
     learn_usable,
+    load_model,
     load_skill_model,
     outliers,
+    prepare,
     save_skill_model,
     unlike,
 )
-from dart_skill.skill.model import choose_components as choose_components_of_skill
-from dart_skill.skill.model import learn as learn_skill
-from dart_skill.skill.protocol import (
+from dart_skill.skills.practice import PracticeSettings, PractisingSkill, practised_skill, save_practised
+from dart_skill.skills.protocol import (
     HAND,
     Skill,
     TaskDemonstration,
@@ -183,7 +181,7 @@ class ThrowLearning:
         chosen, changes = self._chosen(configuration)
         chosen = chosen if self._registration is None else replace(chosen, registration=self._registration)
         if way := self._parameters()["choose_components"]:
-            chosen = choose_components(list(_prepared(demonstrations, chosen)), chosen, way)
+            chosen = choose_throw_components(list(_prepared(demonstrations, chosen)), chosen, way)
             changes = ", ".join(filter(None, (changes, f"components {chosen.components} by {way}")))
         self.take(list(demonstrations), chosen)
         skill, practice = self._skill.skill, self._skill.practice
@@ -308,8 +306,8 @@ class TaskLearning:
         skill, changes = self._changed(configuration)
         model, left_out = learn_usable(skill, demonstrations)
         if way := self._parameters()["choose_components"]:
-            skill = choose_components_of_skill(skill, model.demonstrations, way)
-            model = learn_skill(skill, model.demonstrations)
+            skill = choose_components(skill, model.demonstrations, way)
+            model = learn(skill, model.demonstrations)
             changes = ", ".join(filter(None, (changes, f"components {skill.settings.components} by {way}")))
         self.model = model
         n = len(self.model.demonstrations)

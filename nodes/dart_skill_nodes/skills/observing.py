@@ -11,13 +11,12 @@ from dart_skill_msgs.msg import Situation as SituationMsg
 from dart_skill_msgs.srv import Judge
 from rosbags.typesys.store import Typestore
 
+from dart_skill.arm import Grip
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration, demonstration_id, demonstration_message, read_command
-from dart_skill.robot import Grip
-from dart_skill.skill.learn import DEFAULT, prepare
-from dart_skill.skill.model import check_movement
-from dart_skill.skill.observe import SensorLog, ThrowLog, judged, seen_down
-from dart_skill.skill.protocol import HAND, Situation, Skill, TaskDemonstration, TaskLog, task_demonstration_message
+from dart_skill.skills.learning import DEFAULT, check_movement, prepare
+from dart_skill.skills.observation import SensorLog, ThrowLog, judged, seen_down
+from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration, TaskLog, task_demonstration_message
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies

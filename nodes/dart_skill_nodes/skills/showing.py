@@ -8,9 +8,9 @@ import numpy as np
 from dart_skill_msgs.msg import Outcome, Situation
 from geometry_msgs.msg import PoseStamped
 
-from dart_skill.robot import ArmState, Command, Grip
+from dart_skill.arm import ArmState, Command, Grip
 from dart_skill.simulation import Person, Phase, PulledHand, Swing, Teacher
-from dart_skill.skill.protocol import Skill
+from dart_skill.skills.protocol import Skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from dart_skill.session import ThrowResult
-    from dart_skill.skill.protocol import SkillWords
+    from dart_skill.skills.protocol import SkillWords
     from dart_skill_nodes.client.graph_client import GraphClient
 
 PATIENCE = 10.0
@@ -41,7 +41,7 @@ def baskets(options: argparse.Namespace, stream: int) -> "np.ndarray":
     """Centres of rims (n, 3) that the options name, or over the region; stream: of random numbers. ValueError for a wrong number."""
     import numpy as np
 
-    from dart_skill.regions import REGION
+    from dart_skill.common.regions import REGION
 
     if options.at is not None:
         return np.array([options.at])
@@ -54,7 +54,7 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
     """Lessons until `wanted` throws were demonstrated, at new baskets for those that failed; how many throws it took."""
     import numpy as np
 
-    from dart_skill.regions import REGION, targets_for
+    from dart_skill.common.regions import REGION, targets_for
 
     shown = attempts = 0
     targets = targets_for(seed, wanted, 0)[0]

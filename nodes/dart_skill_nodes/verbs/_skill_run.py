@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dart_skill_msgs.action import Practice
 
     from dart_skill.session import SkillResult
-    from dart_skill.skill.protocol import Situation, Skill
+    from dart_skill.skills.protocol import Situation, Skill
     from dart_skill_nodes.client.graph_client import GraphClient
 
 

@@ -20,7 +20,7 @@ from dart_skill_nodes.verbs._run import say
 if TYPE_CHECKING:
     import numpy as np
 
-    from dart_skill.arm_check import ArmReport, Heard, PostureCounter
+    from dart_skill.arm.check import ArmReport, Heard, PostureCounter
 
 USUAL = 10.0
 """Seconds of listening where nobody says how long, and nobody is there to press Enter."""
@@ -50,8 +50,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Listen and judge; returns the exit status."""
     _refuse_what_cannot_be(options, parser)
     stay_on_this_machine()
-    from dart_skill.arm_check import check_arm
-    from dart_skill.robot import save_registration
+    from dart_skill.arm import save_registration
+    from dart_skill.arm.check import check_arm
 
     report = check_arm(listen(options))
     written = options.write is not None and report.registration is not None
@@ -100,7 +100,7 @@ def listen(options: argparse.Namespace) -> "Heard":
 
 
 def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin: Callable[[], None]) -> None:
-    from dart_skill.arm_check import PostureCounter
+    from dart_skill.arm.check import PostureCounter
 
     counter, begun = PostureCounter(), time.monotonic()
     last, told, drivers = begun, False, []

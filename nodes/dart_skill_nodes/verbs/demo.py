@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from dart_skill.session import DartsSummary, DemoSummary, SkillSummary
-    from dart_skill.skill.protocol import Skill
     from dart_skill.skills.darts import Darts
+    from dart_skill.skills.protocol import Skill
     from dart_skill_nodes.client.graph_client import GraphClient
 
 __all__ = ["carried_out", "run", "run_darts", "run_skill"]
@@ -123,7 +123,7 @@ def run(options: argparse.Namespace) -> "DemoSummary":
     with Graph(options.output / "logs") as graph:
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
         client = _started(graph, options)
-        from dart_skill.regions import targets_for
+        from dart_skill.common.regions import targets_for
         from dart_skill.session import DemoSummary
         from dart_skill.simulation import PlantSettings
 

@@ -41,7 +41,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:
-    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.protocol import load_skill
 
     skill, rng = load_skill(client.skill(PATIENCE)), drawn(options.seed)
     if options.model:

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable
 from functools import partial
 
+from dart_skill.common.world import the_world
 from dart_skill.recording import definition, types_for
 from dart_skill.view import FoxgloveServer
-from dart_skill.world import the_world
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.signals import Interrupts
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
 from dart_skill.cli.run_options import add_model, add_namespace, add_run, asked, check_model, check_run, parameter_texts
-from dart_skill.files import new_file
-from dart_skill.world import THROW
+from dart_skill.common.files import new_file
+from dart_skill.common.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, print_result, say, teach, tell_practice
@@ -136,7 +136,7 @@ def _test_baskets(seed: int, count: int) -> "np.ndarray":
     """Baskets (n, 3) of all tests of a seed, spread over the region [m]."""
     import numpy as np
 
-    from dart_skill.regions import REGION
+    from dart_skill.common.regions import REGION
 
     return REGION.spread(count, np.random.default_rng([seed, 6]))
 

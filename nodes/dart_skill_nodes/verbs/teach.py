@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_namespace
-from dart_skill.world import THROW
+from dart_skill.common.world import THROW
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say, teach_by_hand
 from dart_skill_nodes.verbs._skill_run import drawn, show_all
 
@@ -49,7 +49,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict:
     """Lessons in another skill than throwing."""
-    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.protocol import load_skill
 
     if options.at is not None:
         raise ValueError(f"--at is for throws: the graph teaches '{name}', whose situations are drawn (--seed)")
@@ -59,7 +59,7 @@ def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict
 
 
 def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
-    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.protocol import load_skill
 
     if options.at is not None:
         raise ValueError("--at puts a simulated basket there: put the real one where you like, and leave this out")

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_model, add_namespace, check_model
-from dart_skill.world import THROW
+from dart_skill.common.world import THROW
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, throw_all, throw_with_person
 
 if TYPE_CHECKING:

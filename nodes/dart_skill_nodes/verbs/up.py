@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_arm, add_model, add_namespace, check_model, differences, folder, output_folder
-from dart_skill.world import THROW
+from dart_skill.common.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
@@ -83,7 +83,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def _check_skill(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
     """A usage error for a skill that there is not, before anything is started."""
-    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.protocol import load_skill
 
     if options.skill:
         try:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dart_skill.skill.protocol import Pose, Situation, Skill, TaskDemonstration, TaskOutcome
 from dart_skill.skills.place import Place
+from dart_skill.skills.protocol import Pose, Situation, Skill, TaskDemonstration, TaskOutcome
 
 STANDS = Pose(np.array([0.0, 0.14, 0.05]))
 """Where the part shall stand, as the holder sees it [m]."""

@@ -1,6 +1,6 @@
 """Press a button: the smallest skill. Between bodies everything has a default; only what counts as pressed must be said."""
 
-from dart_skill.skill.protocol import HAND, Situation, Skill, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration, TaskOutcome
 
 NEAR = 0.01
 """The hand presses a button that it is so near to [m]."""

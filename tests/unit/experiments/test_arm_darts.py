@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from dart_skill.arm import Command, Grip
 from dart_skill.cli import main
+from dart_skill.common.flight import DART, TENNIS_BALL, crossing, flight, landing
+from dart_skill.common.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
 from dart_skill.darts import as_target, score
 from dart_skill.experiments.arm_darts import darts_session, run, teach
 from dart_skill.figures import arm_darts_figure, draw_arm_darts, running
-from dart_skill.flight import DART, TENNIS_BALL, crossing, flight, landing
-from dart_skill.robot import Command, Grip
 from dart_skill.session import Dart, DartsRun, darts_table, summarise
 from dart_skill.simulation import Board, Teacher
-from dart_skill.skill.improve import PractisingSkill
-from dart_skill.skill.improve._steadiness import Steadiness
-from dart_skill.skill.learn import DEFAULT, Unreachable, landing_if_late, learn, load_model, save_model
-from dart_skill.skill.observe import judge_flight
 from dart_skill.skills.darts import Darts
-from dart_skill.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
+from dart_skill.skills.learning import DEFAULT, Unreachable, landing_if_late, learn_throwing, load_model, save_model
+from dart_skill.skills.observation import judge_flight
+from dart_skill.skills.practice import PractisingSkill
+from dart_skill.skills.practice._steadiness import Steadiness
 from tests.unit.board_points import in_world
 
 BOARD = Board()
@@ -245,7 +245,7 @@ def arm():
     """A session with a board, the demonstrations of four darts that hit it, and the skill that they teach."""
     session = darts_session(seed=1)
     shown, _ = teach(session, DARTS, [DARTS.aimed(point) for point in ([0.0, 60.0], [-80.0, -60.0], [70.0, 0.0], [20.0, -120.0])])
-    yield session, shown, learn(shown, CONFIGURATION)
+    yield session, shown, learn_throwing(shown, CONFIGURATION)
     session.close()
 
 
@@ -306,7 +306,7 @@ def test_a_model_file_knows_that_it_is_about_darts(arm, tmp_path):
     save_model(tmp_path / "darts.npz", arm[1], arm[2].configuration)
     shown, configuration, *_ = load_model(tmp_path / "darts.npz")
     assert configuration == arm[2].configuration and configuration.game is game_at(BOARD.position)
-    assert learn(shown, configuration).model_id == arm[2].model_id
+    assert learn_throwing(shown, configuration).model_id == arm[2].model_id
 
 
 # when to let go

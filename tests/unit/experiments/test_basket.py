@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dart_skill.cli import main
+from dart_skill.common.regions import REGION
 from dart_skill.experiments import basket
 from dart_skill.experiments.basket import ASKED, PLACES, Run, Task, place_of, summarise, table, throws_of
-from dart_skill.regions import REGION
 
 NAN = float("nan")
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dart_skill.arm import ArmModel, CommanderSettings, Impedance, References
 from dart_skill.experiments.compliance import GRABBED, KINDS, _resistance, _swing, table
-from dart_skill.robot import ArmModel, CommanderSettings, Impedance, References
 from dart_skill.session import Session
-from dart_skill.skill.learn import DEFAULT, learn
+from dart_skill.skills.learning import DEFAULT, learn_throwing
 
 
 @pytest.fixture(scope="module")
 def skills(demonstrations):
-    return {kind: learn(demonstrations, replace(DEFAULT, **stiffness)) for kind, stiffness in KINDS.items()}
+    return {kind: learn_throwing(demonstrations, replace(DEFAULT, **stiffness)) for kind, stiffness in KINDS.items()}
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from dart_skill.common.regions import REGION
 from dart_skill.experiments import basket, practice
 from dart_skill.experiments.basket import ASKED, Throws, throws_of
 from dart_skill.experiments.pictures import maps
 from dart_skill.experiments.pictures.maps import AZIMUTHS, DISTANCES, cells_of, draw_basket, draw_map, wilson
 from dart_skill.experiments.pictures.practice import draw_practice, errors_after
-from dart_skill.regions import REGION
 
 SVG = "{http://www.w3.org/2000/svg}"
 

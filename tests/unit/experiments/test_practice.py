@@ -6,13 +6,13 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from dart_skill.arm import same_plan
 from dart_skill.cli import main
 from dart_skill.experiments import practice
 from dart_skill.experiments.practice import CHANGES, Run, Task, changed, summarise, table
-from dart_skill.robot import same_plan
 from dart_skill.session import Session
 from dart_skill.simulation import PlantSettings
-from dart_skill.skill.improve import PractisingSkill
+from dart_skill.skills.practice import PractisingSkill
 
 BASKET = np.array([1.9, 0.2, 0.40])
 NAN = float("nan")

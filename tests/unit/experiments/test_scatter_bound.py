@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from dart_skill.common.flight import landing
 from dart_skill.experiments import scatter_bound, throws
 from dart_skill.experiments.scatter_bound import best_share
-from dart_skill.flight import landing
 
 HAND, RIM = np.array([-0.2, 0.0, 2.16]), np.array([1.9, 0.6, 0.4])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dart_skill.cli import main
-from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT
+from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
 from dart_skill.experiments import dart_search, thesis
 from dart_skill.experiments.dart_search import SCHEDULES, Schedule, best_scores
 from dart_skill.experiments.thesis import ball_throws as balls

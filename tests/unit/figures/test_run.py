@@ -20,7 +20,7 @@ from dart_skill.figures import (
 )
 from dart_skill.figures._landings import along_across
 from dart_skill.session import ThrowResult
-from dart_skill.skill.learn import configuration, learn
+from dart_skill.skills.learning import configuration, learn_throwing
 
 SVG = "{http://www.w3.org/2000/svg}"
 MS = 1_000_000
@@ -105,7 +105,7 @@ def motions(recordings, demonstrations):
 @pytest.fixture(scope="module")
 def learned(demonstrations):
     """What configurations learn, by name; each learns once."""
-    return cache(lambda name: learn(demonstrations, configuration(name)))
+    return cache(lambda name: learn_throwing(demonstrations, configuration(name)))
 
 
 # synchronisation

@@ -7,8 +7,8 @@ import pytest
 
 from dart_skill.figures import draw_trials, svg_text, trials_figure
 from dart_skill.session import SkillResult, SkillSummary
-from dart_skill.skill.protocol import Situation, Skill, TaskOutcome
-from tests.unit.skill.task_demonstrations import body_at, draw_body, show
+from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
+from tests.unit.skills.task_demonstrations import body_at, draw_body, show
 
 
 class Put(Skill):

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from dart_skill.common.world import joint_names
 from dart_skill.recording import (
     DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
@@ -22,7 +23,6 @@ from dart_skill.recording import (
     serialize,
     typestore,
 )
-from dart_skill.world import joint_names
 
 ORIGIN_NS = 1_700_000_123_456_789_012
 

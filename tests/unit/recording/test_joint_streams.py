@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from dart_skill.common.world import joint_names
 from dart_skill.recording import deserialize, serialize, stamp_ns, typestore
 from dart_skill.recording.imports import SignalSource
 from dart_skill.recording.imports.joint_streams import joint_stream, read_states
 from dart_skill.recording.mcap import BagMessage
-from dart_skill.world import joint_names
 
 TYPES, KIND, TOPIC = typestore(), "sensor_msgs/msg/JointState", "/joint_states"
 NAMES = joint_names()

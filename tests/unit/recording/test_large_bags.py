@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dart_skill.common.world import joint_names, the_world
 from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
 from dart_skill.recording.bags import _message_check, check_bag, recover
 from dart_skill.recording.imports import read_in_parts, read_recording
 from dart_skill.recording.mcap import ChunkPlace, ChunkTable, McapFile, crc_of, mapped, read_summary, walk
 from dart_skill.session._finding import found_in
-from dart_skill.skill.observe import THRESHOLDS
-from dart_skill.world import joint_names, the_world
+from dart_skill.skills.observation import THRESHOLDS
 from tests.paths import ROOT
 from tests.recorded_session import same
 

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from dart_skill.extras import explained
+from dart_skill.common.extras import explained
 from dart_skill.recording.imports import MappingError, convert, mapping_text, parse_mapping, read_recording
 
 N, RATE = 40, 100

@@ -19,9 +19,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
+from dart_skill.arm import fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill.recording import BagReader, BagWriter, definition, deserialize, qos_yaml, serialize, type_hash, typestore
 from dart_skill.recording.bags import Playback, Selection
-from dart_skill.robot import fixed_transforms, joint_transforms, wam_description, write_urdf
 
 POSE, TEXT, STATE, TF = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 TYPES = typestore()

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dart_skill.extras import explained
+from dart_skill.common.extras import explained
 from dart_skill.recording import BagError, BagReader
 from dart_skill.recording.imports import MAPPING, bodies_to_csv, load_mapping, read_recording, throws_to_csv
 from dart_skill.session import learn_from_bag

@@ -22,8 +22,8 @@ from dart_skill.report._replay_of_run import replay_of
 from dart_skill.report._run import machine, result_of, versions
 from dart_skill.report._skill_run import _movements
 from dart_skill.session import SkillResult, ThrowResult
-from dart_skill.skill.learn import component_ellipsoids
-from dart_skill.skill.protocol import Situation, TaskOutcome
+from dart_skill.skills.learning import component_ellipsoids
+from dart_skill.skills.protocol import Situation, TaskOutcome
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
 

@@ -74,7 +74,7 @@ def test_all_modules_keep_the_habits():
 
 QUATERNIONS = re.compile(r"def _?(rotate|multiply|hamilton)\w*\(|\w+ \* \w+ - x\w* \* x\w* - y\w* \* y\w* - z")
 WITH_QUATERNIONS = {
-    "dart_skill/quaternions.py": "the one place",
+    "dart_skill/common/quaternions.py": "the one place",
     "dart_skill/movement/_orientation.py": "checks what a caller of the library gives",
 }
 
@@ -89,7 +89,7 @@ A_GRIP_AS_A_NUMBER = re.compile(r"^_?(OPEN = 2|CLOSE = 1)\b|grip['\"\]]* ?(==|!=
 
 
 def test_what_the_hand_shall_do_is_no_bare_number():
-    """`grip == 2` says nothing to a reader; `Grip.OPEN` of `dart_skill.constants` does."""
+    """`grip == 2` says nothing to a reader; `Grip.OPEN` of `dart_skill.common.constants` does."""
     files = [path for folder in ("dart_skill", "nodes", "tools", "launch") for path in (ROOT / folder).rglob("*.py")]
     assert not [path for path in files if A_GRIP_AS_A_NUMBER.search(path.read_text(encoding="utf-8"))]
     assert all(A_GRIP_AS_A_NUMBER.search(line) for line in ("OPEN = 2", "if command.grip == 2:", '{"grip": 2}', "row['grip'] != 1"))

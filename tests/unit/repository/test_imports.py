@@ -13,29 +13,15 @@ from tests.unit.repository.import_lines import imports
 
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
-    {
-        "__version__",
-        "archive",
-        "constants",
-        "configuration",
-        "extras",
-        "files",
-        "flight_steps",
-        "hyper_parameters",
-        "lazy",
-        "palette",
-        "quaternions",
-        "rotations",
-        "small_matrices",
-    },
-    {"world", "fleet", "checks", "permissions"},
-    {"flight", "mixture", "regions", "pace"},
-    {"surface", "movement", "policy_search", "darts", "recording", "robot"},
-    {"simulation", "skill.observe", "skill.execute"},
-    {"skill.protocol"},
-    {"skill.learn", "skill.model", "arm_check"},
-    {"skill.improve"},
-    {"skills"},
+    {"__version__", "common"},
+    {"mixture"},
+    {"movement", "policy_search", "darts", "recording", "arm"},
+    {"simulation", "skills.observation", "skills.execution"},
+    {"skills.protocol"},
+    {"skills.learning", "arm.check"},
+    {"skills.practice"},
+    {"skills.throw"},
+    {"skills.darts", "skills.place", "skills.reach"},
     {"session"},
     {"figures", "view"},
     {"report"},
@@ -75,8 +61,9 @@ def imported(tree):
 
 def room(module):
     """The room of a module of the library or of the nodes."""
-    parts = module.split(".")[1:]
-    return ".".join(parts[:2]) if parts[:1] == ["skill"] else ".".join(parts[:1])
+    package, *parts = module.split(".")
+    has_rooms = package == "dart_skill" and (parts[:1] == ["skills"] or parts[:2] == ["arm", "check"])
+    return ".".join(parts[:2]) if has_rooms else ".".join(parts[:1])
 
 
 def arrows(package):
@@ -129,8 +116,8 @@ def test_a_module_with_an_underscore_is_imported_by_its_own_package_only():
     assert not wrong, "\n".join(wrong)
 
 
-WITHOUT_A_FACE = ("dart_skill.skills.", "dart_skill.experiments.", "dart_skill.cli.")
-"""Each module of these is one skill, experiment or verb, which is imported by itself."""
+WITHOUT_A_FACE = ("dart_skill.common.", "dart_skill.experiments.", "dart_skill.cli.")
+"""Each module of these is about one thing, and is imported by itself."""
 
 
 def test_a_room_imports_from_the_face_of_another_package():
@@ -166,7 +153,7 @@ def lazily_imported(tree):
 LAZY = {
     module: path
     for module, path in sources("dart_skill")
-    if module != "dart_skill.lazy" and "on_first_use(" in path.read_text(encoding="utf-8")
+    if module != "dart_skill.common.lazy" and "on_first_use(" in path.read_text(encoding="utf-8")
 }
 
 

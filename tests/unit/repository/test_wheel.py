@@ -20,7 +20,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from dart_skill.extras import EXTRA_OF
+from dart_skill.common.extras import EXTRA_OF
 from tests.paths import BAGS, CONFIG, ROOT
 from tests.unit.repository.test_workspace import imported, workspace
 

@@ -233,7 +233,7 @@ def test_a_module_that_was_not_compiled_meanwhile_is_compiled_in_a_step_of_its_o
     _, modules = installing()
     assert not modules.is_done()
     monkeypatch.setattr(workspace, "run", lambda *_: None)
-    with pytest.raises(workspace.SetupError, match=r"dart_skill/rotations\.py was not compiled: .* says why"):
+    with pytest.raises(workspace.SetupError, match=r"dart_skill/common/rotations\.py was not compiled: .* says why"):
         modules.work(workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), sys.version_info[:2])))
 
 

@@ -5,8 +5,8 @@ A wrong call says which error mypy must find in it. mypy does not pass where it 
 
 import numpy as np
 
+from dart_skill.common.flight import fit_flight, landing
 from dart_skill.darts import Spread, best_aim
-from dart_skill.flight import fit_flight, landing
 from dart_skill.mixture import GaussianMixture
 from dart_skill.policy_search import PoWER
 from dart_skill.session import Session

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dart_skill.arm import ArmModel, Mode
 from dart_skill.experiments.reach import Reached, drawn, run_seed, table, teach
-from dart_skill.robot import ArmModel, Mode
 from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
-from dart_skill.skill.execute import BodyMotion
-from dart_skill.skill.model import Policy, ReactiveSkill
-from dart_skill.skill.protocol import Situation, TaskDemonstration, Track
+from dart_skill.skills.execution import BodyMotion
+from dart_skill.skills.learning import Policy, ReactiveSkill
+from dart_skill.skills.protocol import Situation, TaskDemonstration, Track
 from dart_skill.skills.reach import Reach
 
 BELT = Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0))

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dart_skill.arm import Grip
 from dart_skill.experiments.place import Placed, run_seed, table, teach
-from dart_skill.robot import Grip
 from dart_skill.session import BenchSession
 from dart_skill.simulation import PlantSettings, make_world
-from dart_skill.skill.model import LearnedSkill
-from dart_skill.skill.protocol import Pose, Situation, TaskDemonstration, Told, Track
+from dart_skill.skills.learning import LearnedSkill
 from dart_skill.skills.place import Place
+from dart_skill.skills.protocol import Pose, Situation, TaskDemonstration, Told, Track
 
 
 @pytest.fixture(scope="module")

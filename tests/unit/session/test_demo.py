@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from dart_skill.cli import main
+from dart_skill.common.fleet import arm_with
 from dart_skill.experiments import arm_darts
-from dart_skill.fleet import arm_with
 from dart_skill.recording import BagReader
 from dart_skill.session import Job, darts_demo, learn_skill_from_bag, learn_throws_from_bag, skill_demo, throwing_demo
-from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.protocol import load_skill
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from dart_skill.arm import ArmModel
 from dart_skill.cli import main
 from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
 from dart_skill.recording.imports import load_mapping, mapping_text, parse_mapping, read_recording
-from dart_skill.robot import ArmModel
 from dart_skill.session import auto_mapping, disagreement
 from tests.paths import CONFIG, ROOT
 

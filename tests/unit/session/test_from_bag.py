@@ -11,6 +11,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from dart_skill.arm import same_plan
 from dart_skill.cli import main
 from dart_skill.cli.learn import _file_for, add_to
 from dart_skill.recording import (
@@ -30,13 +31,12 @@ from dart_skill.recording.imports import mapping_text, with_remedies
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.pose_stream import UP_AXES
 from dart_skill.recording.imports.throw_recording import convert, read_recording
-from dart_skill.robot import same_plan
 from dart_skill.session import NothingLearned, find_throws, learn_from_bag
 from dart_skill.session._throw_memory import ThrowMemory
-from dart_skill.skill.improve import PractisingSkill
-from dart_skill.skill.learn import DEFAULT, load_model
-from dart_skill.skill.observe import ThrowFinder, ThrowLog
-from dart_skill.skill.observe._throw_finder import MEMORY_NS
+from dart_skill.skills.learning import DEFAULT, load_model
+from dart_skill.skills.observation import ThrowFinder, ThrowLog
+from dart_skill.skills.observation._throw_finder import MEMORY_NS
+from dart_skill.skills.practice import PractisingSkill
 from tests.paths import ROOT
 from tests.recorded_session import THROWN_AT, as_published, same
 
@@ -351,7 +351,7 @@ def test_models_of_two_demos_have_two_names(bag, file, tmp_path):
 
 @pytest.mark.parametrize("forgets_ns", [MEMORY_NS, 12_000_000_000])
 def test_throws_are_found_while_they_are_made(recorded_session, recording, forgets_ns, monkeypatch):
-    monkeypatch.setattr("dart_skill.skill.observe._throw_finder.MEMORY_NS", forgets_ns)
+    monkeypatch.setattr("dart_skill.skills.observation._throw_finder.MEMORY_NS", forgets_ns)
     log = ThrowLog()
     finder, found = ThrowFinder(log), []
     with BagReader(recorded_session[0]) as raw, BagReader(recorded_session[0]) as bag:

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from dart_skill.robot import CommanderSettings, Mode, PlanRefused, same_plan
+from dart_skill.arm import CommanderSettings, Mode, PlanRefused, same_plan
 from dart_skill.session import Session
-from dart_skill.skill.learn import learn
-from dart_skill.skill.observe import judge_flight
+from dart_skill.skills.learning import learn_throwing
+from dart_skill.skills.observation import judge_flight
 
 BASKET = np.array([1.85, 0.15, 0.40])
 
 
 @pytest.fixture(scope="module")
 def learned(demonstrations):
-    return learn(demonstrations).plan(BASKET)
+    return learn_throwing(demonstrations).plan(BASKET)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_the_throw_itself_is_a_demonstration(thrown, learned):
     np.testing.assert_allclose(d.target, BASKET, atol=1e-3)
     assert d.hand_time[0] <= d.motion_start < d.hand_opened < d.motion_stop
     assert d.motion_stop - d.motion_start == pytest.approx(learned.path.duration, abs=0.3)
-    learn([d, d])
+    learn_throwing([d, d])
 
 
 def test_teaching_tries_again_until_the_ball_is_in(taught):
@@ -89,7 +89,7 @@ def test_learning_sees_nothing_that_only_the_simulator_knows(demonstrations, tau
     session.plant.__class__ = Lying
     told = [session.teach(target, attempts=1)[0] for target in taught_targets[:2]]
     assert all(trial.ball_was_in for trial in told), "the lies were told"
-    plans = [learn(shown).plan(BASKET) for shown in ([trial.demonstration for trial in told], demonstrations[:2])]
+    plans = [learn_throwing(shown).plan(BASKET) for shown in ([trial.demonstration for trial in told], demonstrations[:2])]
     assert same_plan(*plans)
     session.close()
 

@@ -7,15 +7,15 @@ import shlex
 import numpy as np
 import pytest
 
+from dart_skill.arm import Grip
 from dart_skill.cli import main
 from dart_skill.recording import read_demonstrations
 from dart_skill.recording.lerobot import DatasetWriter, Feature, read_dataset
-from dart_skill.robot import Grip
 from dart_skill.session import learn_from_bag, learn_throws_from_dataset, open_dataset, skill_of_dataset, write_lerobot
 from dart_skill.session._from_lerobot import movement_in_episode, throw_in_episode
 from dart_skill.session._shown_in_recording import Shown, ShownSkill, read_shown
 from dart_skill.session._to_lerobot import features_of, frames_of
-from dart_skill.skill.protocol import HAND, Told, Track, load_skill
+from dart_skill.skills.protocol import HAND, Told, Track, load_skill
 from tests.recorded_session import THROWN_AT
 
 PICTURES = "observation.images.scene"

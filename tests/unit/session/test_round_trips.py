@@ -9,13 +9,13 @@ from hypothesis import assume, given, note, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dart_skill.constants import Grip
+from dart_skill.common.constants import Grip
+from dart_skill.common.world import ROLES
 from dart_skill.recording import BagReader, definition, read_command
 from dart_skill.recording.imports import MAPPING, convert, load_mapping, parse_mapping, read_recording, throws_to_csv
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, TIME_UNITS
 from dart_skill.session import NothingLearned, learn_from_bag, learn_throws_from_dataset, open_dataset, write_lerobot
-from dart_skill.skill.learn import Unreachable
-from dart_skill.world import ROLES
+from dart_skill.skills.learning import Unreachable
 from tests.paths import ROOT
 from tests.unit.recording.bag_files import TYPES, mcap_file, mcap_ways
 

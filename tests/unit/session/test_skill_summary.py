@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.session import DemoSummary, SkillResult, SkillSummary, ThrowResult, in_words, skill_table, write_summary
-from dart_skill.skill.protocol import Pose, Situation, TaskOutcome
+from dart_skill.skills.protocol import Pose, Situation, TaskOutcome
 
 HOLDER = Pose(np.array([0.6, 0.1, 1.2]), Rotation.from_rotvec([0.0, 0.0, np.deg2rad(30.0)]).as_quat())
 THERE = Situation({"holder": HOLDER}, {"weight": 0.3})

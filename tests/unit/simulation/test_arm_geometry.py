@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.robot import DART, ArmModel, wam_description, write_urdf
+from dart_skill.arm import DART, ArmModel, wam_description, write_urdf
 from dart_skill.simulation import ArmGeometry
 from dart_skill.simulation._arm_geometry import ArmDynamics
 from dart_skill.simulation._bullet import connect, pybullet

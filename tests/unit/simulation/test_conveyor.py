@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot import Command
+from dart_skill.arm import Command
 from dart_skill.simulation import Belt, Conveyor, Holder, Person, PlantSettings, Reacher, Reaching, make_world
 
 EXACT = Reaching(wait_spread=0.0, duration_spread=0.0, height_spread=0.0, aim_spread=0.0)

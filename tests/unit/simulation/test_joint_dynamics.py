@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.robot import Actuation, wam_description
+from dart_skill.arm import Actuation, wam_description
 from dart_skill.simulation import _joint_dynamics
 from dart_skill.simulation._joint_dynamics import JointDynamics, read_joints
 from dart_skill.simulation._transmission import Transmission

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.robot import Command, Grip, SafetyLimits
+from dart_skill.arm import Command, Grip, SafetyLimits
 from dart_skill.simulation import Plant, PlantSettings, _plant
 from tests.interpreted import interpreted
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.configuration import node_parameters
+from dart_skill.common.configuration import node_parameters
 from dart_skill.simulation import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig
 from dart_skill.simulation._motion_capture import NO_CAPSULES, Sample, _check_capsules, _walls
 

@@ -12,9 +12,9 @@ import pybullet
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.configuration import node_parameters
-from dart_skill.flight import TENNIS_BALL, flight
-from dart_skill.robot import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.arm import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.common.configuration import node_parameters
+from dart_skill.common.flight import TENNIS_BALL, flight
 from dart_skill.simulation import Basket, Plant, PlantSettings, PlantState
 from dart_skill.simulation._bullet import connect
 from dart_skill.simulation._plant import RENEWED

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.configuration import node_parameters
-from dart_skill.flight import landing
-from dart_skill.robot import ArmModel, ArmState, Command, Grip
+from dart_skill.arm import ArmModel, ArmState, Command, Grip
+from dart_skill.common.configuration import node_parameters
+from dart_skill.common.flight import landing
 from dart_skill.simulation import Person, Phase, Plant, PlantSettings, Swing, Teacher
 
 READY = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])

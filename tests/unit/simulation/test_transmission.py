@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy
 
-from dart_skill.configuration import node_parameters
-from dart_skill.robot import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.arm import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.common.configuration import node_parameters
 from dart_skill.simulation import Plant, PlantSettings
 from dart_skill.simulation._transmission import DAMPING_RATIO, Encoders, Transmission
 from tests.interpreted import interpreted

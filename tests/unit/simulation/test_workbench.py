@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot import ArmModel, Command, Grip
+from dart_skill.arm import ArmModel, Command, Grip
 from dart_skill.simulation import Bench, Carrier, Carrying, PlantSettings, Workbench, make_world
 
 HOLDER = np.array([0.6, 0.1, 1.18]), np.array([0.0, 0.0, 0.0, 1.0])

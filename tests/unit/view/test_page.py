@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 from websockets.exceptions import ConnectionClosed
 
 from dart_skill import view
+from dart_skill.arm import ArmModel, wam_description, write_urdf
+from dart_skill.common.regions import Region
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
-from dart_skill.regions import Region
-from dart_skill.robot import ArmModel, wam_description, write_urdf
 from dart_skill.simulation import Camera
-from dart_skill.skill.learn import component_ellipsoids
-from dart_skill.skill.protocol import load_skill, skill_names
+from dart_skill.skills.learning import component_ellipsoids
+from dart_skill.skills.protocol import load_skill, skill_names
 from dart_skill.view import _shapes as shapes
 from dart_skill.view._holding_controls import HOW
 from dart_skill.view._page_style import SCENE_SHARE

@@ -22,6 +22,7 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.cli.view import run_to_the_end
+from dart_skill.common.world import the_world
 from dart_skill.recording import BagWriter, definition, qos_yaml, serialize, type_hash, typestore
 from dart_skill.view.rerun import (
     VARIABLE,
@@ -41,7 +42,6 @@ from dart_skill.view.rerun import (
     workspace,
     write_layouts,
 )
-from dart_skill.world import the_world
 from tests.integration.browser import SMALL, Page, needs_chromium
 from tests.paths import BAGS, ROOT
 

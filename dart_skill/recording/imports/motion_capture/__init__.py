@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill.files import open_file
+from dart_skill.common.files import open_file
 from dart_skill.recording.imports.mapping import CaptureFile, PoseSource
 from dart_skill.recording.imports.motion_capture._capture import Capture, poses_of
 from dart_skill.recording.imports.motion_capture._markers import read_c3d, read_trc

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill.constants import UNTURNED
+from dart_skill.common.constants import UNTURNED
 from dart_skill.recording.imports.mapping import ANGLE_UNITS, LENGTH_UNITS, ROTATIONS, CaptureFile, PoseSource
 from dart_skill.recording.imports.pose_stream import UP_AXES, Axes
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.extras import need, optional
+from dart_skill.common.extras import need, optional
 from dart_skill.recording.imports.mapping import CaptureFile
 from dart_skill.recording.imports.motion_capture._capture import Body, Capture, agreed_rate, length_told, of_frames
 from dart_skill.recording.imports.pose_stream import UP_AXES

@@ -15,9 +15,9 @@ from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from dart_skill.arm import wam_description
+from dart_skill.common.regions import targets_for
 from dart_skill.recording.bags import check_bag, recover
-from dart_skill.regions import targets_for
-from dart_skill.robot import wam_description
 from dart_skill_nodes.client.failures import CallFailed, GraphFailure
 from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms.qos import LATCHED

@@ -28,7 +28,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.world import joint_names
+from dart_skill.common.world import joint_names
 from dart_skill_nodes.comms.conversions import at_place, set_stamp, stamp_ns
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions, message_class
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, pose_topic

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_arm, differences, folder, output_folder
-from dart_skill.files import new_file
+from dart_skill.common.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import COMMANDS
 from dart_skill_nodes.comms.system_process import descriptors_of, memory_of, processor_time_of, threads_of

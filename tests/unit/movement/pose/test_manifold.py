@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dart_skill.common.quaternions import from_vectors, product, to_vectors
 from dart_skill.movement.pose import angles_between, exponential, logarithm, mean_point, parallel_transport
 from dart_skill.movement.pose._derivatives import bend, inverse_jacobians
-from dart_skill.quaternions import from_vectors, product, to_vectors
 from tests.unit.movement.pose.random_poses import apart, flipped, near, orientations, turned
 
 

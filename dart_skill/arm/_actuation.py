@@ -1,0 +1,112 @@
+"""What the WAM's motors and cables do to a commanded joint torque: peak torque, the motors' torque-speed line, joint friction.
+
+It is asked at every step of the arm. So it is compiled (docs/development.md): _actuation.pxd beside it has the types.
+"""
+
+import math
+
+import numpy as np
+
+from dart_skill.arm._description import WamDescription
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.small_matrices import factor_into, solve_into
+
+STICTION_SPEED = 1e-3
+"""Joint speed [rad/s] below which Coulomb friction falls linearly to zero: a stuck joint creeps at most this fast."""
+STRIBECK_SPEED = 0.05
+"""Joint speed [rad/s] at which static friction has fallen to Coulomb friction by 1 - 1/e: chosen, docs/sources.md."""
+
+
+class Actuation:
+    """Torque limits and friction of the seven joints.
+
+    The speed limit of a joint is that of its motors: the torque that is left falls linearly to zero at the no-load speed and
+    turns into braking beyond it. J2 and J3, and J5 and J6, share two motors each, so their limits depend on both speeds.
+
+    * description: of the arm.
+    * friction_scale, motor_scale: factors on the joint friction, and on what the motors can do.
+    * stiction: what static friction is more than Coulomb friction, as a share of it; it falls with the speed (Stribeck).
+    """
+
+    def __init__(self, description: WamDescription, friction_scale: float = 1.0, motor_scale: float = 1.0, stiction: float = 0.0):
+        motors = description.motors
+        self._to_motor = np.array(motors.joint_to_motor, dtype=float)
+        self._from_joint_torque = np.linalg.inv(self._to_motor.T)
+        self._stall = motor_scale * motors.stall_torque
+        self._slope = motor_scale * motors.stall_torque / motors.no_load_speed
+        self._peak = motor_scale * description.of_joints("peak_torque")
+        self.coulomb = friction_scale * description.of_joints("coulomb_friction")
+        self.viscous = friction_scale * description.of_joints("viscous_friction")
+        self._dry, self._wet = self.coulomb, self.viscous
+        self._stiction = stiction
+        self._motor, self._momentum, self._system = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros((N_JOINTS, N_JOINTS))
+
+    def deliverable(self, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """The torque (7,) that reaches the joints when `torque` is asked for at joint velocity (7,) [N m]."""
+        for i in range(N_JOINTS):
+            asked = back_emf = 0.0
+            for j in range(N_JOINTS):
+                asked += self._from_joint_torque[i, j] * min(max(torque[j], -self._peak[j]), self._peak[j])
+                back_emf += self._to_motor[i, j] * velocity[j]
+            back_emf *= self._slope[i]
+            self._motor[i] = min(max(asked, -self._stall[i] - back_emf), self._stall[i] - back_emf)
+        return self._at_joints()
+
+    def braking(self, velocity: np.ndarray) -> np.ndarray:
+        """Torque (7,) of the motors when they are shorted, against joint velocity (7,) [N m]."""
+        for i in range(N_JOINTS):
+            speed = 0.0
+            for j in range(N_JOINTS):
+                speed += self._to_motor[i, j] * velocity[j]
+            self._motor[i] = -self._slope[i] * speed
+        return self._at_joints()
+
+    def _at_joints(self) -> np.ndarray:
+        """The motors' torques as those of the joints (7,) [N m]."""
+        result = np.empty(N_JOINTS)
+        torque = result
+        for j in range(N_JOINTS):
+            total = 0.0
+            for i in range(N_JOINTS):
+                total += self._to_motor[i, j] * self._motor[i]
+            torque[j] = total
+        return result
+
+    def damping(self, velocity: np.ndarray) -> np.ndarray:
+        """Joint friction at joint velocity (7,) as the damping (7,) [N m s/rad] that has its value there."""
+        result = np.empty(N_JOINTS)
+        damping = result
+        for j in range(N_JOINTS):
+            damping[j] = self._damping(j, velocity[j])
+        return result
+
+    def _damping(self, joint: int, velocity: float) -> float:
+        speed, dry = abs(velocity), self._dry[joint]
+        if self._stiction:
+            dry *= 1.0 + self._stiction * math.exp(-((speed / STRIBECK_SPEED) ** 2))
+        return self._wet[joint] + dry / max(speed, STICTION_SPEED)
+
+    def acceleration(self, inertia: np.ndarray, torque: np.ndarray, velocity: np.ndarray, step: float) -> np.ndarray:
+        """Joint acceleration (7,) over one step with friction, which never turns a motion round.
+
+        inertia (7, 7), torque (7,) net of gravity and Coriolis terms. Coulomb friction enters as the damping that has its
+        value at the speed reached, c / max(|v|, STICTION_SPEED): implicit Euler, one fixed-point correction.
+        """
+        result = np.empty(N_JOINTS)
+        reached, system, momentum = result, self._system, self._momentum
+        for i in range(N_JOINTS):
+            total = 0.0
+            for j in range(N_JOINTS):
+                total += inertia[i, j] * velocity[j]
+            momentum[i] = total + step * torque[i]
+            reached[i] = velocity[i]
+        for _ in range(2):
+            for i in range(N_JOINTS):
+                for j in range(i):
+                    system[i, j] = inertia[i, j]
+                system[i, i] = inertia[i, i] + step * self._damping(i, reached[i])
+            factor_into(system, system)
+            solve_into(system, momentum, reached)
+        for i in range(N_JOINTS):
+            reached[i] = (reached[i] - velocity[i]) / step
+        return result

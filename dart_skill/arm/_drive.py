@@ -1,0 +1,367 @@
+"""What drives the arm, number by number: the springs of (7.19), and the wrench and the torques that make the hand follow them.
+
+With the mobility A = J M^-1 J' of the hand, a wrench A^-1 (a - dJ/dt qd) gives it the acceleration a (Khatib, 1987). The eigenvectors of A
+are the directions in which the hand moves along the force. Those in which it hardly moves are left to the posture.
+
+It is asked at every step of the arm. So it is compiled (docs/development.md): _drive.pxd beside it has the types.
+"""
+
+import math
+
+import numpy as np
+import scipy
+
+from dart_skill.arm._arm_terms import ArmTerms
+from dart_skill.common.constants import N_JOINTS
+from dart_skill.common.small_matrices import factor_into, solve_into
+
+
+def turn(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad]. ValueError for other shapes."""
+    if target.shape[0] != 3 or target.shape[1] != 3 or rotation.shape[0] != 3 or rotation.shape[1] != 3:
+        raise ValueError(f"rotations of shapes {np.shape(target)} and {np.shape(rotation)} are no matrices (3, 3)")
+    result = np.empty(3)
+    _turn(target, rotation, result, 0)
+    return result
+
+
+def pull(
+    position: np.ndarray,
+    rotation: np.ndarray,
+    velocity: np.ndarray,
+    hand_position: np.ndarray,
+    hand_rotation: np.ndarray,
+    hand_velocity: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+) -> np.ndarray:
+    """Acceleration (6,) of a hand that spring and damper pull to a pose with a velocity, linear over angular: k (y - x) + d (v_y - v).
+
+    * position, rotation, velocity: y and v_y, (3,) [m], (3, 3) and (6,) [m/s, rad/s].
+    * hand_position, hand_rotation, hand_velocity: x and v, the same of the hand.
+    * stiffness, damping: k (6,) [1/s^2] and d (6,) [1/s].
+
+    ValueError for other shapes.
+    """
+    _check_pull(position, rotation, velocity, stiffness, damping)
+    _check_pull(hand_position, hand_rotation, hand_velocity, stiffness, damping)
+    result = np.zeros(6)
+    _add_pull(position, rotation, velocity, hand_position, hand_rotation, hand_velocity, stiffness, damping, np.empty(6), result)
+    return result
+
+
+def _add_pull(
+    position: np.ndarray,
+    rotation: np.ndarray,
+    velocity: np.ndarray,
+    hand_position: np.ndarray,
+    hand_rotation: np.ndarray,
+    hand_velocity: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    error: np.ndarray,
+    acceleration: np.ndarray,
+) -> None:
+    """Add k (y - x) + d (v_y - v) to an acceleration (6,); y - x is left in `error` (6,)."""
+    for i in range(3):
+        error[i] = position[i] - hand_position[i]
+    _turn(rotation, hand_rotation, error, 3)
+    for i in range(6):
+        acceleration[i] += stiffness[i] * error[i] + damping[i] * (velocity[i] - hand_velocity[i])
+
+
+def _check_pull(position: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> None:
+    """ValueError unless the shapes are those of a pose with its velocity, and of gains."""
+    if position.shape[0] != 3 or rotation.shape[0] != 3 or rotation.shape[1] != 3 or velocity.shape[0] != 6:
+        raise ValueError(f"the pose has shapes {np.shape(position)}, {np.shape(rotation)}, {np.shape(velocity)}, not (3,), (3, 3), (6,)")
+    if stiffness.shape[0] != 6 or damping.shape[0] != 6:
+        raise ValueError(f"stiffness has shape {np.shape(stiffness)} and damping {np.shape(damping)}, not (6,)")
+
+
+def _turn(target: np.ndarray, rotation: np.ndarray, result: np.ndarray, k: int) -> None:
+    """Write the rotation vector from index k on."""
+    x = 0.5 * (_product(target, 2, rotation, 1) - _product(target, 1, rotation, 2))
+    y = 0.5 * (_product(target, 0, rotation, 2) - _product(target, 2, rotation, 0))
+    z = 0.5 * (_product(target, 1, rotation, 0) - _product(target, 0, rotation, 1))
+    trace = _product(target, 0, rotation, 0) + _product(target, 1, rotation, 1) + _product(target, 2, rotation, 2)
+    sine, cosine, scale = math.sqrt(x * x + y * y + z * z), 0.5 * (trace - 1.0), 1.0
+    if sine < 1e-9 and cosine < 0.0:
+        _half_turn(target, rotation, result, k)
+        return
+    if sine >= 1e-9:
+        scale = math.atan2(sine, cosine) / sine
+    result[k], result[k + 1], result[k + 2] = scale * x, scale * y, scale * z
+
+
+def _half_turn(target: np.ndarray, rotation: np.ndarray, result: np.ndarray, k: int) -> None:
+    """Its axis is an eigenvector, either way round: the largest column of the turn and 1."""
+    axis, length = 0, 0.0
+    for i in range(1, 3):
+        if _product(target, i, rotation, i) > _product(target, axis, rotation, axis):
+            axis = i
+    for i in range(3):
+        result[k + i] = _product(target, i, rotation, axis)
+        if i == axis:
+            result[k + i] += 1.0
+        length += result[k + i] * result[k + i]
+    for i in range(3):
+        result[k + i] *= 3.141592653589793 / math.sqrt(length)
+
+
+def _product(target: np.ndarray, i: int, rotation: np.ndarray, j: int) -> float:
+    """Entry of target rotation'."""
+    return target[i, 0] * rotation[j, 0] + target[i, 1] * rotation[j, 1] + target[i, 2] * rotation[j, 2]
+
+
+class Drive:
+    """Wrench and joint torques for a wanted acceleration of the hand.
+
+    * lengths: metres that a metre, or a radian, of each direction counts for (6,).
+    * coulomb, viscous: joint friction that is compensated (7,) [N m], [N m s/rad].
+    * weak: torque (7,) [N m] that tells in which direction the friction of a joint at rest acts.
+    * slow: speed that tells it [rad/s].
+    * null_stiffness, null_damping: hold the posture in the arm's free motion [1/s^2], [1/s].
+    * least_mobility: a direction that is less mobile is left to the posture gradually [1/kg].
+    """
+
+    def __init__(
+        self,
+        lengths: np.ndarray,
+        coulomb: np.ndarray,
+        viscous: np.ndarray,
+        weak: np.ndarray,
+        slow: float,
+        null_stiffness: float,
+        null_damping: float,
+        least_mobility: float,
+    ):
+        self._lengths, self._coulomb, self._viscous, self._weak, self._slow = lengths, coulomb, viscous, weak, slow
+        self._null_stiffness, self._null_damping, self._least_mobility = null_stiffness, null_damping, least_mobility
+        self._lower, self._halved = np.zeros((N_JOINTS, N_JOINTS)), np.zeros((6, N_JOINTS))
+        self._mobility, self._directions, self._mobile = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+        self._wanted, self._disturbing, self._wrench = np.zeros(6), np.zeros(6), np.zeros(6)
+        self._free, self._null, self._total = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(N_JOINTS)
+
+    def add_pull(
+        self,
+        terms: ArmTerms,
+        position: np.ndarray,
+        rotation: np.ndarray,
+        velocity: np.ndarray,
+        stiffness: np.ndarray,
+        damping: np.ndarray,
+        acceleration: np.ndarray,
+    ) -> None:
+        """Add what spring and damper ask of the hand of the arm in its state, as of `pull`, to an acceleration (6,)."""
+        _check_pull(position, rotation, velocity, stiffness, damping)
+        _add_pull(
+            position, rotation, velocity, terms.position, terms.rotation, terms.velocity, stiffness, damping, self._wrench, acceleration
+        )
+
+    def act(self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (6,) and joint torque (7,) that accelerate the hand of the arm in its state; posture (7,) in the null space."""
+        self._shape(terms, acceleration, posture)
+        wrench, result = np.empty(6), np.empty(N_JOINTS)
+        torque = result
+        self._told(wrench)
+        for j in range(self._free.shape[0]):
+            torque[j] = terms.coriolis[j] + self._friction(j, terms.qd[j], self._total[j]) + self._null[j]
+        return wrench, result
+
+    def moved(self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same with the friction of joints that move, and the joint acceleration (7,) that an arm without friction then has."""
+        self._shape(terms, acceleration, posture)
+        wrench, result, accelerated = np.empty(6), np.empty(N_JOINTS), np.empty(N_JOINTS)
+        torque = result
+        self._told(wrench)
+        for j in range(self._free.shape[0]):
+            torque[j] = terms.coriolis[j] + self._friction(j, terms.qd[j], 0.0) + self._null[j]
+        solve_into(self._lower, self._total, accelerated)
+        return wrench, result, accelerated
+
+    def friction(self, qd: np.ndarray, drive: np.ndarray) -> np.ndarray:
+        """Friction (7,) [N m] that is compensated at speeds qd (7,) [rad/s] of joints that torques drive (7,) [N m]."""
+        result = np.empty(N_JOINTS)
+        torque = result
+        for j in range(self._free.shape[0]):
+            torque[j] = self._friction(j, qd[j], drive[j])
+        return result
+
+    def _friction(self, joint: int, speed: float, drive: float) -> float:
+        return self._coulomb[joint] * math.tanh(speed / self._slow + drive / self._weak[joint]) + self._viscous[joint] * speed
+
+    def _shape(self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray) -> None:
+        """Wrench, torques in the null space, and both as torques of the joints."""
+        if acceleration.shape[0] != 6 or posture.shape[0] != self._free.shape[0]:
+            raise ValueError(f"acceleration has shape {np.shape(acceleration)} and posture {np.shape(posture)}, not (6,) and ({N_JOINTS},)")
+        terms.find_inertia()
+        terms.find_coriolis()
+        jacobian, inertia, n = terms.jacobian, terms.inertia, self._free.shape[0]
+        self._find_directions(jacobian, inertia)
+        for j in range(n):
+            self._free[j] = self._null_stiffness * (posture[j] - terms.q[j]) - self._null_damping * terms.qd[j]
+        for i in range(6):
+            self._wanted[i] = acceleration[i] - terms.drift[i]
+            self._disturbing[i] = 0.0
+            for j in range(n):
+                self._disturbing[i] += jacobian[i, j] * self._free[j]
+        self._as_wrench(self._wanted)
+        self._as_wrench(self._disturbing)
+        for j in range(n):
+            self._null[j] = self._total[j] = 0.0
+            for i in range(n):
+                self._null[j] += inertia[j, i] * self._free[i]
+            for i in range(6):
+                self._null[j] -= jacobian[i, j] * self._disturbing[i]
+                self._total[j] += jacobian[i, j] * self._wanted[i]
+            self._total[j] += self._null[j]
+
+    def _find_directions(self, jacobian: np.ndarray, inertia: np.ndarray) -> None:
+        """Eigenvectors of the mobility X X' with X = J L'^-1 and M = L L', a radian counting for its length."""
+        lower, halved, mobility, n = self._lower, self._halved, self._mobility, self._free.shape[0]
+        factor_into(inertia, lower)
+        for i in range(6):
+            for j in range(n):
+                rest = self._lengths[i] * jacobian[i, j]
+                for k in range(j):
+                    rest -= lower[j, k] * halved[i, k]
+                halved[i, j] = rest / lower[j, j]
+            for j in range(i + 1):
+                total = 0.0
+                for k in range(n):
+                    total += halved[i, k] * halved[j, k]
+                mobility[i, j] = mobility[j, i] = total
+        self._mobile, columns, _ = scipy.linalg.lapack.dsyev(self._mobility)
+        self._directions = columns.T
+
+    def _as_wrench(self, acceleration: np.ndarray) -> None:
+        """Replace an acceleration (6,) of the hand by the wrench (6,) that gives it to the hand where that is mobile enough."""
+        directions, wrench, least = self._directions, self._wrench, self._least_mobility
+        for i in range(6):
+            acceleration[i] *= self._lengths[i]
+            wrench[i] = 0.0
+        for k in range(6):
+            along, mobile = 0.0, self._mobile[k]
+            for i in range(6):
+                along += directions[k, i] * acceleration[i]
+            # The share min(mobile / least, 1)^2 of the acceleration, divided by the mobility.
+            if mobile < least:
+                along *= mobile / (least * least)
+            else:
+                along /= mobile
+            for i in range(6):
+                wrench[i] += along * directions[k, i]
+        for i in range(6):
+            acceleration[i] = self._lengths[i] * wrench[i]
+
+    def _told(self, wrench: np.ndarray) -> None:
+        for i in range(6):
+            wrench[i] = self._wanted[i]
+
+
+class JointSpring:
+    """Spring and damper of each joint.
+
+    * stiffness, damping: (7,) [N m/rad], [N m s/rad].
+    * limit: of the torque (7,) [N m].
+    """
+
+    def __init__(self, stiffness: np.ndarray, damping: np.ndarray, limit: np.ndarray):
+        self._stiffness, self._damping, self._limit = stiffness, damping, limit
+
+    def torque(self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray) -> np.ndarray:
+        """Torque (7,) [N m] from angles and speeds towards others, (7,) each. ValueError for a posture of another shape."""
+        if q_wanted.shape[0] != self._limit.shape[0]:
+            raise ValueError(f"a posture of shape {np.shape(q_wanted)} is none of an arm with {N_JOINTS} joints")
+        result = np.empty(N_JOINTS)
+        torque = result
+        for j in range(self._limit.shape[0]):
+            torque[j] = self._at(j, q_wanted[j] - q[j], qd_wanted[j] - qd[j])
+        return result
+
+    def damp(self, qd: np.ndarray) -> np.ndarray:
+        """Torque (7,) [N m] against speeds (7,), of twice the damping, within twice the limits."""
+        result = np.empty(N_JOINTS)
+        torque = result
+        for j in range(self._limit.shape[0]):
+            torque[j] = min(max(-2.0 * self._damping[j] * qd[j], -2.0 * self._limit[j]), 2.0 * self._limit[j])
+        return result
+
+    def brake(
+        self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, needed: np.ndarray, time: float, shortest: float
+    ) -> np.ndarray:
+        """Torque (7,) [N m], within twice the limits, of a motion that dies away exponentially, and of the pull to it.
+
+        * q, qd: angles and speeds (7,).
+        * start, speed: those at the beginning (7,).
+        * needed: torque (7,) that would take away the speed in 1 s [N m].
+        * time: since the beginning [s].
+        * shortest: time constant [s]; where the torques do not suffice it is longer.
+        """
+        result, longest = np.empty(N_JOINTS), shortest
+        torque = result
+        for j in range(self._limit.shape[0]):
+            longest = max(longest, abs(needed[j]) / (2.0 * self._limit[j]))
+        left = math.exp(-time / longest)
+        for j in range(self._limit.shape[0]):
+            expected, most = start[j] + longest * (1.0 - left) * speed[j], 2.0 * self._limit[j]
+            asked = -needed[j] * left / longest + self._at(j, expected - q[j], left * speed[j] - qd[j])
+            torque[j] = min(max(asked, -most), most)
+        return result
+
+    def _at(self, joint: int, way: float, faster: float) -> float:
+        most = self._limit[joint]
+        return min(max(self._stiffness[joint] * way + self._damping[joint] * faster, -most), most)
+
+
+def coasted(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Angles and speeds (7,) a step [s] later, at constant acceleration."""
+    angles, speeds = np.empty(N_JOINTS), np.empty(N_JOINTS)
+    later, faster = angles, speeds
+    for j in range(q.shape[0]):
+        later[j] = q[j] + step * qd[j] + 0.5 * step * step * qdd[j]
+        faster[j] = qd[j] + step * qdd[j]
+    return angles, speeds
+
+
+def with_swing(posture: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """A posture (7,) in which the joints that swing, J2, J4 and J6, are where they are in q (7,). ValueError for other shapes."""
+    if posture.shape[0] != q.shape[0]:
+        raise ValueError(f"a posture of shape {np.shape(posture)} is none of an arm with {N_JOINTS} joints")
+    result = np.empty(N_JOINTS)
+    free = result
+    for j in range(q.shape[0]):
+        free[j] = q[j] if j % 2 else posture[j]
+    return result
+
+
+def cut(wrench: np.ndarray, most_force: float, most_moment: float) -> np.ndarray:
+    """A wrench (6,), its force and its moment shortened to the most that they may be [N], [N m]."""
+    force = math.sqrt(wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2])
+    moment = math.sqrt(wrench[3] * wrench[3] + wrench[4] * wrench[4] + wrench[5] * wrench[5])
+    result = np.empty(6)
+    shortened = result
+    for i in range(3):
+        shortened[i] = min(1.0, most_force / max(1e-9, force)) * wrench[i]
+        shortened[3 + i] = min(1.0, most_moment / max(1e-9, moment)) * wrench[3 + i]
+    return result
+
+
+def least_jerk(start: np.ndarray, end: np.ndarray, duration: float, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and acceleration (n,) at a time [s] of the motion of least jerk from start to end (n,) of a duration [s].
+
+    ValueError unless both have as many numbers.
+    """
+    if end.shape[0] != start.shape[0]:
+        raise ValueError(f"a motion from {np.shape(start)} to {np.shape(end)} numbers is none")
+    n, s = start.shape[0], min(max(time / duration, 0.0), 1.0)
+    left = 1.0 - s
+    share = (10.0 - 15.0 * s + 6.0 * s * s) * s * s * s
+    speed = 30.0 * s * s * left * left / duration
+    faster = 60.0 * s * left * (1.0 - 2.0 * s) / (duration * duration)
+    position, velocity, acceleration = np.empty(n), np.empty(n), np.empty(n)
+    at, moving, accelerating = position, velocity, acceleration
+    for i in range(n):
+        way = end[i] - start[i]
+        at[i], moving[i], accelerating[i] = start[i] + share * way, speed * way, faster * way
+    return position, velocity, acceleration

@@ -1,0 +1,236 @@
+"""Who says at each instant what the hand shall do: a plan that was made beforehand, or a model that is asked while the arm moves."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from dart_skill.arm._command import Speed
+from dart_skill.arm._impedance import PoseGains, Reference, rotation_error
+from dart_skill.arm._joint_checks import distance
+from dart_skill.arm._model import HandState
+from dart_skill.arm._motion_plan import Gains, GainsOverTime, GripEvent, MotionPlan, Pace
+from dart_skill.arm._plan_rows import PlanRows
+from dart_skill.common.constants import Grip
+from dart_skill.common.quaternions import CONJUGATE, matrices, product, to_vectors, unit
+
+AS_SHOWN = 0.5
+"""Rate of a plan's clock below which the hand is held back: the fingers do nothing then."""
+HELD_BACK = 5.0
+"""A motion that is held back for so long is given up [s]."""
+STANDS = 0.01
+"""A hand that is planned to be slower has no way along which it could be late [m/s]."""
+EARLY = 1e-9
+"""By which an event may be early [s]: times are rounded to the nanosecond."""
+
+
+class Guidance(NamedTuple):
+    """What the hand shall do now.
+
+    * time: on the clock of the guide [s].
+    * reference, gains: where the hand is pulled, and how strongly.
+    * grip: what the fingers are told, again and again.
+    * carries: whether the hand holds something.
+    * off: how far the hand is from where it must be [m]; 0 where it may be anywhere.
+    * over: there is nothing to follow any more, and the arm is braked.
+    * fault: why the motion cannot go on; empty if it can.
+    * posture: joint angles (7,) that the arm's free motion aims at [rad]; None: those of the start.
+    """
+
+    time: float
+    reference: Reference
+    gains: PoseGains
+    grip: Grip
+    carries: bool
+    off: float
+    over: bool
+    fault: str = ""
+    posture: np.ndarray | None = None
+
+
+class Guide(Protocol):
+    """Guides the hand through one motion.
+
+    what: the motion in a word; start_posture: joint angles before it (7,) [rad]; speed: level of speed that it needs.
+    """
+
+    what: str
+    start_posture: np.ndarray
+    speed: Speed
+
+    def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
+        """What a hand in this state shall do, so long after the motion began [s]; stamp_ns: of the state [ns].
+
+        time: on the guide's clock.
+        """
+        ...
+
+
+class PlanGuide:
+    """Guides through a plan; where the plan has a pace, the state of the hand drives its clock, else time does.
+
+    * follow_time: the path is followed for so long after the plan's end [s].
+    """
+
+    def __init__(self, plan: MotionPlan, follow_time: float):
+        self.plan, self.what, self.start_posture, self.speed = plan, plan.what, plan.start_posture, plan.speed
+        self._references, self._fingers = References(plan), Fingers(plan.events, plan.carries)
+        self._duration = plan.path.duration
+        self._last = min(self._duration, plan.end + follow_time)
+        self._clock = Clock(plan.pace, plan.path.time, self._fingers) if plan.pace is not None else None
+
+    def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
+        """As of `Guide`."""
+        rate = 1.0
+        if self._clock is not None:
+            time, rate = self._clock.at(time, hand, self._references)
+        grip, carries = self._fingers.at(time)
+        reference = self._references.at(time)
+        return Guidance(
+            time=time,
+            reference=reference if rate == 1.0 else paced(reference, rate),
+            gains=self._references.gains_at(time),
+            grip=grip,
+            carries=carries,
+            off=self._off(reference, hand) if time < self.plan.end else 0.0,
+            over=time > self._last or self._clock is not None and time >= self._duration,
+            fault=self._fingers.fault,
+            posture=self._references.posture_at(time),
+        )
+
+    def _off(self, reference: Reference, hand: HandState) -> float:
+        """From the point of the plan; where the hand may be late, from the path about that point."""
+        if self._clock is None:
+            return distance(reference.position, hand.position)
+        off, way = hand.position - reference.position, reference.velocity[:3]
+        return float(np.linalg.norm(off - (off @ way) * way / max(way @ way, STANDS**2)))
+
+
+class Fingers:
+    """What the fingers do on the clock of a guide, and where that clock waits for a hand that is held back.
+
+    * carries: whether the hand holds something at the start.
+    * events: when the fingers are told something.
+
+    Attribute: fault, why the motion was given up, once the hand was held back for too long; empty until then.
+    """
+
+    def __init__(self, events: Sequence[GripEvent], carries: bool):
+        self._events, self._carries = tuple(events), carries
+        self._slow, self.fault = 0.0, ""
+
+    def at(self, time: float) -> tuple[Grip, bool]:
+        """What they are told at a time on the clock [s], and whether the hand holds something then."""
+        grip, carries = Grip.UNSPECIFIED, self._carries
+        for event in self._events:
+            if time >= event.time - EARLY:
+                grip = event.grip
+                if time > event.done:
+                    carries = grip == Grip.CLOSE
+        return grip, carries
+
+    def held(self, now: float, later: float, rate: float, step: float) -> float:
+        """Where the clock gets in a step [s] that would lead it from now to later [s]: not past an event while the hand is held back.
+
+        rate: of the clock, 1 as shown.
+        """
+        if rate >= AS_SHOWN:
+            self._slow = 0.0
+            return later
+        self._slow += step
+        if self._slow > HELD_BACK:
+            self.fault = f"the hand was held back for {self._slow:.0f} s"
+        return min([later, *(event.time - 2.0 * EARLY for event in self._events if event.time - EARLY > now)])
+
+
+class Clock:
+    """The clock of a plan, which the state of the hand drives (`Pace`)."""
+
+    def __init__(self, pace: Pace, instants: np.ndarray, fingers: Fingers):
+        self._rule, self._gain, self._instants, self._fingers = pace.rule, pace.gain, instants.tolist(), fingers
+        self._now, self._then = 0.0, 0.0
+
+    def at(self, time: float, hand: HandState, references: References) -> tuple[float, float]:
+        """Time on the clock, and its rate, so long after the motion began [s]."""
+        step = time - self._then
+        self._then = time
+        rate = self._rate(hand, references.at(self._now))
+        self._now = min(self._fingers.held(self._now, self._now + rate * step, rate, step), self._instants[-1])
+        return self._now, rate
+
+    def _rate(self, hand: HandState, reference: Reference) -> float:
+        k = min(max(bisect_right(self._instants, self._now) - 1, 0), len(self._instants) - 1)
+        error = -rotation_error(reference.rotation, hand.rotation)
+        ahead = float(self._gain[k] @ np.concatenate([hand.position - reference.position, error, hand.velocity - reference.velocity]))
+        return self._rule.rate(ahead)
+
+
+def paced(reference: Reference, rate: float) -> Reference:
+    """The reference of a motion that goes on at another rate than planned."""
+    return replace(reference, velocity=rate * reference.velocity, acceleration=rate * rate * reference.acceleration)
+
+
+class References:
+    """A plan as a function of time: linear between its instants, a share of the turn from each orientation to the next."""
+
+    def __init__(self, plan: MotionPlan):
+        path = plan.path
+        self._position_gains, self._orientation_gains = plan.position_gains, plan.orientation_gains
+        self._constant = self._constant_gains()
+        self._posture = plan.posture
+        linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration], dtype=float)
+        turns = [unit(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
+        rotation = np.stack([matrices(turn) for turn in turns], axis=1)  # (n, 2, 3, 3)
+        # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
+        angle = np.stack([to_vectors(product(turn[1:], CONJUGATE * turn[:-1])) for turn in turns], axis=1)
+        skew = _skew(angle)
+        first = skew @ rotation[:-1]
+        self._rows = PlanRows(np.array(path.time, dtype=float), linear, rotation, first, 0.5 * skew @ first)
+
+    def at(self, time: float) -> Reference:
+        """What the hand shall do at an instant of the plan [s]."""
+        return Reference(*self._rows.at(time))
+
+    def gains_at(self, time: float) -> PoseGains:
+        """How strongly the hand is pulled at an instant of the plan [s]."""
+        if self._constant is not None:
+            return self._constant
+        parts = [self._gains_at(gains, *self._rows.place(time)) for gains in (self._position_gains, self._orientation_gains)]
+        return PoseGains(*(_block_diagonal(position, orientation) for position, orientation in zip(*parts, strict=True)))
+
+    def posture_at(self, time: float) -> np.ndarray | None:
+        """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say. time: on the clock of the plan [s]."""
+        if self._posture is None:
+            return None
+        k, share = self._rows.place(time)
+        return self._posture[k] + min(max(share, 0.0), 1.0) * (self._posture[k + 1] - self._posture[k])
+
+    def _constant_gains(self) -> PoseGains | None:
+        position, orientation = self._position_gains, self._orientation_gains
+        if isinstance(position, Gains) and isinstance(orientation, Gains):
+            return PoseGains.of((position.stiffness, position.damping), (orientation.stiffness, orientation.damping))
+        return None
+
+    @staticmethod
+    def _gains_at(gains: Gains | GainsOverTime, k: int, share: float) -> tuple[np.ndarray, np.ndarray]:
+        if isinstance(gains, Gains):
+            return gains.stiffness * np.eye(3), gains.damping * np.eye(3)
+        share = min(max(share, 0.0), 1.0)
+        return tuple(rows[k] + share * (rows[k + 1] - rows[k]) for rows in (gains.stiffness, gains.damping))
+
+
+def _block_diagonal(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    both = np.zeros((6, 6))
+    both[:3, :3], both[3:, 3:] = first, second
+    return both
+
+
+def _skew(vectors: np.ndarray) -> np.ndarray:
+    """Matrices (..., 3, 3) whose product with b is the cross product of vectors (..., 3) and b."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))

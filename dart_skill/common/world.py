@@ -1,0 +1,116 @@
+"""The world that nodes, judge and figures agree on: frame, tracked bodies, basket, region and ball, from config/world.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache, lru_cache
+
+from dart_skill.common.configuration import load_yaml, world_parameters
+
+ROLES = ("hand", "ball", "basket")
+"""What a tracked body is in a throw."""
+THROW = "throw"
+"""Name of the skill of throws at baskets."""
+THROWN = {THROW: ("ball", "basket"), "darts": ("dart", "board")}
+"""Skills of throwing: roles of what is thrown, and of what it is thrown at."""
+DEMONSTRATION_TOPIC, MARK_TOPIC = "/demonstrations", "/demonstration_marks"
+"""What was shown, and which of it is left out."""
+
+
+@dataclass(frozen=True)
+class World:
+    """The entries of config/world.yaml.
+
+    * skill: its name.
+    * frame_id: frame of all poses.
+    * hand_body, ball_body, basket_body: names of the tracked bodies.
+    * watch_time: how long a flight is watched at most [s].
+    * basket_radius: of its rim [m].
+    * basket_depth: from the rim to the floor of the basket [m].
+    * board_position: of the bull of a dart board that faces the base axis (3,) [m].
+    * near, far, side: the region that baskets stand in: distances straight ahead [m] and largest angle to a side [rad].
+    * rim: height of the rim [m].
+    * ball_mass: [kg].
+    * ball_diameter: [m].
+    * ball_restitution: share of its speed that is left after it bounced.
+    * ball_drag_coefficient: of a sphere, without a unit.
+    * ball_inertia: about any axis through its centre [kg m^2].
+    """
+
+    skill: str
+    frame_id: str
+    hand_body: str
+    ball_body: str
+    basket_body: str
+    watch_time: float
+    basket_radius: float
+    basket_depth: float
+    board_position: tuple[float, float, float]
+    near: float
+    far: float
+    side: float
+    rim: float
+    ball_mass: float
+    ball_diameter: float
+    ball_restitution: float
+    ball_drag_coefficient: float
+    ball_inertia: float
+
+    @property
+    def watch_ns(self) -> int:
+        """`watch_time` [ns]."""
+        return round(self.watch_time * 1e9)
+
+    def body(self, role: str) -> str:
+        """Name of the tracked body with a role in a skill; one that is not named here is called like its role."""
+        return {"hand": self.hand_body, "ball": self.ball_body, "basket": self.basket_body}.get(role, role)
+
+    def pose_topics(self) -> dict[str, str]:
+        """Topic of the poses of each role."""
+        return {role: pose_topic(self.body(role)) for role in ROLES}
+
+
+@lru_cache(maxsize=1)
+def the_world() -> World:
+    """The world of config/world.yaml; ValueError if an entry is missing, or one is not known."""
+    entries = _checked(world_parameters())
+    return World(**{**entries, "board_position": tuple(entries["board_position"])})
+
+
+def pose_topic(body: str) -> str:
+    """Topic on which the driver of the motion capture, vrpn_mocap, publishes the poses of a body."""
+    return f"/vrpn_mocap/{body}/pose"
+
+
+def _checked(entries: Mapping) -> Mapping:
+    wanted, given = {field.name for field in fields(World)}, set(entries)
+    if wanted != given:
+        raise ValueError(f"world.yaml lacks {sorted(wanted - given)} and has, unknown, {sorted(given - wanted)}")
+    return entries
+
+
+@cache
+def joint_names() -> tuple[str, ...]:
+    """Names of the arm's joints, from the base to the hand, as config/wam.yaml has them."""
+    return tuple(joint["name"] for joint in load_yaml("wam.yaml")["joints"])
+
+
+@lru_cache(maxsize=64)
+def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[int] | slice:
+    """Where the arm's joints are among the names of a joint state, which may have more: indices, or a slice if they are the first in order.
+
+    * names: of the joint state.
+    * wanted: names of the arm's joints, default those of config/wam.yaml.
+
+    ValueError names the first joint that is missing, or is named twice.
+    """
+    wanted = wanted or joint_names()
+    if names[: len(wanted)] == wanted and not set(wanted) & set(names[len(wanted) :]):
+        return slice(len(wanted))
+    for name in wanted:
+        if names.count(name) != 1:
+            how = "is missing" if name not in names else "is named twice"
+            remedy = f"name the arm's joints {wanted[0]} to {wanted[-1]} in the driver, or put the driver's names into config/wam.yaml"
+            raise ValueError(f"joint {name} {how} among {', '.join(names) or 'no names'}: {remedy}")
+    return [names.index(name) for name in wanted]

@@ -1,7 +1,0 @@
-"""Carrying out a skill: bodies that move, and a model that is asked while the arm moves."""
-
-from dart_skill.skill.execute._hand_seen import HandSeen
-from dart_skill.skill.execute._moving_body import BodyMotion, MovingBody
-from dart_skill.skill.execute._reactive_guide import ReactiveGuide, ReactiveSettings
-
-__all__ = ["BodyMotion", "HandSeen", "MovingBody", "ReactiveGuide", "ReactiveSettings"]

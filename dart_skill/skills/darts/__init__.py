@@ -1,0 +1,220 @@
+"""Throw darts at a regulation board, and learn what to aim at (chapter 6).
+
+How to throw is learned as for baskets (`skills.throw`); here is what differs: a dart instead of a ball, an upright board that hangs where
+config/world.yaml says, and practice that moves the release to where the delay of the hand matters least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dart_skill.arm import DART, WamDescription
+from dart_skill.common.surface import BOARD_DIAMETER, BoardFace, Game, game_at
+from dart_skill.common.world import THROWN, the_world
+from dart_skill.darts import place_of, score
+from dart_skill.skills.learning import SkillConfiguration
+from dart_skill.skills.practice import CorrectionSettings
+from dart_skill.skills.protocol import Situation, SkillSettings, SkillWords, Solid
+from dart_skill.skills.throw import Throw
+
+if TYPE_CHECKING:
+    from dart_skill.darts import ModelBasedAgent
+
+AIM = ("right", "up")
+"""Numbers of a situation: where the dart shall hit, from the bull, as the thrower sees the board [m]."""
+FARTHEST_AIM = BOARD_DIAMETER
+"""Nobody aims farther from the bull than this [m]."""
+
+
+SEEN = 0.014
+"""Radius of the point that viewers show of a dart [m]."""
+
+
+@dataclass(frozen=True)
+class DartsSettings(SkillSettings):
+    """Settings of darts. How throws are learned is in their configuration (`dart_skill.skills.learning.SkillConfiguration`).
+
+    * step: of a plan [s]: finer than of a basket's, since its release is moved by milliseconds.
+    * shown: half the height and width of the part of the board that is aimed at when it is shown [m].
+    * cocked: angles of J2, J4 and J6 before the swing of a simulated person (3,) [rad].
+    * offsets, lengths, turns, apart, farthest, memory: how misses are learned from (`CorrectionSettings`).
+    * steady_every: own throws between two looks at when to let go; 0: that is not practised.
+    * window: darts from which the own spread is estimated; least: before the first estimate; every: between two estimates.
+    * tolerance: the board may hang so far from where config/world.yaml has it [m].
+    """
+
+    step: float = 0.002
+    shown: float = 0.12
+    cocked: tuple[float, ...] = (-1.00, -0.42, -0.60)
+    offsets: tuple[float, ...] = (0.05,)
+    lengths: tuple[float, ...] = (0.2,)
+    turns: tuple[float, ...] = (0.1,)
+    apart: tuple[float, ...] = (1e-6, 1e-6)
+    farthest: float = 0.15
+    memory: int = 40
+    steady_every: int = 25
+    window: int = 50
+    least: int = 10
+    every: int = 5
+    tolerance: float = 0.02
+
+    def __post_init__(self) -> None:
+        if len(self.cocked) != 3 or not np.isfinite(self.cocked).all():
+            raise ValueError(f"cocked is {self.cocked}; it must be three finite angles")
+        if len(self.apart) != 2:
+            raise ValueError(f"apart is {self.apart}; it must be two numbers")
+        for one in fields(self):
+            if one.name not in self.names():
+                continue
+            value = getattr(self, one.name)
+            good = np.size(value) and np.isfinite(value).all() and np.min(value) >= 0.0
+            if one.name != "cocked" and not good:
+                raise ValueError(f"{one.name} is {value}; it must be finite and not negative")
+        if not (self.step > 0.0 and self.shown > 0.0):
+            raise ValueError(f"step is {self.step} and shown {self.shown}; both must be positive")
+        self.correction()
+
+    def correction(self) -> CorrectionSettings:
+        """How misses are learned from."""
+        apart = float(self.apart[0]), float(self.apart[1])
+        return CorrectionSettings(self.offsets, self.lengths, self.turns, apart=apart, farthest=self.farthest, memory=self.memory)
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Those of darts: the others of every skill would be of no effect."""
+        others = {one.name for one in fields(SkillSettings)} - {"step"}
+        return tuple(name for name in super().names() if name not in others)
+
+
+class Darts(Throw):
+    """Throw the dart in the hand at a point of the board: the situation has the numbers `right` and `up`, without them it is the bull."""
+
+    name = "darts"
+    task = "throw the dart at the board"
+    bodies = THROWN["darts"]
+    world = "board"
+    corrects = "board"
+    numbers = AIM
+    units = MappingProxyType(dict.fromkeys(AIM, "m"))
+    settings_type = DartsSettings
+    settings: DartsSettings
+
+    def __init__(self, settings: SkillSettings | None = None):
+        super().__init__(settings)
+        first, second, third = self.settings.cocked
+        self.cocked = float(first), float(second), float(third)
+        self.bull = the_world().board_position
+
+    @classmethod
+    def at_board(cls, bull: Sequence[float]) -> Darts:
+        """The skill as it is configured, for a board that hangs elsewhere: its bull (3,) [m]."""
+        one = cls.configured()
+        x, y, z = (float(value) for value in bull)
+        one.bull = x, y, z
+        return one
+
+    @property
+    def words(self) -> SkillWords:
+        return replace(super().words, lessons=8, unit=("mm", 1000.0))
+
+    @property
+    def situated(self) -> tuple[str, ...]:
+        """None: the board hangs where it hangs."""
+        return ()
+
+    @property
+    def face(self) -> BoardFace:
+        """The face of the board."""
+        surface = self.game.surface
+        assert isinstance(surface, BoardFace)
+        return surface
+
+    @property
+    def game(self) -> Game:
+        return game_at(self.bull)
+
+    @property
+    def middle(self) -> tuple[float, float, float]:
+        """The bull."""
+        return self.bull
+
+    @property
+    def correction(self) -> CorrectionSettings:
+        return self.settings.correction()
+
+    @property
+    def steady_every(self) -> int:
+        return self.settings.steady_every
+
+    def solids(self, role: str) -> Sequence[Solid]:
+        return (Solid("board"),) if role == "board" else (Solid("sphere", (SEEN,)),)
+
+    def loaded(self, description: WamDescription) -> WamDescription:
+        """The arm with a dart in its hand."""
+        return replace(description, ball=DART)
+
+    def configured_for(self, configuration: SkillConfiguration) -> SkillConfiguration:
+        """For darts at this board, let go as it was shown: practice moves that."""
+        return replace(configuration, name=self.name, board=self.bull, step=self.settings.step, release="shown")
+
+    def agent(self) -> ModelBasedAgent:
+        """Who chooses what to aim at, by the spread of the own darts (6.1)."""
+        from dart_skill.darts import ModelBasedAgent  # a graph that throws at baskets has a coach that knows of darts, too
+
+        s = self.settings
+        return ModelBasedAgent(learns_from="hits", window=s.window, least=s.least, every=s.every)
+
+    def target(self, situation: Situation) -> np.ndarray:
+        aim = self._right_up(situation)
+        self.check_known((), situation.numbers)
+        if not np.hypot(*aim) <= FARTHEST_AIM:
+            raise ValueError(f"the aim is {aim[0]:.3f} m to the right and {aim[1]:.3f} m up from the bull: that is not on the board")
+        return self.face.beside_bull(aim)
+
+    def at(self, target: np.ndarray) -> Situation:
+        return self.aimed(self.face.on_board(target))
+
+    def aimed(self, point: np.ndarray) -> Situation:
+        """The situation in which a point (2,) [mm] of the board, right and up from the bull, is aimed at."""
+        right, up = 1e-3 * np.asarray(point, dtype=float)
+        return Situation({}, {"right": float(right), "up": float(up)})
+
+    def about(self, situation: Situation) -> Situation:
+        self.target(situation)
+        right, up = self._right_up(situation)
+        return Situation({}, {"right": float(right), "up": float(up)})
+
+    def _right_up(self, situation: Situation) -> np.ndarray:
+        return np.array([situation.numbers.get(name, 0.0) for name in AIM])
+
+    def aim(self, situation: Situation) -> np.ndarray:
+        """The point (2,) [mm] of the board that is aimed at, as `dart_skill.darts` has them."""
+        return 1e3 * self._right_up(situation)
+
+    def draws(self, rng: np.random.Generator, n: int) -> list[Situation]:
+        """Points to be shown: heights and sides in n strata, each used once."""
+        strata = [(rng.permutation(n) + rng.random(n)) / n for _ in range(2)]
+        return [self.aimed(point) for point in 1e3 * self.settings.shown * (2 * np.stack(strata, axis=1) - 1)]
+
+    def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
+        """A point about the bull."""
+        return self.draws(rng, 1)[0]
+
+    def check_seen(self, aimed_at: np.ndarray) -> None:
+        """ValueError if the cameras see the board (3,) [m] elsewhere than config/world.yaml has it. aimed_at: the place."""
+        away = float(np.linalg.norm(np.asarray(aimed_at, dtype=float) - self.face.bull))
+        if not away <= self.settings.tolerance:
+            raise ValueError(
+                f"the cameras see the board at {np.round(aimed_at, 3).tolist()} m, {away:.3f} m from where config/world.yaml has its bull "
+                f"(board_position, {list(self.face.bull)}): hang it there, or say there where it hangs"
+            )
+
+    def points(self, landing: np.ndarray) -> tuple[int, str]:
+        """Score of a dart that met the plane of the board at a place (3,) [m], and the bed in which it is. landing: the place."""
+        hit = self.face.on_board(landing)
+        return int(score(hit)), place_of(hit)

@@ -1,0 +1,44 @@
+"""The registration of cameras and arm, told from demonstrations: both say where the hand was."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from dart_skill.arm import ArmModel, Sightings
+from dart_skill.skills.observation._grip import rows_at
+
+INSTANTS = 24
+"""Instants of a demonstration at which the two are compared."""
+
+
+class Recorded(Protocol):
+    """What a demonstration of any skill has: the hand (n,), (n, 3), (n, 4) and the joints (k,), (k, 7), (k, 7), on one clock."""
+
+    @property
+    def hand_time(self) -> np.ndarray: ...
+    @property
+    def hand_position(self) -> np.ndarray: ...
+    @property
+    def hand_quaternion(self) -> np.ndarray: ...
+    @property
+    def joint_time(self) -> np.ndarray: ...
+    @property
+    def joint_position(self) -> np.ndarray: ...
+    @property
+    def joint_velocity(self) -> np.ndarray: ...
+
+
+def sightings(demonstration: Recorded, model: ArmModel) -> Sightings:
+    """The hand of a demonstration at some instants; none (k = 0) if the arm's joints were not recorded meanwhile. model: of the arm."""
+    d = demonstration
+    if not len(d.joint_time):
+        return Sightings(*(np.empty((0, n)) for n in (3, 4, 3, 4, 6)))
+    both = np.flatnonzero((d.hand_time >= d.joint_time[0]) & (d.hand_time <= d.joint_time[-1]))
+    chosen = both[np.linspace(0, len(both) - 1, min(INSTANTS, len(both))).round().astype(int)]
+    if len(d.joint_time) > 1:
+        q, qd = (rows_at(d.hand_time[chosen], d.joint_time, rows) for rows in (d.joint_position, d.joint_velocity))
+    else:
+        q, qd = (np.repeat(rows, len(chosen), axis=0) for rows in (d.joint_position, d.joint_velocity))
+    return Sightings.of_joints(model, q, qd, d.hand_position[chosen], d.hand_quaternion[chosen])

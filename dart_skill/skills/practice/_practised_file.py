@@ -1,0 +1,71 @@
+"""A skill that has practised, in a model file: after loading it goes on where it was saved, to the last bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from dart_skill.skills.learning import SavedModel, save_model
+from dart_skill.skills.practice._correction import CorrectionSettings
+from dart_skill.skills.practice._practice import PracticeSettings
+from dart_skill.skills.practice._practising import PractisingSkill
+
+
+def save_practised(path: str | Path, skill: PractisingSkill) -> None:
+    """Write a model with what practice has found to `path`, which must not exist; the folder must.
+
+    skill: the PractisingSkill. A plan that explores is given up if its throw was not reported.
+    FileNotFoundError if there is no such folder.
+    """
+    practised = np.empty((0, 6)) if skill.correction is None else skill.correction.throws
+    found = skill.state() if skill.practised or skill.practice.n_shown < len(skill.practice.demonstrations) else None
+    save_model(path, skill.practice.demonstrations, skill.skill.configuration, practised, found)
+
+
+def practised_skill(
+    saved: SavedModel,
+    method: str = "residual",
+    memory: PracticeSettings | None = None,
+    settings: CorrectionSettings | None = None,
+    steady_every: int = 0,
+) -> PractisingSkill:
+    """The skill of a model file, which goes on where practice ended; ValueError if what practice found is damaged.
+
+    Parameters:
+
+    * saved: what `load_model` gave.
+    * method: how to practise; default "residual". One that has no use for what was found gives way to the method that found it; only
+      "none" leaves it out.
+    * memory, settings, steady_every: as in `PractisingSkill`.
+    """
+    found = saved.found
+    method = _of_use(method, saved)
+    n_shown = len(saved.demonstrations) if found is None else _count(found, len(saved.demonstrations))
+    shown, tried = saved.demonstrations[:n_shown], saved.demonstrations[n_shown:]
+    skill = PractisingSkill(shown, saved.configuration, method, memory, settings, steady_every=steady_every, tried=tried)
+    if skill.correction is not None:
+        skill.correction.remember(saved.practised)
+    if found is not None and (method != "none" or found.get("method") == "none"):
+        skill.restore(found)
+    return skill
+
+
+def _of_use(method: str, saved: SavedModel) -> str:
+    """The method, or the one that found something which this one could not go on from."""
+    found = saved.found
+    if found is None or method == "none":
+        return method
+    kept = found.get("method")
+    searched, corrected = found.get("search") is not None, len(saved.practised) > 0
+    if (searched and method != "power") or (corrected and method not in ("residual", "both")):
+        return str(kept)
+    return method
+
+
+def _count(found: dict, most: int) -> int:
+    """How many of the demonstrations were shown."""
+    n_shown = found.get("n_shown")
+    if not isinstance(n_shown, int) or not 0 <= n_shown <= most:
+        raise ValueError(f"what practice found is damaged (n_shown is {n_shown!r} of {most} demonstrations): learn from the bag again")
+    return n_shown

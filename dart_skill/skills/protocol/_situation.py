@@ -1,0 +1,73 @@
+"""Where a movement shall be made: poses of bodies, and numbers such as a weight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from dart_skill.common.checks import as_vector
+from dart_skill.common.constants import UNTURNED
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Pose of a body in the world: position (3,) [m] and quaternion (4,) x, y, z, w; ValueError for one that is none."""
+
+    position: np.ndarray
+    quaternion: np.ndarray = field(default_factory=lambda: np.array(UNTURNED))
+
+    def __post_init__(self) -> None:
+        position, quaternion = as_vector(self.position, "position", 3), as_vector(self.quaternion, "quaternion", 4)
+        length = math.sqrt(quaternion @ quaternion)
+        if length < 1e-6:
+            raise ValueError(f"quaternion {quaternion.tolist()} has length {length:.3g}; it says no orientation")
+        object.__setattr__(self, "position", position)
+        object.__setattr__(self, "quaternion", quaternion / length)
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Axes of the body as columns (3, 3)."""
+        return _turn(self).as_matrix()
+
+    def place(self, local: Pose) -> Pose:
+        """What is at a pose in this body's frame, in the world. local: position, or pose, in this frame."""
+        turn = _turn(self)
+        return Pose(self.position + turn.apply(local.position), (turn * _turn(local)).as_quat())
+
+    def sees(self, other: Pose) -> Pose:
+        """Where another body is in the frame of this one. other: its pose."""
+        back = _turn(self).inv()
+        return Pose(back.apply(other.position - self.position), (back * _turn(other)).as_quat())
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What a movement depends on.
+
+    * poses: of bodies by their role.
+    * numbers: whatever else matters, by name.
+    """
+
+    poses: Mapping[str, Pose]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def pose(self, role: str) -> Pose:
+        """Pose of a body; ValueError names it if the situation does not say where it is."""
+        if role not in self.poses:
+            raise ValueError(f"where is the {role}? The situation says only where {', '.join(sorted(self.poses)) or 'nothing'} is")
+        return self.poses[role]
+
+    def moved(self, role: str, pose: Pose) -> Situation:
+        """The same situation with one body elsewhere. pose: where it is then."""
+        return replace(self, poses={**self.poses, role: pose})
+
+
+def _turn(pose: Pose) -> Any:
+    """As SciPy turns vectors."""
+    from scipy.spatial.transform import Rotation  # most that know of situations turn nothing
+
+    return Rotation.from_quat(pose.quaternion)

@@ -1,0 +1,53 @@
+"""The instant at which two paths move alike: against NumPy's polynomials."""
+
+import numpy as np
+import pytest
+
+from dart_skill.skills.observation._parting import parting
+
+
+def differences(seed, n=17):
+    """Times (n,) in -1 to 1, and differences (n, 3) [m] of two paths that part somewhere in between."""
+    rng = np.random.default_rng(seed)
+    time = np.sort(rng.uniform(-1.0, 1.0, n))
+    return time, np.cumsum(rng.standard_normal((n, 3)), axis=0) * 1e-3
+
+
+def fine(time):
+    return np.linspace(time[0], time[-1], 20001)
+
+
+@pytest.mark.parametrize("degree", [4, 5])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_difference_is_slowest_there_of_the_places_where_it_is_least(seed, degree):
+    """On a fine grid: no extreme of the speed nearer to the origin, or as near, has less speed."""
+    time, difference = differences(seed)
+    best, _, distance = parting(time, difference, degree)
+    curves = [np.polynomial.Polynomial.fit(time, column, degree) for column in difference.T]
+    assert distance == pytest.approx(np.sqrt(sum(one(best) ** 2 for one in curves)), rel=1e-9)
+    places = fine(time)
+    speed = np.sqrt(sum(one.deriv()(places) ** 2 for one in curves))
+    far = np.sqrt(sum(one(places) ** 2 for one in curves))
+    extremes = np.flatnonzero((speed[1:-1] < speed[:-2]) & (speed[1:-1] < speed[2:])) + 1
+    as_near = extremes[far[extremes] < distance + 1e-4]
+    assert np.sqrt(sum(one.deriv()(best) ** 2 for one in curves)) <= speed[as_near].min(initial=np.inf) + 1e-7
+
+
+def test_paths_that_part_at_an_instant_part_there():
+    time = np.linspace(-1.0, 1.0, 15)
+    difference = np.outer((time - 0.3) ** 2, [0.01, -0.02, 0.03])
+    best, deviation, distance = parting(time, difference, 4)
+    assert best == pytest.approx(0.3, abs=1e-6)
+    assert deviation < 1e-9 and distance < 1e-9
+
+
+def test_the_deviation_is_that_of_repeated_samples():
+    rng, time = np.random.default_rng(0), np.linspace(-1.0, 1.0, 15)
+    exact = np.outer((time - 0.1) ** 2, [0.01, -0.02, 0.03])
+    told = [parting(time, exact + 1e-5 * rng.standard_normal(exact.shape), 4)[:2] for _ in range(300)]
+    assert np.std([best for best, _ in told]) == pytest.approx(np.median([deviation for _, deviation in told]), rel=0.2)
+
+
+def test_too_few_samples_determine_no_polynomial():
+    with pytest.raises(ValueError, match="not positive definite"):
+        parting(np.zeros(6), np.zeros((6, 3)), 4)
