@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
-"""How time and memory of learning and of a plan grow with demonstrations, task frames, components and dimensions.
+"""How time and memory of learning and of a plan grow with demonstrations, task frames, components
+and dimensions.
 
     python3 -m benchmarks.growth [--picture docs/growth.svg]
 
-A DS-GMR model learns made demonstrations of 200 steps: smooth movements in random task frames. All but one number are as usual: 13
-demonstrations, 2 frames, 5 components, 6 columns (time and 5 variables). EM does 20 iterations. A plan is a movement of 200 steps in a new
-situation. One thread; least processor time of some repeats, and the most memory that a call holds at a time, beyond what was there before.
+A DS-GMR model learns made demonstrations of 200 steps: smooth movements in random task frames. All
+but one number are as usual: 13 demonstrations, 2 frames, 5 components, 6 columns (time and 5
+variables). EM does 20 iterations. A plan is a movement of 200 steps in a new situation. One
+thread; least processor time of some repeats, and the most memory that a call holds at a time,
+beyond what was there before.
 """
 
 import os
@@ -41,7 +44,9 @@ class Cost(NamedTuple):
 
 
 def cost_of(task: Callable[[], object], seconds: float) -> Cost:
-    """Least time of at least three calls in so many seconds, of one only where it is long; memory of another call."""
+    """Least time of at least three calls in so many seconds, of one only where it is long; memory
+    of another call.
+    """
     taken: list[float] = []
     while len(taken) < 3 or (sum(taken) < seconds and len(taken) < 200):
         begin = time.process_time()
@@ -64,20 +69,30 @@ def frame(n_dims: int, rng: np.random.Generator) -> TaskFrame:
     return TaskFrame(matrix, np.concatenate([[0.0], rng.normal(size=n_dims - 1)]))
 
 
-def measure(seconds: float, demonstrations: int, frames: int, components: int, dimensions: int) -> tuple[Cost, Cost]:
+def measure(
+    seconds: float, demonstrations: int, frames: int, components: int, dimensions: int
+) -> tuple[Cost, Cost]:
     """Costs of learning and of a plan."""
     rng, stamps = np.random.default_rng(0), np.linspace(0.0, 1.0, N_STEPS)
     phases, rates = rng.uniform(0.0, 6.0, dimensions - 1), rng.uniform(2.0, 7.0, dimensions - 1)
     shifts = rng.normal(0.0, 0.2, (demonstrations, 1, dimensions - 1))
-    motions = np.sin(rates * stamps[:, None] + phases + shifts) + rng.normal(0.0, 0.01, (demonstrations, N_STEPS, dimensions - 1))
+    motions = np.sin(rates * stamps[:, None] + phases + shifts) + rng.normal(
+        0.0, 0.01, (demonstrations, N_STEPS, dimensions - 1)
+    )
     shown = [np.column_stack([stamps, motion]) for motion in motions]
     seen_from = [[frame(dimensions, rng) for _ in range(frames)] for _ in shown]
 
     def learn() -> DSGMR:
         return DSGMR(components, tolerance=0.0, max_iterations=N_ITERATIONS).fit(shown, seen_from)
 
-    model, situation, start = learn(), [frame(dimensions, rng) for _ in range(frames)], motions[0, 0]
-    return cost_of(learn, seconds), cost_of(lambda: model.reproduce(situation, stamps, start, np.zeros(dimensions - 1)), seconds)
+    model, situation, start = (
+        learn(),
+        [frame(dimensions, rng) for _ in range(frames)],
+        motions[0, 0],
+    )
+    return cost_of(learn, seconds), cost_of(
+        lambda: model.reproduce(situation, stamps, start, np.zeros(dimensions - 1)), seconds
+    )
 
 
 def draw(found: dict[str, list[tuple[int, Cost, Cost]]], file: str) -> None:
@@ -90,8 +105,12 @@ def draw(found: dict[str, list[tuple[int, Cost, Cost]]], file: str) -> None:
     for column, (name, rows) in zip(axes.T, found.items(), strict=True):
         numbers = [number for number, *_ in rows]
         for kind, index, marker in (("learning", 1, "o"), ("a plan", 2, "s")):
-            column[0].loglog(numbers, [1e3 * row[index].seconds for row in rows], marker=marker, label=kind)
-            column[1].loglog(numbers, [1e-6 * row[index].size for row in rows], marker=marker, label=kind)
+            column[0].loglog(
+                numbers, [1e3 * row[index].seconds for row in rows], marker=marker, label=kind
+            )
+            column[1].loglog(
+                numbers, [1e-6 * row[index].size for row in rows], marker=marker, label=kind
+            )
         column[1].set_xlabel(name)
         ticks = numbers if len(numbers) < 8 else numbers[::2]
         column[1].set_xticks(ticks, [str(tick) for tick in ticks])
@@ -107,8 +126,18 @@ def draw(found: dict[str, list[tuple[int, Cost, Cost]]], file: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--picture", metavar="FILE", help="draw the curves into an SVG file, too")
-    parser.add_argument("--largest", type=int, default=2000, help="leave out larger numbers of demonstrations (default 2000)")
-    parser.add_argument("--seconds", type=float, default=0.3, help="for which each cost is measured at least (default 0.3)")
+    parser.add_argument(
+        "--largest",
+        type=int,
+        default=2000,
+        help="leave out larger numbers of demonstrations (default 2000)",
+    )
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=0.3,
+        help="for which each cost is measured at least (default 0.3)",
+    )
     options, found = parser.parse_args(), {}
     print(f"{'':<22}{'learning':>12}{'':>12}{'a plan':>12}")
     for name, numbers in GROWN.items():
@@ -118,7 +147,10 @@ def main() -> None:
                 continue
             learning, plan = measure(options.seconds, **{**USUAL, name: number})
             found[name].append((number, learning, plan))
-            costs = "".join(f"{1e3 * one.seconds:>9.2f} ms{1e-6 * one.size:>9.2f} MB" for one in (learning, plan))
+            costs = "".join(
+                f"{1e3 * one.seconds:>9.2f} ms{1e-6 * one.size:>9.2f} MB"
+                for one in (learning, plan)
+            )
             print(f"{number:>5} {name:<16}{costs}", flush=True)
     if options.picture:
         draw(found, options.picture)

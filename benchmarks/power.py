@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""PoWER's ways to explore against CMA-ES (the package `cma`): returns asked until a target is met, and what is left
-after a budget.
+"""PoWER's ways to explore against CMA-ES (the package `cma`): returns asked until a target is met,
+and what is left after a budget.
 
     python3 -m benchmarks.power [--seeds 20] [--parts] [--defaults] [--gradients]
 
-All start in the same places, uniform in (-1.5, 1.5), with spread 0.5. --parts shows what each part of the automatic
-exploration pays, --defaults how many trials the other modes should remember, --gradients what REINFORCE and the
-episodic natural actor-critic need. The peer is optional: pip install cma.
+All start in the same places, uniform in (-1.5, 1.5), with spread 0.5. --parts shows what each part
+of the automatic exploration pays, --defaults how many trials the other modes should remember,
+--gradients what REINFORCE and the episodic natural actor-critic need. The peer is optional: pip
+install cma.
 """
 
 import os
@@ -70,7 +71,12 @@ class Cma:
     """`cma` with its defaults, one trial at a time."""
 
     def __init__(self, start, spread, rng):
-        options = {"seed": int(rng.integers(1, 2**31)), "verbose": -9, "tolflatfitness": 10**6, "tolstagnation": 10**6}
+        options = {
+            "seed": int(rng.integers(1, 2**31)),
+            "verbose": -9,
+            "tolflatfitness": 10**6,
+            "tolstagnation": 10**6,
+        }
         self._strategy = cma.CMAEvolutionStrategy(list(start), spread, options)
         self._asked, self._told = [], []
 
@@ -112,12 +118,15 @@ class Own:
         self._search.tell(self._trial, self._returns(loss))
 
 
-# The thesis's weights are the returns themselves; they must be positive, and here are 1 / (1 + loss).
+# The thesis's weights are the returns themselves; they must be positive, and here are 1 / (1 +
+# loss).
 METHODS = {
     "PoWER automatic": Own,
     "PoWER proportional": partial(Own, exploration="proportional"),
     "PoWER constant": partial(Own, exploration="constant"),
-    "PoWER constant, r as weight": partial(Own, exploration="constant", weighting="returns", returns=lambda loss: 1 / (1 + loss)),
+    "PoWER constant, r as weight": partial(
+        Own, exploration="constant", weighting="returns", returns=lambda loss: 1 / (1 + loss)
+    ),
     "PoWER fixed": partial(Own, exploration="fixed"),
 }
 if cma is not None:
@@ -125,7 +134,9 @@ if cma is not None:
 
 
 def evaluations(make, function, n_dims, targets, seed):
-    """Evaluations until a trial meets each of the targets (infinite when the budget ends before), and seconds for one."""
+    """Evaluations until a trial meets each of the targets (infinite when the budget ends before),
+    and seconds for one.
+    """
     rng = np.random.default_rng(seed)
     search = make(rng.uniform(-1.5, 1.5, n_dims), SPREAD, rng)
     met, begin, count = np.full(len(targets), np.inf), time.perf_counter(), 0
@@ -159,23 +170,33 @@ def quartiles(values, form="{:.0f}"):
 
 def table_of_targets(methods, n_seeds, problems=PROBLEMS):
     for name, (function, n_dims, *targets) in problems.items():
-        print(f"\n{name}: evaluations to {targets[0]:g} and to {targets[1]:g}, median (quartiles), of {BUDGET}")
+        print(
+            f"\n{name}: evaluations to {targets[0]:g} and to {targets[1]:g}, median (quartiles),"
+            f" of {BUDGET}"
+        )
         for label, make in methods.items():
             runs = [evaluations(make, function, n_dims, targets, seed) for seed in range(n_seeds)]
             met = np.array([run[0] for run in runs])
             reached = f"{np.isfinite(met[:, 1]).sum():>3} of {n_seeds} end"
             seconds = np.median([run[1] for run in runs])
-            print(f"  {label:<30}{quartiles(met[:, 0])}{quartiles(met[:, 1])}{reached}{1e6 * seconds:>7.0f} us each")
+            print(
+                f"  {label:<30}{quartiles(met[:, 0])}{quartiles(met[:, 1])}{reached}{1e6 * seconds:>7.0f}"
+                " us each"
+            )
 
 
 def table_of_noise(methods, n_seeds, budgets=(300, 1000), noise=0.1):
-    print(f"\nsphere 5 with noise of {noise:g}: loss at the mean after {budgets[0]} and {budgets[1]} evaluations, median (quartiles)")
+    print(
+        f"\nsphere 5 with noise of {noise:g}: loss at the mean after {budgets[0]} and {budgets[1]}"
+        " evaluations, median (quartiles)"
+    )
     for label, make in methods.items():
         losses = np.array([left(make, sphere, 5, budgets, noise, seed) for seed in range(n_seeds)])
         print(f"  {label:<30}" + "  ".join(quartiles(column, "{:.2g}") for column in losses.T))
 
 
-# --- movement primitives -----------------------------------------------------------------------------------------
+# --- movement primitives
+# -----------------------------------------------------------------------------------------
 
 N_STEPS, N_BASIS = 100, 10
 PROGRESS = np.linspace(0, 1, N_STEPS)
@@ -186,7 +207,9 @@ CIRCLE = np.column_stack([np.sin(2 * np.pi * PROGRESS), np.cos(2 * np.pi * PROGR
 
 def via_points(output):
     rewards = np.zeros(N_STEPS)
-    rewards[25], rewards[75] = -np.sum((output[[25, 75]] - [[0.5, -0.3], [-0.4, 0.6]]) ** 2, axis=1)
+    rewards[25], rewards[75] = -np.sum(
+        (output[[25, 75]] - [[0.5, -0.3], [-0.4, 0.6]]) ** 2, axis=1
+    )
     return rewards
 
 
@@ -196,8 +219,12 @@ def tracking(output):
 
 def primitive_loss(rewards_of, budget, seed, told="rewards", **options):
     """Loss of the policy's mean after a budget; told rewards over time or their sum."""
-    search = PrimitivePoWER(np.zeros((N_BASIS, 2)), ACTIVATIONS, 0.3, rng=np.random.default_rng(seed), **options)
-    search.maximise(rewards_of if told == "rewards" else lambda output: rewards_of(output).sum(), budget)
+    search = PrimitivePoWER(
+        np.zeros((N_BASIS, 2)), ACTIVATIONS, 0.3, rng=np.random.default_rng(seed), **options
+    )
+    search.maximise(
+        rewards_of if told == "rewards" else lambda output: rewards_of(output).sum(), budget
+    )
     return -rewards_of(ACTIVATIONS @ search.weights).sum()
 
 
@@ -229,13 +256,19 @@ if cma is not None:
 def table_of_primitives(n_seeds, budgets=(100, 300)):
     for rewards_of in (via_points, tracking):
         loss = -rewards_of(np.zeros((N_STEPS, 2))).sum()
-        print(f"\nprimitive, {N_BASIS} x 2 weights, {rewards_of.__name__}: loss after {budgets} trials, {loss:.2g} at the start")
+        print(
+            f"\nprimitive, {N_BASIS} x 2 weights, {rewards_of.__name__}: loss after {budgets}"
+            f" trials, {loss:.2g} at the start"
+        )
         for label, method in PRIMITIVE_METHODS.items():
-            columns = [[method(rewards_of, budget, seed) for seed in range(n_seeds)] for budget in budgets]
+            columns = [
+                [method(rewards_of, budget, seed) for seed in range(n_seeds)] for budget in budgets
+            ]
             print(f"  {label:<32}" + "  ".join(quartiles(column, "{:.2g}") for column in columns))
 
 
-# --- choices -----------------------------------------------------------------------------------------------------
+# --- choices
+# -----------------------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -263,30 +296,50 @@ def table_of_parts(n_seeds):
 
 
 def table_of_defaults(n_seeds):
-    counts = [(7, 28, 1), (7, 28, 7), (7, 28, 14), (7, 28, 28), (14, 28, 14), (7, 14, 7), (7, 14, 14), (14, 56, 28)]
+    counts = [
+        (7, 28, 1),
+        (7, 28, 7),
+        (7, 28, 14),
+        (7, 28, 28),
+        (14, 28, 14),
+        (7, 14, 7),
+        (7, 14, 14),
+        (14, 56, 28),
+    ]
     for exploration in ("constant", "proportional"):
         methods = {
-            f"{exploration} M {best} S {latest} batch {batch}": partial(Own, exploration=exploration, best=best, latest=latest, batch=batch)
+            f"{exploration} M {best} S {latest} batch {batch}": partial(
+                Own, exploration=exploration, best=best, latest=latest, batch=batch
+            )
             for best, latest, batch in counts
         }
         table_of_noise(methods, n_seeds)
         print("\nthe same without noise on the rotated ellipsoid")
         for label, make in methods.items():
-            losses = np.array([left(make, ellipsoid, 5, (300, 1000), 0.0, seed) for seed in range(n_seeds)])
+            losses = np.array(
+                [left(make, ellipsoid, 5, (300, 1000), 0.0, seed) for seed in range(n_seeds)]
+            )
             print(f"  {label:<36}" + "  ".join(quartiles(column, "{:.2g}") for column in losses.T))
 
 
-# --- policy gradients --------------------------------------------------------------------------------------------
+# --- policy gradients
+# --------------------------------------------------------------------------------------------
 
 KINDS = {"REINFORCE": Reinforce, "natural actor-critic": EpisodicNaturalActorCritic}
 GRADIENTS = {name: partial(Own, kind=kind) for name, kind in KINDS.items()}
-BESIDE = {**GRADIENTS, "PoWER automatic": Own, "cross-entropy method": partial(Own, kind=CrossEntropy)}
+BESIDE = {
+    **GRADIENTS,
+    "PoWER automatic": Own,
+    "cross-entropy method": partial(Own, kind=CrossEntropy),
+}
 if cma is not None:
     BESIDE["cma"] = Cma
 
 
 def reached(make, function, n_dims, target, seed):
-    """Evaluations until a trial meets the target; infinite when the budget ends before, or the search leaves all numbers."""
+    """Evaluations until a trial meets the target; infinite when the budget ends before, or the
+    search leaves all numbers.
+    """
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             return evaluations(make, function, n_dims, [target], seed)[0][0]
@@ -295,26 +348,46 @@ def reached(make, function, n_dims, target, seed):
 
 
 def table_of_rates(n_seeds, target=1e-2):
-    print(f"\nsphere 5: evaluations to {target:g} by learning rate, median (quartiles), of {BUDGET}; and how many runs get there")
+    print(
+        f"\nsphere 5: evaluations to {target:g} by learning rate, median (quartiles), of {BUDGET};"
+        " and how many runs get there"
+    )
     steps = [("normalised", 1.0, rate) for rate in (0.03, 0.1, 0.3, 1.0, 3.0)]
     steps += [("plain", size, rate) for size in (1.0, 100.0) for rate in (0.001, 0.01, 0.1, 1.0)]
     for name, kind in KINDS.items():
         for step, size, rate in steps:
-            make = partial(Own, kind=kind, step=step, learning_rate=rate, returns=lambda loss, size=size: -size * loss)
+            make = partial(
+                Own,
+                kind=kind,
+                step=step,
+                learning_rate=rate,
+                returns=lambda loss, size=size: -size * loss,
+            )
             counts = np.array([reached(make, sphere, 5, target, seed) for seed in range(n_seeds)])
-            label = f"{name}, {step} {rate:g}" + (f", returns x {size:g}" if step == "plain" else "")
+            label = f"{name}, {step} {rate:g}" + (
+                f", returns x {size:g}" if step == "plain" else ""
+            )
             print(f"  {label:<50}{quartiles(counts)}{np.isfinite(counts).sum():>3} of {n_seeds}")
 
 
 def table_of_dimensions(n_seeds, target=1e-2):
-    print(f"\nsphere: evaluations to {target:g} in 2, 5, 10 and 20 dimensions, median (quartiles), of {BUDGET}")
+    print(
+        f"\nsphere: evaluations to {target:g} in 2, 5, 10 and 20 dimensions, median (quartiles),"
+        f" of {BUDGET}"
+    )
     for label, make in BESIDE.items():
-        columns = [[reached(make, sphere, d, target, seed) for seed in range(n_seeds)] for d in (2, 5, 10, 20)]
+        columns = [
+            [reached(make, sphere, d, target, seed) for seed in range(n_seeds)]
+            for d in (2, 5, 10, 20)
+        ]
         print(f"  {label:<30}" + "".join(quartiles(column) for column in columns))
 
 
 def table_of_vanishing(n_seeds, budget=6000):
-    print(f"\nrotated ellipsoid 5, condition 1e4: loss at the mean and exploration after {budget} evaluations, median (quartiles)")
+    print(
+        f"\nrotated ellipsoid 5, condition 1e4: loss at the mean and exploration after {budget}"
+        " evaluations, median (quartiles)"
+    )
     for label, make in GRADIENTS.items():
         for rate in (0.1, 0.3, 1.0):
             losses, sizes = [], []
@@ -325,22 +398,34 @@ def table_of_vanishing(n_seeds, budget=6000):
                     search.tell(ellipsoid(search.ask()))
                 losses.append(ellipsoid(search.parameters))
                 sizes.append(search.exploration_size)
-            print(f"  {f'{label}, normalised {rate:g}':<40}{quartiles(losses, '{:.2g}')}{quartiles(sizes, '{:.2g}')}")
+            print(
+                f"  {f'{label}, normalised {rate:g}':<40}{quartiles(losses, '{:.2g}')}{quartiles(sizes, '{:.2g}')}"
+            )
 
 
 ESTIMATES = {
-    "no baseline": lambda scores, returns, fisher: np.mean(scores * returns[:, None], axis=0) / fisher,
-    "mean return as baseline": lambda scores, returns, fisher: np.mean(scores * (returns - returns.mean())[:, None], axis=0) / fisher,
+    "no baseline": lambda scores, returns, fisher: (
+        np.mean(scores * returns[:, None], axis=0) / fisher
+    ),
+    "mean return as baseline": lambda scores, returns, fisher: (
+        np.mean(scores * (returns - returns.mean())[:, None], axis=0) / fisher
+    ),
     "optimal baseline, all trials": lambda scores, returns, fisher: (
         np.mean(scores * (returns[:, None] - optimal_baseline(scores, returns)), axis=0) / fisher
     ),
-    "optimal baseline, own trial left out": lambda scores, returns, fisher: reinforce_gradient(scores, returns) / fisher,
-    "regression": lambda scores, returns, fisher: natural_gradient(scores, returns, np.diag(fisher), 0.01)[0],
+    "optimal baseline, own trial left out": lambda scores, returns, fisher: (
+        reinforce_gradient(scores, returns) / fisher
+    ),
+    "regression": lambda scores, returns, fisher: natural_gradient(
+        scores, returns, np.diag(fisher), 0.01
+    )[0],
 }
 
 
 def gradient_error(estimate, d, n, seed):
-    """Relative error, in the Fisher metric, of a natural gradient from n trials about (1, ..., 1) on a rotated bowl of condition 10."""
+    """Relative error, in the Fisher metric, of a natural gradient from n trials about (1, ..., 1)
+    on a rotated bowl of condition 10.
+    """
     rng = np.random.default_rng(seed)
     rotation = np.linalg.qr(rng.standard_normal((d, d)))[0]
     bowl = rotation.T @ np.diag(np.geomspace(0.1, 1.0, d)) @ rotation
@@ -353,33 +438,66 @@ def gradient_error(estimate, d, n, seed):
 
 
 def table_of_variance(n_seeds, n=100):
-    print(f"\nrelative error of a gradient from {n} trials in 2, 5, 10 and 20 dimensions, median (quartiles)")
+    print(
+        f"\nrelative error of a gradient from {n} trials in 2, 5, 10 and 20 dimensions, median"
+        " (quartiles)"
+    )
     for label, estimate in ESTIMATES.items():
-        columns = [[gradient_error(estimate, d, n, seed) for seed in range(n_seeds)] for d in (2, 5, 10, 20)]
+        columns = [
+            [gradient_error(estimate, d, n, seed) for seed in range(n_seeds)]
+            for d in (2, 5, 10, 20)
+        ]
         print(f"  {label:<40}" + "".join(quartiles(column, "{:.2f}") for column in columns))
 
 
 def table_of_vectors(n_seeds, budgets=(100, 300, 3000)):
     for rewards_of in (via_points, tracking):
-        print(f"\nprimitive as a vector of {2 * N_BASIS} weights, {rewards_of.__name__}: loss after {budgets} trials, median (quartiles)")
+        print(
+            f"\nprimitive as a vector of {2 * N_BASIS} weights, {rewards_of.__name__}: loss after"
+            f" {budgets} trials, median (quartiles)"
+        )
         for label, make in BESIDE.items():
-            columns = [[vector_loss(rewards_of, budget, seed, make) for seed in range(n_seeds)] for budget in budgets]
+            columns = [
+                [vector_loss(rewards_of, budget, seed, make) for seed in range(n_seeds)]
+                for budget in budgets
+            ]
             print(f"  {label:<30}" + "  ".join(quartiles(column, "{:.2g}") for column in columns))
 
 
 def table_of_gradients(n_seeds):
-    for table in (table_of_rates, table_of_dimensions, table_of_vanishing, table_of_variance, table_of_vectors):
+    for table in (
+        table_of_rates,
+        table_of_dimensions,
+        table_of_vanishing,
+        table_of_variance,
+        table_of_vectors,
+    ):
         table(n_seeds)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=20, help="searches per method and function (default 20)")
-    parser.add_argument("--parts", action="store_true", help="what each part of the automatic exploration pays, instead")
-    parser.add_argument("--defaults", action="store_true", help="how many trials to remember, instead")
-    parser.add_argument("--gradients", action="store_true", help="REINFORCE and the episodic natural actor-critic, instead")
+    parser.add_argument(
+        "--seeds", type=int, default=20, help="searches per method and function (default 20)"
+    )
+    parser.add_argument(
+        "--parts",
+        action="store_true",
+        help="what each part of the automatic exploration pays, instead",
+    )
+    parser.add_argument(
+        "--defaults", action="store_true", help="how many trials to remember, instead"
+    )
+    parser.add_argument(
+        "--gradients",
+        action="store_true",
+        help="REINFORCE and the episodic natural actor-critic, instead",
+    )
     options = parser.parse_args()
-    print(f"{options.seeds} seeds; one thread; numpy {np.__version__}; cma {'not installed' if cma is None else cma.__version__}")
+    print(
+        f"{options.seeds} seeds; one thread; numpy {np.__version__}; cma"
+        f" {'not installed' if cma is None else cma.__version__}"
+    )
     if options.parts:
         table_of_parts(options.seeds)
     elif options.defaults:

@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
-"""Bags against the writers of rosbags and mcap and the readers of both: 100,000 messages, raw CDR, zstd-compressed chunks.
+"""Bags against the writers of rosbags and mcap and the readers of both: 100,000 messages, raw CDR,
+zstd-compressed chunks.
 
     python3 -m benchmarks.recording
 
-Medians of interleaved repeats in the same process, each into a new file; a read takes every message of the file in order of log time.
-Every side writes the same bytes, and the report checks that every reader gets them all. The log times are 2 ms apart (500 Hz), so
-this package also flushes each 500 messages, as its promise demands, and has them put on the disk, which the peers do not do. The longest
-single write is given by the clock, in which a busy machine takes its turns, and in processor time, in which it does not.
+Medians of interleaved repeats in the same process, each into a new file; a read takes every
+message of the file in order of log time. Every side writes the same bytes, and the report checks
+that every reader gets them all. The log times are 2 ms apart (500 Hz), so this package also
+flushes each 500 messages, as its promise demands, and has them put on the disk, which the peers do
+not do. The longest single write is given by the clock, in which a busy machine takes its turns,
+and in processor time, in which it does not.
 """
 
 import argparse
@@ -25,7 +28,15 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
 from benchmarks.rows import tell
-from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording import (
+    BagReader,
+    BagWriter,
+    definition,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 
 START_NS, STEP_NS, MOST_STALL_MS = 1_700_000_000_000_000_000, 2_000_000, 5.0
 TYPES = typestore()
@@ -60,12 +71,21 @@ def poses(count: int, rng: np.random.Generator) -> list[bytes]:
 
 def joint_states(count: int, rng: np.random.Generator) -> list[bytes]:
     """CDR of JointState messages of seven joints (about 320 bytes) along a random walk."""
-    walk, names = np.cumsum(rng.normal(0.0, 1e-3, (count, 3, 7)), axis=0), [f"wam/joint_{i}" for i in range(7)]
+    walk, names = (
+        np.cumsum(rng.normal(0.0, 1e-3, (count, 3, 7)), axis=0),
+        [f"wam/joint_{i}" for i in range(7)],
+    )
     return [
         serialize(
             TYPES,
             "sensor_msgs/msg/JointState",
-            {"header": header(step), "name": names, "position": row[0], "velocity": row[1], "effort": row[2]},
+            {
+                "header": header(step),
+                "name": names,
+                "position": row[0],
+                "velocity": row[1],
+                "effort": row[2],
+            },
         )
         for step, row in enumerate(walk)
     ]
@@ -76,7 +96,13 @@ def joint_states(count: int, rng: np.random.Generator) -> list[bytes]:
 
 def write_own(folder: Path, type_name: str, messages: list[bytes]) -> Path:
     with BagWriter(folder / "own") as bag:
-        bag.add_topic("/topic", type_name, definition(TYPES, type_name), qos_yaml(), type_hash(TYPES, type_name))
+        bag.add_topic(
+            "/topic",
+            type_name,
+            definition(TYPES, type_name),
+            qos_yaml(),
+            type_hash(TYPES, type_name),
+        )
         stamp = START_NS
         for data in messages:
             bag.write("/topic", stamp, stamp, data)
@@ -100,7 +126,9 @@ def write_mcap(folder: Path, type_name: str, messages: list[bytes]) -> Path:
     with open(file, "wb") as stream:
         writer, stamp = McapWriter(stream, compression=CompressionType.ZSTD), START_NS
         writer.start("ros2")
-        schema = writer.register_schema(type_name, "ros2msg", definition(TYPES, type_name).encode())
+        schema = writer.register_schema(
+            type_name, "ros2msg", definition(TYPES, type_name).encode()
+        )
         channel = writer.register_channel("/topic", "cdr", schema)
         for data in messages:
             writer.add_message(channel, stamp, data, stamp)
@@ -146,7 +174,9 @@ def timed(work: Callable) -> tuple[float, object]:
 
 
 def rates(works: dict[str, Callable], count: int, repeats: int) -> dict[str, float]:
-    """Median messages per second of each work, the works taking turns so that a disturbance meets all of them."""
+    """Median messages per second of each work, the works taking turns so that a disturbance meets
+    all of them.
+    """
     seconds: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(repeats):
         for name, work in works.items():
@@ -164,7 +194,13 @@ def in_new_folder(write: Callable, folder: Path, *arguments) -> None:
 def opened_own(folder: Path, type_name: str, **options) -> Iterator[Callable[[int, bytes], None]]:
     """Writes messages of one topic; so do the next two."""
     with BagWriter(folder / "own", **options) as bag:
-        bag.add_topic("/topic", type_name, definition(TYPES, type_name), qos_yaml(), type_hash(TYPES, type_name))
+        bag.add_topic(
+            "/topic",
+            type_name,
+            definition(TYPES, type_name),
+            qos_yaml(),
+            type_hash(TYPES, type_name),
+        )
         yield lambda stamp, data: bag.write("/topic", stamp, stamp, data)
 
 
@@ -183,31 +219,50 @@ def opened_mcap(folder: Path, type_name: str) -> Iterator[Callable[[int, bytes],
         writer = McapWriter(stream, compression=CompressionType.ZSTD)
         writer.start("ros2")
         channel = writer.register_channel(
-            "/topic", "cdr", writer.register_schema(type_name, "ros2msg", definition(TYPES, type_name).encode())
+            "/topic",
+            "cdr",
+            writer.register_schema(type_name, "ros2msg", definition(TYPES, type_name).encode()),
         )
         yield lambda stamp, data: writer.add_message(channel, stamp, data, stamp)
         writer.finish()
 
 
 def longest_write_ms(
-    opened: Callable, folder: Path, type_name: str, messages: list[bytes], pace_hz: float, **options
+    opened: Callable,
+    folder: Path,
+    type_name: str,
+    messages: list[bytes],
+    pace_hz: float,
+    **options,
 ) -> tuple[float, float]:
-    """Longest single write of a bag by the clock, and by the processor time that it takes; paced, or at 0 Hz as fast as it goes."""
+    """Longest single write of a bag by the clock, and by the processor time that it takes; paced,
+    or at 0 Hz as fast as it goes.
+    """
     longest, longest_work, begin = 0.0, 0.0, time.perf_counter()
     with opened(Path(tempfile.mkdtemp(dir=folder)), type_name, **options) as write:
         for step, data in enumerate(messages):
             if pace_hz:
                 time.sleep(max(0.0, begin + step / pace_hz - time.perf_counter()))
-            stamp, before, worked = START_NS + step * STEP_NS, time.perf_counter(), time.thread_time()
+            stamp, before, worked = (
+                START_NS + step * STEP_NS,
+                time.perf_counter(),
+                time.thread_time(),
+            )
             write(stamp, data)
-            longest, longest_work = max(longest, time.perf_counter() - before), max(longest_work, time.thread_time() - worked)
+            longest, longest_work = (
+                max(longest, time.perf_counter() - before),
+                max(longest_work, time.thread_time() - worked),
+            )
     return 1e3 * longest, 1e3 * longest_work
 
 
 def report(kind: str, own: str, found: dict[str, float], least_ratio: float = 1.0) -> None:
     for peer in (name for name in found if name != own):
         ratio = found[own] / found[peer]
-        print(f"{kind:<34}{found[own] / 1e3:>9.0f}k/s{peer:>10}{found[peer] / 1e3:>8.0f}k/s{ratio:>8.2f}   ", end="")
+        print(
+            f"{kind:<34}{found[own] / 1e3:>9.0f}k/s{peer:>10}{found[peer] / 1e3:>8.0f}k/s{ratio:>8.2f}   ",
+            end="",
+        )
         print(f"{least_ratio:g}{', missed' if ratio < least_ratio else ''}")
         ours, beside = f"{found[own] / 1e3:.0f} k/s", f"{peer} {found[peer] / 1e3:.0f} k/s"
         tell(kind, ours, beside, ratio, f"{least_ratio:g}", ratio >= least_ratio)
@@ -223,24 +278,46 @@ def compare(folder: Path, name: str, type_name: str, messages: list[bytes], repe
     for side, read in readers.items():
         for file in files.values():
             if read(file) != expected:
-                raise SystemExit(f"the comparison is void: {side} does not read all of {file.name}")
-    writing = {side: lambda write=write: in_new_folder(write, folder, type_name, messages) for side, write in writers.items()}
-    report(f"write {name}, {len(messages[0])} B", "dart_skill", rates(writing, len(messages), repeats))
+                raise SystemExit(
+                    f"the comparison is void: {side} does not read all of {file.name}"
+                )
+    writing = {
+        side: lambda write=write: in_new_folder(write, folder, type_name, messages)
+        for side, write in writers.items()
+    }
+    report(
+        f"write {name}, {len(messages[0])} B", "dart_skill", rates(writing, len(messages), repeats)
+    )
     for source, file in files.items():
-        reading = {side: lambda read=read, file=file: read(file) for side, read in readers.items() if side != "mcap"}
-        report(f"read {name}, written by {source}", "dart_skill", rates(reading, len(messages), repeats))
+        reading = {
+            side: lambda read=read, file=file: read(file)
+            for side, read in readers.items()
+            if side != "mcap"
+        }
+        report(
+            f"read {name}, written by {source}",
+            "dart_skill",
+            rates(reading, len(messages), repeats),
+        )
     sizes = ", ".join(f"{side} {file.stat().st_size / 1e6:.2f} MB" for side, file in files.items())
     print(f"{name}: sizes {sizes}")
 
 
-def report_stalls(folder: Path, name: str, type_name: str, messages: list[bytes], repeats: int) -> None:
-    """Longest single writes, the writers taking turns: median, least and most of the repeats by the clock, median of the work."""
+def report_stalls(
+    folder: Path, name: str, type_name: str, messages: list[bytes], repeats: int
+) -> None:
+    """Longest single writes, the writers taking turns: median, least and most of the repeats by
+    the clock, median of the work.
+    """
     fast, paced = dict(pace_hz=0.0), dict(pace_hz=2000.0)
     cases = {
         ("dart_skill", "as fast as it goes"): (opened_own, fast),
         ("rosbags", "as fast as it goes"): (opened_rosbags, fast),
         ("mcap", "as fast as it goes"): (opened_mcap, fast),
-        ("dart_skill", "the same, split each 4 MB"): (opened_own, {**fast, "max_bytes": 4_000_000}),
+        ("dart_skill", "the same, split each 4 MB"): (
+            opened_own,
+            {**fast, "max_bytes": 4_000_000},
+        ),
         ("dart_skill", "2000 per second"): (opened_own, paced),
     }
     found: dict[tuple, list] = {case: [] for case in cases}
@@ -251,14 +328,23 @@ def report_stalls(folder: Path, name: str, type_name: str, messages: list[bytes]
     for (side, case), pairs in found.items():
         stalls, work = zip(*pairs, strict=True)
         middle = statistics.median(stalls)
-        spread = f"least {min(stalls):.2f}, most {max(stalls):.2f}; of work {statistics.median(work):.2f}"
-        goal = f"   under {MOST_STALL_MS:g} ms{'' if middle < MOST_STALL_MS else ', missed'}" if side == "dart_skill" else ""
+        spread = (
+            f"least {min(stalls):.2f}, most {max(stalls):.2f}; of work"
+            f" {statistics.median(work):.2f}"
+        )
+        goal = (
+            f"   under {MOST_STALL_MS:g} ms{'' if middle < MOST_STALL_MS else ', missed'}"
+            if side == "dart_skill"
+            else ""
+        )
         print(f"longest write, {name:<15}{case:<27}{side:<12}{middle:>7.2f} ms ({spread}){goal}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--messages", type=int, default=100_000, help="messages per bag (default 100000)")
+    parser.add_argument(
+        "--messages", type=int, default=100_000, help="messages per bag (default 100000)"
+    )
     parser.add_argument("--repeats", type=int, default=5, help="repeats per task (default 5)")
     options, rng = parser.parse_args(), np.random.default_rng(0)
     kinds = [

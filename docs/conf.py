@@ -1,4 +1,5 @@
-"""Sphinx for the pages of this folder, README.md and the docstrings of the library: `make docs` writes them to build/docs.
+"""Sphinx for the pages of this folder, README.md and the docstrings of the library: `make docs`
+writes them to build/docs.
 
 `-t prose` leaves the docstrings out: what a check of links needs, in a few seconds.
 """
@@ -17,13 +18,17 @@ ROOT = Path(__file__).resolve().parents[1]
 project = "dart_skill"
 author = "dart_skill maintainers"
 project_copyright = "dart_skill maintainers, Apache-2.0"
-release = re.search(r"<version>(.*)</version>", (ROOT / "package.xml").read_text(encoding="utf-8"))[1]
+release = re.search(
+    r"<version>(.*)</version>", (ROOT / "package.xml").read_text(encoding="utf-8")
+)[1]
 
 PROSE_ONLY = tags.has("prose")  # noqa: F821  `tags` is Sphinx's
 FROM_CODE = [] if PROSE_ONLY else ["sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
 extensions = ["myst_parser", "sphinx_rtd_theme", *FROM_CODE]
 exclude_patterns = ["examples/*", *(["api/*", "gallery/*"] if PROSE_ONLY else [])]
-suppress_warnings = ["toc.excluded"] if PROSE_ONLY else ["config.cache"]  # the order of the gallery is a function
+suppress_warnings = (
+    ["toc.excluded"] if PROSE_ONLY else ["config.cache"]
+)  # the order of the gallery is a function
 
 myst_heading_anchors = 4  # of the headings of Markdown, as GitHub makes them
 myst_enable_extensions = ["dollarmath"]
@@ -62,19 +67,23 @@ linkcheck_ignore = [r"http://(127\.0\.0\.1|localhost):\d+"]  # the viewer's page
 
 
 def show_as_written(app, what, name, obj, options, lines: list[str]) -> None:
-    """Docstrings here are text, not reStructuredText; what they say of parameters, results and errors becomes fields."""
+    """Docstrings here are text, not reStructuredText; what they say of parameters, results and
+    errors becomes fields.
+    """
     has_fields = what in ("function", "method", "class", "property")
     lines[:] = fields.as_rest(lines, fields.documented(obj) if has_fields else None)
 
 
 def show_what_has_no_page_as_text(app, doctree) -> None:
-    """A link to a folder of the checkout, or from README.md to a file beside it, has no page to go to here: its text alone. One to nowhere
-    stays, and is warned of.
+    """A link to a folder of the checkout, or from README.md to a file beside it, has no page to go
+    to here: its text alone. One to nowhere stays, and is warned of.
     """
     readme = app.env.docname == "index"  # README.md is part of it
     for link in list(doctree.findall(pending_xref)):
         target = link.get("reftarget", "")
-        folder = any((where / target).is_dir() for where in (ROOT / "docs", *([ROOT] if readme else [])))
+        folder = any(
+            (where / target).is_dir() for where in (ROOT / "docs", *([ROOT] if readme else []))
+        )
         if link["reftype"] == "myst" and (folder or (readme and (ROOT / target).is_file())):
             link.replace_self(link.children)
 
@@ -85,15 +94,20 @@ def _inline_equation(writer, node) -> None:
 
 
 def _block_equation(writer, node) -> None:
-    writer.body.append(f'<div class="math">{latex2mathml.tex2mathml(node.astext(), as_block=True)}</div>\n')
+    writer.body.append(
+        f'<div class="math">{latex2mathml.tex2mathml(node.astext(), as_block=True)}</div>\n'
+    )
     raise SkipNode
 
 
 def setup(app) -> None:
     """Connects what this file adds to Sphinx."""
-    # Equations as MathML, which docutils writes and every browser of today shows: no script, no font and no other site is needed.
+    # Equations as MathML, which docutils writes and every browser of today shows: no script, no
+    # font and no other site is needed.
     app.add_html_math_renderer("mathml", (_inline_equation, None), (_block_equation, None))
     app.connect("doctree-read", show_what_has_no_page_as_text)
     if not PROSE_ONLY:
         app.connect("autodoc-process-docstring", show_as_written)
-        app.add_role_to_domain("py", "kind", PyXRefRole(innernodeclass=inline))  # of types: a link, where there is a page, and no code
+        app.add_role_to_domain(
+            "py", "kind", PyXRefRole(innernodeclass=inline)
+        )  # of types: a link, where there is a page, and no code

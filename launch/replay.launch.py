@@ -1,4 +1,5 @@
-"""A recording into demonstrations and a learner: `ros2 launch dart_skill replay.launch.py played:=bags/demonstrations`.
+"""A recording into demonstrations and a learner: `ros2 launch dart_skill replay.launch.py
+played:=bags/demonstrations`.
 
 Afterwards `ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{at_least: 13}'`.
 """

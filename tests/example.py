@@ -1,4 +1,6 @@
-"""The package of somebody else who has skills of their own, installed as a development install does it."""
+"""The package of somebody else who has skills of their own, installed as a development install
+does it.
+"""
 
 import shutil
 import subprocess
@@ -12,5 +14,9 @@ EXAMPLE = ROOT / "tests" / "example_package"
 def install_example(folder):
     """A copy of the example package with its metadata; the folder that must be on the path."""
     shutil.copytree(EXAMPLE, folder)
-    subprocess.run([sys.executable, "-c", "import setuptools; setuptools.setup()", "--quiet", "egg_info"], cwd=folder, check=True)
+    subprocess.run(
+        [sys.executable, "-c", "import setuptools; setuptools.setup()", "--quiet", "egg_info"],
+        cwd=folder,
+        check=True,
+    )
     return folder

@@ -7,11 +7,15 @@ from websockets.sync.client import connect
 
 PROTOCOL, MESSAGE = "foxglove.sdk.v1", 1
 AGAIN = 2.0
-"""foxglove-sdk may know a channel a moment later than it tells of it, and forgets who asked for it too early: it is asked again [s]."""
+"""foxglove-sdk may know a channel a moment later than it tells of it, and forgets who asked for it
+too early: it is asked again [s].
+"""
 
 
 class FoxgloveClient:
-    """What a server tells: `info`, `channels` by topic, and `messages` of the topics that it was asked for: pairs of topic and bytes."""
+    """What a server tells: `info`, `channels` by topic, and `messages` of the topics that it was
+    asked for: pairs of topic and bytes.
+    """
 
     def __init__(self, url):
         self._socket = connect(url, subprotocols=[PROTOCOL], max_size=None)
@@ -23,14 +27,20 @@ class FoxgloveClient:
         number = len(self._asked) + 1
         self._asked[number] = topic
         self._asked_at = time.monotonic()
-        wanted = {"op": "subscribe", "subscriptions": [{"id": number, "channelId": self.channels[topic]["id"]}]}
+        wanted = {
+            "op": "subscribe",
+            "subscriptions": [{"id": number, "channelId": self.channels[topic]["id"]}],
+        }
         self._socket.send(json.dumps(wanted))
 
     def hear_until(self, done, patience=60.0, meanwhile=lambda: None):
         """Take in what comes until done() holds; meanwhile is called again and again."""
         end = time.monotonic() + patience
         while not done():
-            assert time.monotonic() < end, f"not within {patience} s; heard of {sorted(self.channels)}, {len(self.messages)} messages"
+            assert time.monotonic() < end, (
+                f"not within {patience} s; heard of {sorted(self.channels)}, {len(self.messages)}"
+                " messages"
+            )
             meanwhile()
             if time.monotonic() - self._asked_at > AGAIN:
                 for topic in set(self._asked.values()) - {topic for topic, _ in self.messages}:
@@ -51,7 +61,9 @@ class FoxgloveClient:
 
     def _take(self, data):
         if isinstance(data, bytes):
-            if data[0] == MESSAGE:  # opcode, number of the subscription (4 bytes), log time (8 bytes), message
+            if (
+                data[0] == MESSAGE
+            ):  # opcode, number of the subscription (4 bytes), log time (8 bytes), message
                 self.messages.append((self._asked[int.from_bytes(data[1:5], "little")], data[13:]))
             return
         told = json.loads(data)

@@ -7,7 +7,8 @@ from tests.paths import ROOT
 
 
 def interpreted(name: str) -> ModuleType:
-    """A module of the library, such as `dart_skill.common.small_matrices`, as Python runs it where it was not compiled.
+    """A module of the library, such as `dart_skill.common.small_matrices`, as Python runs it where
+    it was not compiled.
 
     What it imports from other modules is compiled all the same.
     """

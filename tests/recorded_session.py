@@ -1,4 +1,6 @@
-"""A session that writes what its sensors see as a bag, message for message as the graph's recorder does. Needs no ROS."""
+"""A session that writes what its sensors see as a bag, message for message as the graph's recorder
+does. Needs no ROS.
+"""
 
 from dataclasses import dataclass, field, fields, replace
 
@@ -25,7 +27,10 @@ TYPES = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/wam/command": "dart_skill_msgs/msg/WamCommand",
     "/wam/teacher_wrench": "dart_skill_msgs/msg/WamCommand",
-    **{f"/vrpn_mocap/{body}/pose": "geometry_msgs/msg/PoseStamped" for body in ("hand", "ball", "basket")},
+    **{
+        f"/vrpn_mocap/{body}/pose": "geometry_msgs/msg/PoseStamped"
+        for body in ("hand", "ball", "basket")
+    },
     DEMONSTRATION_TOPIC: DEMONSTRATION_TYPE,
 }
 
@@ -42,7 +47,9 @@ class RawMessage:
 
 
 class RecordedSession(Session):
-    """A session that remembers its joint states, poses and commands. A guided throw is pushed by the teacher throughout."""
+    """A session that remembers its joint states, poses and commands. A guided throw is pushed by
+    the teacher throughout.
+    """
 
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
@@ -50,7 +57,14 @@ class RecordedSession(Session):
 
     def _sense(self):
         arm = super()._sense()
-        self.heard.add(arm.stamp_ns, "/joint_states", arm.stamp_ns, name=self._names, position=arm.position, velocity=arm.velocity)
+        self.heard.add(
+            arm.stamp_ns,
+            "/joint_states",
+            arm.stamp_ns,
+            name=self._names,
+            position=arm.position,
+            velocity=arm.velocity,
+        )
         return arm
 
     def _run(self, arm, target, step, moved_through, kind):
@@ -59,7 +73,13 @@ class RecordedSession(Session):
             for topic, answer in (("/wam/command", command), ("/wam/teacher_wrench", push)):
                 if answer is not None:
                     force = dict(zip("xyz", answer.wrench[:3].tolist(), strict=True))
-                    self.heard.add(arm.stamp_ns, topic, arm.stamp_ns, wrench={"force": force}, grip=int(answer.grip))
+                    self.heard.add(
+                        arm.stamp_ns,
+                        topic,
+                        arm.stamp_ns,
+                        wrench={"force": force},
+                        grip=int(answer.grip),
+                    )
             return command, push
 
         return super()._run(arm, target, heard, moved_through, kind)
@@ -70,11 +90,18 @@ class RecordedSession(Session):
             stream = getattr(self._log, body)
             for stamp_ns, row in zip(stream.stamps, np.array(stream.rows).tolist(), strict=True):
                 x, y, z, w = row[3:] or (0.0, 0.0, 0.0, 1.0)
-                pose = {"position": dict(zip("xyz", row[:3], strict=True)), "orientation": {"x": x, "y": y, "z": z, "w": w}}
-                self.heard.add(stamp_ns + LATENCY_NS, f"/vrpn_mocap/{body}/pose", stamp_ns, pose=pose)
+                pose = {
+                    "position": dict(zip("xyz", row[:3], strict=True)),
+                    "orientation": {"x": x, "y": y, "z": z, "w": w},
+                }
+                self.heard.add(
+                    stamp_ns + LATENCY_NS, f"/vrpn_mocap/{body}/pose", stamp_ns, pose=pose
+                )
 
     def write(self, path, demonstrations=()):
-        """Everything that was heard, and demonstrations as the recorder publishes them, as a bag in order of log time."""
+        """Everything that was heard, and demonstrations as the recorder publishes them, as a bag
+        in order of log time.
+        """
         types, shown = typestore(), []
         for one in demonstrations:
             content = demonstration_message(types, as_published(one))
@@ -82,8 +109,16 @@ class RecordedSession(Session):
             shown.append((end_ns, DEMONSTRATION_TOPIC, end_ns, content))
         with BagWriter(path, custom_data={"seed": "3"}) as bag:
             for topic, type_name in TYPES.items():
-                bag.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
-            for now_ns, topic, stamp_ns, content in sorted(self.heard.messages + shown, key=lambda item: item[0]):
+                bag.add_topic(
+                    topic,
+                    type_name,
+                    definition(types, type_name),
+                    qos_yaml(),
+                    type_hash(types, type_name),
+                )
+            for now_ns, topic, stamp_ns, content in sorted(
+                self.heard.messages + shown, key=lambda item: item[0]
+            ):
                 bag.write(topic, now_ns, stamp_ns, serialize(types, TYPES[topic], content))
 
 
@@ -101,7 +136,11 @@ def as_published(one):
 def same(one, other, names=None):
     """Names of the fields in which two dataclasses of arrays differ in any bit."""
     names = names or [item.name for item in fields(one)]
-    return [n for n in names if not np.array_equal(np.asarray(getattr(one, n)), np.asarray(getattr(other, n)))]
+    return [
+        n
+        for n in names
+        if not np.array_equal(np.asarray(getattr(one, n)), np.asarray(getattr(other, n)))
+    ]
 
 
 TAUGHT = np.array([[1.80, -0.60, 0.40], [2.00, 0.10, 0.40], [2.15, 0.70, 0.40]])
@@ -109,7 +148,9 @@ THROWN_AT = np.array([1.95, 0.15, 0.40])
 
 
 def record(folder):
-    """A bag with three guided throws and one of the arm's own: its path, the guided trials, the own trial."""
+    """A bag with three guided throws and one of the arm's own: its path, the guided trials, the
+    own trial.
+    """
     session = RecordedSession(seed=3)
     taught = [session.teach(target, attempts=1)[0] for target in TAUGHT]
     own = session.throw(learn_throwing([trial.demonstration for trial in taught]).plan(THROWN_AT))

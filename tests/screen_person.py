@@ -1,4 +1,6 @@
-"""A person in front of a screen, who sees the tracked bodies and pulls the hand: as a plain ROS client, or on the page."""
+"""A person in front of a screen, who sees the tracked bodies and pulls the hand: as a plain ROS
+client, or on the page.
+"""
 
 import time
 
@@ -17,15 +19,27 @@ from tests.integration.browser import project
 from tests.integration.conftest import wait_for
 
 STAYS = 10
-"""The hand is where it is pulled to if it is near in so many poses, one after the other; a ball rests after so many equal looks."""
+"""The hand is where it is pulled to if it is near in so many poses, one after the other; a ball
+rests after so many equal looks.
+"""
 LIMIT = 30.0
 """For a ball that shall come to rest [s]."""
 
 
 def begin_by_pointer(client, teacher, situation):
-    """A lesson that is given with a pointer, from when on the hand may be pulled: the future of its result."""
-    phases, wanted = [], Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True)
-    handle = client.wait(teacher.send_goal_async(wanted, feedback_callback=lambda one: phases.append(one.feedback.phase)), "/teach")
+    """A lesson that is given with a pointer, from when on the hand may be pulled: the future of
+    its result.
+    """
+    phases, wanted = (
+        [],
+        Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True),
+    )
+    handle = client.wait(
+        teacher.send_goal_async(
+            wanted, feedback_callback=lambda one: phases.append(one.feedback.phase)
+        ),
+        "/teach",
+    )
     assert handle.accepted
     result = handle.get_result_async()
     wait_for(client, lambda: "held" in phases or result.done(), what="a hand that may be pulled")
@@ -33,15 +47,22 @@ def begin_by_pointer(client, teacher, situation):
 
 
 class RosHands:
-    """Pulls by /teacher/pointer and tells the fingers by /teacher/grip, as any ROS client may. client: a GraphClient."""
+    """Pulls by /teacher/pointer and tells the fingers by /teacher/grip, as any ROS client may.
+    client: a GraphClient.
+    """
 
     there, turned = 0.002, 0.012
-    """How near to where it is pulled to the hand comes [m], [rad]: friction in the wrist holds it 5 mrad off, seen with noise of 1 mrad."""
+    """How near to where it is pulled to the hand comes [m], [rad]: friction in the wrist holds it
+    5 mrad off, seen with noise of 1 mrad.
+    """
 
     def __init__(self, client):
         self._client, node = client, client.node
         self._pointer = node.create_publisher(PoseStamped, "/teacher/pointer", 10)
-        self._grip, self._done = node.create_client(SetBool, "/teacher/grip"), node.create_client(Trigger, "/teacher/done")
+        self._grip, self._done = (
+            node.create_client(SetBool, "/teacher/grip"),
+            node.create_client(Trigger, "/teacher/done"),
+        )
 
     def possible(self, quaternion):
         """The nearest orientation to which the hand can be turned."""
@@ -63,7 +84,9 @@ class RosHands:
 
 
 class PageHands:
-    """The same with the mouse on the page, which turns the hand about the vertical only. page: a PageClient that is open."""
+    """The same with the mouse on the page, which turns the hand about the vertical only. page: a
+    PageClient that is open.
+    """
 
     there, turned = RosHands.there, RosHands.turned
 
@@ -102,7 +125,8 @@ class PageHands:
 class MouseHands:
     """The same with a real mouse and real keys in a browser, as the page looks at first.
 
-    page: a Page that is open; watch: a PageClient of it, which tells where the ball is; sight: where the page looks from and to (3,).
+    page: a Page that is open; watch: a PageClient of it, which tells where the ball is; sight:
+    where the page looks from and to (3,).
     """
 
     there, turned = 0.008, 0.045
@@ -112,7 +136,9 @@ class MouseHands:
         self._page, self._watch, (self._eye, self._look_at) = page, watch, sight
         forward = self._look_at - self._eye
         up = np.cross(np.cross(forward, [0.0, 0.0, 1.0]), forward)
-        self._rise = up / up[2]  # of the ball that is dragged up on the screen, for a metre in height
+        self._rise = (
+            up / up[2]
+        )  # of the ball that is dragged up on the screen, for a metre in height
         self._let_go()
 
     def _let_go(self):
@@ -124,8 +150,13 @@ class MouseHands:
 
     def possible(self, quaternion):
         self._base = Rotation.from_quat(quaternion) if self._base is None else self._base
-        self._wanted_keys = round(np.rad2deg((Rotation.from_quat(quaternion) * self._base.inv()).as_rotvec()[2]) / TURN_BY)
-        return (Rotation.from_euler("z", TURN_BY * self._wanted_keys, degrees=True) * self._base).as_quat()
+        self._wanted_keys = round(
+            np.rad2deg((Rotation.from_quat(quaternion) * self._base.inv()).as_rotvec()[2])
+            / TURN_BY
+        )
+        return (
+            Rotation.from_euler("z", TURN_BY * self._wanted_keys, degrees=True) * self._base
+        ).as_quat()
 
     def pull(self, position, quaternion):
         while self._keys != self._wanted_keys:
@@ -141,10 +172,14 @@ class MouseHands:
     def _drag(self, position, shift):
         """As the screen does, or with Shift over the ground."""
         ball = self._ball
-        start, wanted = project(np.array([ball, position]), self._eye, self._look_at, self._page.size)
+        start, wanted = project(
+            np.array([ball, position]), self._eye, self._look_at, self._page.size
+        )
 
         def correct(end):
-            """The mouse has hold of the near side of the ball, where a pixel is a shorter way: it goes on until the ball is there."""
+            """The mouse has hold of the near side of the ball, where a pixel is a shorter way: it
+            goes on until the ball is there.
+            """
             seen = self._ball_at_rest()
             off = wanted - project(seen, self._eye, self._look_at, self._page.size)[0]
             return None if np.linalg.norm(off) < 0.5 else end + off
@@ -170,7 +205,9 @@ class MouseHands:
 
 
 class ScreenPerson:
-    """client: a GraphClient, which is spun while the person waits; names: roles of the bodies that are seen, the hand among them."""
+    """client: a GraphClient, which is spun while the person waits; names: roles of the bodies that
+    are seen, the hand among them.
+    """
 
     def __init__(self, client, names, hands=None, meanwhile=lambda: None):
         self._client, self._names, self._meanwhile, self.seen = client, names, meanwhile, {}
@@ -178,7 +215,9 @@ class ScreenPerson:
         self.hands = hands or RosHands(client)
         for name in names:
             see = lambda message, name=name: self._see(name, message)  # noqa: E731
-            client.node.create_subscription(PoseStamped, pose_topic(name), see, qos_profile_sensor_data)
+            client.node.create_subscription(
+                PoseStamped, pose_topic(name), see, qos_profile_sensor_data
+            )
 
     def _see(self, name, message):
         self._poses += name == "hand"
@@ -188,7 +227,10 @@ class ScreenPerson:
     def look(self, until):
         """At all bodies, wherever they were before."""
         self.seen.clear()
-        until(lambda: len(self.seen) == len(self._names), lambda: f"{', '.join(set(self._names) - set(self.seen))}")
+        until(
+            lambda: len(self.seen) == len(self._names),
+            lambda: f"{', '.join(set(self._names) - set(self.seen))}",
+        )
 
     def pull(self, position, quaternion, limit=60.0):
         """Until the hand is there and stays there."""
@@ -198,12 +240,23 @@ class ScreenPerson:
             self.hands.pull(position, quaternion)
             self._meanwhile()
             hand = self.seen["hand"]
-            turn = (Rotation.from_quat(hand.quaternion).inv() * Rotation.from_quat(quaternion)).magnitude()
-            near = np.linalg.norm(hand.position - position) < self.hands.there and turn < self.hands.turned
+            turn = (
+                Rotation.from_quat(hand.quaternion).inv() * Rotation.from_quat(quaternion)
+            ).magnitude()
+            near = (
+                np.linalg.norm(hand.position - position) < self.hands.there
+                and turn < self.hands.turned
+            )
             return self._stays(near, STAYS)
 
         wait_for(
-            self._client, there, limit, lambda: f"the hand at {np.round(position, 3)}, not at {np.round(self.seen['hand'].position, 3)},"
+            self._client,
+            there,
+            limit,
+            lambda: (
+                f"the hand at {np.round(position, 3)}, not at"
+                f" {np.round(self.seen['hand'].position, 3)},"
+            ),
         )
 
     def _stays(self, near, poses):
@@ -215,7 +268,9 @@ class ScreenPerson:
         return near and self._poses - self._near_since >= poses
 
     def follow(self, role, beside, poses=STAYS, limit=120.0):
-        """Keep the hand beside a body (3,) [m], wherever that goes, until it is there and stays there for so many poses."""
+        """Keep the hand beside a body (3,) [m], wherever that goes, until it is there and stays
+        there for so many poses.
+        """
         self._near_since, turned = None, self.seen["hand"].quaternion
 
         def there():
@@ -227,7 +282,9 @@ class ScreenPerson:
         wait_for(self._client, there, limit, f"the hand beside the {role}")
 
     def carry(self, goal):
-        """Take the part around which the hand is, and bring it over a goal (a Pose); returns the pose of the hand down there."""
+        """Take the part around which the hand is, and bring it over a goal (a Pose); returns the
+        pose of the hand down there.
+        """
         hand = self.seen["hand"]
         self.hands.grip(True)
         self.pull(hand.position + [0.0, 0.0, 0.1], hand.quaternion)

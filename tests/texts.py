@@ -13,5 +13,7 @@ def write_texts(path, topics=("/said",), n=100):
             bag.add_topic(topic, TEXT, definition(types, TEXT), type_hash=type_hash(types, TEXT))
         for k in range(n):
             for topic in topics:
-                bag.write(topic, 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)}))
+                bag.write(
+                    topic, 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)})
+                )
     return path

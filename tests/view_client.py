@@ -1,4 +1,6 @@
-"""A page of the live view without a browser: it speaks viser's websocket protocol, sees what is sent, clicks and drags."""
+"""A page of the live view without a browser: it speaks viser's websocket protocol, sees what is
+sent, clicks and drags.
+"""
 
 import time
 from urllib.parse import parse_qs, urlsplit
@@ -15,16 +17,34 @@ EYE = (0.0, -5.0, 2.0)
 
 
 class PageClient:
-    """What a browser would know. url: of the page; origin: what a browser would say that the page comes from."""
+    """What a browser would know. url: of the page; origin: what a browser would say that the page
+    comes from.
+    """
 
     def __init__(self, url, origin=None):
         protocol = f"viser-v{viser.__version__}"
         address = parse_qs(urlsplit(url).query).get("websocket", [url.replace("http", "ws", 1)])[0]
-        self._socket = connect(address, subprotocols=[protocol], origin=origin, max_size=None, compression=None, ping_interval=None)
+        self._socket = connect(
+            address,
+            subprotocols=[protocol],
+            origin=origin,
+            max_size=None,
+            compression=None,
+            ping_interval=None,
+        )
         self.texts, self.controls, self.places, self.nodes, self.commands = {}, {}, {}, {}, {}
         self.looks = 0  # times that the page was told where to look from
-        camera = {"wxyz": (1.0, 0.0, 0.0, 0.0), "position": EYE, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0)}
-        self.send(_messages.ViewerCameraMessage(**camera, fov=1.0, near=0.1, far=100.0, image_height=600, image_width=800))
+        camera = {
+            "wxyz": (1.0, 0.0, 0.0, 0.0),
+            "position": EYE,
+            "look_at": (0.0, 0.0, 0.0),
+            "up_direction": (0.0, 0.0, 1.0),
+        }
+        self.send(
+            _messages.ViewerCameraMessage(
+                **camera, fov=1.0, near=0.1, far=100.0, image_height=600, image_width=800
+            )
+        )
 
     def send(self, message):
         """A message of viser's protocol."""
@@ -45,11 +65,19 @@ class PageClient:
         self.send(_messages.GuiUpdateMessage(self._uuid(label), {"value": value}))
 
     def drag(self, name, start, *places, let_go=True, modifier=None):
-        """Take hold of a node at a point (3,) of it, move the pointer over each place (3,), and let go; modifier: a key that is held."""
-        steps = [("start", start), *(("update", place) for place in places)] + [("end", places[-1])] * let_go
+        """Take hold of a node at a point (3,) of it, move the pointer over each place (3,), and
+        let go; modifier: a key that is held.
+        """
+        steps = [("start", start), *(("update", place) for place in places)] + [
+            ("end", places[-1])
+        ] * let_go
         for phase, place in steps:
             grip, pointer = (tuple(float(x) for x in point) for point in (start, place))
-            self.send(_messages.SceneNodeDragMessage(phase, name, None, grip, (0.5, 0.5), pointer, (0.5, 0.5), "left", modifier))
+            self.send(
+                _messages.SceneNodeDragMessage(
+                    phase, name, None, grip, (0.5, 0.5), pointer, (0.5, 0.5), "left", modifier
+                )
+            )
 
     def is_disabled(self, label):
         """Whether a button cannot be clicked."""
@@ -65,12 +93,18 @@ class PageClient:
         while not condition():
             if time.monotonic() > until:
                 said = what() if callable(what) else what
-                raise AssertionError(f"{said} did not come in {limit:.0f} s; the panel says {list(self.texts.values())[:1]}")
+                raise AssertionError(
+                    f"{said} did not come in {limit:.0f} s; the panel says"
+                    f" {list(self.texts.values())[:1]}"
+                )
             self.listen(0.05)
             meanwhile()
 
     def _uuid(self, label):
-        self.wait_for(lambda: any(one["label"] == label for one in self.controls.values()), what=f"a control '{label}'")
+        self.wait_for(
+            lambda: any(one["label"] == label for one in self.controls.values()),
+            what=f"a control '{label}'",
+        )
         return next(uuid for uuid, one in self.controls.items() if one["label"] == label)
 
     def listen(self, seconds=0.001):
@@ -79,7 +113,9 @@ class PageClient:
             while True:
                 frame = self._socket.recv(timeout=seconds)
                 size = int.from_bytes(frame[8:16], "little")
-                for message in msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]:
+                for message in msgspec.msgpack.decode(
+                    zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size])
+                )["messages"]:
                     self._take(message)
                 seconds = 0.0
         except TimeoutError:
@@ -92,7 +128,11 @@ class PageClient:
         elif kind.startswith("Gui") and "label" in message.get("props", {}):
             self.controls[message["uuid"]] = {"disabled": False, **message["props"]}
         elif kind == "GuiUpdateMessage":
-            self.texts |= {message["uuid"]: message["updates"]["content"]} if "content" in message["updates"] else {}
+            self.texts |= (
+                {message["uuid"]: message["updates"]["content"]}
+                if "content" in message["updates"]
+                else {}
+            )
             self.controls.get(message["uuid"], {}).update(message["updates"])
         elif kind == "RegisterCommandMessage":
             self.commands[message["uuid"]] = message["props"]["label"]

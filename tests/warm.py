@@ -1,10 +1,12 @@
-"""Our own programs, started for tests without importing everything anew: forked from a process that has.
+"""Our own programs, started for tests without importing everything anew: forked from a process
+that has.
 
-A test run starts hundreds of nodes and commands, and each of them would import rclpy, NumPy, SciPy, Pinocchio and PyBullet for a second of
-processor time. `WarmPopen` is `subprocess.Popen` for whoever starts one: the process has its own number, arguments, environment, working
-directory, streams and exit status. Whatever else is started, and whatever depends on how Python itself begins, is started as ever.
-Tests of starting say `COLD = True` in their module: how the programs begin is theirs to find out. `starting_warm` is for what they start
-for another reason.
+A test run starts hundreds of nodes and commands, and each of them would import rclpy, NumPy,
+SciPy, Pinocchio and PyBullet for a second of processor time. `WarmPopen` is `subprocess.Popen` for
+whoever starts one: the process has its own number, arguments, environment, working directory,
+streams and exit status. Whatever else is started, and whatever depends on how Python itself
+begins, is started as ever. Tests of starting say `COLD = True` in their module: how the programs
+begin is theirs to find out. `starting_warm` is for what they start for another reason.
 """
 
 import atexit
@@ -50,18 +52,26 @@ ADDRESS = "DART_SKILL_TESTS_WARM"
 
 
 def _decisive(environment) -> dict[str, str]:
-    decisive = {name: value for name, value in environment.items() if name.startswith(OF_THE_INTERPRETER)}
+    decisive = {
+        name: value for name, value in environment.items() if name.startswith(OF_THE_INTERPRETER)
+    }
     if Path(environment.get("DART_SKILL_CONFIG") or os.devnull, "world.yaml").exists():
-        decisive["DART_SKILL_CONFIG"] = environment["DART_SKILL_CONFIG"]  # the other files are read when somebody asks for them
+        decisive["DART_SKILL_CONFIG"] = environment[
+            "DART_SKILL_CONFIG"
+        ]  # the other files are read when somebody asks for them
     return decisive
 
 
 IMPORTED_WITH = _decisive(os.environ)
-"""Such variables of the process that is forked: it has those of whoever first imports this, and hands them on."""
+"""Such variables of the process that is forked: it has those of whoever first imports this, and
+hands them on.
+"""
 
 
 def program(command) -> tuple[str, list[str]] | None:
-    """Module whose `main` a command line comes to, and its sys.argv; None for what is none of ours, or needs a shell."""
+    """Module whose `main` a command line comes to, and its sys.argv; None for what is none of
+    ours, or needs a shell.
+    """
     words = [os.fspath(word) for word in command]
     if words[:2] == ["bash", "-c"] and len(words) == 3 and not SHELL.intersection(words[2]):
         words = shlex.split(words[2].removeprefix("exec "))
@@ -77,26 +87,45 @@ def program(command) -> tuple[str, list[str]] | None:
 class WarmPopen(subprocess.Popen):
     """`subprocess.Popen` that has our own programs forked from the process at `ADDRESS`.
 
-    Only how a process is begun, and how its end is heard of, differs from the base class; there is no public way to say so.
+    Only how a process is begun, and how its end is heard of, differs from the base class; there is
+    no public way to say so.
     """
 
     _line: socket.socket | None = None
 
     def _execute_child(self, args, executable, preexec_fn, close_fds, pass_fds, cwd, env, *others):
         environment = dict(os.environ if env is None else env)
-        ours = None if isinstance(args, (str, bytes)) or executable or preexec_fn or pass_fds else program(args)
-        # others: startupinfo, creationflags, shell; six ends of pipes; restore_signals; and what only those give who care
-        shell, pipes, begins_otherwise = others[2], others[3:9], any(one not in (None, False, -1) for one in others[10:])
+        ours = (
+            None
+            if isinstance(args, (str, bytes)) or executable or preexec_fn or pass_fds
+            else program(args)
+        )
+        # others: startupinfo, creationflags, shell; six ends of pipes; restore_signals; and what
+        # only those give who care
+        shell, pipes, begins_otherwise = (
+            others[2],
+            others[3:9],
+            any(one not in (None, False, -1) for one in others[10:]),
+        )
         if ours is None or shell or begins_otherwise or _decisive(environment) != IMPORTED_WITH:
-            return super()._execute_child(args, executable, preexec_fn, close_fds, pass_fds, cwd, env, *others)
+            return super()._execute_child(
+                args, executable, preexec_fn, close_fds, pass_fds, cwd, env, *others
+            )
         module, argv = ours
         stdin, _, _, stdout, _, stderr = pipes
         environment[ADDRESS] = _address()
-        request = {"module": module, "argv": argv, "cwd": os.fspath(cwd or os.getcwd()), "environment": environment}
+        request = {
+            "module": module,
+            "argv": argv,
+            "cwd": os.fspath(cwd or os.getcwd()),
+            "environment": environment,
+        }
         self._line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._line.connect(_address())
         body = json.dumps(request).encode()
-        streams = [number if end == -1 else end for number, end in enumerate((stdin, stdout, stderr))]
+        streams = [
+            number if end == -1 else end for number, end in enumerate((stdin, stdout, stderr))
+        ]
         socket.send_fds(self._line, [len(body).to_bytes(4, "big")], streams)
         self._line.sendall(body)
         self.pid = int.from_bytes(_exactly(self._line, 4), "big")
@@ -118,7 +147,9 @@ class WarmPopen(subprocess.Popen):
             told = self._line.recv(4)
         except BlockingIOError:
             return 0, 0
-        self._status = int.from_bytes(told, "big") if told else signal.SIGKILL  # who forked it is gone, and it with that
+        self._status = (
+            int.from_bytes(told, "big") if told else signal.SIGKILL
+        )  # who forked it is gone, and it with that
         return self.pid, self._status
 
 
@@ -130,7 +161,9 @@ def starting_warm():
 
 
 def nodes_of(pid: int) -> dict[int, str]:
-    """Names of the forked nodes that a process has started, and that have not ended, by the numbers of their processes."""
+    """Names of the forked nodes that a process has started, and that have not ended, by the
+    numbers of their processes.
+    """
     found = {}
     for file in Path(_address()).parent.glob("[0-9]*"):
         try:
@@ -157,7 +190,9 @@ def _address() -> str:
     if ADDRESS not in os.environ:
         ours, its = socket.socketpair()
         command = [sys.executable, "-m", "tests.warm", str(its.fileno())]
-        server = subprocess.Popen(command, cwd=ROOT, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL)
+        server = subprocess.Popen(
+            command, cwd=ROOT, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL
+        )
         its.close()
         os.environ[ADDRESS] = ours.recv(200).decode()
         atexit.register(_end, ours, server)
@@ -175,7 +210,9 @@ def _end(line: socket.socket, server: subprocess.Popen) -> None:
 
 
 class Server:
-    """Listens for requests, forks, and says how each process ended. In a forked one `serve` returns what it shall become."""
+    """Listens for requests, forks, and says how each process ended. In a forked one `serve`
+    returns what it shall become.
+    """
 
     def __init__(self, starter: socket.socket, folder: str):
         self._starter, self._folder = starter, folder
@@ -187,7 +224,9 @@ class Server:
             os.set_blocking(end, False)
         signal.set_wakeup_fd(told, warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda *_: None)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C at the terminal is for the tests, and for what they started
+        signal.signal(
+            signal.SIGINT, signal.SIG_IGN
+        )  # a Ctrl-C at the terminal is for the tests, and for what they started
         self._lines: dict[int, socket.socket] = {}
         self._ends_with: set[int] = set()
         self._doomed: dict[int, float] = {}
@@ -227,7 +266,9 @@ class Server:
         self._lines[pid] = line
         if STARTER in request["environment"]:
             self._ends_with.add(pid)
-            Path(self._folder, str(pid)).write_text(f"{request['environment'][STARTER]} {request['module']}")
+            Path(self._folder, str(pid)).write_text(
+                f"{request['environment'][STARTER]} {request['module']}"
+            )
         self._ready.register(line, selectors.EVENT_READ, pid)
         return None
 
@@ -306,7 +347,9 @@ def _main(number: int) -> None:
 
 
 def _end_at_once(main) -> None:
-    """Ends the process as `sys.exit(main())` would, but for taking apart all modules: what they share with the others would be copied."""
+    """Ends the process as `sys.exit(main())` would, but for taking apart all modules: what they
+    share with the others would be copied.
+    """
     try:
         ended = main()
     except SystemExit as end:
@@ -328,8 +371,10 @@ def _import_whole(name: str) -> None:
 
 
 TYPES = {
-    "msg": "dart_skill_msgs geometry_msgs sensor_msgs std_msgs tf2_msgs diagnostic_msgs rosgraph_msgs rcl_interfaces nav_msgs "
-    "visualization_msgs",
+    "msg": (
+        "dart_skill_msgs geometry_msgs sensor_msgs std_msgs tf2_msgs diagnostic_msgs rosgraph_msgs"
+        " rcl_interfaces nav_msgs visualization_msgs"
+    ),
     "srv": "dart_skill_msgs std_srvs rcl_interfaces lifecycle_msgs type_description_interfaces",
     "action": "dart_skill_msgs",
 }
@@ -337,7 +382,9 @@ TYPES = {
 
 
 def _load_type_supports() -> None:
-    """Libraries of messages, services and actions, which rclpy loads when one is first used; and the tables that bags are read with."""
+    """Libraries of messages, services and actions, which rclpy loads when one is first used; and
+    the tables that bags are read with.
+    """
     for kind, packages in TYPES.items():
         for package in packages.split():
             for one in vars(importlib.import_module(f"{package}.{kind}")).values():

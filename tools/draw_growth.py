@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""Curves of what large bags, graphs side by side and more processes cost, from the numbers that their benchmarks wrote.
+"""Curves of what large bags, graphs side by side and more processes cost, from the numbers that
+their benchmarks wrote.
 
     python3 tools/draw_growth.py build/growth docs/growth_graphs.svg
 
-`make growth` measures and draws all. The folder holds bags.json (benchmarks/graph/large_bags.py), graphs.json
-(benchmarks/graph/side_by_side.py) and cores.json (benchmarks/skill/cores.py); panels of files that are not there stay empty.
+`make growth` measures and draws all. The folder holds bags.json (benchmarks/graph/large_bags.py),
+graphs.json (benchmarks/graph/side_by_side.py) and cores.json (benchmarks/skill/cores.py); panels
+of files that are not there stay empty.
 """
 
 import argparse
@@ -32,8 +34,12 @@ def draw_bags(time: Axes, memory: Axes, rows: list[dict[str, Any]]) -> None:
     for command, marker in COMMANDS.items():
         there = [row for row in rows if command in row]
         sizes = [1e-9 * row["size"] for row in there]
-        time.loglog(sizes, [row[command]["processor"] for row in there], marker=marker, label=command)
-        memory.loglog(sizes, [1e-6 * row[command]["memory"] for row in there], marker=marker, label=command)
+        time.loglog(
+            sizes, [row[command]["processor"] for row in there], marker=marker, label=command
+        )
+        memory.loglog(
+            sizes, [1e-6 * row[command]["memory"] for row in there], marker=marker, label=command
+        )
     for axes, what in ((time, "processor time [s]"), (memory, "most memory [MB]")):
         axes.set_xlabel("bag [GB]")
         axes.set_ylabel(what)
@@ -45,11 +51,16 @@ def draw_bags(time: Axes, memory: Axes, rows: list[dict[str, Any]]) -> None:
 
 
 def draw_graphs(speed: Axes, step: Axes, rows: list[dict[str, Any]]) -> None:
-    """Seconds of all worlds in one of the clock, and processor time of a step, by the number of graphs."""
+    """Seconds of all worlds in one of the clock, and processor time of a step, by the number of
+    graphs.
+    """
     numbers = [row["graphs"] for row in rows]
     speed.plot(numbers, [row["sum"] for row in rows], marker="o", color="C3")
     step.plot(numbers, [1e3 * row["step"] for row in rows], marker="o", color="C3")
-    for axes, what in ((speed, "simulated seconds of all in a second"), (step, "processor time of a step [ms]")):
+    for axes, what in (
+        (speed, "simulated seconds of all in a second"),
+        (step, "processor time of a step [ms]"),
+    ):
         axes.set_xlabel("graphs side by side")
         axes.set_ylabel(what)
         axes.set_xticks([number for number in numbers if number != 2])
@@ -61,8 +72,21 @@ def draw_cores(axes: Axes, rows: list[dict[str, Any]]) -> None:
     for (kind, marker), colour in zip(KINDS.items(), ("C4", "C5"), strict=True):
         there = [row for row in rows if row["kind"] == kind]
         numbers = [row["processes"] for row in there]
-        axes.plot(numbers, [100 * row["free"] for row in there], marker=marker, color=colour, label=f"{kind}, free")
-        axes.plot(numbers, [100 * row["efficiency"] for row in there], marker=marker, color=colour, ls=":", label=f"{kind}, clock")
+        axes.plot(
+            numbers,
+            [100 * row["free"] for row in there],
+            marker=marker,
+            color=colour,
+            label=f"{kind}, free",
+        )
+        axes.plot(
+            numbers,
+            [100 * row["efficiency"] for row in there],
+            marker=marker,
+            color=colour,
+            ls=":",
+            label=f"{kind}, clock",
+        )
     axes.axhline(90.0, color="0.6", lw=0.8)
     axes.set_xlabel("processes")
     axes.set_ylabel("efficiency [%]")
@@ -73,7 +97,9 @@ def draw_cores(axes: Axes, rows: list[dict[str, Any]]) -> None:
 
 def main() -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("results", type=Path, help="folder of the numbers")
     parser.add_argument("picture", type=Path, help="SVG file to write")
     options = parser.parse_args()
@@ -86,7 +112,9 @@ def main() -> None:
         one.grid(alpha=0.3)
         one.xaxis.set_minor_locator(NullLocator())
         one.yaxis.set_minor_locator(NullLocator())
-    FigureCanvasSVG(figure).print_svg(str(options.picture), metadata={"Date": None, "Creator": "dart_skill"})
+    FigureCanvasSVG(figure).print_svg(
+        str(options.picture), metadata={"Date": None, "Creator": "dart_skill"}
+    )
     print(options.picture)
 
 

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the bags that the tests and the quick start use: 13 demonstrations and 20 throws, recorded from this project's own graph.
+"""Makes the bags that the tests and the quick start use: 13 demonstrations and 20 throws, recorded
+from this project's own graph.
 
     source tools/env.sh && python3 tools/make_bags.py FOLDER
 
-The recorder runs beside the graph of the main job, with the simulation's clock: the same seed gives the same poses, states and commands.
+The recorder runs beside the graph of the main job, with the simulation's clock: the same seed
+gives the same poses, states and commands.
 """
 
 import argparse
@@ -28,9 +30,21 @@ from dart_skill_nodes.verbs._run import teach, throw_all  # noqa: E402
 
 SEED, DEMONSTRATIONS, THROWS = 0, 13, 20
 CONFIGURATION = "intervals"
-"""With which the throws of the bag in this repository were learned: its poses stay what they are."""
-HEARD = ("/joint_states", "/wam/command", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")))
-TOPICS = [*HEARD, "/wam/teacher_wrench", "/demonstrations", "/robot_description", "/commander/attractor", "/skill_learner/model"]
+"""With which the throws of the bag in this repository were learned: its poses stay what they are.
+"""
+HEARD = (
+    "/joint_states",
+    "/wam/command",
+    *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")),
+)
+TOPICS = [
+    *HEARD,
+    "/wam/teacher_wrench",
+    "/demonstrations",
+    "/robot_description",
+    "/commander/attractor",
+    "/skill_learner/model",
+]
 
 PATIENCE = 30.0
 """For the recorder to hear every sensor [s, wall clock]."""
@@ -43,7 +57,13 @@ class Recording:
         self._graph, self._client, self._counts = graph, client, {}
         client.node.create_subscription(DiagnosticArray, "/diagnostics", self._look, 10)
         notes = f"['seed={SEED}','what={note}']"
-        wanted = {"bag": str(bag), "topics": f"[{','.join(TOPICS)}]", "notes": notes, "use_sim_time": True, "transform_rate": 25.0}
+        wanted = {
+            "bag": str(bag),
+            "topics": f"[{','.join(TOPICS)}]",
+            "notes": notes,
+            "use_sim_time": True,
+            "transform_rate": 25.0,
+        }
         graph.start("recorder", wanted)
 
     def __enter__(self) -> None:
@@ -51,14 +71,23 @@ class Recording:
         while not all(topic in self._counts for topic in HEARD):
             self._client.spin()
             if time.monotonic() > until:
-                raise GraphFailure(f"the recorder does not hear {sorted(set(HEARD) - set(self._counts))}")
+                raise GraphFailure(
+                    f"the recorder does not hear {sorted(set(HEARD) - set(self._counts))}"
+                )
 
     def __exit__(self, *failure) -> None:
         recorder = self._graph.processes.pop("recorder")
         recorder.send_signal(signal.SIGINT)
         recorder.wait()
-        if lost := [name for name, count in self._counts.items() if name.endswith(" lost") and not name.startswith("/clock")]:
-            raise GraphFailure(f"messages were lost ({', '.join(lost)}): make the bags again when the machine has nothing else to do")
+        if lost := [
+            name
+            for name, count in self._counts.items()
+            if name.endswith(" lost") and not name.startswith("/clock")
+        ]:
+            raise GraphFailure(
+                f"messages were lost ({', '.join(lost)}): make the bags again when the machine has"
+                " nothing else to do"
+            )
 
     def _look(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -73,17 +102,29 @@ def make(folder: Path, logs: Path) -> None:
         client = GraphClient(graph.dead)
         graph.start_all("composed", SEED, logs / "bag")
         client.wait_until_ready()
-        with Recording(graph, client, folder / "demonstrations", f"{DEMONSTRATIONS} throws that a person guides"):
+        with Recording(
+            graph,
+            client,
+            folder / "demonstrations",
+            f"{DEMONSTRATIONS} throws that a person guides",
+        ):
             teach(client, SEED, DEMONSTRATIONS)
         client.learn(configuration=CONFIGURATION)
-        with Recording(graph, client, folder / "throws", f"{THROWS} throws of the arm, learned from these demonstrations"):
+        with Recording(
+            graph,
+            client,
+            folder / "throws",
+            f"{THROWS} throws of the arm, learned from these demonstrations",
+        ):
             throw_all(client, new)
         client.close()
 
 
 def main() -> int:
     """Entry point; returns the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path, help="where the bags go; each must not exist")
     folder = parser.parse_args().folder
     rclpy.init()

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the pictures of the documentation that a browser draws, in docs/: throws.webp, report.png and those of the live page.
+"""Makes the pictures of the documentation that a browser draws, in docs/: throws.webp, report.png
+and those of the live page.
 
     source tools/env.sh && python3 tools/make_pictures.py              # or some of them: view_darts view_by_mouse
 
-Needs a Chromium on PATH, or named by $CHROMIUM, and takes some minutes: the arm learns and practises for them.
+Needs a Chromium on PATH, or named by $CHROMIUM, and takes some minutes: the arm learns and
+practises for them.
 """
 
 import argparse
@@ -52,7 +54,9 @@ CLOSE_NOTES = """(() => {
   within.querySelectorAll('button[class*=Notification]').forEach(button => button.click());
 })()"""
 
-TO_THE_TOP = "document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 0)"
+TO_THE_TOP = (
+    "document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 0)"
+)
 
 
 class Film:
@@ -64,7 +68,9 @@ class Film:
     def insert_sleep(self, seconds: float) -> None:
         """Take a picture that stands so long."""
         width, height = FILM
-        pixels = Image.fromarray(self._client.get_render(2 * height, 2 * width, transport_format="png"))
+        pixels = Image.fromarray(
+            self._client.get_render(2 * height, 2 * width, transport_format="png")
+        )
         page = Image.alpha_composite(Image.new("RGBA", pixels.size, "white"), pixels)
         self.pictures.append(page.convert("RGB").resize(FILM, Image.Resampling.LANCZOS))
         self.milliseconds.append(round(1e3 * seconds))
@@ -72,7 +78,13 @@ class Film:
     def save(self, path: Path) -> None:
         """As an animated WebP that goes on for ever."""
         self.pictures[0].save(
-            path, save_all=True, append_images=self.pictures[1:], duration=self.milliseconds, loop=0, quality=60, method=6
+            path,
+            save_all=True,
+            append_images=self.pictures[1:],
+            duration=self.milliseconds,
+            loop=0,
+            quality=60,
+            method=6,
         )
 
 
@@ -86,7 +98,10 @@ def film_throws(folder: Path) -> Path:
     with Page(folder, f"http://127.0.0.1:{server.get_port()}", few_frames=False):
         film = Film(_wait(lambda: next(iter(server.get_clients().values()), None), "the page"))
         for throw in run.own[:FILMED]:
-            scene.show_gaussians("gaussians", *map(np.array, zip(*component_ellipsoids(_mixture(run, throw)), strict=True)))
+            scene.show_gaussians(
+                "gaussians",
+                *map(np.array, zip(*component_ellipsoids(_mixture(run, throw)), strict=True)),
+            )
             play(scene, film, run.recording, throw, FRAME)
     server.stop()
     film.save(DOCS / "throws.webp")
@@ -107,20 +122,43 @@ def _live_graph(folder: Path, skill: str = "") -> Iterator[tuple[GraphClient, st
         client.wait_until_ready()
         graph.start("viewer", {"port": 0} | ({"skill": skill} if skill else {}))
         log = folder / "logs" / "viewer.log"
-        yield client, _wait(lambda: re.search(r"live view is at (\S+)", log.read_text()), "the viewer", client.spin).group(1)
+        yield (
+            client,
+            _wait(
+                lambda: re.search(r"live view is at (\S+)", log.read_text()),
+                "the viewer",
+                client.spin,
+            ).group(1),
+        )
         client.close()
     rclpy.try_shutdown()
 
 
 def _press(page: PageClient, client: GraphClient, button: str, said: str) -> None:
-    """A button of the live page, as soon as it can be pressed, until the page says so and can be asked again."""
-    page.wait_for(lambda: not page.is_disabled(button), 60.0, f"the button '{button}'", client.spin)
+    """A button of the live page, as soon as it can be pressed, until the page says so and can be
+    asked again.
+    """
+    page.wait_for(
+        lambda: not page.is_disabled(button), 60.0, f"the button '{button}'", client.spin
+    )
     page.click(button)
-    page.wait_for(lambda: page.says(said) and not page.is_disabled(button), 900.0, f"'{said}' after {button}", client.spin)
+    page.wait_for(
+        lambda: page.says(said) and not page.is_disabled(button),
+        900.0,
+        f"'{said}' after {button}",
+        client.spin,
+    )
 
 
-def _picture(folder: Path, url: str, client: GraphClient, path: Path, arrange: Callable[[], None] = lambda: None) -> Path:
-    """The live page in a browser, once it stands still. It comes last, as one that looks on takes a core of its own.
+def _picture(
+    folder: Path,
+    url: str,
+    client: GraphClient,
+    path: Path,
+    arrange: Callable[[], None] = lambda: None,
+) -> Path:
+    """The live page in a browser, once it stands still. It comes last, as one that looks on takes
+    a core of its own.
 
     arrange: called when the page is there.
     """
@@ -141,14 +179,18 @@ def show_view(folder: Path) -> Path:
         for target in REGION.spread(13, np.random.default_rng([0, 1])):
             client.teach(target)
         client.learn()
-        with PageClient(url, origin=url) as page:  # after the lessons, as a page that does not listen is closed
+        with PageClient(
+            url, origin=url
+        ) as page:  # after the lessons, as a page that does not listen is closed
             _press(page, client, "Practise", "throws made")
             _press(page, client, "Throw", "from the middle")
         return _picture(folder, url, client, DOCS / "view.png")
 
 
 def show_skill(name: str, folder: Path) -> Path:
-    """The live view of another skill that was taught, learned, practised and tried once more, with the buttons of the page."""
+    """The live view of another skill that was taught, learned, practised and tried once more, with
+    the buttons of the page.
+    """
     do, trials = ("Throw", "throws") if name == "darts" else ("Execute", "trials")
     with _live_graph(folder, name) as (client, url), PageClient(url, origin=url) as page:
         _press(page, client, "Teach", "demonstrations shown")
@@ -159,13 +201,17 @@ def show_skill(name: str, folder: Path) -> Path:
 
 
 def show_by_mouse(folder: Path) -> Path:
-    """A lesson on the page: the part was pulled over its holder, as the page looks at it from the side."""
+    """A lesson on the page: the part was pulled over its holder, as the page looks at it from the
+    side.
+    """
     with _live_graph(folder, "place") as (client, url), PageClient(url, origin=url) as page:
 
         def until(found, what: str) -> None:
             page.wait_for(found, 120.0, what, client.spin)
 
-        person = ScreenPerson(client, ("hand", "part", "holder"), PageHands(page), meanwhile=page.listen)
+        person = ScreenPerson(
+            client, ("hand", "part", "holder"), PageHands(page), meanwhile=page.listen
+        )
         until(lambda: not page.is_disabled("Take the hand"), "the button")
         page.click("Take the hand")
         until(lambda: page.says("beside its place"), "a hand that is held")
@@ -183,11 +229,29 @@ def show_by_mouse(folder: Path) -> Path:
 
 def show_report(folder: Path) -> Path:
     """The page of twenty own throws; the base is turned after five."""
-    practice = ["practice", "--change", "base_turned", "--output", str(folder / "practice"), "--json"]
-    said = subprocess.run([sys.executable, "-m", "dart_skill.cli", *practice], check=True, capture_output=True, text=True).stdout
+    practice = [
+        "practice",
+        "--change",
+        "base_turned",
+        "--output",
+        str(folder / "practice"),
+        "--json",
+    ]
+    said = subprocess.run(
+        [sys.executable, "-m", "dart_skill.cli", *practice],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
     assert json.loads(said)
     with Page(folder, (folder / "practice" / "report.html").as_uri(), few_frames=False) as page:
-        page.call("Emulation.setDeviceMetricsOverride", width=1050, height=1430, deviceScaleFactor=0.8, mobile=False)
+        page.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=1050,
+            height=1430,
+            deviceScaleFactor=0.8,
+            mobile=False,
+        )
         _wait(lambda: "What was run" in page.text(), "the page")
         time.sleep(10.0)  # the replay has no word for having begun
         page.run(CLOSE_NOTES)
@@ -205,14 +269,26 @@ def _wait(found, what: str, meanwhile=lambda: time.sleep(0.1), limit: float = 30
     return result
 
 
-SKILLS = {f"view_{name}": functools.partial(show_skill, name) for name in ("darts", "place", "reach")}
-MAKERS = {"throws": film_throws, "report": show_report, "view": show_view, **SKILLS, "view_by_mouse": show_by_mouse}
+SKILLS = {
+    f"view_{name}": functools.partial(show_skill, name) for name in ("darts", "place", "reach")
+}
+MAKERS = {
+    "throws": film_throws,
+    "report": show_report,
+    "view": show_view,
+    **SKILLS,
+    "view_by_mouse": show_by_mouse,
+}
 
 
 def main() -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("pictures", nargs="*", metavar="PICTURE", help=f"any of {', '.join(MAKERS)} (default: all)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "pictures", nargs="*", metavar="PICTURE", help=f"any of {', '.join(MAKERS)} (default: all)"
+    )
     options = parser.parse_args()
     if unknown := set(options.pictures) - set(MAKERS):
         parser.error(f"no picture {sorted(unknown)}, only {sorted(MAKERS)}")

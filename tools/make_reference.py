@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""Writes docs/reference.md from the nodes themselves: what each publishes and serves, its parameters, and the message types.
+"""Writes docs/reference.md from the nodes themselves: what each publishes and serves, its
+parameters, and the message types.
 
     source tools/env.sh && python3 tools/make_reference.py            # --check only compares, exit status 1 if they differ
 
-Every node is started in this process, and asked as `ros2 node info` and `ros2 param describe` would.
+Every node is started in this process, and asked as `ros2 node info` and `ros2 param describe`
+would.
 """
 
 import argparse
@@ -17,7 +19,9 @@ from pathlib import Path
 from dart_skill.common.permissions import PARAMETERS
 from dart_skill_nodes.process.discovery import choose_domain
 
-os.environ.pop("ROS_DOMAIN_ID", None)  # where another commander is, its topics would be taken for those of this one
+os.environ.pop(
+    "ROS_DOMAIN_ID", None
+)  # where another commander is, its topics would be taken for those of this one
 choose_domain()
 
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
@@ -55,7 +59,9 @@ CLASSES = [
     bag_player.BagPlayer,
 ]
 COMMON = {"/rosout", "/parameter_events"}
-OF_THE_MACHINERY = re.compile(r"/_|/(get_type_description|transition_event|change_state|get_state|get_available_\w+|get_transition_graph)$")
+OF_THE_MACHINERY = re.compile(
+    r"/_|/(get_type_description|transition_event|change_state|get_state|get_available_\w+|get_transition_graph)$"
+)
 """Topics and services that every node has, or every managed one."""
 UNTOLD = re.compile(r"use_sim_time$|start_type_description_service$|qos_overrides|cameras\.")
 """Parameters of every node, and of every single camera."""
@@ -79,7 +85,10 @@ def arguments(folder: Path) -> list[str]:
         "bag_player:start_paused": "true",
         "bag_player:topics": "[/vrpn_mocap/ball/pose]",
     }
-    return ["--ros-args", *(part for name, value in chosen.items() for part in ("-p", f"{name}:={value}"))]
+    return [
+        "--ros-args",
+        *(part for name, value in chosen.items() for part in ("-p", f"{name}:={value}")),
+    ]
 
 
 def page(nodes: list[Node]) -> str:
@@ -90,8 +99,24 @@ def page(nodes: list[Node]) -> str:
 def section(node: Node) -> str:
     """A node: what it does, publishes and serves, and its parameters."""
     first = sys.modules[type(node).__module__].__doc__.strip().split("\n\n")[0].replace("\n", " ")
-    managed = ["", "A managed node: it has the services and the topic of the life cycle."] if isinstance(node, LifecycleNode) else []
-    return "\n".join([f"## {node.get_name()}", "", first, *managed, "", *interfaces(node), "", *parameters(node), ""])
+    managed = (
+        ["", "A managed node: it has the services and the topic of the life cycle."]
+        if isinstance(node, LifecycleNode)
+        else []
+    )
+    return "\n".join(
+        [
+            f"## {node.get_name()}",
+            "",
+            first,
+            *managed,
+            "",
+            *interfaces(node),
+            "",
+            *parameters(node),
+            "",
+        ]
+    )
 
 
 def interfaces(node: Node) -> list[str]:
@@ -102,12 +127,22 @@ def interfaces(node: Node) -> list[str]:
             raise TimeoutError(f"{name} is not whole on the graph after {PATIENCE:.0f} s")
         time.sleep(LOOK)  # to look takes the processor that whoever finds the rest of it needs
     ignored = COMMON | ({"/diagnostics"})
-    topics = [one for one in node.get_publisher_names_and_types_by_node(name, "/") if one[0] not in ignored and "/_action/" not in one[0]]
+    topics = [
+        one
+        for one in node.get_publisher_names_and_types_by_node(name, "/")
+        if one[0] not in ignored and "/_action/" not in one[0]
+    ]
     services = node.get_service_names_and_types_by_node(name, "/")
     actions = [
-        (one.split("/_action/")[0], [kind[0].removesuffix("_SendGoal")]) for one, kind in services if one.endswith("/_action/send_goal")
+        (one.split("/_action/")[0], [kind[0].removesuffix("_SendGoal")])
+        for one, kind in services
+        if one.endswith("/_action/send_goal")
     ]
-    plain = [one for one in services if "/_action/" not in one[0] and one[0].rsplit("/", 1)[1] not in PARAMETERS]
+    plain = [
+        one
+        for one in services
+        if "/_action/" not in one[0] and one[0].rsplit("/", 1)[1] not in PARAMETERS
+    ]
     rows = [
         f"| {what} | `{topic}` | `{kinds[0]}` |"
         for what, found in (("publishes", topics), ("action", actions), ("service", plain))
@@ -118,18 +153,26 @@ def interfaces(node: Node) -> list[str]:
 
 
 def _is_seen_whole(node: Node) -> bool:
-    """Whether the graph shows all that the node made: a participant is found before its endpoints are."""
+    """Whether the graph shows all that the node made: a participant is found before its endpoints
+    are.
+    """
     name = node.get_name()
     if name not in node.get_node_names():
         return False
     published = {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, "/")}
     served = {service for service, _ in node.get_service_names_and_types_by_node(name, "/")}
-    return published >= {one.topic_name for one in node.publishers} and served >= {one.service_name for one in node.services}
+    return published >= {one.topic_name for one in node.publishers} and served >= {
+        one.service_name for one in node.services
+    }
 
 
 def parameters(node: Node) -> list[str]:
     """A table of the parameters, with defaults and ranges."""
-    rows = [_parameter_row(node, name, node.describe_parameter(name)) for name in sorted(node._parameters) if not UNTOLD.match(name)]
+    rows = [
+        _parameter_row(node, name, node.describe_parameter(name))
+        for name in sorted(node._parameters)
+        if not UNTOLD.match(name)
+    ]
     return ["| parameter | default | range | |", "|---|---|---|---|", *rows] if rows else []
 
 
@@ -138,8 +181,13 @@ def _parameter_row(node: Node, name: str, descriptor: ParameterDescriptor) -> st
     limits = f"{bounds[0].from_value:g} to {bounds[0].to_value:g}" if bounds else ""
     changeable = "" if descriptor.read_only else " \\*"
     value = node.get_parameter(name).value
-    default = "" if f"{node.get_name()}:{name}:=" in " ".join(arguments(Path("x"))) else f"`{value}`"
-    return f"| `{name}`{changeable} | {default} | {limits} | {descriptor.description.replace('|', 'or')} |"
+    default = (
+        "" if f"{node.get_name()}:{name}:=" in " ".join(arguments(Path("x"))) else f"`{value}`"
+    )
+    return (
+        f"| `{name}`{changeable} | {default} | {limits} |"
+        f" {descriptor.description.replace('|', 'or')} |"
+    )
 
 
 def types() -> str:
@@ -147,13 +195,22 @@ def types() -> str:
     parts = ["## Types of dart_skill_msgs", ""]
     for kind in ("msg", "srv", "action"):
         for file in sorted((ROOT / "msg_schemas" / kind).glob(f"*.{kind}")):
-            parts += [f"### {kind}/{file.stem}", "", "```", file.read_text(encoding="utf-8").rstrip(), "```", ""]
+            parts += [
+                f"### {kind}/{file.stem}",
+                "",
+                "```",
+                file.read_text(encoding="utf-8").rstrip(),
+                "```",
+                "",
+            ]
     return "\n".join(parts)
 
 
 def main() -> int:
     """Entry point; returns the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     with tempfile.TemporaryDirectory() as folder:

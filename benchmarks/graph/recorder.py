@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""What the recorder loses and costs beside one in rclpy's usual way: joint states and commands at 500 Hz, three bodies at 100 Hz.
+"""What the recorder loses and costs beside one in rclpy's usual way: joint states and commands at
+500 Hz, three bodies at 100 Hz.
 
     source tools/env.sh && python3 -m benchmarks.graph.recorder --seconds 60
 
-The peer subscribes to the same publishers at the same time: a raw callback for each message, and the writer of rosbags. A publisher numbers
-its messages by their stamps, so that each recording is compared with what was sent, message by message.
+The peer subscribes to the same publishers at the same time: a raw callback for each message, and
+the writer of rosbags. A publisher numbers its messages by their stamps, so that each recording is
+compared with what was sent, message by message.
 """
 
 import argparse
@@ -74,12 +76,18 @@ def publish(seconds: float, listeners: int) -> None:
 def record_as_peer(path: str) -> None:
     """A callback for each message, straight into a rosbags writer, until interrupted."""
     rclpy.init()
-    node, writer = rclpy.create_node("peer"), Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    node, writer = (
+        rclpy.create_node("peer"),
+        Writer(path, version=9, storage_plugin=StoragePlugin.MCAP),
+    )
     writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
         for topic, (name, _) in TOPICS.items():
             connection = writer.add_connection(topic, name, typestore=types_for(name))
-            write = lambda data, connection=connection: writer.write(connection, time.time_ns(), data)  # noqa: E731
+
+            def write(data, connection=connection):
+                writer.write(connection, time.time_ns(), data)
+
             node.create_subscription(message_class(name), topic, write, COMPLETE, raw=True)
         try:
             rclpy.spin(node)
@@ -107,14 +115,21 @@ def lost(path: Path, steps: int) -> dict[str, int]:
     with BagReader(path) as bag:
         missing = {}
         for topic, (_, every) in TOPICS.items():
-            heard = {struct.unpack_from("<iI", message.data, 4) for message in bag.messages([topic], decode=False)}
-            missing[topic] = sum(divmod(stamp(step), 1_000_000_000) not in heard for step in range(0, steps, every))
+            heard = {
+                struct.unpack_from("<iI", message.data, 4)
+                for message in bag.messages([topic], decode=False)
+            }
+            missing[topic] = sum(
+                divmod(stamp(step), 1_000_000_000) not in heard for step in range(0, steps, every)
+            )
     return missing
 
 
 def main() -> None:
     """Entry point."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--publish", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--peer", help=argparse.SUPPRESS)
@@ -132,7 +147,9 @@ def measure(folder: Path, seconds: float) -> None:
     topics = f"[{','.join(TOPICS)}]"
     parameters = {"bag": folder / "own", "topics": topics, "transforms": "false"}
     arguments = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
-    own = subprocess.Popen([sys.executable, "-m", "dart_skill_nodes.executables.recorder", "--ros-args", *arguments])
+    own = subprocess.Popen(
+        [sys.executable, "-m", "dart_skill_nodes.executables.recorder", "--ros-args", *arguments]
+    )
     peer = subprocess.Popen([sys.executable, __file__, "--peer", str(folder / "peer")])
     sender = subprocess.Popen([sys.executable, __file__, "--publish", "--seconds", str(seconds)])
     _cpu(sender)
@@ -142,8 +159,14 @@ def measure(folder: Path, seconds: float) -> None:
     print(f"{sent} messages in {seconds:.0f} s")
     for name, path in (("recorder", folder / "own"), ("rclpy + rosbags", folder / "peer")):
         missing = sum(lost(path, steps).values())
-        print(f"{name:16s} {missing:6d} lost   {1e6 * cost[name] / sent:6.0f} us of CPU a message, start and end included")
-    print(f"CPU of the recorder, in parts of the peer's: {cost['recorder'] / cost['rclpy + rosbags']:.2f}")
+        print(
+            f"{name:16s} {missing:6d} lost   {1e6 * cost[name] / sent:6.0f} us of CPU a message,"
+            " start and end included"
+        )
+    print(
+        "CPU of the recorder, in parts of the peer's:"
+        f" {cost['recorder'] / cost['rclpy + rosbags']:.2f}"
+    )
 
 
 if __name__ == "__main__":

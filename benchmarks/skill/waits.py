@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""Whole commands that a person waits for, by the clock: the report of a bag, a demo to its end, and a leg of 501 solved for any thrower.
+"""Whole commands that a person waits for, by the clock: the report of a bag, a demo to its end,
+and a leg of 501 solved for any thrower.
 
     python3 -m benchmarks.skill.waits
 
-These have no peer: what is asked are seconds, on two idle cores. A report is the median of some runs after a first one, a demo one run, a
-leg the slowest of its spreads and objectives in processor time.
+These have no peer: what is asked are seconds, on two idle cores. A report is the median of some
+runs after a first one, a demo one run, a leg the slowest of its spreads and objectives in
+processor time.
 """
 
 import argparse
@@ -33,7 +35,9 @@ def command(*arguments: str) -> subprocess.Popen:
     """dart-skill with arguments, in an environment in which modules stay compiled."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     whole = [sys.executable, "-m", "dart_skill.cli", *arguments]
-    return subprocess.Popen(whole, env=kept, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return subprocess.Popen(
+        whole, env=kept, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
 
 
 def report_seconds(repeats: int) -> float:
@@ -78,7 +82,10 @@ def leg_seconds(spreads: Sequence[float] = SPREADS) -> float:
 def say(what: str, seconds: float) -> None:
     """A row."""
     met = seconds <= ASKED[what]
-    print(f"{what:<24}{seconds:>7.2f} s   asked {ASKED[what]:g} s{'' if met else ', missed'}", flush=True)
+    print(
+        f"{what:<24}{seconds:>7.2f} s   asked {ASKED[what]:g} s{'' if met else ', missed'}",
+        flush=True,
+    )
     tell(what, f"{seconds:.2f} s", asked=f"{ASKED[what]:g} s", met=met)
 
 
@@ -87,9 +94,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=5, help="reports (default 5)")
     parser.add_argument("--only", choices=("report", "demo", "501"), help="one of them")
-    parser.add_argument("--spreads", type=float, nargs="+", default=SPREADS, help="of the throwers of 501 [mm]")
+    parser.add_argument(
+        "--spreads", type=float, nargs="+", default=SPREADS, help="of the throwers of 501 [mm]"
+    )
     options = parser.parse_args()
-    works: dict[str, Callable[[], float]] = {"501": lambda: leg_seconds(options.spreads), "report": lambda: report_seconds(options.repeats)}
+    works: dict[str, Callable[[], float]] = {
+        "501": lambda: leg_seconds(options.spreads),
+        "report": lambda: report_seconds(options.repeats),
+    }
     for what, work in works.items():
         if options.only in (None, what):
             say(what, work())

@@ -2,7 +2,15 @@
 
 from typing import TYPE_CHECKING
 
-from dart_skill.arm._command import REST_SPEED, ArmState, Command, HeldCommand, Speed, all_finite, check_command
+from dart_skill.arm._command import (
+    REST_SPEED,
+    ArmState,
+    Command,
+    HeldCommand,
+    Speed,
+    all_finite,
+    check_command,
+)
 from dart_skill.arm._description import DART, Ball, WamDescription, wam_description, with_box
 from dart_skill.arm._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace
 from dart_skill.arm._registration import Registration
@@ -14,14 +22,40 @@ from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.arm._actuation import Actuation
-    from dart_skill.arm._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
+    from dart_skill.arm._commander import (
+        STRETCHED,
+        Commander,
+        CommanderSettings,
+        Mode,
+        PlanRefused,
+    )
     from dart_skill.arm._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
     from dart_skill.arm._guide import Fingers, Guidance, Guide, PlanGuide, References, paced
-    from dart_skill.arm._hand_eye import OrientationFit, PositionFit, fit_orientations, fit_positions, similarity, turn_angles
-    from dart_skill.arm._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
+    from dart_skill.arm._hand_eye import (
+        OrientationFit,
+        PositionFit,
+        fit_orientations,
+        fit_positions,
+        similarity,
+        turn_angles,
+    )
+    from dart_skill.arm._impedance import (
+        Impedance,
+        PoseGains,
+        Reference,
+        attractor_acceleration,
+        minimum_jerk,
+        rotation_error,
+    )
     from dart_skill.arm._model import ArmModel, HandState
     from dart_skill.arm._registration_file import load_registration, save_registration
-    from dart_skill.arm._registration_fit import KnownRegistration, RegistrationFit, Sightings, fit_registration, measure_registration
+    from dart_skill.arm._registration_fit import (
+        KnownRegistration,
+        RegistrationFit,
+        Sightings,
+        fit_registration,
+        measure_registration,
+    )
     from dart_skill.arm._safety import SafetyLimits, SafetyModule, check_push
 else:
     __getattr__, __dir__ = on_first_use(
@@ -31,11 +65,17 @@ else:
             "_commander": "STRETCHED Commander CommanderSettings Mode PlanRefused",
             "_effort_bridge": "BridgePhase BridgeSettings EffortBridge",
             "_guide": "Fingers Guidance Guide PlanGuide References paced",
-            "_hand_eye": "OrientationFit PositionFit fit_orientations fit_positions similarity turn_angles",
-            "_impedance": "Impedance PoseGains Reference attractor_acceleration minimum_jerk rotation_error",
+            "_hand_eye": (
+                "OrientationFit PositionFit fit_orientations fit_positions similarity turn_angles"
+            ),
+            "_impedance": (
+                "Impedance PoseGains Reference attractor_acceleration minimum_jerk rotation_error"
+            ),
             "_model": "ArmModel HandState",
             "_registration_file": "load_registration save_registration",
-            "_registration_fit": "KnownRegistration RegistrationFit Sightings fit_registration measure_registration",
+            "_registration_fit": (
+                "KnownRegistration RegistrationFit Sightings fit_registration measure_registration"
+            ),
             "_safety": "SafetyLimits SafetyModule check_push",
         },
     )

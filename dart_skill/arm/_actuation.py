@@ -1,6 +1,8 @@
-"""What the WAM's motors and cables do to a commanded joint torque: peak torque, the motors' torque-speed line, joint friction.
+"""What the WAM's motors and cables do to a commanded joint torque: peak torque, the motors'
+torque-speed line, joint friction.
 
-It is asked at every step of the arm. So it is compiled (docs/development.md): _actuation.pxd beside it has the types.
+It is asked at every step of the arm. So it is compiled (docs/development.md): _actuation.pxd
+beside it has the types.
 """
 
 import math
@@ -12,23 +14,35 @@ from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.small_matrices import factor_into, solve_into
 
 STICTION_SPEED = 1e-3
-"""Joint speed [rad/s] below which Coulomb friction falls linearly to zero: a stuck joint creeps at most this fast."""
+"""Joint speed [rad/s] below which Coulomb friction falls linearly to zero: a stuck joint creeps at
+most this fast.
+"""
 STRIBECK_SPEED = 0.05
-"""Joint speed [rad/s] at which static friction has fallen to Coulomb friction by 1 - 1/e: chosen, docs/sources.md."""
+"""Joint speed [rad/s] at which static friction has fallen to Coulomb friction by 1 - 1/e: chosen,
+docs/sources.md.
+"""
 
 
 class Actuation:
     """Torque limits and friction of the seven joints.
 
-    The speed limit of a joint is that of its motors: the torque that is left falls linearly to zero at the no-load speed and
-    turns into braking beyond it. J2 and J3, and J5 and J6, share two motors each, so their limits depend on both speeds.
+    The speed limit of a joint is that of its motors: the torque that is left falls linearly to
+    zero at the no-load speed and turns into braking beyond it. J2 and J3, and J5 and J6, share two
+    motors each, so their limits depend on both speeds.
 
     * description: of the arm.
     * friction_scale, motor_scale: factors on the joint friction, and on what the motors can do.
-    * stiction: what static friction is more than Coulomb friction, as a share of it; it falls with the speed (Stribeck).
+    * stiction: what static friction is more than Coulomb friction, as a share of it; it falls with
+      the speed (Stribeck).
     """
 
-    def __init__(self, description: WamDescription, friction_scale: float = 1.0, motor_scale: float = 1.0, stiction: float = 0.0):
+    def __init__(
+        self,
+        description: WamDescription,
+        friction_scale: float = 1.0,
+        motor_scale: float = 1.0,
+        stiction: float = 0.0,
+    ):
         motors = description.motors
         self._to_motor = np.array(motors.joint_to_motor, dtype=float)
         self._from_joint_torque = np.linalg.inv(self._to_motor.T)
@@ -39,14 +53,22 @@ class Actuation:
         self.viscous = friction_scale * description.of_joints("viscous_friction")
         self._dry, self._wet = self.coulomb, self.viscous
         self._stiction = stiction
-        self._motor, self._momentum, self._system = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros((N_JOINTS, N_JOINTS))
+        self._motor, self._momentum, self._system = (
+            np.zeros(N_JOINTS),
+            np.zeros(N_JOINTS),
+            np.zeros((N_JOINTS, N_JOINTS)),
+        )
 
     def deliverable(self, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """The torque (7,) that reaches the joints when `torque` is asked for at joint velocity (7,) [N m]."""
+        """The torque (7,) that reaches the joints when `torque` is asked for at joint velocity
+        (7,) [N m].
+        """
         for i in range(N_JOINTS):
             asked = back_emf = 0.0
             for j in range(N_JOINTS):
-                asked += self._from_joint_torque[i, j] * min(max(torque[j], -self._peak[j]), self._peak[j])
+                asked += self._from_joint_torque[i, j] * min(
+                    max(torque[j], -self._peak[j]), self._peak[j]
+                )
                 back_emf += self._to_motor[i, j] * velocity[j]
             back_emf *= self._slope[i]
             self._motor[i] = min(max(asked, -self._stall[i] - back_emf), self._stall[i] - back_emf)
@@ -73,7 +95,9 @@ class Actuation:
         return result
 
     def damping(self, velocity: np.ndarray) -> np.ndarray:
-        """Joint friction at joint velocity (7,) as the damping (7,) [N m s/rad] that has its value there."""
+        """Joint friction at joint velocity (7,) as the damping (7,) [N m s/rad] that has its value
+        there.
+        """
         result = np.empty(N_JOINTS)
         damping = result
         for j in range(N_JOINTS):
@@ -86,11 +110,14 @@ class Actuation:
             dry *= 1.0 + self._stiction * math.exp(-((speed / STRIBECK_SPEED) ** 2))
         return self._wet[joint] + dry / max(speed, STICTION_SPEED)
 
-    def acceleration(self, inertia: np.ndarray, torque: np.ndarray, velocity: np.ndarray, step: float) -> np.ndarray:
+    def acceleration(
+        self, inertia: np.ndarray, torque: np.ndarray, velocity: np.ndarray, step: float
+    ) -> np.ndarray:
         """Joint acceleration (7,) over one step with friction, which never turns a motion round.
 
-        inertia (7, 7), torque (7,) net of gravity and Coriolis terms. Coulomb friction enters as the damping that has its
-        value at the speed reached, c / max(|v|, STICTION_SPEED): implicit Euler, one fixed-point correction.
+        inertia (7, 7), torque (7,) net of gravity and Coriolis terms. Coulomb friction enters as
+        the damping that has its value at the speed reached, c / max(|v|, STICTION_SPEED): implicit
+        Euler, one fixed-point correction.
         """
         result = np.empty(N_JOINTS)
         reached, system, momentum = result, self._system, self._momentum

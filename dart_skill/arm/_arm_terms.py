@@ -1,6 +1,8 @@
-"""What the controller's model says of one state of the arm: asked once of Pinocchio, and kept for all who ask about the same state.
+"""What the controller's model says of one state of the arm: asked once of Pinocchio, and kept for
+all who ask about the same state.
 
-Pinocchio gives the columns J_i of the Jacobian as twists at the origin of the world, linear over angular. With them (Featherstone, 2008)
+Pinocchio gives the columns J_i of the Jacobian as twists at the origin of the world, linear over
+angular. With them (Featherstone, 2008)
 
     V = sum_i J_i qd_i            twist of the hand,
     A = sum_i (V_i x J_i) qd_i    its derivative at zero joint acceleration; V_i is the sum up to joint i.
@@ -22,7 +24,8 @@ ELBOW = 4
 
 
 class ArmTerms:
-    """Kinematics and dynamics of the arm in the state that was taken last. The dynamics are computed when they are asked for.
+    """Kinematics and dynamics of the arm in the state that was taken last. The dynamics are
+    computed when they are asked for.
 
     * pinocchio: the module.
     * model: Pinocchio's, of the arm.
@@ -43,35 +46,64 @@ class ArmTerms:
 
     def __init__(self, pinocchio: ModuleType, model: Any, hand: Any, reflected: np.ndarray):
         data, weightless = model.createData(), model.copy()
-        weightless.gravity.linear = np.zeros(3)  # there the bias torque is that of Coriolis and centrifugal terms alone
+        weightless.gravity.linear = np.zeros(
+            3
+        )  # there the bias torque is that of Coriolis and centrifugal terms alone
         self._kinematics = partial(pinocchio.computeJointJacobians, model, data)
         self._weight = partial(pinocchio.computeGeneralizedGravity, model, data)
         self._inertia = partial(pinocchio.crba, model, data)
         self._bias = partial(pinocchio.nonLinearEffects, weightless, data)
-        self._of_elbow = partial(pinocchio.getJointJacobian, model, data, ELBOW, pinocchio.LOCAL_WORLD_ALIGNED)
+        self._of_elbow = partial(
+            pinocchio.getJointJacobian, model, data, ELBOW, pinocchio.LOCAL_WORLD_ALIGNED
+        )
         # Views of Pinocchio's own numbers, which each of its passes writes anew.
         self._twists, self._upper, self._biased, self._weighed = data.J, data.M, data.nle, data.g
         wrist, elbow = data.oMi[N_JOINTS], data.oMi[ELBOW]
-        self._data, self._wrist, self._turned, self._elbow = data, wrist.translation, wrist.rotation, elbow.translation
-        self._hand, self._hand_turned = np.array(hand.translation), np.array(hand.rotation, order="C")
+        self._data, self._wrist, self._turned, self._elbow = (
+            data,
+            wrist.translation,
+            wrist.rotation,
+            elbow.translation,
+        )
+        self._hand, self._hand_turned = (
+            np.array(hand.translation),
+            np.array(hand.rotation, order="C"),
+        )
         self._reflected = np.array(reflected, order="C")
         self._angles, self._speeds = np.full(N_JOINTS, np.nan), np.full(N_JOINTS, np.nan)
         self.q, self.qd, self._up_to_elbow = self._angles, self._speeds, ELBOW
         self._twist, self._rate, self._column = np.zeros(6), np.zeros(6), np.zeros(6)
         self._has_speeds = self._has_gravity = self._has_inertia = self._has_coriolis = False
-        self.position, self.rotation, self.jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, N_JOINTS))
-        self.velocity, self.drift, self.hand_speed, self.elbow_speed = np.zeros(6), np.zeros(6), 0.0, 0.0
+        self.position, self.rotation, self.jacobian = (
+            np.zeros(3),
+            np.zeros((3, 3)),
+            np.zeros((6, N_JOINTS)),
+        )
+        self.velocity, self.drift, self.hand_speed, self.elbow_speed = (
+            np.zeros(6),
+            np.zeros(6),
+            0.0,
+            0.0,
+        )
         self.are_finite = False
-        self.inertia, self.coriolis, self.gravity = np.zeros((N_JOINTS, N_JOINTS)), np.zeros(N_JOINTS), np.zeros(N_JOINTS)
+        self.inertia, self.coriolis, self.gravity = (
+            np.zeros((N_JOINTS, N_JOINTS)),
+            np.zeros(N_JOINTS),
+            np.zeros(N_JOINTS),
+        )
 
     def take(self, q: np.ndarray, qd: np.ndarray | None) -> None:
-        """From now on all is about the state of angles q (7,) [rad] and speeds qd (7,) [rad/s]. ValueError for other shapes.
+        """From now on all is about the state of angles q (7,) [rad] and speeds qd (7,) [rad/s].
+        ValueError for other shapes.
 
         Without speeds, what depends on them is left out.
         """
         if q.shape[0] != self.q.shape[0] or (qd is not None and qd.shape[0] != self.q.shape[0]):
             speeds = "none" if qd is None else qd.shape[0]
-            raise ValueError(f"the arm has {N_JOINTS} joints, and the state {q.shape[0]} angles and {speeds} speeds")
+            raise ValueError(
+                f"the arm has {N_JOINTS} joints, and the state {q.shape[0]} angles and {speeds}"
+                " speeds"
+            )
         if _differ(self.q, q):
             _copy(q, self.q)
             self._kinematics(self._angles)
@@ -131,7 +163,9 @@ class ArmTerms:
         return self._of_elbow()[:3]
 
     def inertial_torque(self, acceleration: np.ndarray) -> np.ndarray:
-        """Torque (7,) [N m] that gives the joints an acceleration (7,) [rad/s^2], but for gravity and Coriolis terms."""
+        """Torque (7,) [N m] that gives the joints an acceleration (7,) [rad/s^2], but for gravity
+        and Coriolis terms.
+        """
         self.find_inertia()
         result = np.empty(N_JOINTS)
         torque = result
@@ -189,7 +223,9 @@ class ArmTerms:
             _add_cross(twist, 3, column, 3, rate, 3)
         _copy(rate, drift)
         _add_cross(rate, 3, self.position, 0, drift, 0)
-        _add_cross(twist, 3, self.velocity, 0, drift, 0)  # of the point that is the hand's origin, not of the body's twist
+        _add_cross(
+            twist, 3, self.velocity, 0, drift, 0
+        )  # of the point that is the hand's origin, not of the body's twist
 
 
 def _differ(kept: np.ndarray, values: np.ndarray) -> bool:
@@ -205,7 +241,9 @@ def _copy(values: np.ndarray, kept: np.ndarray) -> None:
         kept[i] = values[i]
 
 
-def _add_cross(left: np.ndarray, i: int, right: np.ndarray, j: int, result: np.ndarray, k: int) -> None:
+def _add_cross(
+    left: np.ndarray, i: int, right: np.ndarray, j: int, result: np.ndarray, k: int
+) -> None:
     """Add the cross product of two vectors, which begin at i and at j, to what begins at k."""
     x, y, z = left[i], left[i + 1], left[i + 2]
     a, b, c = right[j], right[j + 1], right[j + 2]

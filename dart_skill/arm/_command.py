@@ -13,7 +13,9 @@ REST_SPEED = 0.05
 
 
 class Speed(IntEnum):
-    """Level of speed that a command needs, of config/limits.yaml; the values are those of dart_skill_msgs/WamCommand."""
+    """Level of speed that a command needs, of config/limits.yaml; the values are those of
+    dart_skill_msgs/WamCommand.
+    """
 
     CAREFUL = 0
     THROW = 1
@@ -51,12 +53,15 @@ class Command:
     speed: Speed = Speed.CAREFUL
 
     def answering(self, stamp_ns: int) -> "Command":
-        """The same command as the answer to a later state; what the hand was told is not told again."""
+        """The same command as the answer to a later state; what the hand was told is not told
+        again.
+        """
         return Command(stamp_ns, self.wrench, self.joint_torque, speed=self.speed)
 
 
 class HeldCommand:
-    """The newest command of one sender, for an arm that does not wait for an answer to each of its states.
+    """The newest command of one sender, for an arm that does not wait for an answer to each of its
+    states.
 
     * longest: age beyond which a command does not hold any more [s].
     """
@@ -84,13 +89,19 @@ class HeldCommand:
         """
         if self._newest is not None and command.stamp_ns < self._newest.stamp_ns:
             newest = self._newest.stamp_ns
-            raise ValueError(f"it is stamped {command.stamp_ns} ns, before the one of {newest} ns that is obeyed: out of order")
+            raise ValueError(
+                f"it is stamped {command.stamp_ns} ns, before the one of {newest} ns that is"
+                " obeyed: out of order"
+            )
         self._newest = command
         if command.grip != Grip.UNSPECIFIED:
-            self._told = command.grip  # a newer command that comes before the next state must not swallow it
+            self._told = (
+                command.grip
+            )  # a newer command that comes before the next state must not swallow it
 
     def answer_to(self, stamp_ns: int) -> Command | None:
-        """The newest command as the answer to a state; None if there is none that is young enough. Each grip is said once.
+        """The newest command as the answer to a state; None if there is none that is young enough.
+        Each grip is said once.
 
         * stamp_ns: int of the state [ns].
         """
@@ -102,17 +113,23 @@ class HeldCommand:
 
 
 def all_finite(values: np.ndarray) -> bool:
-    """Whether the few numbers of an array (n,) are finite; at this size four times as fast as np.isfinite(values).all()."""
+    """Whether the few numbers of an array (n,) are finite; at this size four times as fast as
+    np.isfinite(values).all().
+    """
     return math.isfinite(sum(values.tolist()))
 
 
 def largest(values: np.ndarray) -> float:
-    """The largest of a few numbers (n,), either way; at this size three times as fast as np.abs(values).max()."""
+    """The largest of a few numbers (n,), either way; at this size three times as fast as
+    np.abs(values).max().
+    """
     return max(map(abs, values.tolist()))
 
 
 def check_command(command: Command, stamp_ns: int) -> None:
-    """ValueError with the reason unless the command is finite, of the right shape and answers the state of `stamp_ns`."""
+    """ValueError with the reason unless the command is finite, of the right shape and answers the
+    state of `stamp_ns`.
+    """
     for name, shape in (("wrench", (6,)), ("joint_torque", (N_JOINTS,))):
         value = np.asarray(getattr(command, name), dtype=float)
         if value.shape != shape:
@@ -120,4 +137,7 @@ def check_command(command: Command, stamp_ns: int) -> None:
         if not all_finite(value):
             raise ValueError(f"command.{name} is {value}: send finite numbers")
     if command.stamp_ns != stamp_ns:
-        raise ValueError(f"the command answers the state of {command.stamp_ns} ns, but the arm is at {stamp_ns} ns: echo its stamp")
+        raise ValueError(
+            f"the command answers the state of {command.stamp_ns} ns, but the arm is at {stamp_ns}"
+            " ns: echo its stamp"
+        )

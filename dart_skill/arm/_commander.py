@@ -3,8 +3,9 @@
     HOLDING -> APPROACHING -> SETTLING -> EXECUTING -> FOLLOWING_THROUGH -> HOLDING,  any -> STOPPING -> HOLDING,  FREE,
     HOLDING -> MOVING -> HOLDING
 
-In EXECUTING a guide says what pulls the hand: the attractors (7.19) of a plan, or of a model that is asked at every state. Between two
-motions the joints are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
+In EXECUTING a guide says what pulls the hand: the attractors (7.19) of a plan, or of a model that
+is asked at every state. Between two motions the joints are held. A limit that fires brings the arm
+to a damped stop and leaves its reason in `message`.
 """
 
 from collections.abc import Callable, Mapping
@@ -40,13 +41,19 @@ STRETCHED = 0.005
 TRACKING = ("joints", "hand", "none")
 
 LARGEST_CONTRADICTION = 0.05, 0.15
-"""What a plan says of cameras and arm may put the hand so far from where the measured registration does [m], [rad]."""
+"""What a plan says of cameras and arm may put the hand so far from where the measured registration
+does [m], [rad].
+"""
 NO_TORQUE = np.zeros(N_JOINTS)
 """What the commander asks of a joint is cut to its limit: there is nothing to watch."""
 JUMP = 0.1, 30.0
-"""A joint moves less between two states than this [rad], and this speed [rad/s] times the time between them: else it is another arm's."""
+"""A joint moves less between two states than this [rad], and this speed [rad/s] times the time
+between them: else it is another arm's.
+"""
 LONGEST_STOP = 2.0
-"""An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
+"""An arm that still creeps after so long, because gravity is compensated badly, is held where it
+is [s].
+"""
 
 
 class Mode(Enum):
@@ -63,28 +70,35 @@ class Mode(Enum):
 
 
 CAREFUL = (Mode.HOLDING, Mode.MOVING, Mode.APPROACHING, Mode.SETTLING)
-"""In the others the arm may be as fast as a throw: an arm that is released is guided through one, and one that stops was in one. What a
-motion needs its guide says.
+"""In the others the arm may be as fast as a throw: an arm that is released is guided through one,
+and one that stops was in one. What a motion needs its guide says.
 """
 UNDER_WAY = (Mode.APPROACHING, Mode.SETTLING, Mode.EXECUTING, Mode.FOLLOWING_THROUGH)
 
 
 @dataclass(frozen=True)
 class CommanderSettings:
-    """Gains and limits; each is a parameter of the commander node, and its value stands in config/commander.yaml.
+    """Gains and limits; each is a parameter of the commander node, and its value stands in
+    config/commander.yaml.
 
-    * tracking_stiffness, tracking_damping: pull towards the predicted motion on top of the attractor's, per unit mass [1/s^2], [1/s].
-    * tracking_stiffness_rotation, tracking_damping_rotation: the same for orientation [1/s^2], [1/s].
-    * tracking: what keeps the arm on the motion that (7.19) predicts: "joints", a servo of the joints, the motion's torques fed forward;
-      "hand", a second pull of the hand; "none", the law alone.
+    * tracking_stiffness, tracking_damping: pull towards the predicted motion on top of the
+      attractor's, per unit mass [1/s^2], [1/s].
+    * tracking_stiffness_rotation, tracking_damping_rotation: the same for orientation [1/s^2],
+      [1/s].
+    * tracking: what keeps the arm on the motion that (7.19) predicts: "joints", a servo of the
+      joints, the motion's torques fed forward; "hand", a second pull of the hand; "none", the law
+      alone.
     * friction_compensation: share of the identified joint friction, 0 to 1.
     * approach_speed: fastest joint on the way to the start of a throw [rad/s].
-    * settle_speed, settle_time: the arm rests below this joint speed [rad/s], for so long before a throw [s].
+    * settle_speed, settle_time: the arm rests below this joint speed [rad/s], for so long before a
+      throw [s].
     * settle_limit: the throw begins even if the arm does not rest for so long [s].
     * farthest_error: distance of the hand from the plan at which a throw is stopped [m].
-    * longest_gap: between two states of the arm; after a longer one the arm is held where it is found [s].
-    * follow_time: the hand stays on the plan so long after the release [s]. Then joint damping brings the arm to rest: the plan beyond
-      is of no use to the ball, and leads through the stretched arm.
+    * longest_gap: between two states of the arm; after a longer one the arm is held where it is
+      found [s].
+    * follow_time: the hand stays on the plan so long after the release [s]. Then joint damping
+      brings the arm to rest: the plan beyond is of no use to the ball, and leads through the
+      stretched arm.
     * limits: of the arm, from config/limits.yaml.
     """
 
@@ -115,8 +129,12 @@ class CommanderSettings:
 
     @classmethod
     def configured(cls, **changes: float | str) -> "CommanderSettings":
-        """Settings of config/commander.yaml and limits.yaml, some of them changed; KeyError names what is no setting."""
-        if unknown := set(changes) - {f.name for kind in (cls, SafetyLimits) for f in fields(kind) if f.name != "limits"}:
+        """Settings of config/commander.yaml and limits.yaml, some of them changed; KeyError names
+        what is no setting.
+        """
+        if unknown := set(changes) - {
+            f.name for kind in (cls, SafetyLimits) for f in fields(kind) if f.name != "limits"
+        }:
             raise KeyError(f"{', '.join(sorted(unknown))}: no setting of the commander")
         return cls.from_parameters({**node_parameters("commander.yaml", "commander"), **changes})
 
@@ -130,7 +148,8 @@ class Commander:
 
     * settings: gains, limits and times; None: those of `CommanderSettings`.
     * description: the arm; None: the WAM.
-    * measured: registration of cameras and arm as it was measured before; None: that of a plan is believed.
+    * measured: registration of cameras and arm as it was measured before; None: that of a plan is
+      believed.
     """
 
     _guide: Guide  # of the last motion: only its modes ask for it
@@ -148,20 +167,28 @@ class Commander:
         self._measured = measured
         self._description = description or wam_description()
         share = self.settings.friction_compensation
-        self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")
+        self._lower, self._upper = (
+            self._description.of_joints("lower"),
+            self._description.of_joints("upper"),
+        )
         self._range = JointRange(self._lower, self._upper)
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
-        self._model = ArmModel(self._description)  # always in the state of the arm, not in that of an expected motion
+        self._model = ArmModel(
+            self._description
+        )  # always in the state of the arm, not in that of an expected motion
         self._servo = JointServo(Impedance(self._model, share))
         s = self.settings
         self._safety = SafetyModule(s.limits, self._description)
         self._tracking = PoseGains.of(
-            (s.tracking_stiffness, s.tracking_damping), (s.tracking_stiffness_rotation, s.tracking_damping_rotation)
+            (s.tracking_stiffness, s.tracking_damping),
+            (s.tracking_stiffness_rotation, s.tracking_damping_rotation),
         )
         self._mode, self.message, self.stopped_by = Mode.HOLDING, "", ""
         self._hold: np.ndarray | None = None
-        self._found = False  # whether the arm that is held was seen to rest since it was left to others
+        self._found = (
+            False  # whether the arm that is held was seen to rest since it was left to others
+        )
         self._requested: Guide | None = None
         self.what = "motion"  # the last one, in a word
         self._requested_move: np.ndarray | None = None
@@ -184,20 +211,27 @@ class Commander:
         return self._requested is not None or self._mode in UNDER_WAY
 
     def execute(self, plan: MotionPlan) -> None:
-        """Begin a planned motion with the next state; PlanRefused if a limit forbids it. plan: of the hand."""
+        """Begin a planned motion with the next state; PlanRefused if a limit forbids it. plan: of
+        the hand.
+        """
         self._check_ready()
         plan = registered(plan, self._measured).as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
         self._request(PlanGuide(plan, self.settings.follow_time))
 
     def follow(self, guide: Guide) -> None:
-        """Begin a motion with the next state, in which somebody else says at every state what the hand shall do. guide: who says it."""
+        """Begin a motion with the next state, in which somebody else says at every state what the
+        hand shall do. guide: who says it.
+        """
         self._check_ready()
         check_range("the start posture", guide.start_posture, self._lower, self._upper)
         self._request(guide)
 
-    def agreed(self, own: Registration, position: np.ndarray, quaternion: np.ndarray) -> Registration:
-        """The registration that counts for a motion whose hand starts there (3,), (4,), as the cameras see it; PlanRefused if none.
+    def agreed(
+        self, own: Registration, position: np.ndarray, quaternion: np.ndarray
+    ) -> Registration:
+        """The registration that counts for a motion whose hand starts there (3,), (4,), as the
+        cameras see it; PlanRefused if none.
 
         own: the guide's registration; position, quaternion: of the hand.
         """
@@ -208,7 +242,12 @@ class Commander:
 
     def _begin(self, guide: Guide, state: ArmState) -> None:
         self._requested = None
-        self._guide, self._grip, self._carries, self._expected = guide, Grip.UNSPECIFIED, False, None
+        self._guide, self._grip, self._carries, self._expected = (
+            guide,
+            Grip.UNSPECIFIED,
+            False,
+            None,
+        )
         self._posture_before = np.array(guide.start_posture, dtype=float)
         self._taken_out = np.zeros(N_JOINTS)  # by the torques of a careful motion
         self._begin_way(self._posture_before, state)
@@ -220,23 +259,34 @@ class Commander:
 
     def _time_to(self, posture: np.ndarray, start: np.ndarray) -> float:
         """Time of a way between postures (7,) on which no joint is faster than it may be [s]."""
-        return max(0.3, 1.875 * float(np.abs(posture - start).max()) / self.settings.approach_speed)
+        return max(
+            0.3, 1.875 * float(np.abs(posture - start).max()) / self.settings.approach_speed
+        )
 
     def _check_ready(self) -> None:
         """PlanRefused unless the arm is held at rest, so that it may begin to move."""
         self.check_free_to_move()
         if self.executing or self.moving or self._mode == Mode.STOPPING:
-            raise PlanRefused(f"a {self.what} is under way, or the arm has not come to rest: wait for it or stop it first")
+            raise PlanRefused(
+                f"a {self.what} is under way, or the arm has not come to rest: wait for it or stop"
+                " it first"
+            )
 
     def check_free_to_move(self) -> None:
         """PlanRefused while the arm is stopped until a reset, or released."""
         self._check_not_stopped()
         if self._mode == Mode.FREE:
-            raise PlanRefused("the arm is released, and somebody may hold it: hold it first (~/release_arm with false)")
+            raise PlanRefused(
+                "the arm is released, and somebody may hold it: hold it first (~/release_arm with"
+                " false)"
+            )
 
     def _check_not_stopped(self) -> None:
         if self.stopped_by:
-            raise PlanRefused(f"the arm is {self.stopped_by}, and stays so until it is reset: look at it, then call /commander/reset")
+            raise PlanRefused(
+                f"the arm is {self.stopped_by}, and stays so until it is reset: look at it, then"
+                " call /commander/reset"
+            )
 
     @property
     def moving(self) -> bool:
@@ -244,14 +294,17 @@ class Commander:
         return self._requested_move is not None or self._mode == Mode.MOVING
 
     def move_to(self, posture: np.ndarray, state: ArmState) -> float:
-        """Move to a posture (7,) [rad] from the next state on, and hold it: how long it takes from this state [s].
+        """Move to a posture (7,) [rad] from the next state on, and hold it: how long it takes from
+        this state [s].
 
         PlanRefused where the arm is not held, or the posture is outside the joints' range.
         """
         self._check_ready()
         posture = np.asarray(posture, dtype=float)
         if posture.shape != (N_JOINTS,) or not np.isfinite(posture).all():
-            raise PlanRefused(f"the posture is {posture.tolist()}: give {N_JOINTS} finite joint angles")
+            raise PlanRefused(
+                f"the posture is {posture.tolist()}: give {N_JOINTS} finite joint angles"
+            )
         margin = self.settings.limits.joint_margin
         check_range("the posture", posture, self._lower + margin, self._upper - margin)
         self._requested_move, self.message = posture, ""
@@ -263,7 +316,10 @@ class Commander:
         free: whether to leave it. PlanRefused while it moves.
         """
         if self.executing or self.moving:
-            raise PlanRefused(f"a {self.what} is under way, or the arm moves to a posture: stop it before it is released (~/stop)")
+            raise PlanRefused(
+                f"a {self.what} is under way, or the arm moves to a posture: stop it before it is"
+                " released (~/stop)"
+            )
         if free:
             self._check_not_stopped()
         self._mode, self._hold, self._found = (Mode.FREE if free else Mode.HOLDING), None, False
@@ -274,15 +330,21 @@ class Commander:
         return self._safety.warning
 
     def stop(self, reason: str, until_reset: bool = False) -> None:
-        """Bring the arm to a damped stop and hold it; `reason` is kept as the message. until_reset: nothing moves it before `reset`."""
+        """Bring the arm to a damped stop and hold it; `reason` is kept as the message.
+        until_reset: nothing moves it before `reset`.
+        """
         self.stopped_by = self.stopped_by or (reason if until_reset else "")
         self.message, self._requested, self._requested_move = reason, None, None
         self._mode, self._entered_ns, self._braking = Mode.STOPPING, None, None
 
     def reset(self) -> None:
-        """An arm that was stopped, by somebody or by a limit, may move again; PlanRefused while it still comes to rest."""
+        """An arm that was stopped, by somebody or by a limit, may move again; PlanRefused while it
+        still comes to rest.
+        """
         if self._mode == Mode.STOPPING:
-            raise PlanRefused("the arm has not come to rest yet: look at it, and call /commander/reset again")
+            raise PlanRefused(
+                "the arm has not come to rest yet: look at it, and call /commander/reset again"
+            )
         self.stopped_by = ""
         self._safety.reset()
 
@@ -290,7 +352,10 @@ class Commander:
         """The command that answers `state`. ValueError for a state that is not finite."""
         terms = self._model.at(state.position, state.velocity)
         if not terms.are_finite:
-            raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
+            raise ValueError(
+                f"joint state of {state.stamp_ns} ns is not finite: {state.position},"
+                f" {state.velocity}"
+            )
         self._compare_with_last(state)
         if self._requested is not None:
             self._begin(self._requested, state)
@@ -312,12 +377,22 @@ class Commander:
     def _answer(self, state: ArmState) -> Command:
         return self._ANSWERS[self._mode](self, state)
 
-    def _command(self, state: ArmState, torque: np.ndarray, wrench: np.ndarray | None = None, grip: Grip = Grip.UNSPECIFIED) -> Command:
+    def _command(
+        self,
+        state: ArmState,
+        torque: np.ndarray,
+        wrench: np.ndarray | None = None,
+        grip: Grip = Grip.UNSPECIFIED,
+    ) -> Command:
         """The answer to a state, with the level of speed that the mode needs."""
         if wrench is None:
             wrench = np.zeros(6)
-        careful = self._mode in CAREFUL or (self._mode is Mode.EXECUTING and self._guide.speed == Speed.CAREFUL)
-        return Command(state.stamp_ns, wrench, torque, grip, Speed.CAREFUL if careful else Speed.THROW)
+        careful = self._mode in CAREFUL or (
+            self._mode is Mode.EXECUTING and self._guide.speed == Speed.CAREFUL
+        )
+        return Command(
+            state.stamp_ns, wrench, torque, grip, Speed.CAREFUL if careful else Speed.THROW
+        )
 
     # one method per mode
 
@@ -338,14 +413,18 @@ class Commander:
             self._enter(Mode.SETTLING, state)
             self._quiet_ns = state.stamp_ns
             return self._settling(state)
-        return self._joint_command(state, *minimum_jerk(self._start, self._posture_before, self._approach, self.time))
+        return self._joint_command(
+            state, *minimum_jerk(self._start, self._posture_before, self._approach, self.time)
+        )
 
     def _moving(self, state: ArmState) -> Command:
         if self.time >= self._approach:
             self._hold = self._goal
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
-        return self._joint_command(state, *minimum_jerk(self._start, self._goal, self._approach, self.time))
+        return self._joint_command(
+            state, *minimum_jerk(self._start, self._goal, self._approach, self.time)
+        )
 
     def _settling(self, state: ArmState) -> Command:
         if largest(state.velocity) > self.settings.settle_speed:
@@ -354,7 +433,9 @@ class Commander:
         if quiet >= self.settings.settle_time or self.time >= self.settings.settle_limit:
             self._enter(Mode.EXECUTING, state)
             return self._executing(state)
-        return self._command(state, self._servo.hold(state.position, state.velocity, self._posture_before))
+        return self._command(
+            state, self._servo.hold(state.position, state.velocity, self._posture_before)
+        )
 
     def _executing(self, state: ArmState) -> Command:
         hand = self._model.hand_state(state.position, state.velocity)
@@ -363,7 +444,10 @@ class Commander:
             self._enter(Mode.FOLLOWING_THROUGH, state)
             return self._following_through(state)
         self._carries = now.carries
-        self.reference, self.tracking_error = now.reference, distance(now.reference.position, hand.position)
+        self.reference, self.tracking_error = (
+            now.reference,
+            distance(now.reference.position, hand.position),
+        )
         if reason := now.fault or self._limit_broken(state, now.off):
             self.stop(reason)
             return self._stopping(state)
@@ -371,8 +455,12 @@ class Commander:
             wrench, torque = self._follow(state, now)
         else:
             tracking = self._tracking if self.settings.tracking == "hand" else None
-            acceleration = self._arm_now.pulled(state.position, state.velocity, now.reference, now.gains, tracking)
-            wrench, torque = self._arm_now.act(state.position, state.velocity, acceleration, self._posture(state.position, now))
+            acceleration = self._arm_now.pulled(
+                state.position, state.velocity, now.reference, now.gains, tracking
+            )
+            wrench, torque = self._arm_now.act(
+                state.position, state.velocity, acceleration, self._posture(state.position, now)
+            )
         limits = self.settings.limits
         wrench = cut(wrench, limits.strongest_force, limits.strongest_moment)
         return self._command(state, torque, wrench, self._told(now.grip, state))
@@ -382,21 +470,29 @@ class Commander:
         return self._loaded if self._carries else self._empty
 
     def _posture(self, position: np.ndarray, now: Guidance) -> np.ndarray:
-        """What the free motion of the arm aims at (7,): the posture of the start, or of the plan, but for the joints that swing."""
+        """What the free motion of the arm aims at (7,): the posture of the start, or of the plan,
+        but for the joints that swing.
+        """
         return with_swing(self._posture_before if now.posture is None else now.posture, position)
 
     def _follow(self, state: ArmState, now: Guidance) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of the arm, and a pull of the joints to it.
+        """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of
+        the arm, and a pull of the joints to it.
 
-        The law acts on the model, where nothing is late or noisy; of the arm's own sensors only the joints' servo lives.
+        The law acts on the model, where nothing is late or noisy; of the arm's own sensors only
+        the joints' servo lives.
         """
         q, qd = self._expected_now(state)
         acceleration = self._arm_now.pulled(q, qd, now.reference, now.gains, self._tracking)
         wrench, torque, qdd = self._arm_now.moved(q, qd, acceleration, self._posture(q, now))
         if self._guide.speed == Speed.CAREFUL and self._expected is not None:
-            self._taken_out = self._servo.take_out(self._taken_out, state.position, q, self.time - self._expected[3])
+            self._taken_out = self._servo.take_out(
+                self._taken_out, state.position, q, self.time - self._expected[3]
+            )
         self._expected = q, qd, qdd, self.time
-        return wrench, torque + self._taken_out + self._servo.follow(state.position, state.velocity, q, qd)
+        return wrench, torque + self._taken_out + self._servo.follow(
+            state.position, state.velocity, q, qd
+        )
 
     def _expected_now(self, state: ArmState) -> tuple[np.ndarray, np.ndarray]:
         """Angles and speeds (7,) of the expected motion, which begins at rest where the arm is."""
@@ -447,13 +543,22 @@ class Commander:
         self._last = state
 
     def _refuse_jump(self, state: ArmState, last: ArmState, gap: float) -> None:
-        """ValueError for a state that the arm cannot have come to from the last one; after a gap it may be anywhere."""
+        """ValueError for a state that the arm cannot have come to from the last one; after a gap
+        it may be anywhere.
+        """
         if (most := farthest(state.position, last.position)) > JUMP[0] + JUMP[1] * gap:
-            name = self._description.joints[int(np.abs(state.position - last.position).argmax())].name
-            raise ValueError(f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the message is damaged")
+            name = self._description.joints[
+                int(np.abs(state.position - last.position).argmax())
+            ].name
+            raise ValueError(
+                f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the"
+                " message is damaged"
+            )
 
     def _bridge(self, gap: float) -> None:
-        """After a gap in the states, as when the world was reset, the arm is held where it is found; a free arm stays free."""
+        """After a gap in the states, as when the world was reset, the arm is held where it is
+        found; a free arm stays free.
+        """
         if self._mode in UNDER_WAY:
             self.message = f"{_gone_by(gap)} during a {self.what}"
         if self._mode == Mode.MOVING:
@@ -466,15 +571,21 @@ class Commander:
         self._braking = None
         self._mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0
 
-    def _joint_command(self, state: ArmState, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> Command:
+    def _joint_command(
+        self, state: ArmState, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+    ) -> Command:
         return self._command(state, self._servo.torque(state.position, state.velocity, q, qd, qdd))
 
     def _still_told(self) -> Grip:
-        """What every command says to the hand after the throw: the same as before, until the arm is at rest."""
+        """What every command says to the hand after the throw: the same as before, until the arm
+        is at rest.
+        """
         return self._grip if self._mode == Mode.FOLLOWING_THROUGH else Grip.UNSPECIFIED
 
     def _told(self, grip: Grip, state: ArmState) -> Grip:
-        """Say this to the hand in every command from now on, so that an arm that takes only the newest command misses nothing."""
+        """Say this to the hand in every command from now on, so that an arm that takes only the
+        newest command misses nothing.
+        """
         if grip == Grip.OPEN and self.opened_ns is None:
             self.opened_ns = state.stamp_ns
         self._grip = grip
@@ -483,28 +594,46 @@ class Commander:
     def _limit_broken(self, state: ArmState, off: float) -> str:
         margin = self.settings.limits.joint_margin
         if not self._range.holds(state.position, margin):
-            j = int(np.maximum(state.position - self._upper, self._lower - state.position).argmax())
-            return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {margin} rad to the end of its range"
+            j = int(
+                np.maximum(state.position - self._upper, self._lower - state.position).argmax()
+            )
+            return (
+                f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {margin} rad to the end"
+                " of its range"
+            )
         if off > self.settings.farthest_error:
-            return f"the hand is {off:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
+            return (
+                f"the hand is {off:.3f} m from the plan, farther than the limit of"
+                f" {self.settings.farthest_error} m"
+            )
         return ""
 
 
 def _gone_by(gap: float) -> str:
     """A gap between two states [s], in words."""
-    return f"no state of the arm for {gap:.2f} s" if gap > 0.0 else f"the states of the arm went back in time by {-gap:.3f} s"
+    return (
+        f"no state of the arm for {gap:.2f} s"
+        if gap > 0.0
+        else f"the states of the arm went back in time by {-gap:.3f} s"
+    )
 
 
 def registered(plan: MotionPlan, measured: Registration | None) -> MotionPlan:
     """The plan with the registration that counts, as of `agreed`."""
-    return replace(plan, registration=agreed(plan.registration, measured, plan.path.position, plan.path.quaternion))
+    return replace(
+        plan,
+        registration=agreed(plan.registration, measured, plan.path.position, plan.path.quaternion),
+    )
 
 
-def agreed(own: Registration, measured: Registration | None, position: np.ndarray, quaternion: np.ndarray) -> Registration:
-    """The measured registration if a plan has none of its own, else that; PlanRefused if they contradict each other.
+def agreed(
+    own: Registration, measured: Registration | None, position: np.ndarray, quaternion: np.ndarray
+) -> Registration:
+    """The measured registration if a plan has none of its own, else that; PlanRefused if they
+    contradict each other.
 
-    Demonstrations without joint states teach no registration, and one of before the cameras were moved is wrong.
-    position, quaternion: of the hand as the cameras shall see it (n, 3), (n, 4).
+    Demonstrations without joint states teach no registration, and one of before the cameras were
+    moved is wrong. position, quaternion: of the hand as the cameras shall see it (n, 3), (n, 4).
     """
     if measured is None:
         return own
@@ -515,21 +644,27 @@ def agreed(own: Registration, measured: Registration | None, position: np.ndarra
     turn = float(np.linalg.norm(to_vectors(product(hand, other * CONJUGATE)), axis=1).max())
     if offset > LARGEST_CONTRADICTION[0] or turn > LARGEST_CONTRADICTION[1]:
         raise PlanRefused(
-            f"the plan has the hand {offset:.3f} m and {turn:.2f} rad from where the registration file does: were cameras, base or body "
-            "moved since it was measured, or the throws shown before? Measure again (dart-skill check arm), or teach again"
+            f"the plan has the hand {offset:.3f} m and {turn:.2f} rad from where the registration"
+            " file does: were cameras, base or body moved since it was measured, or the throws"
+            " shown before? Measure again (dart-skill check arm), or teach again"
         )
     return own
 
 
 def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDescription) -> None:
-    """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the hand's speed limit."""
+    """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the
+    hand's speed limit.
+    """
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
     check_range("the start posture", plan.start_posture, lower, upper)
     speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
-    fastest = settings.limits.fastest_hand if plan.speed == Speed.THROW else settings.limits.careful_hand
+    fastest = (
+        settings.limits.fastest_hand if plan.speed == Speed.THROW else settings.limits.careful_hand
+    )
     if speed > fastest:
         raise PlanRefused(
-            f"the plan moves the hand at {speed:.2f} m/s; the limit of a {plan.what} is {fastest} m/s: choose a nearer target"
+            f"the plan moves the hand at {speed:.2f} m/s; the limit of a {plan.what} is {fastest}"
+            " m/s: choose a nearer target"
         )
     shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
     reach = description.reach
@@ -537,15 +672,19 @@ def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDe
     farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
     if farthest > reach - STRETCHED:
         raise PlanRefused(
-            f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at {reach:.3f} m: choose a nearer target, "
-            "or drop what was shown with a straight elbow, and show it with a bent one"
+            f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at"
+            f" {reach:.3f} m: choose a nearer target, or drop what was shown with a straight"
+            " elbow, and show it with a bent one"
         )
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
     offset = float(np.linalg.norm(position - plan.path.position[0]))
     turn = float(np.linalg.norm(rotation_error(matrices(unit(plan.path.quaternion[0])), rotation)))
     if offset > 0.05 or turn > 0.3:
-        raise PlanRefused(f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the path begins")
+        raise PlanRefused(
+            f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the"
+            " path begins"
+        )
 
 
 def check_range(what: str, posture: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
@@ -553,4 +692,7 @@ def check_range(what: str, posture: np.ndarray, lower: np.ndarray, upper: np.nda
     outside = (posture < lower) | (posture > upper)
     if outside.any():
         j = int(np.argmax(outside))
-        raise PlanRefused(f"{what} has j{j + 1} at {posture[j]:.2f} rad, outside {lower[j]:.2f} to {upper[j]:.2f}")
+        raise PlanRefused(
+            f"{what} has j{j + 1} at {posture[j]:.2f} rad, outside {lower[j]:.2f} to"
+            f" {upper[j]:.2f}"
+        )

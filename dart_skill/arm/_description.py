@@ -1,6 +1,8 @@
-"""What a Barrett WAM with a BarrettHand is: lengths, masses, motors, limits, shapes, read from config/wam.yaml.
+"""What a Barrett WAM with a BarrettHand is: lengths, masses, motors, limits, shapes, read from
+config/wam.yaml.
 
-Everything that needs a number of the arm takes it from here: the URDF, the analytic model, the limits and the occlusion model.
+Everything that needs a number of the arm takes it from here: the URDF, the analytic model, the
+limits and the occlusion model.
 """
 
 from collections.abc import Sequence
@@ -130,7 +132,13 @@ class Ball:
     @classmethod
     def of(cls, world: World) -> "Ball":
         """The ball of a world."""
-        return cls(world.ball_mass, world.ball_diameter, world.ball_restitution, world.ball_drag_coefficient, world.ball_inertia)
+        return cls(
+            world.ball_mass,
+            world.ball_diameter,
+            world.ball_restitution,
+            world.ball_drag_coefficient,
+            world.ball_inertia,
+        )
 
     @property
     def radius(self) -> float:
@@ -147,7 +155,8 @@ class WamDescription:
     * dh: (7, 3) of Denavit and Hartenberg: alpha [rad], a [m], d [m].
     * joints: the seven joints, from the base to the hand.
     * tool_plate: (3,) origin of the mounting face in the frame of the last link [m].
-    * links_urdf, links_dh: the links, in the frames of the URDF and in those of Denavit and Hartenberg.
+    * links_urdf, links_dh: the links, in the frames of the URDF and in those of Denavit and
+      Hartenberg.
     * hand: the hand with a ball in it.
     * motors: motors and transmission.
     * ball: the ball that is thrown.
@@ -171,7 +180,9 @@ class WamDescription:
 
     @property
     def reach(self) -> float:
-        """Distance from the shoulder to the hand frame of the stretched arm [m]; the elbow is offset from both its links."""
+        """Distance from the shoulder to the hand frame of the stretched arm [m]; the elbow is
+        offset from both its links.
+        """
         (_, _, _), _, (_, offset, upper), (_, back, _), (_, _, fore), _, (_, _, wrist) = self.dh
         return float(np.hypot(upper, offset) + np.hypot(fore, back) + wrist)
 
@@ -180,15 +191,22 @@ class WamDescription:
         return np.array([getattr(joint, field) for joint in self.joints])
 
 
-def with_box(description: WamDescription, mass: float, size: Sequence[float], centre: Sequence[float]) -> WamDescription:
-    """The arm with a solid box as what its hand may hold: mass [kg], edges (3,) [m], its centre in the frame of the hand (3,) [m].
+def with_box(
+    description: WamDescription, mass: float, size: Sequence[float], centre: Sequence[float]
+) -> WamDescription:
+    """The arm with a solid box as what its hand may hold: mass [kg], edges (3,) [m], its centre in
+    the frame of the hand (3,) [m].
 
     size: its edges.
     """
     square = np.square(size)
     inertia = mass / 12.0 * (square.sum() - square)
     load = Ball(mass, float(size[0]), 0.0, 0.0, float(inertia.max()))
-    return replace(description, ball=load, hand=replace(description.hand, ball_centre=np.array(centre, dtype=float)))
+    return replace(
+        description,
+        ball=load,
+        hand=replace(description.hand, ball_centre=np.array(centre, dtype=float)),
+    )
 
 
 DART = Ball(
@@ -198,7 +216,9 @@ DART = Ball(
     drag_coefficient=flight.DART.drag_coefficient,
     inertia=2e-5,
 )
-"""A dart as the hand holds and throws it. Inertia: of a rod with its mass and a length of 10 cm [kg m^2]."""
+"""A dart as the hand holds and throws it. Inertia: of a rod with its mass and a length of 10 cm
+[kg m^2].
+"""
 
 
 @cache
@@ -214,7 +234,9 @@ def parse_description(content: dict) -> WamDescription:
         mount_height=content["mount_height"],
         shoulder_height=content["shoulder_height"],
         gravity=content["gravity"],
-        dh=np.array([(row["alpha_quarter_turns"] * np.pi / 2, row["a"], row["d"]) for row in content["dh"]]),
+        dh=np.array(
+            [(row["alpha_quarter_turns"] * np.pi / 2, row["a"], row["d"]) for row in content["dh"]]
+        ),
         joints=tuple(_joint(entry) for entry in content["joints"]),
         tool_plate=np.array(content["tool_plate"]["xyz"]),
         links_urdf=tuple(_inertial(link["mass"], link["urdf"]) for link in links),
@@ -222,7 +244,10 @@ def parse_description(content: dict) -> WamDescription:
         hand=_hand(content["hand"]),
         motors=_motors(content["transmission"], content["motors"]),
         ball=Ball.of(the_world()),
-        capsules=tuple(Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"]) for c in content["capsules"]),
+        capsules=tuple(
+            Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"])
+            for c in content["capsules"]
+        ),
         home=np.array(content["poses"]["home"]),
     )
 
@@ -238,15 +263,25 @@ def _inertial(mass: float, entry: dict) -> Inertial:
 
 
 def _joint(entry: dict) -> Joint:
-    fields = {key: value for key, value in entry.items() if key not in ("xyz", "roll_quarter_turns")}
-    return Joint(xyz=np.array(entry["xyz"]), roll=entry["roll_quarter_turns"] * np.pi / 2, **fields)
+    fields = {
+        key: value for key, value in entry.items() if key not in ("xyz", "roll_quarter_turns")
+    }
+    return Joint(
+        xyz=np.array(entry["xyz"]), roll=entry["roll_quarter_turns"] * np.pi / 2, **fields
+    )
 
 
 def _hand(entry: dict) -> Hand:
     inertial = _inertial(entry["mass"], entry)
-    return Hand(inertial, entry["palm_height"], entry["palm_radius"], np.array(entry["ball_centre"]))
+    return Hand(
+        inertial, entry["palm_height"], entry["palm_radius"], np.array(entry["ball_centre"])
+    )
 
 
 def _motors(transmission: dict, motors: dict) -> Motors:
-    arrays = {key: np.array(value) for key, value in {**transmission, **motors}.items() if key != "bus_voltage"}
+    arrays = {
+        key: np.array(value)
+        for key, value in {**transmission, **motors}.items()
+        if key != "bus_voltage"
+    }
     return Motors(bus_voltage=motors["bus_voltage"], **arrays)

@@ -1,9 +1,12 @@
-"""What drives the arm, number by number: the springs of (7.19), and the wrench and the torques that make the hand follow them.
+"""What drives the arm, number by number: the springs of (7.19), and the wrench and the torques
+that make the hand follow them.
 
-With the mobility A = J M^-1 J' of the hand, a wrench A^-1 (a - dJ/dt qd) gives it the acceleration a (Khatib, 1987). The eigenvectors of A
-are the directions in which the hand moves along the force. Those in which it hardly moves are left to the posture.
+With the mobility A = J M^-1 J' of the hand, a wrench A^-1 (a - dJ/dt qd) gives it the acceleration
+a (Khatib, 1987). The eigenvectors of A are the directions in which the hand moves along the force.
+Those in which it hardly moves are left to the posture.
 
-It is asked at every step of the arm. So it is compiled (docs/development.md): _drive.pxd beside it has the types.
+It is asked at every step of the arm. So it is compiled (docs/development.md): _drive.pxd beside it
+has the types.
 """
 
 import math
@@ -17,9 +20,19 @@ from dart_skill.common.small_matrices import factor_into, solve_into
 
 
 def turn(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad]. ValueError for other shapes."""
-    if target.shape[0] != 3 or target.shape[1] != 3 or rotation.shape[0] != 3 or rotation.shape[1] != 3:
-        raise ValueError(f"rotations of shapes {np.shape(target)} and {np.shape(rotation)} are no matrices (3, 3)")
+    """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad].
+    ValueError for other shapes.
+    """
+    if (
+        target.shape[0] != 3
+        or target.shape[1] != 3
+        or rotation.shape[0] != 3
+        or rotation.shape[1] != 3
+    ):
+        raise ValueError(
+            f"rotations of shapes {np.shape(target)} and {np.shape(rotation)} are no matrices"
+            " (3, 3)"
+        )
     result = np.empty(3)
     _turn(target, rotation, result, 0)
     return result
@@ -35,7 +48,8 @@ def pull(
     stiffness: np.ndarray,
     damping: np.ndarray,
 ) -> np.ndarray:
-    """Acceleration (6,) of a hand that spring and damper pull to a pose with a velocity, linear over angular: k (y - x) + d (v_y - v).
+    """Acceleration (6,) of a hand that spring and damper pull to a pose with a velocity, linear
+    over angular: k (y - x) + d (v_y - v).
 
     * position, rotation, velocity: y and v_y, (3,) [m], (3, 3) and (6,) [m/s, rad/s].
     * hand_position, hand_rotation, hand_velocity: x and v, the same of the hand.
@@ -46,7 +60,18 @@ def pull(
     _check_pull(position, rotation, velocity, stiffness, damping)
     _check_pull(hand_position, hand_rotation, hand_velocity, stiffness, damping)
     result = np.zeros(6)
-    _add_pull(position, rotation, velocity, hand_position, hand_rotation, hand_velocity, stiffness, damping, np.empty(6), result)
+    _add_pull(
+        position,
+        rotation,
+        velocity,
+        hand_position,
+        hand_rotation,
+        hand_velocity,
+        stiffness,
+        damping,
+        np.empty(6),
+        result,
+    )
     return result
 
 
@@ -70,12 +95,28 @@ def _add_pull(
         acceleration[i] += stiffness[i] * error[i] + damping[i] * (velocity[i] - hand_velocity[i])
 
 
-def _check_pull(position: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> None:
+def _check_pull(
+    position: np.ndarray,
+    rotation: np.ndarray,
+    velocity: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+) -> None:
     """ValueError unless the shapes are those of a pose with its velocity, and of gains."""
-    if position.shape[0] != 3 or rotation.shape[0] != 3 or rotation.shape[1] != 3 or velocity.shape[0] != 6:
-        raise ValueError(f"the pose has shapes {np.shape(position)}, {np.shape(rotation)}, {np.shape(velocity)}, not (3,), (3, 3), (6,)")
+    if (
+        position.shape[0] != 3
+        or rotation.shape[0] != 3
+        or rotation.shape[1] != 3
+        or velocity.shape[0] != 6
+    ):
+        raise ValueError(
+            f"the pose has shapes {np.shape(position)}, {np.shape(rotation)},"
+            f" {np.shape(velocity)}, not (3,), (3, 3), (6,)"
+        )
     if stiffness.shape[0] != 6 or damping.shape[0] != 6:
-        raise ValueError(f"stiffness has shape {np.shape(stiffness)} and damping {np.shape(damping)}, not (6,)")
+        raise ValueError(
+            f"stiffness has shape {np.shape(stiffness)} and damping {np.shape(damping)}, not (6,)"
+        )
 
 
 def _turn(target: np.ndarray, rotation: np.ndarray, result: np.ndarray, k: int) -> None:
@@ -83,7 +124,11 @@ def _turn(target: np.ndarray, rotation: np.ndarray, result: np.ndarray, k: int) 
     x = 0.5 * (_product(target, 2, rotation, 1) - _product(target, 1, rotation, 2))
     y = 0.5 * (_product(target, 0, rotation, 2) - _product(target, 2, rotation, 0))
     z = 0.5 * (_product(target, 1, rotation, 0) - _product(target, 0, rotation, 1))
-    trace = _product(target, 0, rotation, 0) + _product(target, 1, rotation, 1) + _product(target, 2, rotation, 2)
+    trace = (
+        _product(target, 0, rotation, 0)
+        + _product(target, 1, rotation, 1)
+        + _product(target, 2, rotation, 2)
+    )
     sine, cosine, scale = math.sqrt(x * x + y * y + z * z), 0.5 * (trace - 1.0), 1.0
     if sine < 1e-9 and cosine < 0.0:
         _half_turn(target, rotation, result, k)
@@ -110,7 +155,11 @@ def _half_turn(target: np.ndarray, rotation: np.ndarray, result: np.ndarray, k: 
 
 def _product(target: np.ndarray, i: int, rotation: np.ndarray, j: int) -> float:
     """Entry of target rotation'."""
-    return target[i, 0] * rotation[j, 0] + target[i, 1] * rotation[j, 1] + target[i, 2] * rotation[j, 2]
+    return (
+        target[i, 0] * rotation[j, 0]
+        + target[i, 1] * rotation[j, 1]
+        + target[i, 2] * rotation[j, 2]
+    )
 
 
 class Drive:
@@ -135,12 +184,30 @@ class Drive:
         null_damping: float,
         least_mobility: float,
     ):
-        self._lengths, self._coulomb, self._viscous, self._weak, self._slow = lengths, coulomb, viscous, weak, slow
-        self._null_stiffness, self._null_damping, self._least_mobility = null_stiffness, null_damping, least_mobility
+        self._lengths, self._coulomb, self._viscous, self._weak, self._slow = (
+            lengths,
+            coulomb,
+            viscous,
+            weak,
+            slow,
+        )
+        self._null_stiffness, self._null_damping, self._least_mobility = (
+            null_stiffness,
+            null_damping,
+            least_mobility,
+        )
         self._lower, self._halved = np.zeros((N_JOINTS, N_JOINTS)), np.zeros((6, N_JOINTS))
-        self._mobility, self._directions, self._mobile = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+        self._mobility, self._directions, self._mobile = (
+            np.zeros((6, 6)),
+            np.zeros((6, 6)),
+            np.zeros(6),
+        )
         self._wanted, self._disturbing, self._wrench = np.zeros(6), np.zeros(6), np.zeros(6)
-        self._free, self._null, self._total = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(N_JOINTS)
+        self._free, self._null, self._total = (
+            np.zeros(N_JOINTS),
+            np.zeros(N_JOINTS),
+            np.zeros(N_JOINTS),
+        )
 
     def add_pull(
         self,
@@ -152,24 +219,45 @@ class Drive:
         damping: np.ndarray,
         acceleration: np.ndarray,
     ) -> None:
-        """Add what spring and damper ask of the hand of the arm in its state, as of `pull`, to an acceleration (6,)."""
+        """Add what spring and damper ask of the hand of the arm in its state, as of `pull`, to an
+        acceleration (6,).
+        """
         _check_pull(position, rotation, velocity, stiffness, damping)
         _add_pull(
-            position, rotation, velocity, terms.position, terms.rotation, terms.velocity, stiffness, damping, self._wrench, acceleration
+            position,
+            rotation,
+            velocity,
+            terms.position,
+            terms.rotation,
+            terms.velocity,
+            stiffness,
+            damping,
+            self._wrench,
+            acceleration,
         )
 
-    def act(self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and joint torque (7,) that accelerate the hand of the arm in its state; posture (7,) in the null space."""
+    def act(
+        self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (6,) and joint torque (7,) that accelerate the hand of the arm in its state;
+        posture (7,) in the null space.
+        """
         self._shape(terms, acceleration, posture)
         wrench, result = np.empty(6), np.empty(N_JOINTS)
         torque = result
         self._told(wrench)
         for j in range(self._free.shape[0]):
-            torque[j] = terms.coriolis[j] + self._friction(j, terms.qd[j], self._total[j]) + self._null[j]
+            torque[j] = (
+                terms.coriolis[j] + self._friction(j, terms.qd[j], self._total[j]) + self._null[j]
+            )
         return wrench, result
 
-    def moved(self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same with the friction of joints that move, and the joint acceleration (7,) that an arm without friction then has."""
+    def moved(
+        self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same with the friction of joints that move, and the joint acceleration (7,) that an
+        arm without friction then has.
+        """
         self._shape(terms, acceleration, posture)
         wrench, result, accelerated = np.empty(6), np.empty(N_JOINTS), np.empty(N_JOINTS)
         torque = result
@@ -180,7 +268,9 @@ class Drive:
         return wrench, result, accelerated
 
     def friction(self, qd: np.ndarray, drive: np.ndarray) -> np.ndarray:
-        """Friction (7,) [N m] that is compensated at speeds qd (7,) [rad/s] of joints that torques drive (7,) [N m]."""
+        """Friction (7,) [N m] that is compensated at speeds qd (7,) [rad/s] of joints that torques
+        drive (7,) [N m].
+        """
         result = np.empty(N_JOINTS)
         torque = result
         for j in range(self._free.shape[0]):
@@ -188,18 +278,26 @@ class Drive:
         return result
 
     def _friction(self, joint: int, speed: float, drive: float) -> float:
-        return self._coulomb[joint] * math.tanh(speed / self._slow + drive / self._weak[joint]) + self._viscous[joint] * speed
+        return (
+            self._coulomb[joint] * math.tanh(speed / self._slow + drive / self._weak[joint])
+            + self._viscous[joint] * speed
+        )
 
     def _shape(self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray) -> None:
         """Wrench, torques in the null space, and both as torques of the joints."""
         if acceleration.shape[0] != 6 or posture.shape[0] != self._free.shape[0]:
-            raise ValueError(f"acceleration has shape {np.shape(acceleration)} and posture {np.shape(posture)}, not (6,) and ({N_JOINTS},)")
+            raise ValueError(
+                f"acceleration has shape {np.shape(acceleration)} and posture {np.shape(posture)},"
+                f" not (6,) and ({N_JOINTS},)"
+            )
         terms.find_inertia()
         terms.find_coriolis()
         jacobian, inertia, n = terms.jacobian, terms.inertia, self._free.shape[0]
         self._find_directions(jacobian, inertia)
         for j in range(n):
-            self._free[j] = self._null_stiffness * (posture[j] - terms.q[j]) - self._null_damping * terms.qd[j]
+            self._free[j] = (
+                self._null_stiffness * (posture[j] - terms.q[j]) - self._null_damping * terms.qd[j]
+            )
         for i in range(6):
             self._wanted[i] = acceleration[i] - terms.drift[i]
             self._disturbing[i] = 0.0
@@ -217,7 +315,9 @@ class Drive:
             self._total[j] += self._null[j]
 
     def _find_directions(self, jacobian: np.ndarray, inertia: np.ndarray) -> None:
-        """Eigenvectors of the mobility X X' with X = J L'^-1 and M = L L', a radian counting for its length."""
+        """Eigenvectors of the mobility X X' with X = J L'^-1 and M = L L', a radian counting for
+        its length.
+        """
         lower, halved, mobility, n = self._lower, self._halved, self._mobility, self._free.shape[0]
         factor_into(inertia, lower)
         for i in range(6):
@@ -235,7 +335,9 @@ class Drive:
         self._directions = columns.T
 
     def _as_wrench(self, acceleration: np.ndarray) -> None:
-        """Replace an acceleration (6,) of the hand by the wrench (6,) that gives it to the hand where that is mobile enough."""
+        """Replace an acceleration (6,) of the hand by the wrench (6,) that gives it to the hand
+        where that is mobile enough.
+        """
         directions, wrench, least = self._directions, self._wrench, self._least_mobility
         for i in range(6):
             acceleration[i] *= self._lengths[i]
@@ -269,10 +371,16 @@ class JointSpring:
     def __init__(self, stiffness: np.ndarray, damping: np.ndarray, limit: np.ndarray):
         self._stiffness, self._damping, self._limit = stiffness, damping, limit
 
-    def torque(self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray) -> np.ndarray:
-        """Torque (7,) [N m] from angles and speeds towards others, (7,) each. ValueError for a posture of another shape."""
+    def torque(
+        self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray
+    ) -> np.ndarray:
+        """Torque (7,) [N m] from angles and speeds towards others, (7,) each. ValueError for a
+        posture of another shape.
+        """
         if q_wanted.shape[0] != self._limit.shape[0]:
-            raise ValueError(f"a posture of shape {np.shape(q_wanted)} is none of an arm with {N_JOINTS} joints")
+            raise ValueError(
+                f"a posture of shape {np.shape(q_wanted)} is none of an arm with {N_JOINTS} joints"
+            )
         result = np.empty(N_JOINTS)
         torque = result
         for j in range(self._limit.shape[0]):
@@ -284,13 +392,23 @@ class JointSpring:
         result = np.empty(N_JOINTS)
         torque = result
         for j in range(self._limit.shape[0]):
-            torque[j] = min(max(-2.0 * self._damping[j] * qd[j], -2.0 * self._limit[j]), 2.0 * self._limit[j])
+            torque[j] = min(
+                max(-2.0 * self._damping[j] * qd[j], -2.0 * self._limit[j]), 2.0 * self._limit[j]
+            )
         return result
 
     def brake(
-        self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, needed: np.ndarray, time: float, shortest: float
+        self,
+        q: np.ndarray,
+        qd: np.ndarray,
+        start: np.ndarray,
+        speed: np.ndarray,
+        needed: np.ndarray,
+        time: float,
+        shortest: float,
     ) -> np.ndarray:
-        """Torque (7,) [N m], within twice the limits, of a motion that dies away exponentially, and of the pull to it.
+        """Torque (7,) [N m], within twice the limits, of a motion that dies away exponentially,
+        and of the pull to it.
 
         * q, qd: angles and speeds (7,).
         * start, speed: those at the beginning (7,).
@@ -305,7 +423,9 @@ class JointSpring:
         left = math.exp(-time / longest)
         for j in range(self._limit.shape[0]):
             expected, most = start[j] + longest * (1.0 - left) * speed[j], 2.0 * self._limit[j]
-            asked = -needed[j] * left / longest + self._at(j, expected - q[j], left * speed[j] - qd[j])
+            asked = -needed[j] * left / longest + self._at(
+                j, expected - q[j], left * speed[j] - qd[j]
+            )
             torque[j] = min(max(asked, -most), most)
         return result
 
@@ -314,7 +434,9 @@ class JointSpring:
         return min(max(self._stiffness[joint] * way + self._damping[joint] * faster, -most), most)
 
 
-def coasted(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def coasted(
+    q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, step: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Angles and speeds (7,) a step [s] later, at constant acceleration."""
     angles, speeds = np.empty(N_JOINTS), np.empty(N_JOINTS)
     later, faster = angles, speeds
@@ -325,9 +447,13 @@ def coasted(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, step: float) -> tupl
 
 
 def with_swing(posture: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """A posture (7,) in which the joints that swing, J2, J4 and J6, are where they are in q (7,). ValueError for other shapes."""
+    """A posture (7,) in which the joints that swing, J2, J4 and J6, are where they are in q (7,).
+    ValueError for other shapes.
+    """
     if posture.shape[0] != q.shape[0]:
-        raise ValueError(f"a posture of shape {np.shape(posture)} is none of an arm with {N_JOINTS} joints")
+        raise ValueError(
+            f"a posture of shape {np.shape(posture)} is none of an arm with {N_JOINTS} joints"
+        )
     result = np.empty(N_JOINTS)
     free = result
     for j in range(q.shape[0]):
@@ -347,8 +473,11 @@ def cut(wrench: np.ndarray, most_force: float, most_moment: float) -> np.ndarray
     return result
 
 
-def least_jerk(start: np.ndarray, end: np.ndarray, duration: float, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity and acceleration (n,) at a time [s] of the motion of least jerk from start to end (n,) of a duration [s].
+def least_jerk(
+    start: np.ndarray, end: np.ndarray, duration: float, time: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and acceleration (n,) at a time [s] of the motion of least jerk from
+    start to end (n,) of a duration [s].
 
     ValueError unless both have as many numbers.
     """

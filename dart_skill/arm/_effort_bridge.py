@@ -1,9 +1,11 @@
-"""From the commander's commands to joint efforts, with the watchdog that a driver must have: tau = J' w + tau_joint (+ gravity).
+"""From the commander's commands to joint efforts, with the watchdog that a driver must have: tau =
+J' w + tau_joint (+ gravity).
 
     WAITING -> ACTIVE -> STOPPED -> (reset) WAITING
 
-WAITING and STOPPED damp the joints; what is wrong while commands are carried out leads to STOPPED, and stays there until somebody resets.
-Every effort is cut to the limit of its joint, and changes no faster than the rate of its joint, so that nothing begins with a jump.
+WAITING and STOPPED damp the joints; what is wrong while commands are carried out leads to STOPPED,
+and stays there until somebody resets. Every effort is cut to the limit of its joint, and changes
+no faster than the rate of its joint, so that nothing begins with a jump.
 """
 
 from __future__ import annotations
@@ -35,16 +37,20 @@ class BridgePhase(Enum):
 
 @dataclass(frozen=True)
 class BridgeSettings:
-    """Limits and times; each is a parameter of the node effort_bridge, and its value stands in config/effort_bridge.yaml.
+    """Limits and times; each is a parameter of the node effort_bridge, and its value stands in
+    config/effort_bridge.yaml.
 
     * frame_id: axes of the wrenches.
-    * gravity_compensation: whether the torque that holds arm and hand is added; False: the effort controller's hardware adds it.
+    * gravity_compensation: whether the torque that holds arm and hand is added; False: the effort
+      controller's hardware adds it.
     * torque_limit: of each joint, gravity included (7,) [N m].
     * torque_rate: fastest change of each (7,) [N m/s].
     * damping: of a joint that is stopped (7,) [N m s/rad].
     * damping_limit: strongest damping torque (7,) [N m].
-    * command_timeout, state_timeout: the arm is stopped when commands, or states, were silent for longer [s].
-    * limits: of speed, range and workspace, of config/limits.yaml; the bridge is the arm's own safety module, and patient as one.
+    * command_timeout, state_timeout: the arm is stopped when commands, or states, were silent for
+      longer [s].
+    * limits: of speed, range and workspace, of config/limits.yaml; the bridge is the arm's own
+      safety module, and patient as one.
     """
 
     frame_id: str
@@ -95,13 +101,16 @@ class EffortBridge:
         self._step = 0.0
 
     def on_publishers(self, count: int) -> None:
-        """How many publish commands now: none is a silent commander, two are a fault. count: their number."""
+        """How many publish commands now: none is a silent commander, two are a fault. count: their
+        number.
+        """
         self._publishers = count
         if count > 1 and self.phase is BridgePhase.ACTIVE:
             self.stop(f"{count} nodes publish commands: end all but one")
 
     def on_command(self, command: Command, frame_id: str, now: float) -> bool | None:
-        """Take a command; whether the hand shall open (True) or close (False) now, None if nothing is said of it anew.
+        """Take a command; whether the hand shall open (True) or close (False) now, None if nothing
+        is said of it anew.
 
         frame_id: of its wrench.
         """
@@ -114,13 +123,25 @@ class EffortBridge:
                 self.message = reason
             return None
         said = Grip.UNSPECIFIED if self._command is None else self._command.grip
-        self.phase, self.message, self._command, self._command_at = BridgePhase.ACTIVE, "", command, now
+        self.phase, self.message, self._command, self._command_at = (
+            BridgePhase.ACTIVE,
+            "",
+            command,
+            now,
+        )
         return None if command.grip in (said, Grip.UNSPECIFIED) else command.grip is Grip.OPEN
 
     def on_state(self, state: ArmState, now: float) -> np.ndarray:
-        """The efforts (7,) [N m] for a state and the command that was there before it; those of its own command: `efforts`."""
-        if state.position.shape != (N_JOINTS,) or not (all_finite(state.position) and all_finite(state.velocity)):
-            self.stop(f"the joint state of {state.stamp_ns} ns is not seven finite positions and velocities")
+        """The efforts (7,) [N m] for a state and the command that was there before it; those of
+        its own command: `efforts`.
+        """
+        if state.position.shape != (N_JOINTS,) or not (
+            all_finite(state.position) and all_finite(state.velocity)
+        ):
+            self.stop(
+                f"the joint state of {state.stamp_ns} ns is not seven finite positions and"
+                " velocities"
+            )
             return self._held()
         before = self._state
         self._state = state
@@ -134,11 +155,17 @@ class EffortBridge:
         return self._limited(self._wanted(state))
 
     def efforts(self) -> np.ndarray:
-        """The efforts (7,) [N m] for the newest state and the newest command; zero before there is a state."""
-        return np.zeros(N_JOINTS) if self._state is None else self._limited(self._wanted(self._state))
+        """The efforts (7,) [N m] for the newest state and the newest command; zero before there is
+        a state.
+        """
+        return (
+            np.zeros(N_JOINTS) if self._state is None else self._limited(self._wanted(self._state))
+        )
 
     def tick(self, now: float) -> np.ndarray | None:
-        """Look at the clock: efforts (7,) [N m] when the states are silent, so that nobody answers them; None when they come."""
+        """Look at the clock: efforts (7,) [N m] when the states are silent, so that nobody answers
+        them; None when they come.
+        """
         if self._state is None:
             return None
         if self.phase is BridgePhase.ACTIVE:
@@ -153,12 +180,18 @@ class EffortBridge:
             self.phase, self.message, self._command = BridgePhase.STOPPED, reason, None
 
     def reset(self, now: float) -> str:
-        """Wait for commands again after a stop; why not, if the arm's states are silent or two publish commands, else empty."""
+        """Wait for commands again after a stop; why not, if the arm's states are silent or two
+        publish commands, else empty.
+        """
         if self._publishers > 1:
             return f"{self._publishers} nodes publish commands: end all but one"
         if self._state is None or now - self._state_at > self.settings.state_timeout:
             return "no states of the arm come: is its driver running?"
-        self.phase, self.message, self._command = BridgePhase.WAITING, "no command since the reset", None
+        self.phase, self.message, self._command = (
+            BridgePhase.WAITING,
+            "no command since the reset",
+            None,
+        )
         self._safety.reset()
         return ""
 
@@ -174,7 +207,10 @@ class EffortBridge:
             return f"the command of {command.stamp_ns} ns is not finite"
         age = (self._state.stamp_ns - command.stamp_ns) * 1e-9
         if abs(age) > self.settings.command_timeout:
-            return f"a command answers a state of {age:.3f} s ago: is it of this arm, and on its clock?"
+            return (
+                f"a command answers a state of {age:.3f} s ago: is it of this arm, and on its"
+                " clock?"
+            )
         return ""
 
     def _watch(self, step: float, now: float) -> None:
@@ -182,33 +218,51 @@ class EffortBridge:
         limits = self.settings
         if self._state is None or self._command is None:
             return
-        silent = max(now - self._command_at, (self._state.stamp_ns - self._command.stamp_ns) * 1e-9)
+        silent = max(
+            now - self._command_at, (self._state.stamp_ns - self._command.stamp_ns) * 1e-9
+        )
         if step < 0.0:
             self.stop(f"the stamps of the states jumped back by {-step:.3f} s")
         elif max(step, now - self._state_at) > limits.state_timeout:
             self.stop(f"no state of the arm for {max(step, now - self._state_at):.3f} s")
         elif silent > limits.command_timeout:
             self.stop(f"no command for {silent:.3f} s: is the commander running?")
-        elif fault := self._safety.look(self._state.position, self._state.velocity, np.zeros(N_JOINTS), self._command.speed):
+        elif fault := self._safety.look(
+            self._state.position, self._state.velocity, np.zeros(N_JOINTS), self._command.speed
+        ):
             self.stop(fault)
 
     def _wanted(self, state: ArmState) -> np.ndarray:
         """Efforts before they are limited: of the command, or of the damping."""
         limits, command = self.settings, self._command
-        gravity = self._model.gravity_torque(state.position) if limits.gravity_compensation else np.zeros(N_JOINTS)
+        gravity = (
+            self._model.gravity_torque(state.position)
+            if limits.gravity_compensation
+            else np.zeros(N_JOINTS)
+        )
         if command is None:
-            return gravity + np.clip(-limits.damping * state.velocity, -limits.damping_limit, limits.damping_limit)
-        return gravity + self._model.jacobian(state.position).T @ command.wrench + command.joint_torque
+            return gravity + np.clip(
+                -limits.damping * state.velocity, -limits.damping_limit, limits.damping_limit
+            )
+        return (
+            gravity
+            + self._model.jacobian(state.position).T @ command.wrench
+            + command.joint_torque
+        )
 
     def _held(self) -> np.ndarray:
-        """Efforts while nobody knows how the arm moves: gravity where it was last, if that is compensated here, and nothing else."""
+        """Efforts while nobody knows how the arm moves: gravity where it was last, if that is
+        compensated here, and nothing else.
+        """
         self._advance(LONGEST_STEP)
         if self._state is None or not self.settings.gravity_compensation:
             return self._limited(np.zeros(N_JOINTS))
         return self._limited(self._model.gravity_torque(self._state.position))
 
     def _advance(self, step: float) -> None:
-        """From now on efforts may differ from those of this instant by what they may change in `step` [s]."""
+        """From now on efforts may differ from those of this instant by what they may change in
+        `step` [s].
+        """
         self._before, self._step = self._effort, step
 
     def _limited(self, wanted: np.ndarray) -> np.ndarray:

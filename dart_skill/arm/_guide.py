@@ -1,4 +1,6 @@
-"""Who says at each instant what the hand shall do: a plan that was made beforehand, or a model that is asked while the arm moves."""
+"""Who says at each instant what the hand shall do: a plan that was made beforehand, or a model
+that is asked while the arm moves.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,8 @@ class Guidance(NamedTuple):
     * off: how far the hand is from where it must be [m]; 0 where it may be anywhere.
     * over: there is nothing to follow any more, and the arm is braked.
     * fault: why the motion cannot go on; empty if it can.
-    * posture: joint angles (7,) that the arm's free motion aims at [rad]; None: those of the start.
+    * posture: joint angles (7,) that the arm's free motion aims at [rad]; None: those of the
+      start.
     """
 
     time: float
@@ -55,7 +58,8 @@ class Guidance(NamedTuple):
 class Guide(Protocol):
     """Guides the hand through one motion.
 
-    what: the motion in a word; start_posture: joint angles before it (7,) [rad]; speed: level of speed that it needs.
+    what: the motion in a word; start_posture: joint angles before it (7,) [rad]; speed: level of
+    speed that it needs.
     """
 
     what: str
@@ -63,7 +67,8 @@ class Guide(Protocol):
     speed: Speed
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
-        """What a hand in this state shall do, so long after the motion began [s]; stamp_ns: of the state [ns].
+        """What a hand in this state shall do, so long after the motion began [s]; stamp_ns: of the
+        state [ns].
 
         time: on the guide's clock.
         """
@@ -71,17 +76,25 @@ class Guide(Protocol):
 
 
 class PlanGuide:
-    """Guides through a plan; where the plan has a pace, the state of the hand drives its clock, else time does.
+    """Guides through a plan; where the plan has a pace, the state of the hand drives its clock,
+    else time does.
 
     * follow_time: the path is followed for so long after the plan's end [s].
     """
 
     def __init__(self, plan: MotionPlan, follow_time: float):
-        self.plan, self.what, self.start_posture, self.speed = plan, plan.what, plan.start_posture, plan.speed
+        self.plan, self.what, self.start_posture, self.speed = (
+            plan,
+            plan.what,
+            plan.start_posture,
+            plan.speed,
+        )
         self._references, self._fingers = References(plan), Fingers(plan.events, plan.carries)
         self._duration = plan.path.duration
         self._last = min(self._duration, plan.end + follow_time)
-        self._clock = Clock(plan.pace, plan.path.time, self._fingers) if plan.pace is not None else None
+        self._clock = (
+            Clock(plan.pace, plan.path.time, self._fingers) if plan.pace is not None else None
+        )
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
         """As of `Guide`."""
@@ -111,12 +124,14 @@ class PlanGuide:
 
 
 class Fingers:
-    """What the fingers do on the clock of a guide, and where that clock waits for a hand that is held back.
+    """What the fingers do on the clock of a guide, and where that clock waits for a hand that is
+    held back.
 
     * carries: whether the hand holds something at the start.
     * events: when the fingers are told something.
 
-    Attribute: fault, why the motion was given up, once the hand was held back for too long; empty until then.
+    Attribute: fault, why the motion was given up, once the hand was held back for too long; empty
+    until then.
     """
 
     def __init__(self, events: Sequence[GripEvent], carries: bool):
@@ -124,7 +139,9 @@ class Fingers:
         self._slow, self.fault = 0.0, ""
 
     def at(self, time: float) -> tuple[Grip, bool]:
-        """What they are told at a time on the clock [s], and whether the hand holds something then."""
+        """What they are told at a time on the clock [s], and whether the hand holds something
+        then.
+        """
         grip, carries = Grip.UNSPECIFIED, self._carries
         for event in self._events:
             if time >= event.time - EARLY:
@@ -134,7 +151,8 @@ class Fingers:
         return grip, carries
 
     def held(self, now: float, later: float, rate: float, step: float) -> float:
-        """Where the clock gets in a step [s] that would lead it from now to later [s]: not past an event while the hand is held back.
+        """Where the clock gets in a step [s] that would lead it from now to later [s]: not past an
+        event while the hand is held back.
 
         rate: of the clock, 1 as shown.
         """
@@ -144,14 +162,24 @@ class Fingers:
         self._slow += step
         if self._slow > HELD_BACK:
             self.fault = f"the hand was held back for {self._slow:.0f} s"
-        return min([later, *(event.time - 2.0 * EARLY for event in self._events if event.time - EARLY > now)])
+        return min(
+            [
+                later,
+                *(event.time - 2.0 * EARLY for event in self._events if event.time - EARLY > now),
+            ]
+        )
 
 
 class Clock:
     """The clock of a plan, which the state of the hand drives (`Pace`)."""
 
     def __init__(self, pace: Pace, instants: np.ndarray, fingers: Fingers):
-        self._rule, self._gain, self._instants, self._fingers = pace.rule, pace.gain, instants.tolist(), fingers
+        self._rule, self._gain, self._instants, self._fingers = (
+            pace.rule,
+            pace.gain,
+            instants.tolist(),
+            fingers,
+        )
         self._now, self._then = 0.0, 0.0
 
     def at(self, time: float, hand: HandState, references: References) -> tuple[float, float]:
@@ -159,37 +187,56 @@ class Clock:
         step = time - self._then
         self._then = time
         rate = self._rate(hand, references.at(self._now))
-        self._now = min(self._fingers.held(self._now, self._now + rate * step, rate, step), self._instants[-1])
+        self._now = min(
+            self._fingers.held(self._now, self._now + rate * step, rate, step), self._instants[-1]
+        )
         return self._now, rate
 
     def _rate(self, hand: HandState, reference: Reference) -> float:
         k = min(max(bisect_right(self._instants, self._now) - 1, 0), len(self._instants) - 1)
         error = -rotation_error(reference.rotation, hand.rotation)
-        ahead = float(self._gain[k] @ np.concatenate([hand.position - reference.position, error, hand.velocity - reference.velocity]))
+        ahead = float(
+            self._gain[k]
+            @ np.concatenate(
+                [hand.position - reference.position, error, hand.velocity - reference.velocity]
+            )
+        )
         return self._rule.rate(ahead)
 
 
 def paced(reference: Reference, rate: float) -> Reference:
     """The reference of a motion that goes on at another rate than planned."""
-    return replace(reference, velocity=rate * reference.velocity, acceleration=rate * rate * reference.acceleration)
+    return replace(
+        reference,
+        velocity=rate * reference.velocity,
+        acceleration=rate * rate * reference.acceleration,
+    )
 
 
 class References:
-    """A plan as a function of time: linear between its instants, a share of the turn from each orientation to the next."""
+    """A plan as a function of time: linear between its instants, a share of the turn from each
+    orientation to the next.
+    """
 
     def __init__(self, plan: MotionPlan):
         path = plan.path
         self._position_gains, self._orientation_gains = plan.position_gains, plan.orientation_gains
         self._constant = self._constant_gains()
         self._posture = plan.posture
-        linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration], dtype=float)
+        linear = np.hstack(
+            [plan.attractor_position, path.position, path.velocity, path.acceleration], dtype=float
+        )
         turns = [unit(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
         rotation = np.stack([matrices(turn) for turn in turns], axis=1)  # (n, 2, 3, 3)
         # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
-        angle = np.stack([to_vectors(product(turn[1:], CONJUGATE * turn[:-1])) for turn in turns], axis=1)
+        angle = np.stack(
+            [to_vectors(product(turn[1:], CONJUGATE * turn[:-1])) for turn in turns], axis=1
+        )
         skew = _skew(angle)
         first = skew @ rotation[:-1]
-        self._rows = PlanRows(np.array(path.time, dtype=float), linear, rotation, first, 0.5 * skew @ first)
+        self._rows = PlanRows(
+            np.array(path.time, dtype=float), linear, rotation, first, 0.5 * skew @ first
+        )
 
     def at(self, time: float) -> Reference:
         """What the hand shall do at an instant of the plan [s]."""
@@ -199,28 +246,47 @@ class References:
         """How strongly the hand is pulled at an instant of the plan [s]."""
         if self._constant is not None:
             return self._constant
-        parts = [self._gains_at(gains, *self._rows.place(time)) for gains in (self._position_gains, self._orientation_gains)]
-        return PoseGains(*(_block_diagonal(position, orientation) for position, orientation in zip(*parts, strict=True)))
+        parts = [
+            self._gains_at(gains, *self._rows.place(time))
+            for gains in (self._position_gains, self._orientation_gains)
+        ]
+        return PoseGains(
+            *(
+                _block_diagonal(position, orientation)
+                for position, orientation in zip(*parts, strict=True)
+            )
+        )
 
     def posture_at(self, time: float) -> np.ndarray | None:
-        """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say. time: on the clock of the plan [s]."""
+        """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say.
+        time: on the clock of the plan [s].
+        """
         if self._posture is None:
             return None
         k, share = self._rows.place(time)
-        return self._posture[k] + min(max(share, 0.0), 1.0) * (self._posture[k + 1] - self._posture[k])
+        return self._posture[k] + min(max(share, 0.0), 1.0) * (
+            self._posture[k + 1] - self._posture[k]
+        )
 
     def _constant_gains(self) -> PoseGains | None:
         position, orientation = self._position_gains, self._orientation_gains
         if isinstance(position, Gains) and isinstance(orientation, Gains):
-            return PoseGains.of((position.stiffness, position.damping), (orientation.stiffness, orientation.damping))
+            return PoseGains.of(
+                (position.stiffness, position.damping),
+                (orientation.stiffness, orientation.damping),
+            )
         return None
 
     @staticmethod
-    def _gains_at(gains: Gains | GainsOverTime, k: int, share: float) -> tuple[np.ndarray, np.ndarray]:
+    def _gains_at(
+        gains: Gains | GainsOverTime, k: int, share: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         if isinstance(gains, Gains):
             return gains.stiffness * np.eye(3), gains.damping * np.eye(3)
         share = min(max(share, 0.0), 1.0)
-        return tuple(rows[k] + share * (rows[k + 1] - rows[k]) for rows in (gains.stiffness, gains.damping))
+        return tuple(
+            rows[k] + share * (rows[k + 1] - rows[k]) for rows in (gains.stiffness, gains.damping)
+        )
 
 
 def _block_diagonal(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -1,8 +1,11 @@
-"""Where cameras and arm stand to each other, from nothing but what both say of the hand: p = s Q (a + A h) + t and R = P A H.
+"""Where cameras and arm stand to each other, from nothing but what both say of the hand: p = s Q
+(a + A h) + t and R = P A H.
 
-a, A are position and rotation of the hand by the arm's kinematics, p, R those that the cameras see. Positions and orientations are fitted
-by themselves, so that a fault of one does not hide behind the other: the scale s of lengths, a world Q that may be turned anyhow or
-mirrored, and the tracked body h, H on the hand. Scale, turn and shift by Umeyama (1991), turns P and H by Shah (2013).
+a, A are position and rotation of the hand by the arm's kinematics, p, R those that the cameras
+see. Positions and orientations are fitted by themselves, so that a fault of one does not hide
+behind the other: the scale s of lengths, a world Q that may be turned anyhow or mirrored, and the
+tracked body h, H on the hand. Scale, turn and shift by Umeyama (1991), turns P and H by Shah
+(2013).
 """
 
 from __future__ import annotations
@@ -36,7 +39,8 @@ class PositionFit:
     """What explains the positions of the hand.
 
     * scale: length that the cameras tell, of one metre.
-    * world: orthogonal matrix (3, 3) from the axes of the arm to those of the cameras; its determinant is -1 where these are mirrored.
+    * world: orthogonal matrix (3, 3) from the axes of the arm to those of the cameras; its
+      determinant is -1 where these are mirrored.
     * shift: (3,) origin of the arm in the world of the cameras, in the length of the cameras.
     * lever: (3,) tracked body in the frame of the hand [m].
     * residual: (n,) what is left of each position [m].
@@ -75,11 +79,16 @@ class OrientationFit:
 
 def _trimmed(residual: np.ndarray, share: float) -> float:
     """Root mean square of the smallest residuals (n,), of a share of them."""
-    return float(np.sqrt(np.mean(np.sort(np.square(residual))[: max(1, round(share * len(residual)))])))
+    return float(
+        np.sqrt(np.mean(np.sort(np.square(residual))[: max(1, round(share * len(residual)))]))
+    )
 
 
-def fit_positions(seen: np.ndarray, place: np.ndarray, rotation: np.ndarray, may_mirror: bool = True) -> PositionFit:
-    """The fit of positions (n, 3) that cameras saw to places (n, 3) [m] and rotations (n, 3, 3) of the hand by the arm.
+def fit_positions(
+    seen: np.ndarray, place: np.ndarray, rotation: np.ndarray, may_mirror: bool = True
+) -> PositionFit:
+    """The fit of positions (n, 3) that cameras saw to places (n, 3) [m] and rotations (n, 3, 3) of
+    the hand by the arm.
 
     * seen: in any length.
     * place, rotation: by the arm's kinematics.
@@ -98,20 +107,30 @@ def fit_positions(seen: np.ndarray, place: np.ndarray, rotation: np.ndarray, may
 
 
 def _position_fit(
-    seen: np.ndarray, place: np.ndarray, rotation: np.ndarray, scale: float, world: np.ndarray, shift: np.ndarray, lever: np.ndarray
+    seen: np.ndarray,
+    place: np.ndarray,
+    rotation: np.ndarray,
+    scale: float,
+    world: np.ndarray,
+    shift: np.ndarray,
+    lever: np.ndarray,
 ) -> PositionFit:
     scale = max(scale, 1e-9)
     residual = np.linalg.norm((seen - shift) @ world / scale - place - rotation @ lever, axis=1)
     return PositionFit(scale, world, shift, lever, residual)
 
 
-def _better_positions(fit: PositionFit, place: np.ndarray, rotation: np.ndarray, seen: np.ndarray) -> PositionFit:
+def _better_positions(
+    fit: PositionFit, place: np.ndarray, rotation: np.ndarray, seen: np.ndarray
+) -> PositionFit:
     """A round of Gauss and Newton on turn, scale, shift and lever, in the axes of the arm."""
     body = place + rotation @ fit.lever
     back = (seen - fit.shift) @ fit.world / fit.scale
     n = len(body)
     design = np.zeros((n, 3, 10))
-    design[:, :, :3] = np.cross(np.eye(3)[None], body[:, None]).transpose(0, 2, 1)  # a small turn of the body about each axis
+    design[:, :, :3] = np.cross(np.eye(3)[None], body[:, None]).transpose(
+        0, 2, 1
+    )  # a small turn of the body about each axis
     design[:, :, 3], design[:, :, 4:7], design[:, :, 7:] = body, np.eye(3), rotation
     prior = np.zeros((3, 10))
     prior[:, 7:] = np.eye(3) / LEVER
@@ -123,13 +142,19 @@ def _better_positions(fit: PositionFit, place: np.ndarray, rotation: np.ndarray,
     half = change[:3] / 2.0
     world = fit.world @ matrices(np.append(half, 1.0) / np.sqrt(1.0 + half @ half))
     shift = fit.shift + fit.scale * fit.world @ change[4:7]
-    return _position_fit(seen, place, rotation, fit.scale * (1.0 + change[3]), world, shift, fit.lever + change[7:])
+    return _position_fit(
+        seen, place, rotation, fit.scale * (1.0 + change[3]), world, shift, fit.lever + change[7:]
+    )
 
 
-def similarity(seen: np.ndarray, bodies: np.ndarray, may_mirror: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scales (m,), orthogonal matrices (m, 3, 3) and shifts (m, 3) that take each of m sets of points to the same points (n, 3).
+def similarity(
+    seen: np.ndarray, bodies: np.ndarray, may_mirror: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scales (m,), orthogonal matrices (m, 3, 3) and shifts (m, 3) that take each of m sets of
+    points to the same points (n, 3).
 
-    Least squares by Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
+    Least squares by Umeyama, "Least-squares estimation of transformation parameters between two
+    point patterns", 1991.
 
     * seen: (n, 3) points.
     * bodies: (m, n, 3) sets of points.
@@ -147,20 +172,29 @@ def similarity(seen: np.ndarray, bodies: np.ndarray, may_mirror: bool = True) ->
     return scale, world, centre - scale[:, None] * np.einsum("mde,me->md", world, centres)
 
 
-def fit_orientations(seen: np.ndarray, rotation: np.ndarray, rounds: int = ROUNDS, starts: int = 1) -> OrientationFit:
-    """The fit of rotations (n, 3, 3) that cameras saw to those by the arm (n, 3, 3); samples that nothing explains do not count.
+def fit_orientations(
+    seen: np.ndarray, rotation: np.ndarray, rounds: int = ROUNDS, starts: int = 1
+) -> OrientationFit:
+    """The fit of rotations (n, 3, 3) that cameras saw to those by the arm (n, 3, 3); samples that
+    nothing explains do not count.
 
-    It begins with the closed form of Shah, "Solving the robot-world/hand-eye calibration problem using the Kronecker product", 2013.
+    It begins with the closed form of Shah, "Solving the robot-world/hand-eye calibration problem
+    using the Kronecker product", 2013.
 
     * seen: of the tracked body, in the world of the cameras.
     * rotation: of the hand, by the arm's kinematics.
     * rounds: in which samples that are not explained lose weight, at most.
-    * starts: beginnings: with all samples, and where that is doubtful with parts of them, which may be free of what is not explained.
+    * starts: beginnings: with all samples, and where that is doubtful with parts of them, which
+      may be free of what is not explained.
     """
     fit = _orientation_fit(seen, rotation, *_closed_form(seen, rotation))
     if fit.error > DOUBTFUL:
         parts = [np.arange(k, len(seen), starts - 1) for k in range(starts - 1)]
-        begun = [_orientation_fit(seen, rotation, *_closed_form(seen[rows], rotation[rows])) for rows in parts if len(rows) >= LEAST_ROWS]
+        begun = [
+            _orientation_fit(seen, rotation, *_closed_form(seen[rows], rotation[rows]))
+            for rows in parts
+            if len(rows) >= LEAST_ROWS
+        ]
         fit = min([fit, *begun], key=lambda one: one.error)
     for _ in range(rounds):
         farthest = TOLERATED * max(float(np.median(fit.residual)), LEAST_ANGLE)
@@ -173,7 +207,9 @@ def fit_orientations(seen: np.ndarray, rotation: np.ndarray, rounds: int = ROUND
     return fit
 
 
-def _orientation_fit(seen: np.ndarray, rotation: np.ndarray, world: np.ndarray, hand: np.ndarray) -> OrientationFit:
+def _orientation_fit(
+    seen: np.ndarray, rotation: np.ndarray, world: np.ndarray, hand: np.ndarray
+) -> OrientationFit:
     left = (world @ rotation @ hand).transpose(0, 2, 1) @ seen
     return OrientationFit(world, hand, turn_angles(left))
 

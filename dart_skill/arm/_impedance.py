@@ -1,7 +1,9 @@
-"""The impedance law: joint torques that make the hand move as a unit mass on springs and dampers would, thesis (7.19).
+"""The impedance law: joint torques that make the hand move as a unit mass on springs and dampers
+would, thesis (7.19).
 
-The attractor's force acts on the hand's acceleration; the arm's own inertia in task space shapes it into a wrench, so that the law
-holds on the arm, not only on a point mass (Khatib, 1987). Position and orientation have an attractor each (8.4).
+The attractor's force acts on the hand's acceleration; the arm's own inertia in task space shapes
+it into a wrench, so that the law holds on the arm, not only on a point mass (Khatib, 1987).
+Position and orientation have an attractor each (8.4).
 """
 
 from dataclasses import dataclass
@@ -13,9 +15,13 @@ from dart_skill.arm._model import ArmModel, HandState
 from dart_skill.common.constants import N_JOINTS
 
 LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
-"""Metres that a metre, or a radian, of the hand's motion counts for when directions are compared: 0.18 m from the wrist to the ball."""
+"""Metres that a metre, or a radian, of the hand's motion counts for when directions are compared:
+0.18 m from the wrist to the ball.
+"""
 SLOW, WEAK = 0.02, 0.1
-"""Speed of a joint [rad/s], and torque that drives it in parts of its Coulomb friction, that tell in which direction friction acts."""
+"""Speed of a joint [rad/s], and torque that drives it in parts of its Coulomb friction, that tell
+in which direction friction acts.
+"""
 NO_TORQUE, NO_SPEED, AT_REST = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(6)
 
 
@@ -25,7 +31,8 @@ class Reference:
 
     * attractor_position, attractor_rotation: where the attractor pulls to, (3,) [m] and (3, 3).
     * position, rotation: where the hand is expected to be, (3,) [m] and (3, 3).
-    * velocity, acceleration: of that motion, (6,) each, linear and angular [m/s, rad/s; m/s^2, rad/s^2].
+    * velocity, acceleration: of that motion, (6,) each, linear and angular [m/s, rad/s; m/s^2,
+      rad/s^2].
     """
 
     attractor_position: np.ndarray
@@ -48,7 +55,8 @@ def pose_error(position: np.ndarray, rotation: np.ndarray, hand: HandState) -> n
 
 @dataclass(frozen=True)
 class PoseGains:
-    """Spring and damper of the hand per unit mass: stiffness [1/s^2] and damping [1/s], linear over angular.
+    """Spring and damper of the hand per unit mass: stiffness [1/s^2] and damping [1/s], linear
+    over angular.
 
     Along the axes (6,) each, or as matrices (6, 6).
     """
@@ -63,14 +71,17 @@ class PoseGains:
 
 
 class Impedance:
-    """Wrench and joint torques for a wanted acceleration of the hand, by the controller's model of the arm.
+    """Wrench and joint torques for a wanted acceleration of the hand, by the controller's model of
+    the arm.
 
     * model: of the arm.
     * friction_compensation: share of the identified joint friction that is fed forward.
     * null_stiffness, null_damping: hold the posture in the arm's free motion [1/s^2], [1/s].
-    * least_mobility: a direction in which the hand is harder to accelerate than this (a shoulder or a wrist that is straight: axes in line)
-      is left to the posture gradually, the less mobile the more [1/kg].
-    * weak_drive: torque that tells in which direction the friction of a joint at rest acts, in parts of its Coulomb friction.
+    * least_mobility: a direction in which the hand is harder to accelerate than this (a shoulder
+      or a wrist that is straight: axes in line) is left to the posture gradually, the less mobile
+      the more [1/kg].
+    * weak_drive: torque that tells in which direction the friction of a joint at rest acts, in
+      parts of its Coulomb friction.
     """
 
     def __init__(
@@ -83,7 +94,10 @@ class Impedance:
         weak_drive: float = WEAK,
     ):
         self.model = model
-        coulomb, viscous = model.description.of_joints("coulomb_friction"), model.description.of_joints("viscous_friction")
+        coulomb, viscous = (
+            model.description.of_joints("coulomb_friction"),
+            model.description.of_joints("viscous_friction"),
+        )
         self._drive = Drive(
             LENGTHS, friction_compensation * coulomb, friction_compensation * viscous, weak_drive * coulomb, SLOW, null_stiffness,
             null_damping, least_mobility,
@@ -92,71 +106,117 @@ class Impedance:
     def friction_torque(self, qd: np.ndarray, drive: np.ndarray = NO_TORQUE) -> np.ndarray:
         """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed.
 
-        Where a joint stands still, the torque (7,) [N m] that drives it stands in for its speed: friction holds up just that. Without, the
-        rolls of upper arm and forearm stick or slip with the distance of the basket, and the ball goes up to 2 cm to one side or the other.
+        Where a joint stands still, the torque (7,) [N m] that drives it stands in for its speed:
+        friction holds up just that. Without, the rolls of upper arm and forearm stick or slip with
+        the distance of the basket, and the ball goes up to 2 cm to one side or the other.
         """
         return self._drive.friction(qd, drive)
 
-    def pulled(self, q: np.ndarray, qd: np.ndarray, reference: Reference, gains: PoseGains, tracking: PoseGains | None) -> np.ndarray:
-        """Acceleration (6,) that (7.19) asks of the hand in a state of the arm, as of `attractor_acceleration`.
+    def pulled(
+        self,
+        q: np.ndarray,
+        qd: np.ndarray,
+        reference: Reference,
+        gains: PoseGains,
+        tracking: PoseGains | None,
+    ) -> np.ndarray:
+        """Acceleration (6,) that (7.19) asks of the hand in a state of the arm, as of
+        `attractor_acceleration`.
 
-        reference: what the hand shall do; gains: of the attractor; tracking: of a pull as of `tracking_acceleration` on top, or None.
+        reference: what the hand shall do; gains: of the attractor; tracking: of a pull as of
+        `tracking_acceleration` on top, or None.
         """
         terms, r, add = self.model.at(q, qd), reference, self._drive.add_pull
         if gains.stiffness.ndim == 2:
             acceleration = attractor_acceleration(reference, self.model.hand_state(q, qd), gains)
         else:
             acceleration = np.zeros(6)
-            add(terms, r.attractor_position, r.attractor_rotation, AT_REST, gains.stiffness, gains.damping, acceleration)
+            add(
+                terms,
+                r.attractor_position,
+                r.attractor_rotation,
+                AT_REST,
+                gains.stiffness,
+                gains.damping,
+                acceleration,
+            )
         if tracking is not None:
-            add(terms, r.position, r.rotation, r.velocity, tracking.stiffness, tracking.damping, acceleration)
+            add(
+                terms,
+                r.position,
+                r.rotation,
+                r.velocity,
+                tracking.stiffness,
+                tracking.damping,
+                acceleration,
+            )
         return acceleration
 
-    def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration` (6,), posture (7,) in the null space."""
+    def act(
+        self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration`
+        (6,), posture (7,) in the null space.
+        """
         return self._drive.act(self.model.at(q, qd), acceleration, posture)
 
     def moved(
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same for a state of the model itself, and the joint acceleration (7,) that it then has. Friction is that of joints that move:
-        a joint that shall rest is held by its own. posture: that the arm's free motion aims at (7,) [rad].
+        """The same for a state of the model itself, and the joint acceleration (7,) that it then
+        has. Friction is that of joints that move: a joint that shall rest is held by its own.
+        posture: that the arm's free motion aims at (7,) [rad].
         """
         return self._drive.moved(self.model.at(q, qd), acceleration, posture)
 
 
 def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
-    """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,). reference: y; hand: x and v; gains: k and d."""
+    """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,). reference:
+    y; hand: x and v; gains: k and d.
+    """
     if gains.stiffness.ndim == 2:
         error = pose_error(reference.attractor_position, reference.attractor_rotation, hand)
         return gains.stiffness @ error - gains.damping @ hand.velocity
     at_rest = reference.attractor_position, reference.attractor_rotation, AT_REST
-    return pull(*at_rest, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping)
+    return pull(
+        *at_rest, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping
+    )
 
 
 def tracking_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
-    """A second pull, towards the motion that (7.19) predicts: zero as long as the arm does what was predicted (6,)."""
+    """A second pull, towards the motion that (7.19) predicts: zero as long as the arm does what
+    was predicted (6,).
+    """
     expected = reference.position, reference.rotation, reference.velocity
-    return pull(*expected, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping)
+    return pull(
+        *expected, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping
+    )
 
 
 class JointServo:
-    """Joint-space spring-damper with the model's inertia fed forward: moves and holds the arm between throws.
+    """Joint-space spring-damper with the model's inertia fed forward: moves and holds the arm
+    between throws.
 
-    PoseGains and torque limits are those of Barrett's own position controller (libbarrett, wam7w.conf; docs/sources.md).
+    PoseGains and torque limits are those of Barrett's own position controller (libbarrett,
+    wam7w.conf; docs/sources.md).
     """
 
     STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
     DAMPING = np.array([10.0, 20.0, 5.0, 2.0, 0.5, 0.5, 0.05])
     LIMIT = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
     LEAST = -LIMIT
-    FOLLOWING = PoseGains(np.array([360.0, 250.0, 120.0, 50.0, 7.5, 10.0, 1.6]), np.array([10.0, 10.0, 3.5, 2.0, 0.25, 0.35, 0.05]))
-    """Gains of fed forward motions [N m/rad], [N m s/rad]: parts of the vendor's gains that leave a modulus margin of 0.25 with cables
-    of half the stiffness of config/fleet.yaml, speeds behind a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
+    FOLLOWING = PoseGains(
+        np.array([360.0, 250.0, 120.0, 50.0, 7.5, 10.0, 1.6]),
+        np.array([10.0, 10.0, 3.5, 2.0, 0.25, 0.35, 0.05]),
+    )
+    """Gains of fed forward motions [N m/rad], [N m s/rad]: parts of the vendor's gains that leave
+    a modulus margin of 0.25 with cables of half the stiffness of config/fleet.yaml, speeds behind
+    a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
     """
     TAKES_OUT, SHARE = 0.5, 0.4
-    """What is left of the distance to a careful motion is taken out at this rate [1/s], with this share of the limits at most. The modulus
-    margin is 0.21 with it; at 3 1/s nothing would be left of it.
+    """What is left of the distance to a careful motion is taken out at this rate [1/s], with this
+    share of the limits at most. The modulus margin is 0.21 with it; at 3 1/s nothing would be left
+    of it.
     """
     BRAKING_TIME = 0.12
     """In which a braked arm loses 1 - 1/e of its speed, if the torques allow it [s]."""
@@ -166,7 +226,14 @@ class JointServo:
         self._holding = JointSpring(self.STIFFNESS, self.DAMPING, self.LIMIT)
         self._following = JointSpring(self.FOLLOWING.stiffness, self.FOLLOWING.damping, self.LIMIT)
 
-    def torque(self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray, qdd_wanted: np.ndarray) -> np.ndarray:
+    def torque(
+        self,
+        q: np.ndarray,
+        qd: np.ndarray,
+        q_wanted: np.ndarray,
+        qd_wanted: np.ndarray,
+        qdd_wanted: np.ndarray,
+    ) -> np.ndarray:
         """Joint torque (7,) [N m] towards a wanted joint motion, gravity excluded."""
         torque = self._holding.torque(q, qd, q_wanted, qd_wanted)
         if any(qd_wanted.tolist()):
@@ -179,23 +246,33 @@ class JointServo:
         """Joint torque (7,) [N m] towards a posture at rest, gravity excluded."""
         return self._holding.torque(q, qd, posture, NO_SPEED)
 
-    def follow(self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray) -> np.ndarray:
+    def follow(
+        self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray
+    ) -> np.ndarray:
         """Joint torque (7,) [N m] towards an expected motion whose torques are fed forward."""
         return self._following.torque(q, qd, q_expected, qd_expected)
 
-    def take_out(self, torque: np.ndarray, q: np.ndarray, q_expected: np.ndarray, step: float) -> np.ndarray:
-        """Torque (7,) [N m] a step [s] later that takes out what is left of the distance: what soft joints leave of errors of gravity and
-        friction. Only for careful motions: in the half second of a throw it would not help, and it would push against a person.
+    def take_out(
+        self, torque: np.ndarray, q: np.ndarray, q_expected: np.ndarray, step: float
+    ) -> np.ndarray:
+        """Torque (7,) [N m] a step [s] later that takes out what is left of the distance: what
+        soft joints leave of errors of gravity and friction. Only for careful motions: in the half
+        second of a throw it would not help, and it would push against a person.
         """
         more = torque + self.TAKES_OUT * step * self.FOLLOWING.stiffness * (q_expected - q)
         return np.minimum(np.maximum(more, -self.SHARE * self.LIMIT), self.SHARE * self.LIMIT)
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
-        """Torque (7,) [N m] that brings an arm to a damped stop; the arm must report its speeds without delay."""
+        """Torque (7,) [N m] that brings an arm to a damped stop; the arm must report its speeds
+        without delay.
+        """
         return self._holding.damp(qd)
 
-    def brake(self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, time: float) -> np.ndarray:
-        """Torque (7,) [N m] that brings an arm that was at `start` with `speed` (7,) `time` [s] ago to rest: speeds die away together.
+    def brake(
+        self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, time: float
+    ) -> np.ndarray:
+        """Torque (7,) [N m] that brings an arm that was at `start` with `speed` (7,) `time` [s]
+        ago to rest: speeds die away together.
 
         The torque is fed forward, so that no large gain acts on speeds that are measured late.
         """
@@ -203,8 +280,11 @@ class JointServo:
         return self._following.brake(q, qd, start, speed, needed, time, self.BRAKING_TIME)
 
 
-def minimum_jerk(start: np.ndarray, end: np.ndarray, duration: float, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity and acceleration of the rest-to-rest motion of least jerk from start to end (n,) at `time` [s].
+def minimum_jerk(
+    start: np.ndarray, end: np.ndarray, duration: float, time: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and acceleration of the rest-to-rest motion of least jerk from start to
+    end (n,) at `time` [s].
 
     duration: of the whole motion [s].
     """

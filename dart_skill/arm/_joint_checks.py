@@ -1,6 +1,8 @@
-"""Checks of the few numbers of a state of the arm. What is wrong, if anything is, their callers say in words.
+"""Checks of the few numbers of a state of the arm. What is wrong, if anything is, their callers
+say in words.
 
-They are asked at every step of the arm. So they are compiled (docs/development.md): _joint_checks.pxd beside this has the types.
+They are asked at every step of the arm. So they are compiled (docs/development.md):
+_joint_checks.pxd beside this has the types.
 """
 
 import math
@@ -19,7 +21,9 @@ def largest(values: np.ndarray) -> float:
 
 
 def farthest(values: np.ndarray, others: np.ndarray) -> float:
-    """The largest distance between numbers (n,) and others (n,). ValueError if they are not as many."""
+    """The largest distance between numbers (n,) and others (n,). ValueError if they are not as
+    many.
+    """
     if values.shape[0] != others.shape[0]:
         raise ValueError(f"{np.shape(values)} numbers are compared with {np.shape(others)}")
     most = 0.0
@@ -31,7 +35,10 @@ def farthest(values: np.ndarray, others: np.ndarray) -> float:
 def distance(point: np.ndarray, other: np.ndarray) -> float:
     """Between two points (3,). ValueError for other shapes."""
     if point.shape[0] != 3 or other.shape[0] != 3:
-        raise ValueError(f"there is no distance between {np.shape(point)} and {np.shape(other)} numbers: give two points (3,)")
+        raise ValueError(
+            f"there is no distance between {np.shape(point)} and {np.shape(other)} numbers: give"
+            " two points (3,)"
+        )
     x, y, z = point[0] - other[0], point[1] - other[1], point[2] - other[2]
     return math.sqrt(x * x + y * y + z * z)
 
@@ -48,7 +55,9 @@ class JointRange:
     def holds(self, position: np.ndarray, margin: float) -> bool:
         """Whether angles (7,) [rad] are no nearer than a margin to the ends of their ranges [rad]."""
         for j in range(self._lower.shape[0]):
-            if not (margin <= position[j] - self._lower[j] and margin <= self._upper[j] - position[j]):
+            if not (
+                margin <= position[j] - self._lower[j] and margin <= self._upper[j] - position[j]
+            ):
                 return False
         return True
 
@@ -61,10 +70,30 @@ class Levels:
     * low, high: corners of the box in which the hand stays (3,) [m].
     """
 
-    def __init__(self, strongest: np.ndarray, lower: np.ndarray, upper: np.ndarray, low: np.ndarray, high: np.ndarray):
-        self._strongest, self._lower, self._upper, self._low, self._high = strongest, lower, upper, low, high
+    def __init__(
+        self,
+        strongest: np.ndarray,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
+    ):
+        self._strongest, self._lower, self._upper, self._low, self._high = (
+            strongest,
+            lower,
+            upper,
+            low,
+            high,
+        )
 
-    def are_far(self, terms: ArmTerms, torque: np.ndarray, fastest_elbow: float, fastest_hand: float, share: float) -> bool:
+    def are_far(
+        self,
+        terms: ArmTerms,
+        torque: np.ndarray,
+        fastest_elbow: float,
+        fastest_hand: float,
+        share: float,
+    ) -> bool:
         """Whether nothing is beyond a limit, and no level beyond a share of it.
 
         * terms: of the state.
@@ -75,8 +104,12 @@ class Levels:
         ValueError for a torque of another shape.
         """
         if torque.shape[0] != self._strongest.shape[0]:
-            raise ValueError(f"the torque has shape {np.shape(torque)}, not {np.shape(self._strongest)}")
-        if not (terms.elbow_speed <= share * fastest_elbow and terms.hand_speed <= share * fastest_hand):
+            raise ValueError(
+                f"the torque has shape {np.shape(torque)}, not {np.shape(self._strongest)}"
+            )
+        if not (
+            terms.elbow_speed <= share * fastest_elbow and terms.hand_speed <= share * fastest_hand
+        ):
             return False  # as numbers that are not finite are
         for i in range(3):
             if not self._low[i] <= terms.position[i] <= self._high[i]:
@@ -98,7 +131,10 @@ class Levels:
         ValueError for other shapes.
         """
         if wrench.shape[0] != 6 or torque.shape[0] != self._strongest.shape[0]:
-            raise ValueError(f"the wrench has shape {np.shape(wrench)} and the torque {np.shape(torque)}, not (6,) and (7,)")
+            raise ValueError(
+                f"the wrench has shape {np.shape(wrench)} and the torque {np.shape(torque)}, not"
+                " (6,) and (7,)"
+            )
         least = 1.0
         terms.find_gravity()
         for j in range(self._strongest.shape[0]):

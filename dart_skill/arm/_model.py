@@ -1,8 +1,9 @@
-"""The controller's model of the arm: kinematics and dynamics by Pinocchio, built from the DH table.
+"""The controller's model of the arm: kinematics and dynamics by Pinocchio, built from the DH
+table.
 
-It shares numbers with the URDF but no code and no frames: a mistake in either shows up as a tracking error.
-Frames: joint i's frame is the URDF's link frame; `hand` is bhand_base (DH frame 7); positions are in the world, whose origin is on
-the floor below the base axis.
+It shares numbers with the URDF but no code and no frames: a mistake in either shows up as a
+tracking error. Frames: joint i's frame is the URDF's link frame; `hand` is bhand_base (DH frame
+7); positions are in the world, whose origin is on the floor below the base axis.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
 
 @dataclass(frozen=True)
 class HandState:
-    """Pose and velocity of the hand frame in world axes: position (3,), rotation (3, 3), velocity (6,) linear over angular."""
+    """Pose and velocity of the hand frame in world axes: position (3,), rotation (3, 3), velocity
+    (6,) linear over angular.
+    """
 
     position: np.ndarray
     rotation: np.ndarray
@@ -58,12 +61,15 @@ class ArmModel:
         self._prepare_capsules()
 
     def at(self, q: np.ndarray, qd: np.ndarray | None = None) -> ArmTerms:
-        """What the model says of a state, for who asks much of it; the numbers are those of the next state once that is asked for.
+        """What the model says of a state, for who asks much of it; the numbers are those of the
+        next state once that is asked for.
 
         Without velocities, what depends on them is left out.
         """
         if self._terms is None:
-            self._terms = ArmTerms(pin, self._model, self._model.frames[self._hand].placement, self._reflected)
+            self._terms = ArmTerms(
+                pin, self._model, self._model.frames[self._hand].placement, self._reflected
+            )
         self._terms.take(q, qd)
         return self._terms
 
@@ -77,21 +83,33 @@ class ArmModel:
         """Pose and velocity of the hand frame in world axes."""
         return HandState(*self.at(q, qd).hand())
 
-    def hand_states(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position (k, 3), rotation (k, 3, 3) and velocity (k, 6) of the hand at angles q and speeds qd (k, 7), as of `hand_state`."""
-        position, rotation, velocity = np.empty((len(q), 3)), np.empty((len(q), 3, 3)), np.empty((len(q), 6))
+    def hand_states(
+        self, q: np.ndarray, qd: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position (k, 3), rotation (k, 3, 3) and velocity (k, 6) of the hand at angles q and
+        speeds qd (k, 7), as of `hand_state`.
+        """
+        position, rotation, velocity = (
+            np.empty((len(q), 3)),
+            np.empty((len(q), 3, 3)),
+            np.empty((len(q), 6)),
+        )
         for k in range(len(q)):
             position[k], rotation[k], velocity[k] = self.at(q[k], qd[k]).hand()
         return position, rotation, velocity
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Linear over angular velocity of the hand frame in world axes (6, 7)."""
-        return pin.computeFrameJacobian(self._model, self._data, q, self._hand, pin.LOCAL_WORLD_ALIGNED)
+        return pin.computeFrameJacobian(
+            self._model, self._data, q, self._hand, pin.LOCAL_WORLD_ALIGNED
+        )
 
     def jacobian_drift(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Acceleration of the hand frame at zero joint acceleration, dJ/dt qd (6,)."""
         pin.forwardKinematics(self._model, self._data, q, qd, np.zeros(N_JOINTS))
-        return pin.getFrameClassicalAcceleration(self._model, self._data, self._hand, pin.LOCAL_WORLD_ALIGNED).vector
+        return pin.getFrameClassicalAcceleration(
+            self._model, self._data, self._hand, pin.LOCAL_WORLD_ALIGNED
+        ).vector
 
     def elbow(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) of the elbow in the world and its linear Jacobian (3, 7)."""
@@ -104,7 +122,9 @@ class ArmModel:
         return [float(at) for at in terms.position], terms.hand_speed, terms.elbow_speed
 
     def mass_matrix(self, q: np.ndarray, rotors: bool = True) -> np.ndarray:
-        """Joint-space inertia (7, 7) [kg m^2], with the rotors' reflected inertia unless told otherwise."""
+        """Joint-space inertia (7, 7) [kg m^2], with the rotors' reflected inertia unless told
+        otherwise.
+        """
         upper = pin.crba(self._model, self._data, q)
         inertia = np.where(BELOW, upper.T, upper)  # Pinocchio fills the upper triangle only
         return inertia + self._reflected if rotors else inertia
@@ -115,22 +135,38 @@ class ArmModel:
 
     def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Coriolis and centrifugal torque (7,) [N m]."""
-        return pin.rnea(self._model, self._data, q, qd, np.zeros(N_JOINTS)) - self.gravity_torque(q)
+        return pin.rnea(self._model, self._data, q, qd, np.zeros(N_JOINTS)) - self.gravity_torque(
+            q
+        )
 
-    def link_capsules(self, q: np.ndarray, base_turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """The arm's shapes in the world: end points (n, 2, 3) and radii (n,) [m]; its base may stand turned about the vertical [rad]."""
+    def link_capsules(
+        self, q: np.ndarray, base_turn: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The arm's shapes in the world: end points (n, 2, 3) and radii (n,) [m]; its base may
+        stand turned about the vertical [rad].
+        """
         pin.framesForwardKinematics(self._model, self._data, q)
-        placements = [self._base, *(self._data.oMi[k] for k in range(1, N_JOINTS + 1)), self._data.oMf[self._hand]]
+        placements = [
+            self._base,
+            *(self._data.oMi[k] for k in range(1, N_JOINTS + 1)),
+            self._data.oMf[self._hand],
+        ]
         rotation = np.array([placement.rotation for placement in placements])[self._capsule_links]
-        translation = np.array([placement.translation for placement in placements])[self._capsule_links]
+        translation = np.array([placement.translation for placement in placements])[
+            self._capsule_links
+        ]
         ends = self._capsule_ends @ rotation.transpose(0, 2, 1) + translation[:, None]
-        return (ends @ pin.utils.rotate("z", -base_turn) if base_turn else ends), self._capsule_radii
+        return (
+            ends @ pin.utils.rotate("z", -base_turn) if base_turn else ends
+        ), self._capsule_radii
 
     def _prepare_capsules(self) -> None:
         capsules = self.description.capsules
         links = {"wam_base": 0, "bhand_base": N_JOINTS + 1}
         self._base = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.description.mount_height]))
-        self._capsule_links = np.array([links.get(c.link) if c.link in links else int(c.link[-1]) for c in capsules])
+        self._capsule_links = np.array(
+            [links.get(c.link) if c.link in links else int(c.link[-1]) for c in capsules]
+        )
         self._capsule_ends = np.array([(c.start, c.end) for c in capsules])
         self._capsule_radii = np.array([c.radius for c in capsules])
 
@@ -138,18 +174,28 @@ class ArmModel:
 def _build(description: WamDescription, ball_in_hand: bool) -> tuple[pin.Model, int]:
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
-    parent, placement = 0, pin.SE3(np.eye(3), np.array([0.0, 0.0, description.mount_height + description.shoulder_height]))
-    for (alpha, a, d), joint, inertial in zip(description.dh, description.joints, description.links_dh, strict=True):
+    parent, placement = (
+        0,
+        pin.SE3(
+            np.eye(3), np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
+        ),
+    )
+    for (alpha, a, d), joint, inertial in zip(
+        description.dh, description.joints, description.links_dh, strict=True
+    ):
         parent = model.addJoint(parent, pin.JointModelRZ(), placement, joint.name)
         placement = _distal(alpha, a, d)
-        model.appendBodyToJoint(parent, pin.Inertia(inertial.mass, inertial.centre, inertial.inertia), placement)
+        model.appendBodyToJoint(
+            parent, pin.Inertia(inertial.mass, inertial.centre, inertial.inertia), placement
+        )
     hand = description.hand.inertial
     model.appendBodyToJoint(parent, pin.Inertia(hand.mass, hand.centre, hand.inertia), placement)
     if ball_in_hand:
         ball = description.ball
         body = pin.Inertia(ball.mass, description.hand.ball_centre, ball.inertia * np.eye(3))
         model.appendBodyToJoint(parent, body, placement)
-    # With a parent frame, the universe: pin 2.7, the newest wheel for numpy 1.26, knows no other way.
+    # With a parent frame, the universe: pin 2.7, the newest wheel for numpy 1.26, knows no other
+    # way.
     return model, model.addFrame(pin.Frame("hand", parent, 0, placement, pin.FrameType.OP_FRAME))
 
 

@@ -1,4 +1,6 @@
-"""A motion of the hand that was planned beforehand: where it is expected, what pulls it there, and what the fingers do meanwhile."""
+"""A motion of the hand that was planned beforehand: where it is expected, what pulls it there, and
+what the fingers do meanwhile.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,16 @@ from dart_skill.common.constants import N_JOINTS, Grip
 from dart_skill.common.pace import PhaseRule
 
 AGREE = 1e-3
-"""Lengths of quaternions are so near to 1, and stiffness matrices so near to symmetric, relative to their size."""
+"""Lengths of quaternions are so near to 1, and stiffness matrices so near to symmetric, relative
+to their size.
+"""
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Spring and damper of (7.19) per unit mass: stiffness [1/s^2] and damping [1/s]; critical damping is 2 sqrt(stiffness)."""
+    """Spring and damper of (7.19) per unit mass: stiffness [1/s^2] and damping [1/s]; critical
+    damping is 2 sqrt(stiffness).
+    """
 
     stiffness: float
     damping: float
@@ -28,15 +34,24 @@ class Gains:
         return cls(stiffness, 2.0 * float(np.sqrt(stiffness)))
 
     def __post_init__(self) -> None:
-        if not (np.isfinite([self.stiffness, self.damping]).all() and self.stiffness > 0 and self.damping > 0):
-            raise ValueError(f"stiffness {self.stiffness} and damping {self.damping} must be finite and positive")
+        if not (
+            np.isfinite([self.stiffness, self.damping]).all()
+            and self.stiffness > 0
+            and self.damping > 0
+        ):
+            raise ValueError(
+                f"stiffness {self.stiffness} and damping {self.damping} must be finite and"
+                " positive"
+            )
 
 
 @dataclass(frozen=True, eq=False)
 class GainsOverTime:
-    """The same as symmetric matrices in world axes, one of each for every instant of a path: stiffness, damping (n, 3, 3).
+    """The same as symmetric matrices in world axes, one of each for every instant of a path:
+    stiffness, damping (n, 3, 3).
 
-    Both must be positive definite. That does not make a spring stable whose stiffness grows: `movement.stable_gains` does.
+    Both must be positive definite. That does not make a spring stable whose stiffness grows:
+    `movement.stable_gains` does.
     """
 
     stiffness: np.ndarray
@@ -44,13 +59,17 @@ class GainsOverTime:
 
     def turned(self, rotation: np.ndarray) -> GainsOverTime:
         """The same gains in axes to which a rotation (3, 3) leads."""
-        return GainsOverTime(*(rotation @ gains @ rotation.T for gains in (self.stiffness, self.damping)))
+        return GainsOverTime(
+            *(rotation @ gains @ rotation.T for gains in (self.stiffness, self.damping))
+        )
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping"):
             value = np.asarray(getattr(self, name), dtype=float)
             if value.ndim != 3 or value.shape[1:] != (3, 3) or not np.isfinite(value).all():
-                raise ValueError(f"{name} has shape {value.shape} or is not finite; it must be (n, 3, 3)")
+                raise ValueError(
+                    f"{name} has shape {value.shape} or is not finite; it must be (n, 3, 3)"
+                )
             if np.abs(value - np.swapaxes(value, 1, 2)).max() > AGREE * np.abs(value).max():
                 raise ValueError(f"{name} holds a matrix that is not symmetric")
             if (least := float(np.linalg.eigvalsh(value).min())) <= 0.0:
@@ -75,11 +94,20 @@ class HandPath:
 
     def __post_init__(self) -> None:
         n = len(self.time)
-        shapes = {"time": (n,), "position": (n, 3), "quaternion": (n, 4), "velocity": (n, 6), "acceleration": (n, 6)}
+        shapes = {
+            "time": (n,),
+            "position": (n, 3),
+            "quaternion": (n, 4),
+            "velocity": (n, 6),
+            "acceleration": (n, 6),
+        }
         for name, shape in shapes.items():
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(f"path.{name} has shape {value.shape} or is not finite; it must be {shape} for {n} instants")
+                raise ValueError(
+                    f"path.{name} has shape {value.shape} or is not finite; it must be {shape} for"
+                    f" {n} instants"
+                )
         if n < 2 or abs(self.time[0]) > 1e-9 or (np.diff(self.time) <= 0).any():
             raise ValueError("path.time must hold at least two increasing instants, from 0 on")
         check_unit("path.quaternion", self.quaternion)
@@ -92,7 +120,9 @@ class HandPath:
 
 @dataclass(frozen=True)
 class GripEvent:
-    """The hand is told to open or to close at `time`, and has done so by `done`, both on the clock of the plan [s]."""
+    """The hand is told to open or to close at `time`, and has done so by `done`, both on the clock
+    of the plan [s].
+    """
 
     time: float
     grip: Grip
@@ -101,13 +131,15 @@ class GripEvent:
     def __post_init__(self) -> None:
         if self.grip == Grip.UNSPECIFIED or not 0.0 <= self.time <= self.done < np.inf:
             raise ValueError(
-                f"the hand is told {self.grip.name} at {self.time} s and has done so at {self.done} s: OPEN or CLOSE, and in order"
+                f"the hand is told {self.grip.name} at {self.time} s and has done so at"
+                f" {self.done} s: OPEN or CLOSE, and in order"
             )
 
 
 ON_AN_ARM = PhaseRule(slowest=0.01, fastest=1.5, time_constant=0.02, ignored=0.01)
-"""Phase of a plan on an arm: a held arm makes it wait, and it does not hurry then. If nothing is ignored, what an arm lags by moves the
-landings of throws by 1 to 5 cm; with 2.5 to 10 ms by nothing.
+"""Phase of a plan on an arm: a held arm makes it wait, and it does not hurry then. If nothing is
+ignored, what an arm lags by moves the landings of throws by 1 to 5 cm; with 2.5 to 10 ms by
+nothing.
 """
 
 
@@ -115,8 +147,9 @@ landings of throws by 1 to 5 cm; with 2.5 to 10 ms by nothing.
 class Pace:
     """How the state of the arm drives the clock of a plan (thesis chapter 9).
 
-    * gain (n, 12): at each instant of the path, how far the hand is ahead [s] by its differences from the plan: of position [s/m],
-      orientation as a rotation vector [s/rad], velocity [s^2/m] and angular velocity [s^2/rad].
+    * gain (n, 12): at each instant of the path, how far the hand is ahead [s] by its differences
+      from the plan: of position [s/m], orientation as a rotation vector [s/rad], velocity [s^2/m]
+      and angular velocity [s^2/rad].
     * rule: what comes of it; its rate 1 is the planned pace.
     """
 
@@ -124,8 +157,14 @@ class Pace:
     rule: PhaseRule = ON_AN_ARM
 
     def __post_init__(self) -> None:
-        if np.ndim(self.gain) != 2 or np.shape(self.gain)[1] != 12 or not np.isfinite(self.gain).all():
-            raise ValueError(f"pace.gain has shape {np.shape(self.gain)} or is not finite; it must be (n, 12)")
+        if (
+            np.ndim(self.gain) != 2
+            or np.shape(self.gain)[1] != 12
+            or not np.isfinite(self.gain).all()
+        ):
+            raise ValueError(
+                f"pace.gain has shape {np.shape(self.gain)} or is not finite; it must be (n, 12)"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,17 +172,21 @@ class MotionPlan:
     """What the commander carries out.
 
     * path: the motion of the hand that is expected, at n instants.
-    * attractor_position, attractor_quaternion: (n, 3) [m] and (n, 4); they pull the hand along the path by (7.19).
+    * attractor_position, attractor_quaternion: (n, 3) [m] and (n, 4); they pull the hand along the
+      path by (7.19).
     * position_gains, orientation_gains: stiffness and damping of the pull, per unit mass.
     * start_posture: joint angles before the motion (7,) [rad].
-    * end: until then the hand must be where it is expected [s]. What the path has beyond is followed for a while, then the arm is braked.
+    * end: until then the hand must be where it is expected [s]. What the path has beyond is
+      followed for a while, then the arm is braked.
     * what: it is, in a word, for messages.
     * events: what the fingers do, in order of time.
     * carries: whether the hand holds something at the start.
     * speed: level of speed that it needs.
     * pace: how the state of the arm drives the clock of the plan; None: it goes as fast as time.
-    * registration: of the cameras, in whose world all this is, and the arm, which shall do it; default: the two agree.
-    * posture: joint angles (n, 7) [rad] that the arm's free motion aims at; J2, J4 and J6 are left to the hand. None: those of the start.
+    * registration: of the cameras, in whose world all this is, and the arm, which shall do it;
+      default: the two agree.
+    * posture: joint angles (n, 7) [rad] that the arm's free motion aims at; J2, J4 and J6 are left
+      to the hand. None: those of the start.
     """
 
     path: HandPath
@@ -163,38 +206,75 @@ class MotionPlan:
 
     def __post_init__(self) -> None:
         n = len(self.path.time)
-        shapes = {"attractor_position": (n, 3), "attractor_quaternion": (n, 4), "start_posture": (N_JOINTS,)}
+        shapes = {
+            "attractor_position": (n, 3),
+            "attractor_quaternion": (n, 4),
+            "start_posture": (N_JOINTS,),
+        }
         shapes |= {} if self.posture is None else {"posture": (n, N_JOINTS)}
         for name, shape in shapes.items():
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}")
+                raise ValueError(
+                    f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}"
+                )
         check_unit("plan.attractor_quaternion", self.attractor_quaternion)
         for name, rows in self._rows.items():
             if len(rows) != n:
-                raise ValueError(f"plan.{name} has {len(rows)} entries, the path {n} instants: give one for each")
+                raise ValueError(
+                    f"plan.{name} has {len(rows)} entries, the path {n} instants: give one for"
+                    " each"
+                )
         if not 0.0 < self.end <= self.path.duration:
-            raise ValueError(f"plan.end is {self.end} s, outside the path of {self.path.duration} s")
+            raise ValueError(
+                f"plan.end is {self.end} s, outside the path of {self.path.duration} s"
+            )
         times = [event.time for event in self.events]
         if times != sorted(times) or any(event.done > self.path.duration for event in self.events):
-            raise ValueError(f"plan.events are at {times} s: give them in order, and within the path of {self.path.duration} s")
+            raise ValueError(
+                f"plan.events are at {times} s: give them in order, and within the path of"
+                f" {self.path.duration} s"
+            )
 
     @property
     def _rows(self) -> dict[str, np.ndarray]:
         """What must have one row for each instant, by name."""
         varying = {name: getattr(self, name) for name in ("position_gains", "orientation_gains")}
-        rows = {name: gains.stiffness for name, gains in varying.items() if isinstance(gains, GainsOverTime)}
-        rows |= {f"{name} (damping)": gains.damping for name, gains in varying.items() if isinstance(gains, GainsOverTime)}
+        rows = {
+            name: gains.stiffness
+            for name, gains in varying.items()
+            if isinstance(gains, GainsOverTime)
+        }
+        rows |= {
+            f"{name} (damping)": gains.damping
+            for name, gains in varying.items()
+            if isinstance(gains, GainsOverTime)
+        }
         return rows | ({} if self.pace is None else {"pace.gain": self.pace.gain})
 
     def as_the_arm_has_it(self) -> MotionPlan:
         """The same motion as the arm's own kinematics says it."""
         if self.registration.is_none:
             return self
-        position, quaternion = self.registration.poses(self.attractor_position, self.attractor_quaternion)
-        same = replace(self, attractor_position=position, attractor_quaternion=quaternion, registration=Registration())
-        position_gains, orientation_gains = self._turned(self.position_gains), self._turned(self.orientation_gains)
-        return replace(same, path=self.registration.path(self.path), position_gains=position_gains, orientation_gains=orientation_gains)
+        position, quaternion = self.registration.poses(
+            self.attractor_position, self.attractor_quaternion
+        )
+        same = replace(
+            self,
+            attractor_position=position,
+            attractor_quaternion=quaternion,
+            registration=Registration(),
+        )
+        position_gains, orientation_gains = (
+            self._turned(self.position_gains),
+            self._turned(self.orientation_gains),
+        )
+        return replace(
+            same,
+            path=self.registration.path(self.path),
+            position_gains=position_gains,
+            orientation_gains=orientation_gains,
+        )
 
     def _turned(self, gains: Gains | GainsOverTime) -> Gains | GainsOverTime:
         """The same gains along the axes of the arm."""

@@ -20,8 +20,8 @@ ZERO, SAME = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 class Registration:
     """Where the world of the cameras lies in that of the arm, and the tracked body on the hand.
 
-    The cameras see R = turn R_arm hand_turn and p = turn (p_arm + R_arm hand_shift) + shift where the arm's kinematics says R_arm and
-    p_arm. Turns are quaternions.
+    The cameras see R = turn R_arm hand_turn and p = turn (p_arm + R_arm hand_shift) + shift where
+    the arm's kinematics says R_arm and p_arm. Turns are quaternions.
 
     * turn, shift: of the arm's base in the world of the cameras, (4,) and (3,) [m].
     * hand_turn, hand_shift: of the tracked body in the frame of the hand, (4,) and (3,) [m].
@@ -39,9 +39,13 @@ class Registration:
             value = tuple(float(number) for number in getattr(self, name))
             size = 4 if name.endswith("turn") else 3
             if len(value) != size or not np.isfinite(value).all():
-                raise ValueError(f"registration.{name} is {value}; it must be {size} finite numbers")
+                raise ValueError(
+                    f"registration.{name} is {value}; it must be {size} finite numbers"
+                )
             if size == 4 and not abs(np.linalg.norm(value) - 1.0) < 1e-3:
-                raise ValueError(f"registration.{name} is {value}; it must be a quaternion of unit length")
+                raise ValueError(
+                    f"registration.{name} is {value}; it must be a quaternion of unit length"
+                )
             object.__setattr__(self, name, value)
         if not np.isfinite(self.delay):
             raise ValueError(f"registration.delay is {self.delay} s; it must be finite")
@@ -67,17 +71,27 @@ class Registration:
         return matrices(self._back)
 
     def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion: as the cameras see them."""
+        """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion:
+        as the cameras see them.
+        """
         if self.is_none:
             return position, quaternion
         turned = unit(product(product(self._back, quaternion), self._hand_back))
-        return rotate(self._back, position - np.array(self.shift)) - rotate(turned, np.array(self.hand_shift)), turned
+        return rotate(self._back, position - np.array(self.shift)) - rotate(
+            turned, np.array(self.hand_shift)
+        ), turned
 
-    def of_body(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where a body other than the hand that the cameras see at a pose (3,), (4,) is in the world of the arm."""
+    def of_body(
+        self, position: np.ndarray, quaternion: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where a body other than the hand that the cameras see at a pose (3,), (4,) is in the
+        world of the arm.
+        """
         if self.is_none:
             return position, quaternion
-        return rotate(self._back, position - np.array(self.shift)), unit(product(self._back, quaternion))
+        return rotate(self._back, position - np.array(self.shift)), unit(
+            product(self._back, quaternion)
+        )
 
     def path(self, path: HandPath) -> HandPath:
         """A path that the cameras shall see, as the arm's kinematics has it."""
@@ -86,7 +100,16 @@ class Registration:
         back = self._back
         position, quaternion = self.poses(path.position, path.quaternion)
         arm = rotate(quaternion, np.array(self.hand_shift))
-        (v, w), (a, alpha) = ([rotate(back, part) for part in (rates[:, :3], rates[:, 3:])] for rates in (path.velocity, path.acceleration))
+        (v, w), (a, alpha) = (
+            [rotate(back, part) for part in (rates[:, :3], rates[:, 3:])]
+            for rates in (path.velocity, path.acceleration)
+        )
         velocity = np.hstack([v - np.cross(w, arm), w])
         acceleration = np.hstack([a - np.cross(alpha, arm) - np.cross(w, np.cross(w, arm)), alpha])
-        return replace(path, position=position, quaternion=quaternion, velocity=velocity, acceleration=acceleration)
+        return replace(
+            path,
+            position=position,
+            quaternion=quaternion,
+            velocity=velocity,
+            acceleration=acceleration,
+        )

@@ -1,4 +1,6 @@
-"""A registration that was measured, as a YAML file: `dart-skill check arm --write` makes it, learner and commander start from it."""
+"""A registration that was measured, as a YAML file: `dart-skill check arm --write` makes it,
+learner and commander start from it.
+"""
 
 from __future__ import annotations
 
@@ -21,17 +23,28 @@ HEAD = """\
 
 
 def save_registration(path: str | Path, fit: RegistrationFit) -> None:
-    """Write a registration to `path`, which must not exist; FileExistsError if it does. fit: what was measured."""
+    """Write a registration to `path`, which must not exist; FileExistsError if it does. fit: what
+    was measured.
+    """
     found, known = fit.registration, fit.known
     ends = np.cumsum(list(PARTS.values()))[:-1]
     spreads = dict(zip(PARTS, np.split(np.array(known.spread), ends), strict=True))
     content = {
         "registration": {name: _plain(getattr(found, name)) for name in PARTS},
-        "spread": {name: _plain(values if len(values) > 1 else values[0]) for name, values in spreads.items()},
-        "left": {"position": round(fit.position_error, 6), "angle": round(fit.angle_error, 6), "sightings": fit.n_sightings},
+        "spread": {
+            name: _plain(values if len(values) > 1 else values[0])
+            for name, values in spreads.items()
+        },
+        "left": {
+            "position": round(fit.position_error, 6),
+            "angle": round(fit.angle_error, 6),
+            "sightings": fit.n_sightings,
+        },
     }
     with open(path, "x", encoding="utf-8") as file:
-        file.write(HEAD + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120))
+        file.write(
+            HEAD + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+        )
 
 
 def load_registration(path: str | Path) -> KnownRegistration:
@@ -45,9 +58,13 @@ def load_registration(path: str | Path) -> KnownRegistration:
                 raise ValueError(f"spread.{name} has shape {given.shape}, not ({size},)")
         return KnownRegistration(Registration(**values), tuple(np.concatenate(numbers).tolist()))
     except FileNotFoundError:
-        raise ValueError(f"there is no registration file {path}: dart-skill check arm --write FILE makes one") from None
+        raise ValueError(
+            f"there is no registration file {path}: dart-skill check arm --write FILE makes one"
+        ) from None
     except (OSError, ValueError, TypeError, yaml.YAMLError) as error:
-        raise ValueError(f"{path} is no registration file: {error}; dart-skill check arm --write FILE makes one") from error
+        raise ValueError(
+            f"{path} is no registration file: {error}; dart-skill check arm --write FILE makes one"
+        ) from error
 
 
 def _section(content: Any, name: str) -> dict:

@@ -1,8 +1,10 @@
-"""The registration of cameras and arm by what both say of the hand: R_i = X A_i Y and p_i = X (a_i + A_i s) + t.
+"""The registration of cameras and arm by what both say of the hand: R_i = X A_i Y and p_i = X (a_i
++ A_i s) + t.
 
-A_i and a_i are the hand by the arm's kinematics, R_i and p_i what the cameras see. X and t are the base in the world of the cameras, Y and
-s the tracked body on the hand. `fit_registration` finds small deviations from what is expected, by a prior. `measure_registration` expects
-nothing, and says how well the postures determine what it finds.
+A_i and a_i are the hand by the arm's kinematics, R_i and p_i what the cameras see. X and t are the
+base in the world of the cameras, Y and s the tracked body on the hand. `fit_registration` finds
+small deviations from what is expected, by a prior. `measure_registration` expects nothing, and
+says how well the postures determine what it finds.
 """
 
 from __future__ import annotations
@@ -16,24 +18,41 @@ from dart_skill.arm._model import ArmModel
 from dart_skill.arm._registration import Registration
 from dart_skill.arm._registration_rows import linearised
 from dart_skill.common.checks import as_finite, check_unit_quaternions, to_the_nanosecond
-from dart_skill.common.quaternions import CONJUGATE, from_vectors, matrices, product, rotate, to_vectors, unit
+from dart_skill.common.quaternions import (
+    CONJUGATE,
+    from_vectors,
+    matrices,
+    product,
+    rotate,
+    to_vectors,
+    unit,
+)
 from dart_skill.common.rotations import of_matrices
 
 POSITION, ANGLE = 0.004, 0.01
-"""How far the arm's kinematics is off at one instant while somebody pushes it [m], [rad]: neighbouring instants are off alike."""
+"""How far the arm's kinematics is off at one instant while somebody pushes it [m], [rad]:
+neighbouring instants are off alike.
+"""
 USUAL = np.repeat([0.02, 0.02, 0.02, 0.01, 0.01], [3, 3, 3, 3, 1])
-"""Standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m] and delay [s] of a system that was set up with care."""
+"""Standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m] and delay [s] of a
+system that was set up with care.
+"""
 ROUNDS = 3
 ANYTHING = np.repeat([3.0, 3.0, 3.0, 0.3, 0.01], [3, 3, 3, 3, 1])
-"""The same of a system of which nothing is known; only of the delay is the usual said, which an arm that rests does not tell."""
+"""The same of a system of which nothing is known; only of the delay is the usual said, which an
+arm that rests does not tell.
+"""
 LEAST_POSITION, LEAST_ANGLE = 0.001, 0.002
-"""No arm's kinematics is better than that [m], [rad]: what is left of a fit may be less by chance."""
+"""No arm's kinematics is better than that [m], [rad]: what is left of a fit may be less by chance.
+"""
 SETTLED, MOST_ROUNDS = 1e-9, 50
 """A measurement goes on until the unknowns change by less, and stops after so many rounds."""
 HALF_TURN = 3.0
 """Nearer to half a turn the axis of a turn is not sure [rad]."""
 FIRMEST = np.repeat([0.002, 0.002, 0.002, 0.002, 0.001], [3, 3, 3, 3, 1])
-"""No measurement is taken to be more certain than this, because cables give and stamps jitter; units as in `USUAL`."""
+"""No measurement is taken to be more certain than this, because cables give and stamps jitter;
+units as in `USUAL`.
+"""
 
 
 @dataclass(frozen=True)
@@ -55,8 +74,16 @@ class Sightings:
         return len(self.position)
 
     @classmethod
-    def of_joints(cls, model: ArmModel, joints: np.ndarray, speeds: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> Sightings:
-        """Sightings from joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m], (k, 4) that the cameras saw then.
+    def of_joints(
+        cls,
+        model: ArmModel,
+        joints: np.ndarray,
+        speeds: np.ndarray,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+    ) -> Sightings:
+        """Sightings from joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m],
+        (k, 4) that the cameras saw then.
 
         model: of the arm.
         """
@@ -74,7 +101,8 @@ class KnownRegistration:
     """A registration that was measured before, and how far it can be off.
 
     * registration: the measured one.
-    * spread: (13,), standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m], three each, and of the delay [s].
+    * spread: (13,), standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m],
+      three each, and of the delay [s].
     """
 
     registration: Registration
@@ -83,7 +111,9 @@ class KnownRegistration:
     def __post_init__(self) -> None:
         spread = as_finite(self.spread, "the spread of a registration", 1)
         if spread.shape != (13,) or not np.all(spread > 0.0):
-            raise ValueError(f"the spread of a registration is {self.spread}: give 13 positive numbers")
+            raise ValueError(
+                f"the spread of a registration is {self.spread}: give 13 positive numbers"
+            )
         object.__setattr__(self, "spread", tuple(spread.tolist()))
 
 
@@ -92,12 +122,14 @@ class RegistrationFit:
     """A registration that was measured, and how good it is.
 
     * registration: the fitted one; its delay is 0 where the arm rested.
-    * spread: (13,) standard deviations of the unknowns, as in `KnownRegistration`, from what is left and from the postures.
+    * spread: (13,) standard deviations of the unknowns, as in `KnownRegistration`, from what is
+      left and from the postures.
     * position_error, angle_error: root mean square of what is left [m], [rad].
     * worst_position, worst_angle: the largest of it [m], [rad].
     * n_sightings: how many there were.
     * turned: largest angle between two of the hand's orientations [rad].
-    * condition: of the normal equations in parts of a radian and 0.5 m: large where the postures say nothing of a direction.
+    * condition: of the normal equations in parts of a radian and 0.5 m: large where the postures
+      say nothing of a direction.
     """
 
     registration: Registration
@@ -113,33 +145,50 @@ class RegistrationFit:
     @property
     def known(self) -> KnownRegistration:
         """What may be expected elsewhere on account of it."""
-        return KnownRegistration(self.registration, tuple(np.maximum(self.spread, FIRMEST).tolist()))
+        return KnownRegistration(
+            self.registration, tuple(np.maximum(self.spread, FIRMEST).tolist())
+        )
 
 
-def fit_registration(seen: Sequence[Sightings], known: KnownRegistration | None = None) -> Registration:
-    """The most probable registration: least squares with a prior, by the method of Gauss and Newton on rotation vectors.
+def fit_registration(
+    seen: Sequence[Sightings], known: KnownRegistration | None = None
+) -> Registration:
+    """The most probable registration: least squares with a prior, by the method of Gauss and
+    Newton on rotation vectors.
 
-    The prior is a registration that was measured before (`known`), or that of a system that was set up with care (`USUAL`). seen: what
-    cameras and arm say of the hand.
+    The prior is a registration that was measured before (`known`), or that of a system that was
+    set up with care (`USUAL`). seen: what cameras and arm say of the hand.
     """
     if not sum(len(one) for one in seen):
         return Registration() if known is None else known.registration
     together = Sightings.together(seen)
     if known is None:
-        return _as_registration(_gauss_newton(together, np.zeros(13), USUAL, (POSITION, ANGLE), ROUNDS))
+        return _as_registration(
+            _gauss_newton(together, np.zeros(13), USUAL, (POSITION, ANGLE), ROUNDS)
+        )
     expected = known.registration
-    change = _gauss_newton(_as_expected(together, expected), _centre(expected), np.array(known.spread), (POSITION, ANGLE), ROUNDS)
+    change = _gauss_newton(
+        _as_expected(together, expected),
+        _centre(expected),
+        np.array(known.spread),
+        (POSITION, ANGLE),
+        ROUNDS,
+    )
     return _after(expected, change)
 
 
 def measure_registration(seen: Sightings) -> RegistrationFit:
-    """The registration of sightings (k of them, k >= 3), whatever it is; ValueError for fewer, or for values that are not finite.
+    """The registration of sightings (k of them, k >= 3), whatever it is; ValueError for fewer, or
+    for values that are not finite.
 
-    It begins with the turn that fits the axes of the turns between postures best, and goes on with Gauss and Newton.
-    Postures that do not determine it give a result with a large `spread` and `condition`. seen: what cameras and arm say of the hand.
+    It begins with the turn that fits the axes of the turns between postures best, and goes on with
+    Gauss and Newton. Postures that do not determine it give a result with a large `spread` and
+    `condition`. seen: what cameras and arm say of the hand.
     """
     if len(seen) < 3:
-        raise ValueError(f"{len(seen)} postures are too few to register cameras and arm: show at least 3")
+        raise ValueError(
+            f"{len(seen)} postures are too few to register cameras and arm: show at least 3"
+        )
     for field in fields(Sightings):
         as_finite(getattr(seen, field.name), f"sightings.{field.name}", 2)
     for name in ("quaternion", "arm_quaternion"):
@@ -147,7 +196,9 @@ def measure_registration(seen: Sightings) -> RegistrationFit:
     expected = _first_guess(seen)
     for _ in range(MOST_ROUNDS):
         centre = _centre(expected)
-        change = _gauss_newton(_as_expected(seen, expected), centre, ANYTHING, (LEAST_POSITION, LEAST_ANGLE), 1)
+        change = _gauss_newton(
+            _as_expected(seen, expected), centre, ANYTHING, (LEAST_POSITION, LEAST_ANGLE), 1
+        )
         expected = _after(expected, change)
         if np.abs(change - centre).max() < SETTLED:
             break
@@ -158,40 +209,73 @@ def _judged(seen: Sightings, found: Registration) -> RegistrationFit:
     """How well sightings fit a registration, and how well they determine it."""
     off, twist, rows, turned = _linearised(_as_expected(seen, found), _centre(found))
     distances, angles = np.linalg.norm(off, axis=1), np.linalg.norm(twist, axis=1)
-    position, angle = (float(np.sqrt(np.mean(np.square(values)))) for values in (distances, angles))
-    design = np.concatenate(
-        [rows.reshape(-1, 13) / max(position, LEAST_POSITION), turned.reshape(-1, 13) / max(angle, LEAST_ANGLE), np.diag(1.0 / ANYTHING)]
+    position, angle = (
+        float(np.sqrt(np.mean(np.square(values)))) for values in (distances, angles)
     )
-    # Neighbouring instants are off alike: what is left does not average out below a tenth of itself.
+    design = np.concatenate(
+        [
+            rows.reshape(-1, 13) / max(position, LEAST_POSITION),
+            turned.reshape(-1, 13) / max(angle, LEAST_ANGLE),
+            np.diag(1.0 / ANYTHING),
+        ]
+    )
+    # Neighbouring instants are off alike: what is left does not average out below a tenth of
+    # itself.
     share = max(1.0, len(seen) / 100.0)
     covariance = np.linalg.inv(design.T @ design / share)
-    scaled = np.concatenate([rows[..., :12].reshape(-1, 12) / 0.5, turned[..., :12].reshape(-1, 12)]) * np.repeat([1.0, 0.5, 1.0, 0.5], 3)
+    scaled = np.concatenate(
+        [rows[..., :12].reshape(-1, 12) / 0.5, turned[..., :12].reshape(-1, 12)]
+    ) * np.repeat([1.0, 0.5, 1.0, 0.5], 3)
     with np.errstate(divide="ignore"):
         condition = float(np.linalg.cond(scaled))
     hands = seen.arm_quaternion
-    widest = max(float(np.linalg.norm(to_vectors(product(hand * CONJUGATE, hands)), axis=1).max()) for hand in hands)
+    widest = max(
+        float(np.linalg.norm(to_vectors(product(hand * CONJUGATE, hands)), axis=1).max())
+        for hand in hands
+    )
     spread = np.sqrt(np.diag(covariance))
-    return RegistrationFit(found, spread, position, angle, float(distances.max()), float(angles.max()), len(seen), widest, condition)
+    return RegistrationFit(
+        found,
+        spread,
+        position,
+        angle,
+        float(distances.max()),
+        float(angles.max()),
+        len(seen),
+        widest,
+        condition,
+    )
 
 
 def _centre(expected: Registration) -> np.ndarray:
-    """The unknowns (13,) in the world of an expected registration, where only hand_shift and delay are left."""
+    """The unknowns (13,) in the world of an expected registration, where only hand_shift and delay
+    are left.
+    """
     return np.concatenate([np.zeros(9), expected.hand_shift, [expected.delay]])
 
 
 def _first_guess(seen: Sightings) -> Registration:
-    """Turns that explain the orientations, and the shifts that go with them; where nothing tells, the smallest."""
+    """Turns that explain the orientations, and the shifts that go with them; where nothing tells,
+    the smallest.
+    """
     camera, arm = unit(seen.quaternion), unit(seen.arm_quaternion)
-    # The turns from posture to posture are the same seen in two worlds: X takes the axes of one to those of the other.
+    # The turns from posture to posture are the same seen in two worlds: X takes the axes of one to
+    # those of the other.
     first, second = np.array(_pairs(len(seen))).T
-    seen_axes, arm_axes = (to_vectors(product(one[first], one[second] * CONJUGATE)) for one in (camera, arm))
-    clear = np.linalg.norm(arm_axes, axis=1) < HALF_TURN  # which way round is not sure of half a turn
+    seen_axes, arm_axes = (
+        to_vectors(product(one[first], one[second] * CONJUGATE)) for one in (camera, arm)
+    )
+    clear = (
+        np.linalg.norm(arm_axes, axis=1) < HALF_TURN
+    )  # which way round is not sure of half a turn
     base = of_matrices(_best_turn(seen_axes[clear].T @ arm_axes[clear])[None])[0]
     turned = product(base, arm)
     hands = product(turned * CONJUGATE, camera)
     hand = np.linalg.eigh(hands.T @ hands)[1][:, -1]  # the mean of them, whatever their signs
     levers = matrices(turned)
-    design = np.concatenate([np.broadcast_to(np.eye(3), (len(seen), 3, 3)), levers], axis=2).reshape(-1, 6)
+    design = np.concatenate(
+        [np.broadcast_to(np.eye(3), (len(seen), 3, 3)), levers], axis=2
+    ).reshape(-1, 6)
     left = (seen.position - rotate(base, seen.arm_position)).ravel()
     shifts = np.linalg.lstsq(design, left, rcond=1e-6)[0]
     return Registration(tuple(base), tuple(shifts[:3]), tuple(hand), tuple(shifts[3:]))
@@ -199,19 +283,30 @@ def _first_guess(seen: Sightings) -> Registration:
 
 def _pairs(n: int) -> list[tuple[int, int]]:
     """Postures that are compared: each with those that follow it after 1, 2, 4, ... others."""
-    return [(i, i + gap) for gap in (2**power for power in range(n.bit_length())) for i in range(n - gap)]
+    return [
+        (i, i + gap)
+        for gap in (2**power for power in range(n.bit_length()))
+        for i in range(n - gap)
+    ]
 
 
 def _best_turn(products: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) that takes axes b to axes a best, by the sum of a b' (3, 3); of several about the one nearest to none."""
+    """The rotation (3, 3) that takes axes b to axes a best, by the sum of a b' (3, 3); of several
+    about the one nearest to none.
+    """
     # A little of "no turn" decides what the axes leave open, as where all of them are parallel.
     left, _, right = np.linalg.svd(products + 1e-3 * (np.linalg.norm(products) + 1e-9) * np.eye(3))
     return left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
 
 
 def _as_expected(seen: Sightings, expected: Registration) -> Sightings:
-    """Sightings in a world in which, if the expected registration is right, nothing is turned or shifted but the body from the hand."""
-    base, hand = unit(np.array(expected.turn)) * CONJUGATE, unit(np.array(expected.hand_turn)) * CONJUGATE
+    """Sightings in a world in which, if the expected registration is right, nothing is turned or
+    shifted but the body from the hand.
+    """
+    base, hand = (
+        unit(np.array(expected.turn)) * CONJUGATE,
+        unit(np.array(expected.hand_turn)) * CONJUGATE,
+    )
     camera = product(product(base, seen.quaternion), hand)
     position = rotate(base, seen.position - np.array(expected.shift))
     return Sightings(position, camera, seen.arm_position, seen.arm_quaternion, seen.arm_velocity)
@@ -224,29 +319,60 @@ def _after(expected: Registration, unknown: np.ndarray) -> Registration:
     hand = unit(product(from_vectors(hand_turn), np.array(expected.hand_turn)))
     moved = rotate(base, shift) + np.array(expected.shift)
     turned = unit(product(base, from_vectors(turn)))
-    return Registration(tuple(turned), tuple(moved), tuple(hand), tuple(hand_shift), to_the_nanosecond(float(unknown[12])))
+    return Registration(
+        tuple(turned),
+        tuple(moved),
+        tuple(hand),
+        tuple(hand_shift),
+        to_the_nanosecond(float(unknown[12])),
+    )
 
 
 def _as_registration(unknown: np.ndarray) -> Registration:
     turn, shift, hand_turn, hand_shift = np.split(unknown[:12], 4)
     turns = [tuple(from_vectors(part).tolist()) for part in (turn, hand_turn)]
     shifts = [tuple(part.tolist()) for part in (shift, hand_shift)]
-    return Registration(turns[0], shifts[0], turns[1], shifts[1], to_the_nanosecond(float(unknown[12])))
+    return Registration(
+        turns[0], shifts[0], turns[1], shifts[1], to_the_nanosecond(float(unknown[12]))
+    )
 
 
-def _gauss_newton(seen: Sightings, centre: np.ndarray, spread: np.ndarray, noise: tuple[float, float], rounds: int) -> np.ndarray:
-    """Unknowns (13,) of a registration near none: turn, shift, hand_turn, hand_shift, delay. centre, spread (13,): of the prior."""
+def _gauss_newton(
+    seen: Sightings,
+    centre: np.ndarray,
+    spread: np.ndarray,
+    noise: tuple[float, float],
+    rounds: int,
+) -> np.ndarray:
+    """Unknowns (13,) of a registration near none: turn, shift, hand_turn, hand_shift, delay.
+    centre, spread (13,): of the prior.
+    """
     unknown = centre.copy()
     for _ in range(rounds):
         off, twist, rows, turned = _linearised(seen, unknown)
-        design = np.concatenate([rows.reshape(-1, 13) / noise[0], turned.reshape(-1, 13) / noise[1]]) * spread
+        design = (
+            np.concatenate([rows.reshape(-1, 13) / noise[0], turned.reshape(-1, 13) / noise[1]])
+            * spread
+        )
         left = np.concatenate([off.ravel() / noise[0], twist.ravel() / noise[1]])
-        # Normal equations in parts of the prior's deviations: an error of a step by rounding is made up for by the next one.
+        # Normal equations in parts of the prior's deviations: an error of a step by rounding is
+        # made up for by the next one.
         gradient = design.T @ left + (centre - unknown) / spread
         unknown = unknown + spread * np.linalg.solve(design.T @ design + np.eye(13), gradient)
     return unknown
 
 
-def _linearised(seen: Sightings, unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What is left of positions (n, 3) and rotations (n, 3), and the first derivatives (n, 3, 13) of both."""
-    return linearised(seen.position, seen.quaternion, seen.arm_position, seen.arm_quaternion, seen.arm_velocity, unknown)
+def _linearised(
+    seen: Sightings, unknown: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What is left of positions (n, 3) and rotations (n, 3), and the first derivatives (n, 3, 13)
+    of both.
+    """
+    return linearised(
+        seen.position,
+        seen.quaternion,
+        seen.arm_position,
+        seen.arm_quaternion,
+        seen.arm_velocity,
+        unknown,
+    )

@@ -1,7 +1,8 @@
-"""The limits of the arm, and the module that watches them: in the commander, and again in the arm, as Barrett's safety module does.
+"""The limits of the arm, and the module that watches them: in the commander, and again in the arm,
+as Barrett's safety module does.
 
-A level that is passed is latched until a reset. What happens then is decided by the caller: the commander brings the
-arm to a damped stop, the arm itself shorts its motors.
+A level that is passed is latched until a reset. What happens then is decided by the caller: the
+commander brings the arm to a damped stop, the arm itself shorts its motors.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ class SafetyLimits:
     * torque_share: of the peak torque of a joint, gravity compensation included.
     * joint_margin: to the end of a joint's range, at which a throw is stopped [rad].
     * joint_overrun: beyond the end of a joint's range [rad].
-    * workspace_low, workspace_high: corners of the box in which the hand stays, in the frame of the world (3,) [m].
+    * workspace_low, workspace_high: corners of the box in which the hand stays, in the frame of
+      the world (3,) [m].
     * strongest_force, strongest_moment: of the commander's wrench, which is cut there [N], [N m].
     * human_force, human_moment: of a person who guides the arm [N], [N m].
     * warning_share: of a limit, from which it is warned of.
@@ -57,11 +59,17 @@ class SafetyLimits:
         for field in fields(self):
             value = getattr(self, field.name)
             corner = field.name.startswith("workspace")
-            checked = tuple(as_vector(value, field.name, 3).tolist()) if corner else as_number(value, field.name)
+            checked = (
+                tuple(as_vector(value, field.name, 3).tolist())
+                if corner
+                else as_number(value, field.name)
+            )
             object.__setattr__(self, field.name, checked)
         low, high = self.workspace_low, self.workspace_high
         if not all(one < other for one, other in zip(low, high, strict=True)):
-            raise ValueError(f"the workspace from {low} to {high} is empty: workspace_low is its lower corner")
+            raise ValueError(
+                f"the workspace from {low} to {high} is empty: workspace_low is its lower corner"
+            )
 
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> SafetyLimits:
@@ -81,15 +89,24 @@ class SafetyModule:
     * description: of the arm, default the WAM.
     * patience: every limit is multiplied by it, default 1.
 
-    Attributes: `warning`, what is near its limit now, and `fault`, what first passed it, which stays until `reset`; both empty if none.
+    Attributes: `warning`, what is near its limit now, and `fault`, what first passed it, which
+    stays until `reset`; both empty if none.
     """
 
-    def __init__(self, limits: SafetyLimits, description: WamDescription | None = None, patience: float = 1.0):
+    def __init__(
+        self,
+        limits: SafetyLimits,
+        description: WamDescription | None = None,
+        patience: float = 1.0,
+    ):
         description = description or wam_description()
         self._limits, self._patience = limits, patience
         self._model = ArmModel(description)
         lower, upper = description.of_joints("lower"), description.of_joints("upper")
-        self._middle, self._half = (0.5 * (lower + upper)).tolist(), (0.5 * (upper - lower)).tolist()
+        self._middle, self._half = (
+            (0.5 * (lower + upper)).tolist(),
+            (0.5 * (upper - lower)).tolist(),
+        )
         strongest = limits.torque_share * description.of_joints("peak_torque")
         self._strongest = strongest.tolist()
         self._fastest = {
@@ -107,16 +124,24 @@ class SafetyModule:
         """Forget the fault, after the person who is responsible has looked at the arm."""
         self.warning = self.fault = ""
 
-    def look(self, position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, speed: Speed) -> str:
-        """The fault after a state of the arm: angles (7,) [rad], speeds (7,) [rad/s], torque that is asked for (7,) [N m], speed level."""
+    def look(
+        self, position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, speed: Speed
+    ) -> str:
+        """The fault after a state of the arm: angles (7,) [rad], speeds (7,) [rad/s], torque that
+        is asked for (7,) [N m], speed level.
+        """
         return self.look_at(self._model.at(position, velocity), torque, speed)
 
     def look_at(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> str:
-        """The same for who has a model of the arm in that state. terms: of the model; torque, speed: as of `look`."""
+        """The same for who has a model of the arm in that state. terms: of the model; torque,
+        speed: as of `look`.
+        """
         if self.fault:
             return self.fault
         fastest_elbow, fastest_hand = self._fastest[speed]
-        if self._levels.are_far(terms, torque, fastest_elbow, fastest_hand, self._limits.warning_share):
+        if self._levels.are_far(
+            terms, torque, fastest_elbow, fastest_hand, self._limits.warning_share
+        ):
             self.warning = ""
         else:
             self._judge(terms, torque, speed)
@@ -125,13 +150,24 @@ class SafetyModule:
     def _judge(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> None:
         """What is near its limit or beyond it, in words."""
         position = np.array(terms.q)
-        hand, hand_speed, elbow_speed = [float(at) for at in terms.position], terms.hand_speed, terms.elbow_speed
+        hand, hand_speed, elbow_speed = (
+            [float(at) for at in terms.position],
+            terms.hand_speed,
+            terms.elbow_speed,
+        )
         torques = torque.tolist()
         fastest_elbow, fastest_hand = self._fastest[speed]
-        torque_shares = [abs(one) / most for one, most in zip(torques, self._strongest, strict=True)]
+        torque_shares = [
+            abs(one) / most for one, most in zip(torques, self._strongest, strict=True)
+        ]
         worst = max(elbow_speed / fastest_elbow, hand_speed / fastest_hand, *torque_shares)
-        overruns = [abs(at - middle) - half for at, middle, half in zip(position.tolist(), self._middle, self._half, strict=True)]
-        if not math.isfinite(elbow_speed + hand_speed + sum(torques) + sum(overruns)):  # max overlooks what is not a number
+        overruns = [
+            abs(at - middle) - half
+            for at, middle, half in zip(position.tolist(), self._middle, self._half, strict=True)
+        ]
+        if not math.isfinite(
+            elbow_speed + hand_speed + sum(torques) + sum(overruns)
+        ):  # max overlooks what is not a number
             self.fault = "the state of the arm, or the torque that is asked for, is not finite"
         elif not all(low <= at <= high for low, at, high in self._box(hand)):
             self.fault = self._outside(hand)
@@ -144,49 +180,97 @@ class SafetyModule:
             self.warning = ""
 
     def limited(self, command: Command, position: np.ndarray) -> Command:
-        """The command, weakened as a whole where it asks a joint for more than the limit on top of gravity compensation."""
+        """The command, weakened as a whole where it asks a joint for more than the limit on top of
+        gravity compensation.
+        """
         return self.limited_at(self._model.at(position), command)
 
     def limited_at(self, terms: ArmTerms, command: Command) -> Command:
-        """The same for who has a model of the arm at that position. terms: of the model; command: that is weakened."""
+        """The same for who has a model of the arm at that position. terms: of the model; command:
+        that is weakened.
+        """
         share = self._levels.share(terms, command.wrench, command.joint_torque)
         if share >= 1.0:
             return command
-        return Command(command.stamp_ns, share * command.wrench, share * command.joint_torque, command.grip, command.speed)
+        return Command(
+            command.stamp_ns,
+            share * command.wrench,
+            share * command.joint_torque,
+            command.grip,
+            command.speed,
+        )
 
     def _box(self, hand: list[float]) -> zip[tuple[float, float, float]]:
         return zip(self._low, hand, self._high, strict=True)
 
     def _outside(self, hand: list[float]) -> str:
         rows = zip("xyz", self._box(hand), strict=True)
-        axis, (low, at, high) = next((axis, row) for axis, row in rows if not row[0] <= row[1] <= row[2])
+        axis, (low, at, high) = next(
+            (axis, row) for axis, row in rows if not row[0] <= row[1] <= row[2]
+        )
         return f"the hand is at {axis} {at:.2f} m, outside the workspace of {low:g} to {high:g} m"
 
     @staticmethod
     def _overrun(position: np.ndarray, overruns: list[float]) -> str:
         j = overruns.index(max(overruns))
-        return f"j{j + 1} is at {position[j]:.3f} rad, {overruns[j]:.3f} rad beyond its range: are encoders and the joints' order right?"
+        return (
+            f"j{j + 1} is at {position[j]:.3f} rad, {overruns[j]:.3f} rad beyond its range: are"
+            " encoders and the joints' order right?"
+        )
 
-    def _level(self, speed: Speed, elbow_speed: float, hand_speed: float, torques: list[float], shares: list[float]) -> str:
+    def _level(
+        self,
+        speed: Speed,
+        elbow_speed: float,
+        hand_speed: float,
+        torques: list[float],
+        shares: list[float],
+    ) -> str:
         """Level that is used most, in words."""
         fastest_elbow, fastest_hand = self._fastest[speed]
         of = "a throw" if speed is Speed.THROW else "an arm that does not throw"
         j = shares.index(max(shares))
         level = [
-            (elbow_speed / fastest_elbow, f"the elbow moves at {elbow_speed:.2f} m/s; the limit of {of} is {fastest_elbow:g} m/s"),
-            (hand_speed / fastest_hand, f"the hand moves at {hand_speed:.2f} m/s; the limit of {of} is {fastest_hand:g} m/s"),
-            (shares[j], f"j{j + 1} is asked for {torques[j]:.4g} N m; the limit is {self._strongest[j]:.1f} N m"),
+            (
+                elbow_speed / fastest_elbow,
+                (
+                    f"the elbow moves at {elbow_speed:.2f} m/s; the limit of {of} is"
+                    f" {fastest_elbow:g} m/s"
+                ),
+            ),
+            (
+                hand_speed / fastest_hand,
+                (
+                    f"the hand moves at {hand_speed:.2f} m/s; the limit of {of} is"
+                    f" {fastest_hand:g} m/s"
+                ),
+            ),
+            (
+                shares[j],
+                (
+                    f"j{j + 1} is asked for {torques[j]:.4g} N m; the limit is"
+                    f" {self._strongest[j]:.1f} N m"
+                ),
+            ),
         ]
         return max(level)[1]
 
 
 def check_push(push: Command, limits: SafetyLimits) -> None:
-    """ValueError for a push that is stronger than a person is: at the hand, or by the other hand as torques of joints, up to 1 m away.
+    """ValueError for a push that is stronger than a person is: at the hand, or by the other hand
+    as torques of joints, up to 1 m away.
 
     limits: of the arm.
     """
     fx, fy, fz, *moments = push.wrench.tolist()
-    force, moment, torque = math.hypot(fx, fy, fz), math.hypot(*moments), math.hypot(*push.joint_torque.tolist())
+    force, moment, torque = (
+        math.hypot(fx, fy, fz),
+        math.hypot(*moments),
+        math.hypot(*push.joint_torque.tolist()),
+    )
     if force > limits.human_force or moment > limits.human_moment or torque > limits.human_force:
         strongest = f"{limits.human_force:g} N and {limits.human_moment:g} N m"
-        raise ValueError(f"nobody pushes with {force:g} N, {moment:g} N m and {torque:g} N m at the joints: at most {strongest} are taken")
+        raise ValueError(
+            f"nobody pushes with {force:g} N, {moment:g} N m and {torque:g} N m at the joints: at"
+            f" most {strongest} are taken"
+        )

@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 
 from dart_skill.arm._command import Speed
-from dart_skill.arm._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace, check_unit
+from dart_skill.arm._motion_plan import (
+    Gains,
+    GainsOverTime,
+    GripEvent,
+    HandPath,
+    MotionPlan,
+    Pace,
+    check_unit,
+)
 from dart_skill.arm._registration import Registration
 from dart_skill.common.constants import N_JOINTS, Grip
 
@@ -21,14 +29,17 @@ class ThrowPlan:
     * aim: the task parameter whose plan lands on the target (3,) [m].
     * predicted_landing: where the ball is expected to cross the plane of the rim (3,) [m].
     * path: the motion of the hand that is expected, at n instants.
-    * attractor_position, attractor_quaternion: (n, 3) [m] and (n, 4); they pull the hand along the path by (7.19).
+    * attractor_position, attractor_quaternion: (n, 3) [m] and (n, 4); they pull the hand along the
+      path by (7.19).
     * position_gains, orientation_gains: stiffness and damping of the pull, per unit mass.
     * release: time on the path's clock at which the ball leaves the hand [s].
     * open_hand: time at which the hand is told to open [s].
     * start_posture: joint angles before the throw (7,) [rad].
     * model_id: digest of the model that made the plan, default "".
-    * registration: of the cameras, in whose world all this is, and the arm, which shall do it; default: the two agree.
-    * pace: how the state of the arm drives the clock of the throw; default None: it goes as fast as time.
+    * registration: of the cameras, in whose world all this is, and the arm, which shall do it;
+      default: the two agree.
+    * pace: how the state of the arm drives the clock of the throw; default None: it goes as fast
+      as time.
     """
 
     target: np.ndarray
@@ -48,7 +59,9 @@ class ThrowPlan:
 
     @property
     def motion(self) -> MotionPlan:
-        """What the arm does for it: the hand opens, the ball is gone at the release, and what comes after is of no use to the ball."""
+        """What the arm does for it: the hand opens, the ball is gone at the release, and what
+        comes after is of no use to the ball.
+        """
         return MotionPlan(
             path=self.path,
             attractor_position=self.attractor_position,
@@ -66,16 +79,19 @@ class ThrowPlan:
         )
 
     def begin_ns(self, opened_ns: int, commands_ns: np.ndarray) -> int:
-        """Stamp [ns] of the command with which a throw by this plan began, from the stamp of the command that opened the hand.
+        """Stamp [ns] of the command with which a throw by this plan began, from the stamp of the
+        command that opened the hand.
 
-        The hand opens with the first command at or after its time in the plan, so the throw began at the stamp of a command. This is
-        only true where time drives the plan.
+        The hand opens with the first command at or after its time in the plan, so the throw began
+        at the stamp of a command. This is only true where time drives the plan.
 
         * opened_ns: stamp of the command that opened the hand [ns].
         * commands_ns: (n,) stamps of all commands [ns].
         """
         latest = opened_ns - round(self.open_hand * 1e9) + 1
-        return int(commands_ns[max(int(np.searchsorted(commands_ns, latest, side="right")) - 1, 0)])
+        return int(
+            commands_ns[max(int(np.searchsorted(commands_ns, latest, side="right")) - 1, 0)]
+        )
 
     def __post_init__(self) -> None:
         n = len(self.path.time)
@@ -84,14 +100,22 @@ class ThrowPlan:
         for name, shape in shapes.items():
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}")
+                raise ValueError(
+                    f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}"
+                )
         check_unit("plan.attractor_quaternion", self.attractor_quaternion)
         if self.open_hand > self.release:
-            raise ValueError(f"plan.open_hand is {self.open_hand} s, after the release at {self.release} s")
+            raise ValueError(
+                f"plan.open_hand is {self.open_hand} s, after the release at {self.release} s"
+            )
         if not 0.0 < self.release <= self.path.duration:
-            raise ValueError(f"plan.release is {self.release} s, outside the path of {self.path.duration} s")
+            raise ValueError(
+                f"plan.release is {self.release} s, outside the path of {self.path.duration} s"
+            )
         if not 0.0 <= self.open_hand <= self.path.duration:
-            raise ValueError(f"plan.open_hand is {self.open_hand} s, outside the path of {self.path.duration} s")
+            raise ValueError(
+                f"plan.open_hand is {self.open_hand} s, outside the path of {self.path.duration} s"
+            )
 
 
 def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
@@ -99,10 +123,16 @@ def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
 
     * first, second: the plans.
     """
-    return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(ThrowPlan) if f.name != "model_id")
+    return all(
+        _equal(getattr(first, f.name), getattr(second, f.name))
+        for f in fields(ThrowPlan)
+        if f.name != "model_id"
+    )
 
 
 def _equal(first: Any, second: Any) -> bool:
     if is_dataclass(first) and type(first) is type(second):
         return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(first))
-    return bool(np.array_equal(first, second)) if isinstance(first, np.ndarray) else first == second
+    return (
+        bool(np.array_equal(first, second)) if isinstance(first, np.ndarray) else first == second
+    )

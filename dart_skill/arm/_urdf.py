@@ -11,11 +11,14 @@ HAND_LINK = "bhand_base"
 BALL_LINK = "held_ball"
 
 
-def write_urdf(description: WamDescription, ball_in_hand: bool = False, shapes: bool = True) -> str:
+def write_urdf(
+    description: WamDescription, ball_in_hand: bool = False, shapes: bool = True
+) -> str:
     """The arm with its hand as URDF text.
 
-    ball_in_hand adds the ball's mass as a fixed link, for the dynamics of a loaded arm; shapes=False leaves out visual and
-    collision shapes. Every link has an inertial: PyBullet gives a link without one a mass of 1 kg.
+    ball_in_hand adds the ball's mass as a fixed link, for the dynamics of a loaded arm;
+    shapes=False leaves out visual and collision shapes. Every link has an inertial: PyBullet gives
+    a link without one a mass of 1 kg.
     """
     robot = ElementTree.Element("robot", name="wam")
     _link(robot, "wam_base", _massless(), description, shapes)
@@ -27,7 +30,13 @@ def write_urdf(description: WamDescription, ball_in_hand: bool = False, shapes: 
     if ball_in_hand:
         ball = description.ball
         _fixed(robot, "grip", HAND_LINK, BALL_LINK, description.hand.ball_centre)
-        _link(robot, BALL_LINK, Inertial(ball.mass, np.zeros(3), ball.inertia * np.eye(3)), description, False)
+        _link(
+            robot,
+            BALL_LINK,
+            Inertial(ball.mass, np.zeros(3), ball.inertia * np.eye(3)),
+            description,
+            False,
+        )
     ElementTree.indent(robot)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
 
@@ -40,14 +49,29 @@ def _text(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def _link(robot: ElementTree.Element, name: str, inertial: Inertial, description: WamDescription, shapes: bool) -> None:
+def _link(
+    robot: ElementTree.Element,
+    name: str,
+    inertial: Inertial,
+    description: WamDescription,
+    shapes: bool,
+) -> None:
     link = ElementTree.SubElement(robot, "link", name=name)
     element = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(element, "origin", xyz=_text(inertial.centre), rpy="0 0 0")
     ElementTree.SubElement(element, "mass", value=repr(float(inertial.mass)))
     tensor = inertial.inertia
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    ElementTree.SubElement(element, "inertia", {key: repr(float(tensor[ij])) for key, ij in names.items()})
+    names = {
+        "ixx": (0, 0),
+        "ixy": (0, 1),
+        "ixz": (0, 2),
+        "iyy": (1, 1),
+        "iyz": (1, 2),
+        "izz": (2, 2),
+    }
+    ElementTree.SubElement(
+        element, "inertia", {key: repr(float(tensor[ij])) for key, ij in names.items()}
+    )
     for capsule in description.capsules if shapes else ():
         if capsule.link == name:
             _shape(link, capsule)
@@ -60,10 +84,25 @@ def _shape(link: ElementTree.Element, capsule: Capsule) -> None:
     for kind in ("visual", "collision"):
         for point in (capsule.start, capsule.end):
             _geometry(link, kind, point, (0.0, 0.0, 0.0), "sphere", radius=repr(capsule.radius))
-        _geometry(link, kind, centre, _tilt(axis), "cylinder", radius=repr(capsule.radius), length=repr(length))
+        _geometry(
+            link,
+            kind,
+            centre,
+            _tilt(axis),
+            "cylinder",
+            radius=repr(capsule.radius),
+            length=repr(length),
+        )
 
 
-def _geometry(link: ElementTree.Element, kind: str, xyz: Iterable[float], rpy: Iterable[float], shape: str, **sizes: str) -> None:
+def _geometry(
+    link: ElementTree.Element,
+    kind: str,
+    xyz: Iterable[float],
+    rpy: Iterable[float],
+    shape: str,
+    **sizes: str,
+) -> None:
     element = ElementTree.SubElement(link, kind)
     ElementTree.SubElement(element, "origin", xyz=_text(xyz), rpy=_text(rpy))
     ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), shape, sizes)
@@ -79,15 +118,28 @@ def _revolute(robot: ElementTree.Element, joint: Joint) -> None:
     element = ElementTree.SubElement(robot, "joint", name=joint.name, type="revolute")
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
-    ElementTree.SubElement(element, "origin", xyz=_text(joint.xyz), rpy=_text((joint.roll, 0.0, 0.0)))
+    ElementTree.SubElement(
+        element, "origin", xyz=_text(joint.xyz), rpy=_text((joint.roll, 0.0, 0.0))
+    )
     ElementTree.SubElement(element, "axis", xyz="0 0 1")
-    limits = {"lower": joint.lower, "upper": joint.upper, "effort": joint.peak_torque, "velocity": joint.no_load_speed}
-    ElementTree.SubElement(element, "limit", {key: repr(float(value)) for key, value in limits.items()})
+    limits = {
+        "lower": joint.lower,
+        "upper": joint.upper,
+        "effort": joint.peak_torque,
+        "velocity": joint.no_load_speed,
+    }
+    ElementTree.SubElement(
+        element, "limit", {key: repr(float(value)) for key, value in limits.items()}
+    )
     friction = {"damping": joint.viscous_friction, "friction": joint.coulomb_friction}
-    ElementTree.SubElement(element, "dynamics", {key: repr(float(value)) for key, value in friction.items()})
+    ElementTree.SubElement(
+        element, "dynamics", {key: repr(float(value)) for key, value in friction.items()}
+    )
 
 
-def _fixed(robot: ElementTree.Element, name: str, parent: str, child: str, xyz: np.ndarray) -> None:
+def _fixed(
+    robot: ElementTree.Element, name: str, parent: str, child: str, xyz: np.ndarray
+) -> None:
     element = ElementTree.SubElement(robot, "joint", name=name, type="fixed")
     ElementTree.SubElement(element, "parent", link=parent)
     ElementTree.SubElement(element, "child", link=child)

@@ -1,7 +1,9 @@
-"""Completion with TAB: commands, options and their values, through argcomplete, with which `ros2` and `colcon` complete, too.
+"""Completion with TAB: commands, options and their values, through argcomplete, with which `ros2`
+and `colcon` complete, too.
 
-The shell's part is tools/completion.bash and tools/completion.zsh: they run `dart-skill` with the line in COMP_LINE, and it prints what
-may follow. Nothing of a command is imported for that but its parser.
+The shell's part is tools/completion.bash and tools/completion.zsh: they run `dart-skill` with the
+line in COMP_LINE, and it prints what may follow. Nothing of a command is imported for that but its
+parser.
 """
 
 from __future__ import annotations
@@ -26,8 +28,13 @@ LISTS: dict[str, dict[str, Sequence[str]]] = {
     "darts search": {"methods": names.SEARCHES, "schedules": names.SCHEDULES},
 }
 """Options that take names separated by commas, by command."""
-WORDS: dict[str, Sequence[str]] = {"configuration": names.CONFIGURATIONS, "number": ("list", "all", *names.FIGURES)}
-"""Options and arguments that take one name, and have no choices in their parser because they say more than that about a wrong one."""
+WORDS: dict[str, Sequence[str]] = {
+    "configuration": names.CONFIGURATIONS,
+    "number": ("list", "all", *names.FIGURES),
+}
+"""Options and arguments that take one name, and have no choices in their parser because they say
+more than that about a wrong one.
+"""
 
 
 def is_asked() -> bool:
@@ -41,7 +48,9 @@ def _words() -> list[str]:
 
 
 def answer(parser: argparse.ArgumentParser) -> int:
-    """Print what may follow, and end; status 1 where argcomplete is not installed or does not know how to go on."""
+    """Print what may follow, and end; status 1 where argcomplete is not installed or does not know
+    how to go on.
+    """
     try:
         argcomplete = importlib.import_module("argcomplete")
     except ImportError:
@@ -50,7 +59,9 @@ def answer(parser: argparse.ArgumentParser) -> int:
         for action in command._actions:
             complete_with(action, command.prog.removeprefix(parser.prog).strip())
     bare = not _takes_words(command_of(parser, _words()))
-    argcomplete.autocomplete(parser, always_complete_options=bare, exclude=["-h"], default_completer=_nothing)
+    argcomplete.autocomplete(
+        parser, always_complete_options=bare, exclude=["-h"], default_completer=_nothing
+    )
     return 1
 
 
@@ -62,7 +73,9 @@ def commands_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentPa
 
 
 def complete_with(action: argparse.Action, command: str) -> None:
-    """Give an option or argument what completes its value: names, or paths of the kind that its metavar tells; choices do by themselves."""
+    """Give an option or argument what completes its value: names, or paths of the kind that its
+    metavar tells; choices do by themselves.
+    """
     completer: Callable[..., Sequence[str]] | None = None
     if action.choices is not None or action.nargs == 0:
         return
@@ -72,7 +85,11 @@ def complete_with(action: argparse.Action, command: str) -> None:
         completer = _one_of(WORDS[action.dest])
     elif action.metavar in ("BAG", "SOURCE"):
         completer = _paths(BAG_SUFFIXES)
-    elif action.metavar == "FOLDER" or action.type is folder or (action.type is Path and action.metavar is None):
+    elif (
+        action.metavar == "FOLDER"
+        or action.type is folder
+        or (action.type is Path and action.metavar is None)
+    ):
         completer = _paths(())
     elif action.type is Path or action.metavar == "FILE":
         completer = _paths(None)
@@ -82,7 +99,9 @@ def complete_with(action: argparse.Action, command: str) -> None:
 
 def verbs_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
     """The commands of a command, by name; empty for one that has none."""
-    groups = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    groups = [
+        action for action in parser._actions if isinstance(action, argparse._SubParsersAction)
+    ]
     return dict(groups[0].choices) if groups else {}
 
 
@@ -115,14 +134,18 @@ def _separated_by_commas(known: Sequence[str]) -> Callable[..., list[str]]:
 
 
 def _paths(suffixes: tuple[str, ...] | None) -> Callable[..., list[str]]:
-    """Folders, and files with one of the suffixes; all files for None. A hidden one only after its dot."""
+    """Folders, and files with one of the suffixes; all files for None. A hidden one only after its
+    dot.
+    """
 
     def complete(prefix: str, **_: Any) -> list[str]:
         folder, begun = os.path.split(prefix)
         found = []
         try:
             for entry in os.scandir(os.path.expanduser(folder) or "."):
-                if not entry.name.startswith(begun) or entry.name.startswith(".") > begun.startswith("."):
+                if not entry.name.startswith(begun) or entry.name.startswith(
+                    "."
+                ) > begun.startswith("."):
                     continue
                 if entry.is_dir():
                     found.append(os.path.join(folder, entry.name, ""))

@@ -1,4 +1,6 @@
-"""`dart-skill darts match`: two players, the chance to win a leg and a match, and where to aim against this opponent."""
+"""`dart-skill darts match`: two players, the chance to win a leg and a match, and where to aim
+against this opponent.
+"""
 
 from __future__ import annotations
 
@@ -12,23 +14,58 @@ if TYPE_CHECKING:
 
 def add_to(verbs: argparse._SubParsersAction) -> None:
     """Add `match` to the verbs of `dart-skill darts`."""
-    match = verbs.add_parser("match", help="two players: who wins a leg and a match, and where to aim against this opponent")
+    match = verbs.add_parser(
+        "match",
+        help="two players: who wins a leg and a match, and where to aim against this opponent",
+    )
     _add_player(match, "", "sigma", "your darts")
     _add_player(match, "against-", "against", "those of your opponent")
-    match.add_argument("--first", choices=("me", "them"), default="me", help="who begins the first leg; then they take turns (default me)")
-    match.add_argument("--legs", type=int, default=1, metavar="N", help="the match is the best of N, an odd number (default 1)")
-    match.add_argument("--start", type=int, default=501, help="score at which a leg starts (default 501)")
+    match.add_argument(
+        "--first",
+        choices=("me", "them"),
+        default="me",
+        help="who begins the first leg; then they take turns (default me)",
+    )
+    match.add_argument(
+        "--legs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="the match is the best of N, an odd number (default 1)",
+    )
+    match.add_argument(
+        "--start", type=int, default=501, help="score at which a leg starts (default 501)"
+    )
     match.add_argument("--json", action="store_true", help="JSON instead of text")
     match.set_defaults(run=_match)
 
 
 def _add_player(parser: argparse.ArgumentParser, prefix: str, sigma: str, whose: str) -> None:
     kinds = parser.add_mutually_exclusive_group(required=True)
-    kinds.add_argument(f"--{sigma}", type=float, metavar="MM", help=f"standard deviation of {whose}")
-    kinds.add_argument(f"--{prefix}covariance", type=float, nargs=3, metavar=("XX", "XY", "YY"), help=f"of {whose} [mm^2]")
-    kinds.add_argument(f"--{prefix}professional", nargs="?", const="typical", metavar="NAME", help=f"a published spread for {whose}")
+    kinds.add_argument(
+        f"--{sigma}", type=float, metavar="MM", help=f"standard deviation of {whose}"
+    )
+    kinds.add_argument(
+        f"--{prefix}covariance",
+        type=float,
+        nargs=3,
+        metavar=("XX", "XY", "YY"),
+        help=f"of {whose} [mm^2]",
+    )
+    kinds.add_argument(
+        f"--{prefix}professional",
+        nargs="?",
+        const="typical",
+        metavar="NAME",
+        help=f"a published spread for {whose}",
+    )
     parser.add_argument(
-        f"--{prefix}bias", type=float, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"), help=f"mean of {whose} from the aim [mm]"
+        f"--{prefix}bias",
+        type=float,
+        nargs=2,
+        default=(0.0, 0.0),
+        metavar=("X", "Y"),
+        help=f"mean of {whose} from the aim [mm]",
     )
 
 
@@ -38,7 +75,9 @@ def _spread(options: argparse.Namespace, prefix: str, sigma: str) -> Spread | Sp
     from dart_skill.darts import Spread, professional
 
     given = vars(options)
-    name, covariance, bias = (given[f"{prefix}{kind}"] for kind in ("professional", "covariance", "bias"))
+    name, covariance, bias = (
+        given[f"{prefix}{kind}"] for kind in ("professional", "covariance", "bias")
+    )
     try:
         if name is not None:
             return professional(None if name == "typical" else name)
@@ -54,16 +93,24 @@ def _match(options: argparse.Namespace) -> int:
     from dart_skill.darts import aims_apart, match_chance, solve_match
 
     mine, theirs = _spread(options, "", "sigma"), _spread(options, "against_", "against")
-    match_chance(0.5, 0.5, options.legs, options.first)  # what cannot be is said before anything is computed
+    match_chance(
+        0.5, 0.5, options.legs, options.first
+    )  # what cannot be is said before anything is computed
     best = solve_match(mine, theirs, options.start)
     me, them = best.me.player, best.them.player
-    answer, fewest = (solve_match(me, them, options.start, (play, "turns")) for play in ("best", "turns"))
+    answer, fewest = (
+        solve_match(me, them, options.start, (play, "turns")) for play in ("best", "turns")
+    )
     result = {
         "start": options.start,
         "leg": _chances(best),
         "leg_against_fewest_turns": _chances(answer),
         "leg_both_fewest_turns": _chances(fewest),
-        "match": {"legs": options.legs, "first": options.first, "chance": match_chance(*_pair(best), options.legs, options.first)},
+        "match": {
+            "legs": options.legs,
+            "first": options.first,
+            "chance": match_chance(*_pair(best), options.legs, options.first),
+        },
         "aim": _aim(best),
         "example": _example(aims_apart(best.me)),
     }
@@ -72,7 +119,9 @@ def _match(options: argparse.Namespace) -> int:
 
 
 def _pair(policy: MatchPolicy) -> tuple[float, float]:
-    return float(policy.me.first[policy.start, policy.start]), float(policy.me.second[policy.start, policy.start])
+    return float(policy.me.first[policy.start, policy.start]), float(
+        policy.me.second[policy.start, policy.start]
+    )
 
 
 def _chances(policy: MatchPolicy) -> dict:
@@ -81,21 +130,36 @@ def _chances(policy: MatchPolicy) -> dict:
 
 def _aim(policy: MatchPolicy) -> dict:
     point = policy.me.best_aim(policy.start, policy.start)
-    return {"bed": policy.me.target(policy.start, policy.start), "x_mm": float(point[0]), "y_mm": float(point[1])}
+    return {
+        "bed": policy.me.target(policy.start, policy.start),
+        "x_mm": float(point[0]),
+        "y_mm": float(point[1]),
+    }
 
 
 def _example(apart: AimsApart | None) -> dict | None:
     if apart is None:
         return None
     sides = [
-        {"against": against, "bed": bed, "x_mm": float(aim[0]), "y_mm": float(aim[1]), "other_aim_loses": float(loss)}
-        for against, bed, aim, loss in zip(apart.against, apart.beds, apart.aims, apart.losses, strict=True)
+        {
+            "against": against,
+            "bed": bed,
+            "x_mm": float(aim[0]),
+            "y_mm": float(aim[1]),
+            "other_aim_loses": float(loss),
+        }
+        for against, bed, aim, loss in zip(
+            apart.against, apart.beds, apart.aims, apart.losses, strict=True
+        )
     ]
     return {"remaining": apart.remaining, "aims": sides}
 
 
 def _lines(result: dict) -> list[str]:
-    leg, answer, fewest, match = (result[key] for key in ("leg", "leg_against_fewest_turns", "leg_both_fewest_turns", "match"))
+    leg, answer, fewest, match = (
+        result[key]
+        for key in ("leg", "leg_against_fewest_turns", "leg_both_fewest_turns", "match")
+    )
     who = "you begin" if match["first"] == "me" else "they begin"
     aim = result["aim"]
     return [
@@ -109,7 +173,10 @@ def _lines(result: dict) -> list[str]:
 
 
 def _percent(chances: dict) -> str:
-    return f"{100 * chances['first']:.2f} % if you begin, {100 * chances['second']:.2f} % if they begin"
+    return (
+        f"{100 * chances['first']:.2f} % if you begin, {100 * chances['second']:.2f} % if they"
+        " begin"
+    )
 
 
 def _example_line(example: dict | None) -> str:
@@ -117,6 +184,7 @@ def _example_line(example: dict | None) -> str:
         return "no aim of a first dart depends on what they have left"
     near, far = example["aims"]
     return (
-        f"with {example['remaining']} left: {near['bed']} if they have {near['against']} left, {far['bed']} if they have {far['against']} "
-        f"(the other aim loses {100 * near['other_aim_loses']:.2f} and {100 * far['other_aim_loses']:.2f} %)"
+        f"with {example['remaining']} left: {near['bed']} if they have {near['against']} left,"
+        f" {far['bed']} if they have {far['against']} (the other aim loses"
+        f" {100 * near['other_aim_loses']:.2f} and {100 * far['other_aim_loses']:.2f} %)"
     )

@@ -1,5 +1,5 @@
-"""`dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed), 2 (usage),
-130 or 143 (ended by Ctrl-C or SIGTERM).
+"""`dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed),
+2 (usage), 130 or 143 (ended by Ctrl-C or SIGTERM).
 """
 
 import argparse
@@ -19,7 +19,10 @@ from dart_skill.cli import _completion, graph_verbs
 from dart_skill.cli.printable import in_a_line
 from dart_skill.common.extras import explained
 
-TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
+TAB = (
+    "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or"
+    " tools/completion.bash (.zsh) alone."
+)
 
 OF_THE_NODES = ("up", "status", "practice", "teach", "demonstrations", "throw", "execute")
 COMMANDS = (
@@ -40,7 +43,9 @@ def main(arguments: list[str] | None = None) -> int:
         parser = _parser(words)
         options, unknown = parser.parse_known_args(words)
         if unknown and not options.takes_anything:
-            _completion.command_of(parser, words).error(f"unrecognized arguments: {' '.join(unknown)}")
+            _completion.command_of(parser, words).error(
+                f"unrecognized arguments: {' '.join(unknown)}"
+            )
         with _ends_in_order():
             status = options.run(options)
             sys.stdout.flush()
@@ -65,8 +70,8 @@ _stopped = threading.Event()
 
 
 def _keep_status() -> None:
-    """Python would send itself a Ctrl-C at its end, in place of its status, if the one that came met it in a text that it carried out, as
-    dataclasses do while packages load.
+    """Python would send itself a Ctrl-C at its end, in place of its status, if the one that came
+    met it in a text that it carried out, as dataclasses do while packages load.
     """
     if _stopped.is_set():
         sys.stdout.flush()
@@ -76,10 +81,13 @@ def _keep_status() -> None:
 
 @contextmanager
 def _ends_in_order() -> Iterator[None]:
-    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left, and a Ctrl-C is one whatever becomes of it while packages load;
-    verbs of the nodes have handlers of their own.
+    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left, and a Ctrl-C is one
+    whatever becomes of it while packages load; verbs of the nodes have handlers of their own.
     """
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL
+    ):
         yield
         return
     usual, interrupted = signal.getsignal(signal.SIGINT), threading.Event()
@@ -108,8 +116,14 @@ def _end(number: int, _: object) -> None:
 
 
 def _parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """Parser of all commands; if words begin with one, of this one alone, as each takes some milliseconds."""
-    parser = _Parser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
+    """Parser of all commands; if words begin with one, of this one alone, as each takes some
+    milliseconds.
+    """
+    parser = _Parser(
+        prog="dart-skill",
+        description="A robot arm that learns to throw from demonstrations.",
+        epilog=TAB,
+    )
     parser.add_argument("--version", action="version", version=f"dart-skill {__version__}")
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
@@ -125,7 +139,9 @@ class _Parser(argparse.ArgumentParser):
     """Parser of all commands. Where a command is missing, it says which there are."""
 
     def error(self, message: str) -> NoReturn:
-        if message.startswith("the following arguments are required") and _completion.verbs_of(self):
+        if message.startswith("the following arguments are required") and _completion.verbs_of(
+            self
+        ):
             self.print_help(sys.stderr)
             self.exit(2)
         super().error(message)

@@ -1,4 +1,6 @@
-"""`dart-skill bag`: what is in a bag, whether it is whole, what can be made of a damaged or foreign one, and playing it."""
+"""`dart-skill bag`: what is in a bag, whether it is whole, what can be made of a damaged or
+foreign one, and playing it.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ LONG_AGO_NS = 10**17
 
 def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `bag` with its verbs to the commands of `dart-skill`."""
-    bag = commands.add_parser("bag", help="what is in a recording, whether it is whole; recover, convert, play it")
+    bag = commands.add_parser(
+        "bag", help="what is in a recording, whether it is whole; recover, convert, play it"
+    )
     verbs = bag.add_subparsers(title="verbs", required=True, metavar="VERB")
     _add_info(verbs)
     _add_check(verbs)
@@ -36,12 +40,19 @@ def add_to(commands: argparse._SubParsersAction) -> None:
 def _add_info(verbs: argparse._SubParsersAction) -> None:
     parser = verbs.add_parser("info", help="size, time, topics, types, quality of service")
     _add_bags(parser)
-    parser.add_argument("--json", action="store_true", help="an object instead of text, or a list of them for several bags")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="an object instead of text, or a list of them for several bags",
+    )
     parser.set_defaults(run=_info)
 
 
 def _add_check(verbs: argparse._SubParsersAction) -> None:
-    parser = verbs.add_parser("check", help="read every byte and decode every message; exit status 1 if something is wrong")
+    parser = verbs.add_parser(
+        "check",
+        help="read every byte and decode every message; exit status 1 if something is wrong",
+    )
     _add_bags(parser)
     parser.add_argument(
         "--definitions",
@@ -56,19 +67,35 @@ def _add_check(verbs: argparse._SubParsersAction) -> None:
 
 
 def _add_recover(verbs: argparse._SubParsersAction) -> None:
-    parser = verbs.add_parser("recover", help="a new bag of what can be read of a damaged one, which is not changed")
-    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder, with or without metadata.yaml, .mcap or .db3 file")
+    parser = verbs.add_parser(
+        "recover", help="a new bag of what can be read of a damaged one, which is not changed"
+    )
+    parser.add_argument(
+        "bag",
+        metavar="BAG",
+        type=Path,
+        help="bag folder, with or without metadata.yaml, .mcap or .db3 file",
+    )
     _add_new_bag(parser, "recovered")
     parser.add_argument("--json", action="store_true", help="what was kept and lost as JSON")
     parser.set_defaults(run=_recover)
 
 
 def _add_bags(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("bags", metavar="BAG", nargs="+", type=Path, help="bag folder, with or without metadata.yaml, .mcap or .db3 file")
+    parser.add_argument(
+        "bags",
+        metavar="BAG",
+        nargs="+",
+        type=Path,
+        help="bag folder, with or without metadata.yaml, .mcap or .db3 file",
+    )
 
 
 def _add_new_bag(parser: argparse.ArgumentParser, ending: str) -> None:
-    text = f"folder of the new bag, which must not exist (default: <name>_{ending} in the working directory)"
+    text = (
+        f"folder of the new bag, which must not exist (default: <name>_{ending} in the working"
+        " directory)"
+    )
     parser.add_argument("--output", metavar="FOLDER", type=Path, help=text)
 
 
@@ -101,7 +128,10 @@ def _info_text(told: dict) -> str:
     """The block about the bag, and a line for each topic."""
     rows = [
         ("path", [told["path"]]),
-        ("storage", [", ".join(filter(None, [told["storage"], told["compression"], _distribution(told)]))]),
+        (
+            "storage",
+            [", ".join(filter(None, [told["storage"], told["compression"], _distribution(told)]))],
+        ),
         ("size", [_size(told["size_bytes"])]),
         ("duration", [f"{told['duration_ns'] * 1e-9:.3f} s"]),
         ("start", [_instant(told["start_ns"])]),
@@ -109,16 +139,40 @@ def _info_text(told: dict) -> str:
         ("messages", [str(told["message_count"])]),
         ("lost", [_lost_text(told["lost"])]),
         ("splits", [_file_text(file) for file in told["files"]]),
-        ("custom data", [f"{name}: {_short(text)}" for name, text in told["custom_data"].items() if name != "lost"]),
-        ("attachments", [f"{one['name']} ({one['media_type']}, {_size(one['size_bytes'])})" for one in told["attachments"]]),
-        ("metadata", [] if told["has_metadata_file"] else ["no metadata.yaml: what is said here comes from the file itself"]),
+        (
+            "custom data",
+            [
+                f"{name}: {_short(text)}"
+                for name, text in told["custom_data"].items()
+                if name != "lost"
+            ],
+        ),
+        (
+            "attachments",
+            [
+                f"{one['name']} ({one['media_type']}, {_size(one['size_bytes'])})"
+                for one in told["attachments"]
+            ],
+        ),
+        (
+            "metadata",
+            (
+                []
+                if told["has_metadata_file"]
+                else ["no metadata.yaml: what is said here comes from the file itself"]
+            ),
+        ),
     ]
     return "\n".join([*_block(rows), "", *_topic_table(told["topics"])])
 
 
 def _block(rows: Iterable[tuple[str, list[str]]]) -> list[str]:
     """Aligned names and their values, one below the other."""
-    return [f"{name + ':' if not k else '':<14}{value}" for name, values in rows for k, value in enumerate(values)]
+    return [
+        f"{name + ':' if not k else '':<14}{value}"
+        for name, values in rows
+        for k, value in enumerate(values)
+    ]
 
 
 def _distribution(told: dict) -> str:
@@ -134,7 +188,10 @@ def _lost_text(lost: dict | None) -> str:
 def _file_text(file: dict) -> str:
     if file["message_count"] is None:
         return f"{file['path']}  {_size(file['size_bytes'])}"
-    return f"{file['path']}  {_size(file['size_bytes'])}, {file['duration_ns'] * 1e-9:.3f} s, {file['message_count']} messages"
+    return (
+        f"{file['path']}  {_size(file['size_bytes'])}, {file['duration_ns'] * 1e-9:.3f} s,"
+        f" {file['message_count']} messages"
+    )
 
 
 def _topic_table(topics: list[dict]) -> list[str]:
@@ -153,7 +210,10 @@ def _topic_table(topics: list[dict]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     lines = []
     for row in (head, *rows):
-        cells = [text.rjust(width) if k in (2, 3) else text.ljust(width) for k, (text, width) in enumerate(zip(row, widths, strict=True))]
+        cells = [
+            text.rjust(width) if k in (2, 3) else text.ljust(width)
+            for k, (text, width) in enumerate(zip(row, widths, strict=True))
+        ]
         lines.append("  ".join(cells).rstrip())
     return lines
 
@@ -163,7 +223,9 @@ def _qos_text(profiles: list[dict]) -> str:
     texts = []
     for profile in profiles:
         latched = ["latched"] if profile["durability"] == "transient_local" else []
-        depth = {"keep_last": [f"last {profile['depth']}"], "keep_all": ["all"]}.get(profile["history"], [])
+        depth = {"keep_last": [f"last {profile['depth']}"], "keep_all": ["all"]}.get(
+            profile["history"], []
+        )
         texts.append(", ".join([profile["reliability"].replace("_", " "), *latched, *depth]))
     return " | ".join(dict.fromkeys(texts)) or "-"
 
@@ -204,7 +266,16 @@ def _check(options: argparse.Namespace) -> int:
     types = typestore(*options.definitions)
     found = {path: check_bag(path, types) for path in dict.fromkeys(options.bags)}
     if options.json:
-        print(json.dumps([{"bag": str(path), **asdict(one)} for path, findings in found.items() for one in findings], indent=1))
+        print(
+            json.dumps(
+                [
+                    {"bag": str(path), **asdict(one)}
+                    for path, findings in found.items()
+                    for one in findings
+                ],
+                indent=1,
+            )
+        )
     else:
         for path, findings in found.items():
             print("\n".join(map(printable, [*map(str, findings), _verdict(path, findings)])))
@@ -218,8 +289,13 @@ def _is_for_recovery(findings: list) -> bool:
 
 
 def _verdict(path: Path, findings: list) -> str:
-    counts = {severity: sum(one.severity == severity for one in findings) for severity in ("error", "warning", "note")}
-    told = ", ".join(f"{count} {severity}{'s' * (count > 1)}" for severity, count in counts.items() if count)
+    counts = {
+        severity: sum(one.severity == severity for one in findings)
+        for severity in ("error", "warning", "note")
+    }
+    told = ", ".join(
+        f"{count} {severity}{'s' * (count > 1)}" for severity, count in counts.items() if count
+    )
     return f"{path}: {told or 'nothing is wrong with it'}"
 
 
@@ -230,7 +306,11 @@ def _recover(options: argparse.Namespace) -> int:
     from dart_skill.recording.bags import recover
 
     result = recover(options.bag, _output(options, options.bag, "recovered"))
-    print(json.dumps(_recovery_json(result), indent=1) if options.json else printable(_recovery_text(result)))
+    print(
+        json.dumps(_recovery_json(result), indent=1)
+        if options.json
+        else printable(_recovery_text(result))
+    )
     return int(not (sum(result.messages.values()) or result.n_attachments or result.is_complete))
 
 
@@ -240,8 +320,16 @@ def _output(options: argparse.Namespace, source: Path, ending: str) -> Path:
 
 def _recovery_text(result: Recovery) -> str:
     kept = sum(result.messages.values())
-    lines = [*result.notes, *map(str, result.places), *(f"repaired: {text}" for text in result.repairs), _looked_at(result)]
-    lines.append(f"{kept} messages on {len(result.messages)} topics kept" + _between(result.start_ns, result.end_ns))
+    lines = [
+        *result.notes,
+        *map(str, result.places),
+        *(f"repaired: {text}" for text in result.repairs),
+        _looked_at(result),
+    ]
+    lines.append(
+        f"{kept} messages on {len(result.messages)} topics kept"
+        + _between(result.start_ns, result.end_ns)
+    )
     if result.unverified:
         lines.append(f"{result.unverified} of them have no CRC that vouches for them")
     lines.append(_loss_text(result))
@@ -251,14 +339,21 @@ def _recovery_text(result: Recovery) -> str:
 
 
 def _between(start_ns: int | None, end_ns: int | None) -> str:
-    return "" if start_ns is None or end_ns is None else f", from {_instant(start_ns)} to {_instant(end_ns)}"
+    return (
+        ""
+        if start_ns is None or end_ns is None
+        else f", from {_instant(start_ns)} to {_instant(end_ns)}"
+    )
 
 
 def _looked_at(result: Recovery) -> str:
     """How much was looked at, and how much of that is damaged."""
     share = 100.0 * result.n_looked_at / result.n_bytes if result.n_bytes else 100.0
     damaged = sum(place.n_bytes for place in result.places)
-    return f"looked at {result.n_looked_at} of {result.n_bytes} bytes ({share:.4g} %); {damaged} bytes of them are damaged or left out"
+    return (
+        f"looked at {result.n_looked_at} of {result.n_bytes} bytes ({share:.4g} %); {damaged}"
+        " bytes of them are damaged or left out"
+    )
 
 
 def _loss_text(result: Recovery) -> str:
@@ -269,17 +364,31 @@ def _loss_text(result: Recovery) -> str:
     if result.is_complete:
         return f"complete: no message that was in it is lost; {unseen}"
     least = "" if result.is_exact else "at least "
-    lost = ", ".join(f"{least}{count} messages on {topic}" for topic, count in result.lost.items()) or _places_text(result)
-    chunks = f"; {result.lost_chunks} chunks and {result.lost_bytes} bytes left out" if result.lost_bytes else ""
+    lost = ", ".join(
+        f"{least}{count} messages on {topic}" for topic, count in result.lost.items()
+    ) or _places_text(result)
+    chunks = (
+        f"; {result.lost_chunks} chunks and {result.lost_bytes} bytes left out"
+        if result.lost_bytes
+        else ""
+    )
     return f"lost: {lost}{chunks}; {unseen}"
 
 
 def _places_text(result: Recovery) -> str:
     """What the places tell where the topics tell nothing."""
     count = sum(place.messages or 0 for place in result.places)
-    return f"at least {count} messages, of unknown topics" if count else "nobody knows how many messages"
+    return (
+        f"at least {count} messages, of unknown topics"
+        if count
+        else "nobody knows how many messages"
+    )
 
 
 def _recovery_json(result: Recovery) -> dict:
-    plain = asdict(result) | {"path": str(result.path), "is_complete": result.is_complete, "lost_bytes": result.lost_bytes}
+    plain = asdict(result) | {
+        "path": str(result.path),
+        "is_complete": result.is_complete,
+        "lost_bytes": result.lost_bytes,
+    }
     return plain | {"message_count": sum(result.messages.values())}

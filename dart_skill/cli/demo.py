@@ -1,6 +1,8 @@
-"""`dart-skill demo`: the main job. A teacher shows a skill, it is learned, the arm carries it out elsewhere.
+"""`dart-skill demo`: the main job. A teacher shows a skill, it is learned, the arm carries it out
+elsewhere.
 
-Over the real graph, or in one process without ROS; the options, what is printed and what is left behind are the same.
+Over the real graph, or in one process without ROS; the options, what is printed and what is left
+behind are the same.
 """
 
 from __future__ import annotations
@@ -16,7 +18,16 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dart_skill.cli import graph_verbs
-from dart_skill.cli.run_options import GRAPHS, add_configuration, add_model, add_run, asked, check_model, check_run, parameter_texts
+from dart_skill.cli.run_options import (
+    GRAPHS,
+    add_configuration,
+    add_model,
+    add_run,
+    asked,
+    check_model,
+    check_run,
+    parameter_texts,
+)
 from dart_skill.common.extras import explained, need
 from dart_skill.common.world import THROW
 
@@ -29,23 +40,40 @@ DARTS, IN_PROCESS = "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
 """Default numbers of demonstrations of another skill than throwing, and of own darts."""
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"
-DIFFERS = "a person and the cameras look at the bodies for another moment than on the graph: trials differ from those there"
+DIFFERS = (
+    "a person and the cameras look at the bodies for another moment than on the graph: trials"
+    " differ from those there"
+)
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `demo` to the commands of `dart-skill`."""
     parser = commands.add_parser("demo", help=graph_verbs.HELP["demo"])
     parser.description = (
-        "The main job over the real graph: a teacher shows throws, the skill is learned, the arm throws at new baskets. The same with any "
-        "other skill. Without ROS: --layout in-process."
+        "The main job over the real graph: a teacher shows throws, the skill is learned, the arm"
+        " throws at new baskets. The same with any other skill. Without ROS: --layout in-process."
     )
     skills = "throw, darts, place, reach, or one of an installed package (default throw)"
     parser.add_argument("--skill", default=THROW, metavar="NAME", help=skills)
-    thrown, also = "new baskets to throw at, or trials of another skill", ", or in-process: all in one process, without ROS"
-    add_run(parser, demonstrations=13, throws=10, thrown=thrown, layouts=(*GRAPHS, IN_PROCESS), also=also)
-    parser.add_argument("--json", action="store_true", help="summary.json on stdout instead of the table")
+    thrown, also = (
+        "new baskets to throw at, or trials of another skill",
+        ", or in-process: all in one process, without ROS",
+    )
+    add_run(
+        parser,
+        demonstrations=13,
+        throws=10,
+        thrown=thrown,
+        layouts=(*GRAPHS, IN_PROCESS),
+        also=also,
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="summary.json on stdout instead of the table"
+    )
     add_configuration(parser, "that of config/skill_learner.yaml")
-    add_model(parser, "nobody shows anything, the arm does what a file of 'dart-skill learn BAG' holds")
+    add_model(
+        parser, "nobody shows anything, the arm does what a file of 'dart-skill learn BAG' holds"
+    )
     parser.set_defaults(run=partial(_demo, parser=parser))
 
 
@@ -79,7 +107,9 @@ def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -
         parser.error("--model is for the learner of a graph: leave out --layout in-process")
     for name in ("demonstrations", "configuration"):
         if getattr(options, name) != parser.get_default(name):
-            parser.error(f"--{name} is for a skill that is shown: with --model nobody shows anything")
+            parser.error(
+                f"--{name} is for a skill that is shown: with --model nobody shows anything"
+            )
 
 
 def _check_run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
@@ -126,14 +156,22 @@ def _on_graph(parser: argparse.ArgumentParser) -> ModuleType:
     try:
         return graph_verbs.module_of("demo", parser)
     except ImportError as error:
-        raise ImportError(f"{error}; without ROS: dart-skill demo --layout {IN_PROCESS}") from error
+        raise ImportError(
+            f"{error}; without ROS: dart-skill demo --layout {IN_PROCESS}"
+        ) from error
 
 
 def _job(options: argparse.Namespace) -> Any:
     from dart_skill.session import Job
 
     return Job(
-        options.seed, options.demonstrations, options.throws, options.output / "bag", options.arm, tuple(options.set), options.configuration
+        options.seed,
+        options.demonstrations,
+        options.throws,
+        options.output / "bag",
+        options.arm,
+        tuple(options.set),
+        options.configuration,
     )
 
 
@@ -143,7 +181,10 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
     from dart_skill.skills.protocol import load_skill
 
     if options.configuration and options.skill != DARTS:
-        parser.error("--configuration is for throws: other skills have their settings in a file of their own")
+        parser.error(
+            "--configuration is for throws: other skills have their settings in a file of"
+            " their own"
+        )
     if options.demonstrations == parser.get_default("demonstrations") and options.model is None:
         options.demonstrations = DEMONSTRATIONS
     if options.skill == DARTS and options.throws == parser.get_default("throws"):
@@ -160,40 +201,66 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
     if options.json:
         print(json.dumps(summary.to_json(), indent=1))
     elif options.skill == DARTS:
-        print("\n".join([darts_table(summary.run), *([] if summary.leg is None else [summary.leg.in_words])]))
+        print(
+            "\n".join(
+                [
+                    darts_table(summary.run),
+                    *([] if summary.leg is None else [summary.leg.in_words]),
+                ]
+            )
+        )
     else:
         print(skill_table(summary))
     return _leave_behind(summary, options, partial(_skill_report, summary, skill, options, parser))
 
 
-def _leave_behind(summary: DemoSummary | SkillSummary | DartsSummary, options: argparse.Namespace, report: Callable[[], list[Path]]) -> int:
+def _leave_behind(
+    summary: DemoSummary | SkillSummary | DartsSummary,
+    options: argparse.Namespace,
+    report: Callable[[], list[Path]],
+) -> int:
     """The report of a run, and what to do next; returns the exit status."""
     bag, page = options.output / "bag", options.output / "report.html"
     try:
         written = report()
-    except ImportError as error:  # the run was made, and its figures can be drawn from the bag later
+    except (
+        ImportError
+    ) as error:  # the run was made, and its figures can be drawn from the bag later
         from dart_skill.session import write_summary
 
         written = [write_summary(summary, options.output)]
-        say(f"no report and no pictures: {explained(error)}, then dart-skill report {shlex.quote(str(options.output))}")
+        say(
+            f"no report and no pictures: {explained(error)}, then dart-skill report"
+            f" {shlex.quote(str(options.output))}"
+        )
     except (ValueError, OSError) as error:
         say(f"no report: {error}")
         return 1
     if not options.json:
         print(f"\nbag, {', '.join(path.name for path in written)}: {options.output}")
         seen = f"open {shlex.quote(str(page))} in a browser, or " if page.is_file() else ""
-        print(f"next: {seen}dart-skill {'view' if options.skill == THROW else 'bag info'} {shlex.quote(str(bag))}")
+        print(
+            f"next: {seen}dart-skill {'view' if options.skill == THROW else 'bag info'}"
+            f" {shlex.quote(str(bag))}"
+        )
     return 0
 
 
-def _throwing_report(summary: DemoSummary, options: argparse.Namespace, parser: argparse.ArgumentParser) -> list[Path]:
+def _throwing_report(
+    summary: DemoSummary, options: argparse.Namespace, parser: argparse.ArgumentParser
+) -> list[Path]:
     from dart_skill.report import write_report
 
-    return write_report(summary, Path(summary.bag), options.output, _about_throws(options, parser, summary))
+    return write_report(
+        summary, Path(summary.bag), options.output, _about_throws(options, parser, summary)
+    )
 
 
 def _skill_report(
-    summary: SkillSummary | DartsSummary, skill: Skill, options: argparse.Namespace, parser: argparse.ArgumentParser
+    summary: SkillSummary | DartsSummary,
+    skill: Skill,
+    options: argparse.Namespace,
+    parser: argparse.ArgumentParser,
 ) -> list[Path]:
     from dart_skill.report import About, write_skill_report
     from dart_skill.session import DartsSummary
@@ -206,11 +273,20 @@ def _skill_report(
         "Layout": options.layout,
         "Time": f"{of.wall_seconds:.0f} s",
     }
-    title = f"{skill.name.capitalize()}: {of.demonstrations} demonstrations, {len(of.trials)} trials"
-    return write_skill_report(summary, skill, options.output, About(title, facts, asked(parser, options), parameter_texts()))
+    title = (
+        f"{skill.name.capitalize()}: {of.demonstrations} demonstrations, {len(of.trials)} trials"
+    )
+    return write_skill_report(
+        summary,
+        skill,
+        options.output,
+        About(title, facts, asked(parser, options), parameter_texts()),
+    )
 
 
-def _about_throws(options: argparse.Namespace, parser: argparse.ArgumentParser, summary: DemoSummary) -> About:
+def _about_throws(
+    options: argparse.Namespace, parser: argparse.ArgumentParser, summary: DemoSummary
+) -> About:
     from dart_skill.report import About, Phase
 
     facts = {
@@ -218,8 +294,18 @@ def _about_throws(options: argparse.Namespace, parser: argparse.ArgumentParser, 
         "Guided throws": f"{summary.attempts} for {summary.demonstrations} demonstrations",
         "Arm": options.arm,
         "Layout": options.layout,
-        "Time": f"{summary.wall_seconds:.0f} s; a throw at {summary.throw_real_time_factor:.1f} times real time",
+        "Time": (
+            f"{summary.wall_seconds:.0f} s; a throw at {summary.throw_real_time_factor:.1f} times"
+            " real time"
+        ),
     }
     title = f"Demo: {summary.demonstrations} demonstrations, {summary.thrown} throws"
     phases = (Phase("own throws", summary.thrown),)
-    return About(title, facts, asked(parser, options), parameter_texts(), options.configuration, phases=phases)
+    return About(
+        title,
+        facts,
+        asked(parser, options),
+        parameter_texts(),
+        options.configuration,
+        phases=phases,
+    )

@@ -31,30 +31,57 @@ NEXT = "next: dart-skill demo{} --model {}"
 
 def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `learn` to the commands of `dart-skill`."""
-    parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
-    text = "rosbag2 folder, .mcap or .db3 file, folder with CSV files, or LeRobot dataset; none: the learner of the graph that runs learns"
+    parser = commands.add_parser(
+        "learn",
+        help="a model from a recording alone, or on a graph that runs, from what it was shown",
+    )
+    text = (
+        "rosbag2 folder, .mcap or .db3 file, folder with CSV files, or LeRobot dataset; none: the"
+        " learner of the graph that runs learns"
+    )
     parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help=text)
     add_mapping(parser)
     parser.add_argument(
         "--output",
         metavar="MODEL",
         type=Path,
-        help="model file to write (default <name of the bag>_model.npz; of a demo's the name of its run)",
+        help=(
+            "model file to write (default <name of the bag>_model.npz; of a demo's the name of its"
+            " run)"
+        ),
     )
     way = parser.add_mutually_exclusive_group()
-    way.add_argument("--raw", action="store_true", help="find the throws in the recorded poses (default)")
-    way.add_argument("--demonstrations-topic", action="store_true", help="take what the recorder published on /demonstrations instead")
-    parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
-    text = "leave this demonstration out; may be given several times (those that were dropped are left out anyway)"
+    way.add_argument(
+        "--raw", action="store_true", help="find the throws in the recorded poses (default)"
+    )
+    way.add_argument(
+        "--demonstrations-topic",
+        action="store_true",
+        help="take what the recorder published on /demonstrations instead",
+    )
+    parser.add_argument(
+        "--with-throws",
+        action="store_true",
+        help="learn from misses and from the arm's own throws, too",
+    )
+    text = (
+        "leave this demonstration out; may be given several times (those that were dropped are"
+        " left out anyway)"
+    )
     parser.add_argument("--without", metavar="ID", action="append", default=[], help=text)
     parser.add_argument(
         "--remember",
         type=int,
         metavar="N",
-        help=f"learn from at most so many throws of a bag, those that cover the region best (default {REMEMBERED}; 0: all)",
+        help=(
+            "learn from at most so many throws of a bag, those that cover the region best"
+            f" (default {REMEMBERED}; 0: all)"
+        ),
     )
     add_configuration(parser, "default; on a graph that of its learner")
-    parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
+    parser.add_argument(
+        "--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations"
+    )
     add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
     parser.set_defaults(run=_learn, run_on_graph=graph_verbs.runner("learn", parser))
@@ -72,9 +99,14 @@ def _learn(options: argparse.Namespace) -> int:
     from dart_skill.skills.protocol import load_skill
 
     if options.at_least is not None:
-        raise ValueError("--at-least waits for demonstrations on a graph that runs: leave out BAG, or this")
+        raise ValueError(
+            "--at-least waits for demonstrations on a graph that runs: leave out BAG, or this"
+        )
     if options.demonstrations_topic and (options.mapping or options.with_throws):
-        raise ValueError("--demonstrations-topic takes the demonstrations as they are: leave out --mapping and --with-throws")
+        raise ValueError(
+            "--demonstrations-topic takes the demonstrations as they are: leave out --mapping and"
+            " --with-throws"
+        )
     output = options.output or _file_for(options.bag)
     if output.exists():
         raise ValueError(f"{output} exists already: name another file with --output")
@@ -90,18 +122,26 @@ def _learn(options: argparse.Namespace) -> int:
     wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
     wanted["remember"] = REMEMBERED if options.remember is None else options.remember
     try:
-        skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
+        skill, report = learn_from_bag(
+            options.bag, mapping, options.configuration or "default", **wanted
+        )
     except NothingLearned as error:
         print(*map(printable, fault_lines(error.report.faults)), sep="\n", file=sys.stderr)
         raise
     origin = {"clocks": report.clocks} if report.clocks else None
     save_model(output, list(report.learned_from), skill.skill.configuration, origin=origin)
-    print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else printable(_as_text(skill, report, output)))
+    print(
+        json.dumps(_as_json(skill, report, output), indent=1)
+        if options.json
+        else printable(_as_text(skill, report, output))
+    )
     return 0
 
 
 def _file_for(bag: Path) -> Path:
-    """Where a model goes that was learned from a bag: by its name, or by that of its folder, as the bag of each demo is called `bag`."""
+    """Where a model goes that was learned from a bag: by its name, or by that of its folder, as
+    the bag of each demo is called `bag`.
+    """
     bag = bag.resolve()
     return Path(f"{(bag.parent if bag.name == 'bag' and bag.parent.name else bag).stem}_model.npz")
 
@@ -111,21 +151,38 @@ def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
     from dart_skill.session import learn_throws_from_dataset, open_dataset, skill_of_dataset
     from dart_skill.skills.learning import save_model
 
-    of_bags = {"--mapping": options.mapping, "--demonstrations-topic": options.demonstrations_topic, "--with-throws": options.with_throws}
+    of_bags = {
+        "--mapping": options.mapping,
+        "--demonstrations-topic": options.demonstrations_topic,
+        "--with-throws": options.with_throws,
+    }
     of_bags["--remember"] = options.remember is not None
     if given := [name for name, value in of_bags.items() if value]:
-        raise ValueError(f"{given[0]} is for bags: {options.bag} is a dataset of LeRobot, whose episodes are the demonstrations")
+        raise ValueError(
+            f"{given[0]} is for bags: {options.bag} is a dataset of LeRobot, whose episodes are"
+            " the demonstrations"
+        )
     dataset = open_dataset(options.bag)
     if (skill := skill_of_dataset(dataset)).name != THROW:
         return _learn_skill(options, skill, output, dataset)
-    learned, report = learn_throws_from_dataset(dataset, options.configuration or "default", options.without)
+    learned, report = learn_throws_from_dataset(
+        dataset, options.configuration or "default", options.without
+    )
     save_model(output, list(report.learned_from), learned.skill.configuration)
-    print(json.dumps(_as_json(learned, report, output), indent=1) if options.json else _as_text(learned, report, output))
+    print(
+        json.dumps(_as_json(learned, report, output), indent=1)
+        if options.json
+        else _as_text(learned, report, output)
+    )
     return 0
 
 
-def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, dataset: LeRobotDataset | None = None) -> int:
-    """Another skill than throwing at baskets, from the demonstrations that a recorder cut, or from a dataset."""
+def _learn_skill(
+    options: argparse.Namespace, skill: Skill, output: Path, dataset: LeRobotDataset | None = None
+) -> int:
+    """Another skill than throwing at baskets, from the demonstrations that a recorder cut, or from
+    a dataset.
+    """
     from dart_skill.session import learn_skill_from_bag, learn_skill_from_dataset
     from dart_skill.skills.learning import save_skill_model
     from dart_skill.skills.throw import Throw
@@ -133,7 +190,11 @@ def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, datase
     if isinstance(skill, Throw):
         return _learn_other_throws(options, skill, output, dataset)
     name = skill.name
-    of_throws = {"--with-throws": options.with_throws, "--configuration": options.configuration, "--remember": options.remember is not None}
+    of_throws = {
+        "--with-throws": options.with_throws,
+        "--configuration": options.configuration,
+        "--remember": options.remember is not None,
+    }
     for option, given in of_throws.items():
         if given:
             raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{name}'")
@@ -143,23 +204,44 @@ def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, datase
     else:
         learned, left_out = learn_skill_from_dataset(dataset, skill, options.without)
     save_skill_model(output, learned)
-    told: dict[str, object] = {"skill": name, "learned_from": [one.id for one in learned.demonstrations], "left_out": left_out}
-    told = {**told, "duration_s": learned.duration, "model_id": learned.model_id, "model": str(output)}
+    told: dict[str, object] = {
+        "skill": name,
+        "learned_from": [one.id for one in learned.demonstrations],
+        "left_out": left_out,
+    }
+    told = {
+        **told,
+        "duration_s": learned.duration,
+        "model_id": learned.model_id,
+        "model": str(output),
+    }
     lines = [*(f"{one}: left out: {why}" for one, why in left_out.items())]
-    lines.append(f"learned '{name}' from {len(learned.demonstrations)} demonstrations; a movement takes {learned.duration:.1f} s")
+    lines.append(
+        f"learned '{name}' from {len(learned.demonstrations)} demonstrations; a movement takes"
+        f" {learned.duration:.1f} s"
+    )
     lines += [f"model {learned.model_id}: {output}", *_next(name, output)]
     print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
     return 0
 
 
-def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path, dataset: LeRobotDataset | None) -> int:
-    """Throws in another game than at baskets, from the demonstrations that a recorder cut, or from a dataset."""
+def _learn_other_throws(
+    options: argparse.Namespace, skill: Throw, output: Path, dataset: LeRobotDataset | None
+) -> int:
+    """Throws in another game than at baskets, from the demonstrations that a recorder cut, or from
+    a dataset.
+    """
     from dart_skill.session import learn_other_throws_from_dataset, learn_throws_from_bag
     from dart_skill.skills.learning import save_model
 
-    for option, given in {"--with-throws": options.with_throws, "--remember": options.remember is not None}.items():
+    for option, given in {
+        "--with-throws": options.with_throws,
+        "--remember": options.remember is not None,
+    }.items():
         if given:
-            raise ValueError(f"{option} is for throws at baskets: {options.bag} is of the skill '{skill.name}'")
+            raise ValueError(
+                f"{option} is for throws at baskets: {options.bag} is of the skill '{skill.name}'"
+            )
     name = options.configuration or "default"
     if dataset is None:
         tell_bag_faults(options.bag)
@@ -168,7 +250,11 @@ def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path,
         practice, left_out = learn_other_throws_from_dataset(dataset, skill, name, options.without)
     learned = practice.learn()
     save_model(output, practice.demonstrations, learned.configuration)
-    told: dict[str, object] = {"skill": skill.name, "learned_from": [one.id for one in practice.demonstrations], "left_out": left_out}
+    told: dict[str, object] = {
+        "skill": skill.name,
+        "learned_from": [one.id for one in practice.demonstrations],
+        "left_out": left_out,
+    }
     told = {**told, "model_id": learned.model_id, "model": str(output)}
     lines = [f"{one}: left out: {why}" for one, why in left_out.items()]
     lines.append(f"learned '{skill.name}' from {len(practice.demonstrations)} throws")
@@ -194,14 +280,20 @@ def _refuse_what_needs_a_bag(options: argparse.Namespace) -> None:
 def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
     from dart_skill.recording.imports import fault_lines
 
-    lines = [*fault_lines(report.faults), *(_throw_line(number, throw) for number, throw in enumerate(report.throws, start=1))]
+    lines = [
+        *fault_lines(report.faults),
+        *(_throw_line(number, throw) for number, throw in enumerate(report.throws, start=1)),
+    ]
     learned, model = report.learned_from, skill.skill
     delay = (
         f"; the hand opens {1e3 * model.hand_delay:.0f} ms after it is told to"
         if any(d.hand_opened == d.hand_opened for d in learned)
         else ""
     )
-    lines.append(f"learned from {len(learned)} of {len(report.throws)} throws with '{model.configuration.name}'{delay}")
+    lines.append(
+        f"learned from {len(learned)} of {len(report.throws)} throws with"
+        f" '{model.configuration.name}'{delay}"
+    )
     lines += filter(None, [report.weakness, skill.practice.patterns()])
     lines.append(f"model {model.model_id}: {output}")
     return "\n".join(lines + _next(THROW, output))
@@ -211,7 +303,11 @@ def _next(skill: str, model: Path) -> list[str]:
     """What to type for an arm that does what was learned; nothing where there is no ROS for it."""
     if importlib.util.find_spec("rclpy") is None:
         return []
-    return [NEXT.format("" if skill == THROW else f" --skill {skill}", shlex.quote(str(model.resolve())))]
+    return [
+        NEXT.format(
+            "" if skill == THROW else f" --skill {skill}", shlex.quote(str(model.resolve()))
+        )
+    ]
 
 
 def _throw_line(number: int, throw: FoundThrow) -> str:
@@ -223,7 +319,10 @@ def _throw_line(number: int, throw: FoundThrow) -> str:
     landed = ""
     if throw.outcome is not None and throw.outcome.landing_seen:
         landed = f", landed {100 * throw.outcome.landing_error:.1f} cm from its centre"
-    return f"{_seconds(throw.stamp_ns)} s  {name}: {who}{place}{landed}{'; left out: ' + throw.reason if throw.reason else ''}"
+    return (
+        f"{_seconds(throw.stamp_ns)} s  {name}:"
+        f" {who}{place}{landed}{'; left out: ' + throw.reason if throw.reason else ''}"
+    )
 
 
 def _seconds(stamp_ns: int) -> str:
@@ -254,6 +353,8 @@ def _throw_json(throw: FoundThrow) -> dict:
         "taught": throw.taught,
         "target": None if target is None else target.tolist(),
         "in_basket": None if outcome is None else bool(outcome.in_basket),
-        "landing_error": float(outcome.landing_error) if outcome is not None and outcome.landing_seen else None,
+        "landing_error": (
+            float(outcome.landing_error) if outcome is not None and outcome.landing_seen else None
+        ),
         "left_out": throw.reason or None,
     }

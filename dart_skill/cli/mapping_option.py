@@ -11,12 +11,16 @@ AUTO = Path("auto")
 
 def add_mapping(parser: argparse.ArgumentParser) -> None:
     """Add --mapping to the options of a verb. parser: of the verb."""
-    text = "names topics, columns, axes, units (config/recordings/example.yaml); auto: is found in the recording and written to a file"
+    text = (
+        "names topics, columns, axes, units (config/recordings/example.yaml); auto: is found in"
+        " the recording and written to a file"
+    )
     parser.add_argument("--mapping", metavar="FILE", type=Path, help=text)
 
 
 def settle_mapping(options: argparse.Namespace, source: Path, name: str) -> None:
-    """Put the file of a mapping in the place of `auto` among the options; None where the recording reads right without one.
+    """Put the file of a mapping in the place of `auto` among the options; None where the recording
+    reads right without one.
 
     * options: of the verb.
     * source: the bag.

@@ -1,6 +1,8 @@
-"""Names that the command line offers: for help and completion with TAB, which must not import what they belong to.
+"""Names that the command line offers: for help and completion with TAB, which must not import what
+they belong to.
 
-Each is defined where its meaning is; a test compares. Names of professionals: `dart_skill.darts.PROFESSIONALS`.
+Each is defined where its meaning is; a test compares. Names of professionals:
+`dart_skill.darts.PROFESSIONALS`.
 """
 
 CONFIGURATIONS = (

@@ -1,4 +1,6 @@
-"""Texts of strangers, as names in a bag, on a terminal: what would move its cursor, colour it or clear it is written as what it is."""
+"""Texts of strangers, as names in a bag, on a terminal: what would move its cursor, colour it or
+clear it is written as what it is.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,10 @@ if TYPE_CHECKING:
 
 def printable(text: str) -> str:
     """The text with every control character but the end of a line spelled out, as \\x1b."""
-    return "".join(one if one.isprintable() or one == "\n" else one.encode("unicode_escape").decode() for one in text)
+    return "".join(
+        one if one.isprintable() or one == "\n" else one.encode("unicode_escape").decode()
+        for one in text
+    )
 
 
 def in_a_line(text: str) -> str:
@@ -21,7 +26,9 @@ def in_a_line(text: str) -> str:
 
 
 def tell_bag_faults(bag: Path, mapping: RecordingMapping | None = None) -> None:
-    """Say on standard error what a glance at a bag finds, for what becomes no recording with faults of its own. mapping: None for ours."""
+    """Say on standard error what a glance at a bag finds, for what becomes no recording with
+    faults of its own. mapping: None for ours.
+    """
     from dart_skill.recording.imports import OWN, bag_faults, fault_lines
 
     for line in fault_lines(bag_faults(bag, mapping or OWN)):

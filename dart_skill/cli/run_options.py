@@ -1,4 +1,6 @@
-"""Options that several verbs share, those of the nodes too, and how they are checked. No ROS is imported here."""
+"""Options that several verbs share, those of the nodes too, and how they are checked. No ROS is
+imported here.
+"""
 
 import argparse
 import re
@@ -21,15 +23,38 @@ FROM_NOW_ON = "a file of 'dart-skill learn BAG': the learner plans with it from 
 
 
 def add_run(
-    parser: argparse.ArgumentParser, demonstrations: int, throws: int, thrown: str, layouts: Sequence[str] = GRAPHS, also: str = ""
+    parser: argparse.ArgumentParser,
+    demonstrations: int,
+    throws: int,
+    thrown: str,
+    layouts: Sequence[str] = GRAPHS,
+    also: str = "",
 ) -> None:
-    """The options of a run that teaches and throws; layouts: those that it has; also: what there is to say of them."""
-    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
-    parser.add_argument("--demonstrations", type=int, default=demonstrations, help=f"throws to be shown (default {demonstrations})")
-    parser.add_argument("--throws", "--trials", type=int, default=throws, help=f"{thrown} (default {throws})")
+    """The options of a run that teaches and throws; layouts: those that it has; also: what there
+    is to say of them.
+    """
+    parser.add_argument(
+        "--seed", type=int, default=0, help="everything random comes from it (default 0)"
+    )
+    parser.add_argument(
+        "--demonstrations",
+        type=int,
+        default=demonstrations,
+        help=f"throws to be shown (default {demonstrations})",
+    )
+    parser.add_argument(
+        "--throws", "--trials", type=int, default=throws, help=f"{thrown} (default {throws})"
+    )
     what, verb = "bag, summary, report, pictures and logs", parser.prog.split()[-1]
-    parser.add_argument("--output", type=folder, help=f"folder for {what} (default output/{verb}_<date>)")
-    parser.add_argument("--layout", choices=layouts, default="composed", help=f"processes of the graph{also} (default composed)")
+    parser.add_argument(
+        "--output", type=folder, help=f"folder for {what} (default output/{verb}_<date>)"
+    )
+    parser.add_argument(
+        "--layout",
+        choices=layouts,
+        default="composed",
+        help=f"processes of the graph{also} (default composed)",
+    )
     add_arm(parser)
 
 
@@ -43,7 +68,9 @@ def positive(text: str) -> int:
 def add_configuration(parser: argparse.ArgumentParser, default: str) -> None:
     """Which of the skill's configurations is learned; default: in words."""
     text = f"of the skill: {', '.join(CONFIGURATIONS)} (default: {default})"
-    parser.add_argument("--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text)
+    parser.add_argument(
+        "--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text
+    )
 
 
 def add_model(parser: argparse.ArgumentParser, text: str = FROM_NOW_ON) -> None:
@@ -54,11 +81,14 @@ def add_model(parser: argparse.ArgumentParser, text: str = FROM_NOW_ON) -> None:
 def check_model(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     """A usage error for a model that is no file, before anything is started."""
     if options.model is not None and not options.model.is_file():
-        parser.error(f"--model {options.model}: there is no such file; 'dart-skill learn BAG' writes one")
+        parser.error(
+            f"--model {options.model}: there is no such file; 'dart-skill learn BAG' writes one"
+        )
 
 
 def add_namespace(
-    parser: argparse._ActionsContainer, text: str = "of the graph, where several arms share a ROS domain, as /arm1 (default: none)"
+    parser: argparse._ActionsContainer,
+    text: str = "of the graph, where several arms share a ROS domain, as /arm1 (default: none)",
 ) -> None:
     """Which of several graphs of a ROS domain is meant."""
     parser.add_argument("--namespace", type=_namespace, default="", metavar="NAME", help=text)
@@ -68,20 +98,32 @@ def _namespace(text: str) -> str:
     """With the slash before it, and none after it."""
     name = f"/{text.strip('/')}".rstrip("/")
     if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)*", name) or "__" in name:
-        raise argparse.ArgumentTypeError(f"'{text}' is no ROS namespace: letters, digits and single underscores, as /arm1")
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no ROS namespace: letters, digits and single underscores, as /arm1"
+        )
     return name
 
 
 def add_arm(parser: argparse.ArgumentParser) -> None:
     """What stands in for hardware."""
-    parser.add_argument("--arm", default="ideal", help="an arm of config/fleet.yaml, or fleet:SEED for one drawn from it (default ideal)")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE", help="a parameter of a node; may be given several times"
+        "--arm",
+        default="ideal",
+        help="an arm of config/fleet.yaml, or fleet:SEED for one drawn from it (default ideal)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.PARAMETER=VALUE",
+        help="a parameter of a node; may be given several times",
     )
 
 
 def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) -> dict[str, dict]:
-    """Parameters by node in which --arm and --set differ from config/; a usage error names what does not exist."""
+    """Parameters by node in which --arm and --set differ from config/; a usage error names what
+    does not exist.
+    """
     from dart_skill.common.fleet import arm_with
 
     try:
@@ -91,11 +133,29 @@ def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
 
 
 def add_baskets(parser: argparse.ArgumentParser, count: int | None) -> None:
-    """Where baskets are put, one by one or over the region; count: None where a real arm throws at the basket that is seen."""
+    """Where baskets are put, one by one or over the region; count: None where a real arm throws at
+    the basket that is seen.
+    """
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="centre of the rim, from the base of the arm [m]")
-    default = f"default {count}" if count else "default: one, with a real arm the one that the cameras see"
-    where.add_argument("--count", type=int, default=count, metavar="N", help=f"so many baskets over the region ({default})")
+    where.add_argument(
+        "--at",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="centre of the rim, from the base of the arm [m]",
+    )
+    default = (
+        f"default {count}"
+        if count
+        else "default: one, with a real arm the one that the cameras see"
+    )
+    where.add_argument(
+        "--count",
+        type=int,
+        default=count,
+        metavar="N",
+        help=f"so many baskets over the region ({default})",
+    )
     parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
 
 
@@ -115,22 +175,31 @@ def check_run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
 
 
 def folder(name: str) -> Path:
-    """Type of an argument: a folder that is filled, there already or not; a usage error for what is, or is called like, a file."""
+    """Type of an argument: a folder that is filled, there already or not; a usage error for what
+    is, or is called like, a file.
+    """
     chosen = Path(name)
     if chosen.is_file() or chosen.suffix.lower() in FILES:
-        raise argparse.ArgumentTypeError(f"{name}: what is written fills a folder; this is the name of a file")
+        raise argparse.ArgumentTypeError(
+            f"{name}: what is written fills a folder; this is the name of a file"
+        )
     return chosen
 
 
 def output_folder(parser: argparse.ArgumentParser, chosen: Path | None) -> Path:
     """The chosen folder, or output/VERB_<date>."""
-    return (chosen or Path("output") / f"{parser.prog.split()[-1]}_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
+    return (
+        chosen or Path("output") / f"{parser.prog.split()[-1]}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
+    ).resolve()
 
 
 def asked(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[tuple]:
     """Name, value and default of every option that a run depends on."""
     names = [action.dest for action in parser._actions if action.dest not in UNTOLD]
-    return [(name.replace("_", "-"), getattr(options, name), parser.get_default(name)) for name in names]
+    return [
+        (name.replace("_", "-"), getattr(options, name), parser.get_default(name))
+        for name in names
+    ]
 
 
 def parameter_texts() -> dict[str, str]:

@@ -1,1 +1,3 @@
-"""What all rooms use: checks of arguments, rotations, files, configuration, the world, and a ball in the air."""
+"""What all rooms use: checks of arguments, rotations, files, configuration, the world, and a ball
+in the air.
+"""

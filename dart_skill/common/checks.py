@@ -10,31 +10,40 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-# Samples up to this size, and scales down to its reciprocal, have a variance that neither overflows nor loses digits.
+# Samples up to this size, and scales down to its reciprocal, have a variance that neither
+# overflows nor loses digits.
 LARGEST_LEARNABLE = 1e145
 FARTHEST = 1000.0
-"""No hand, ball or basket is farther away from the arm: a place beyond it is given in another unit, or is an error [m]."""
+"""No hand, ball or basket is farther away from the arm: a place beyond it is given in another
+unit, or is an error [m].
+"""
 FEW = 16
 """Largest number of values for which Python tells faster than NumPy whether they are finite."""
 
 
 def unmasked(value: Any) -> Any:
-    """What was given; as floats, with nan in their places, where parts are masked or pandas has no values: neither passes for a number.
+    """What was given; as floats, with nan in their places, where parts are masked or pandas has no
+    values: neither passes for a number.
 
-    value: array, nested lists, Series or DataFrame. TypeError and ValueError for what is masked or missing, but not numeric.
+    value: array, nested lists, Series or DataFrame. TypeError and ValueError for what is masked or
+    missing, but not numeric.
     """
     if type(value) is np.ndarray:
         return value
     if _has_mask(value):
         return np.ma.filled(np.ma.array(value, dtype=float), np.nan)
     kinds = getattr(value, "dtypes", None)
-    if kinds is None or all(isinstance(kind, np.dtype) for kind in (kinds if hasattr(kinds, "__iter__") else [kinds])):
+    if kinds is None or all(
+        isinstance(kind, np.dtype) for kind in (kinds if hasattr(kinds, "__iter__") else [kinds])
+    ):
         return value
     return value.to_numpy(dtype=float, na_value=np.nan)
 
 
 def _has_mask(value: Any) -> bool:
-    """Whether a value, or an element of a list, is a masked array. Until NumPy's module of these is imported, which takes time, none is."""
+    """Whether a value, or an element of a list, is a masked array. Until NumPy's module of these
+    is imported, which takes time, none is.
+    """
     masked = sys.modules.get("numpy.ma")
     if masked is None:
         return False
@@ -43,12 +52,15 @@ def _has_mask(value: Any) -> bool:
 
 
 def floats(value: Any) -> np.ndarray:
-    """An array of floats, which may be `value` itself; nan where it is masked or missing. value: as of `unmasked`, and its errors."""
+    """An array of floats, which may be `value` itself; nan where it is masked or missing. value:
+    as of `unmasked`, and its errors.
+    """
     return np.asarray(unmasked(value), dtype=float)
 
 
 def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarray:
-    """A copy of `value` as an array of floats; ValueError if it is not numeric, not finite, or not of `ndim` dimensions.
+    """A copy of `value` as an array of floats; ValueError if it is not numeric, not finite, or not
+    of `ndim` dimensions.
 
     What is masked, or missing in a table of pandas, is not finite.
     """
@@ -57,10 +69,16 @@ def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarra
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be a regular array of numbers: {error}") from None
     if ndim is not None and array.ndim != ndim:
-        raise ValueError(f"{name} must have {ndim} dimension(s), got shape {array.shape}{_reshape_hint(array, ndim)}")
+        raise ValueError(
+            f"{name} must have {ndim} dimension(s), got shape"
+            f" {array.shape}{_reshape_hint(array, ndim)}"
+        )
     if not _is_finite(array):
         place = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f"{name} holds {array[place]} at index {place}; remove or interpolate such values first")
+        raise ValueError(
+            f"{name} holds {array[place]} at index {place}; remove or interpolate such values"
+            " first"
+        )
     return array
 
 
@@ -69,7 +87,8 @@ def _is_finite(array: np.ndarray) -> bool:
     flat = array.ravel(order="K")
     if array.size <= FEW:
         return all(map(math.isfinite, flat.tolist()))
-    # A sum of squares is finite unless a number is not, or it overflows; vdot says nothing of an overflow, as dot would.
+    # A sum of squares is finite unless a number is not, or it overflows; vdot says nothing of an
+    # overflow, as dot would.
     return math.isfinite(np.vdot(flat, flat)) or bool(np.isfinite(flat).all())
 
 
@@ -80,7 +99,8 @@ def _reshape_hint(array: np.ndarray, ndim: int) -> str:
 def as_samples(value: ArrayLike, name: str, n_dims: int | None = None) -> np.ndarray:
     """Samples (n, d) with n, d >= 1, and d == n_dims where that is given.
 
-    value: what is given; name: of it, for the message of an error; n_dims: None for any. ValueError for what is none.
+    value: what is given; name: of it, for the message of an error; n_dims: None for any.
+    ValueError for what is none.
     """
     samples = as_finite(value, name, 2)
     if samples.size == 0:
@@ -91,28 +111,44 @@ def as_samples(value: ArrayLike, name: str, n_dims: int | None = None) -> np.nda
 
 
 def as_learnable(value: ArrayLike, name: str) -> np.ndarray:
-    """Samples (n, d) whose squares do not overflow. value, name: as of `as_samples`. ValueError for what is none."""
+    """Samples (n, d) whose squares do not overflow. value, name: as of `as_samples`. ValueError
+    for what is none.
+    """
     samples = as_samples(value, name)
     # A sum of squares settles it in nearly all cases, in a quarter of the time.
-    if not np.vdot(samples, samples) < LARGEST_LEARNABLE and np.abs(samples).max() > LARGEST_LEARNABLE:
+    if (
+        not np.vdot(samples, samples) < LARGEST_LEARNABLE
+        and np.abs(samples).max() > LARGEST_LEARNABLE
+    ):
         place = tuple(int(i) for i in np.unravel_index(np.abs(samples).argmax(), samples.shape))
-        raise ValueError(f"{name} holds {samples[place]:g} at index {place}, too large for a variance; choose a larger unit")
+        raise ValueError(
+            f"{name} holds {samples[place]:g} at index {place}, too large for a variance; choose a"
+            " larger unit"
+        )
     return samples
 
 
-def require_near(log_density: np.ndarray, points: np.ndarray, name: str, first_row: int = 0) -> None:
-    """ValueError for the first of the points (n, d) whose log density (n,) is not finite, because a square overflowed.
+def require_near(
+    log_density: np.ndarray, points: np.ndarray, name: str, first_row: int = 0
+) -> None:
+    """ValueError for the first of the points (n, d) whose log density (n,) is not finite, because
+    a square overflowed.
 
     first_row: row number of points[0] in the array of the caller, for the message.
     """
     finite = np.isfinite(log_density)
     if not finite.all():
         row = int(finite.argmin())
-        raise ValueError(f"{name} row {first_row + row}, {points[row].tolist()}, is so far away that its log density overflows")
+        raise ValueError(
+            f"{name} row {first_row + row}, {points[row].tolist()}, is so far away that its log"
+            " density overflows"
+        )
 
 
 def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndarray:
-    """Vector (length,) of finite numbers. value, name: as of `as_samples`; length: None for any. ValueError for what is none."""
+    """Vector (length,) of finite numbers. value, name: as of `as_samples`; length: None for any.
+    ValueError for what is none.
+    """
     vector = as_finite(value, name, 1)
     if length is not None and len(vector) != length:
         raise ValueError(f"{name} must have length {length}, got {len(vector)}")
@@ -120,13 +156,19 @@ def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndar
 
 
 def as_place(value: ArrayLike, name: str) -> np.ndarray:
-    """A place (3,) within `FARTHEST` [m] of the origin in each direction; ValueError for what is no place.
+    """A place (3,) within `FARTHEST` [m] of the origin in each direction; ValueError for what is
+    no place.
 
     value, name: as of `as_samples`.
     """
     place = floats(value)
-    if place.shape != (3,) or not bool((np.abs(place) <= FARTHEST).all()):  # NaN is not within it either
-        raise ValueError(f"{name} is at {place.tolist()}: give three finite numbers in metres, none beyond {FARTHEST:.0f} m")
+    if place.shape != (3,) or not bool(
+        (np.abs(place) <= FARTHEST).all()
+    ):  # NaN is not within it either
+        raise ValueError(
+            f"{name} is at {place.tolist()}: give three finite numbers in metres, none beyond"
+            f" {FARTHEST:.0f} m"
+        )
     return place
 
 
@@ -139,7 +181,9 @@ def as_weights(value: ArrayLike | None, n_samples: int, name: str = "weights") -
         return np.ones(n_samples)
     weights = as_vector(value, name, n_samples)
     if weights.min() < 0:
-        raise ValueError(f"{name} must not be negative, got {weights.min()} at index {int(weights.argmin())}")
+        raise ValueError(
+            f"{name} must not be negative, got {weights.min()} at index {int(weights.argmin())}"
+        )
     if weights.sum() <= 0:
         raise ValueError(f"{name} are all zero; at least one sample must count")
     return weights
@@ -157,11 +201,19 @@ def as_count(value: int, name: str, minimum: int = 1) -> int:
 
 
 def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = True) -> float:
-    """Finite scalar above `minimum`, or equal to it when not strict. value, name: as of `as_samples`. ValueError for what is none."""
+    """Finite scalar above `minimum`, or equal to it when not strict. value, name: as of
+    `as_samples`. ValueError for what is none.
+    """
     given: Any = value
-    number = float(given) if isinstance(given, float) and math.isfinite(given) else float(as_finite(value, name, 0))
+    number = (
+        float(given)
+        if isinstance(given, float) and math.isfinite(given)
+        else float(as_finite(value, name, 0))
+    )
     if number < minimum or (strict and number == minimum):
-        raise ValueError(f"{name} must be {'above' if strict else 'at least'} {minimum:g}, got {number:g}")
+        raise ValueError(
+            f"{name} must be {'above' if strict else 'at least'} {minimum:g}, got {number:g}"
+        )
     return number
 
 
@@ -182,7 +234,8 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
 
 
 def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Matrices of the given shape (..., d, d) that are symmetric but for rounding; the rounding is removed.
+    """Matrices of the given shape (..., d, d) that are symmetric but for rounding; the rounding is
+    removed.
 
     value, name: as of `as_samples`. ValueError for what is none.
     """
@@ -190,7 +243,10 @@ def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.nd
     if matrices.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {matrices.shape}")
     if np.abs(matrices).max(initial=0.0) > LARGEST_LEARNABLE**2:
-        raise ValueError(f"{name} holds {np.abs(matrices).max():g}, too large for a variance; choose a larger unit")
+        raise ValueError(
+            f"{name} holds {np.abs(matrices).max():g}, too large for a variance; choose a larger"
+            " unit"
+        )
     transposed = np.swapaxes(matrices, -1, -2)
     scale = np.sqrt(np.abs(np.diagonal(matrices, axis1=-2, axis2=-1)))
     allowed = 1e-8 * scale[..., :, None] * scale[..., None, :] + np.finfo(float).tiny
@@ -201,26 +257,40 @@ def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.nd
     return 0.5 * (matrices + transposed)
 
 
-def check_samples(name: str, time: np.ndarray, values: np.ndarray, least: int = 1, width: int = 3) -> tuple[np.ndarray, np.ndarray]:
+def check_samples(
+    name: str, time: np.ndarray, values: np.ndarray, least: int = 1, width: int = 3
+) -> tuple[np.ndarray, np.ndarray]:
     """`time` (n,) and `values` (n, width) as float arrays; ValueError, with `name`, for what is no
     series. least: number of samples n.
     """
     time, values = floats(time), floats(values)
     if time.ndim != 1 or values.shape != (len(time), width):
-        raise ValueError(f"{name}: need time (n,) and values (n, {width}), got {time.shape} and {values.shape}")
+        raise ValueError(
+            f"{name}: need time (n,) and values (n, {width}), got {time.shape} and {values.shape}"
+        )
     if len(time) < least:
-        raise ValueError(f"{name}: {len(time)} samples, need at least {least}: record longer or look for occlusion")
+        raise ValueError(
+            f"{name}: {len(time)} samples, need at least {least}: record longer or look for"
+            " occlusion"
+        )
     if not (np.isfinite(time).all() and np.isfinite(values).all()):
         index = int(np.argmin(np.isfinite(time) & np.isfinite(values).all(axis=1)))
-        raise ValueError(f"{name}: sample {index} is not finite: leave out frames in which the body was lost")
+        raise ValueError(
+            f"{name}: sample {index} is not finite: leave out frames in which the body was lost"
+        )
     if not (time[1:] > time[:-1]).all():
         index = int(np.argmin(time[1:] > time[:-1]))
-        raise ValueError(f"{name}: time does not increase after sample {index} ({time[index]} s): sort and drop repeats")
+        raise ValueError(
+            f"{name}: time does not increase after sample {index} ({time[index]} s): sort and drop"
+            " repeats"
+        )
     return time, values
 
 
 def check_unit_quaternions(name: str, quaternion: np.ndarray, n_samples: int) -> np.ndarray:
-    """Quaternions (n_samples, 4), x, y, z, w, normalised; ValueError for a norm off by more than 0.001."""
+    """Quaternions (n_samples, 4), x, y, z, w, normalised; ValueError for a norm off by more than
+    0.001.
+    """
     quaternion = floats(quaternion)
     if quaternion.shape != (n_samples, 4):
         raise ValueError(f"{name}: need quaternions ({n_samples}, 4), got {quaternion.shape}")
@@ -228,8 +298,12 @@ def check_unit_quaternions(name: str, quaternion: np.ndarray, n_samples: int) ->
     wrong = ~(np.abs(norm[:, 0] - 1.0) <= 1e-3)
     if np.any(wrong):
         index = int(np.argmax(wrong))
-        raise ValueError(f"{name}: quaternion {index} has norm {norm[index, 0]:.4f}: need norm 1, order x, y, z, w")
-    # What is of unit length already stays as it is, so that data do not change by passing through here again.
+        raise ValueError(
+            f"{name}: quaternion {index} has norm {norm[index, 0]:.4f}: need norm 1, order x, y,"
+            " z, w"
+        )
+    # What is of unit length already stays as it is, so that data do not change by passing through
+    # here again.
     return np.where(np.abs(norm - 1.0) < 1e-12, quaternion, quaternion / norm)
 
 
@@ -242,7 +316,9 @@ def to_the_nanosecond(seconds: np.ndarray) -> np.ndarray: ...
 
 
 def to_the_nanosecond(seconds: float | np.ndarray) -> float | np.ndarray:
-    """Seconds as stamps can say them, so that data are the same before and after they were a message; numbers or arrays."""
+    """Seconds as stamps can say them, so that data are the same before and after they were a
+    message; numbers or arrays.
+    """
     if isinstance(seconds, np.ndarray):
         return np.round(seconds * 1e9) * 1e-9
     return round(seconds * 1e9) * 1e-9

@@ -5,7 +5,8 @@ from pathlib import Path
 
 
 def config_path(name: str) -> Path:
-    """Path of a file of config/: in $DART_SKILL_CONFIG, in a wheel, beside the library in a checkout, or in a package's share folder.
+    """Path of a file of config/: in $DART_SKILL_CONFIG, in a wheel, beside the library in a
+    checkout, or in a package's share folder.
 
     FileNotFoundError if it is nowhere.
     """
@@ -13,14 +14,18 @@ def config_path(name: str) -> Path:
     for folder in folders:
         if (folder / name).is_file():
             return folder / name
-    raise FileNotFoundError(f"no {name} in {', '.join(map(str, folders))}; set DART_SKILL_CONFIG to the folder that holds it")
+    raise FileNotFoundError(
+        f"no {name} in {', '.join(map(str, folders))}; set DART_SKILL_CONFIG to the folder that"
+        " holds it"
+    )
 
 
 def load_yaml(name: str) -> dict:
     """A YAML file of config/ as nested dictionaries."""
     import yaml  # completion with TAB imports this module and reads nothing
 
-    # The parser in C takes a seventh of the time; a PyYAML that was built without it has the other one only.
+    # The parser in C takes a seventh of the time; a PyYAML that was built without it has the other
+    # one only.
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     return yaml.load(config_path(name).read_text(encoding="utf-8"), Loader=loader)
 
@@ -31,7 +36,9 @@ def world_parameters() -> dict:
 
 
 def limit_parameters() -> dict:
-    """The entries of config/limits.yaml by name, which are parameters of every node that moves the arm."""
+    """The entries of config/limits.yaml by name, which are parameters of every node that moves the
+    arm.
+    """
     return dict(load_yaml("limits.yaml")["/**"]["ros__parameters"])
 
 
@@ -41,7 +48,8 @@ def node_file(node: str) -> str:
 
 
 def node_parameters(name: str, node: str) -> dict:
-    """Parameters of one node from a ROS parameter file of config/, without ROS; those of world and limits that it does not set, too.
+    """Parameters of one node from a ROS parameter file of config/, without ROS; those of world and
+    limits that it does not set, too.
 
     KeyError if the file has no section of the node.
     """
@@ -54,12 +62,21 @@ def node_parameters(name: str, node: str) -> dict:
 def shared_folders(name: str, package: str, below: str = "") -> list[Path]:
     """Where a folder of the project may be, the likeliest first.
 
-    In the library of a wheel, beside the library in a checkout, or in `share/<package>` of an installed ROS package, there `below` it.
+    In the library of a wheel, beside the library in a checkout, or in `share/<package>` of an
+    installed ROS package, there `below` it.
     """
     library = Path(__file__).resolve().parent
-    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    prefixes = [
+        Path(prefix)
+        for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        if prefix
+    ]
     checkout = [library.parent / name] if (library.parent / "package.xml").is_file() else []
-    return [library / name, *checkout, *(prefix / "share" / package / below for prefix in prefixes)]
+    return [
+        library / name,
+        *checkout,
+        *(prefix / "share" / package / below for prefix in prefixes),
+    ]
 
 
 def _folders() -> list[Path]:

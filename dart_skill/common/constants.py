@@ -13,9 +13,13 @@ GRAVITY = 9.81
 AIR_DENSITY = 1.204
 """Density of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
 BULL_DISTANCE, BULL_HEIGHT = 2.37, 1.73
-"""Place of a regulation dart board: its face from the throwing line, and its bull above the floor [m]."""
+"""Place of a regulation dart board: its face from the throwing line, and its bull above the floor
+[m].
+"""
 REMEMBERED = 2000
-"""So many throws of a bag are learned from at most, where nobody asks for more: a lesson from them takes a second."""
+"""So many throws of a bag are learned from at most, where nobody asks for more: a lesson from them
+takes a second.
+"""
 PARTITIONS = ("time", "em")
 """How the components of a mixture get their times: equal intervals, or those that EM finds."""
 

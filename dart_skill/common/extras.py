@@ -1,4 +1,6 @@
-"""Packages that only a part of the library needs, and the extra of `pip install 'dart_skill[...]'` that brings each."""
+"""Packages that only a part of the library needs, and the extra of `pip install 'dart_skill[...]'`
+that brings each.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +31,16 @@ def remedy(module: str) -> str:
 
 
 def explained(error: ImportError) -> str:
-    """An import that failed, in a line: what is missing, and what brings it, where that is an extra of ours. error: of the import."""
+    """An import that failed, in a line: what is missing, and what brings it, where that is an
+    extra of ours. error: of the import.
+    """
     module = (error.name or "").split(".")[0]
     missing = isinstance(error, ModuleNotFoundError) and module in EXTRA_OF
-    return f"the package {module} is needed for this, and is not there: {remedy(module)}" if missing else str(error)
+    return (
+        f"the package {module} is needed for this, and is not there: {remedy(module)}"
+        if missing
+        else str(error)
+    )
 
 
 def need(*modules: str) -> None:
@@ -43,12 +51,16 @@ def need(*modules: str) -> None:
 
 
 def optional(module: str) -> ModuleType:
-    """A module of a package that is in an extra; ModuleNotFoundError, as of an import, if it is not there."""
+    """A module of a package that is in an extra; ModuleNotFoundError, as of an import, if it is
+    not there.
+    """
     return importlib.import_module(module)
 
 
 class Absent:
-    """Stands for a module that is not installed: whoever asks it for anything gets the error of its import."""
+    """Stands for a module that is not installed: whoever asks it for anything gets the error of
+    its import.
+    """
 
     def __init__(self, error: ModuleNotFoundError):
         self._error = error

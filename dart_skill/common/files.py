@@ -23,13 +23,17 @@ class NoFile(OSError):
 
 
 def require_file(path: str | os.PathLike) -> None:
-    """NoFile for what is there but is no regular file: a pipe, a device, a socket, a folder. FileNotFoundError if nothing is."""
+    """NoFile for what is there but is no regular file: a pipe, a device, a socket, a folder.
+    FileNotFoundError if nothing is.
+    """
     _check(os.stat(_checked(path)).st_mode, path)
 
 
 def open_file(path: str | os.PathLike) -> BinaryIO:
     """A regular file, open for reading; NoFile for anything else, which is not waited for."""
-    descriptor = os.open(_checked(path), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+    descriptor = os.open(
+        _checked(path), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+    )
     try:
         _check(os.fstat(descriptor).st_mode, path)
         return os.fdopen(descriptor, "rb")
@@ -40,10 +44,11 @@ def open_file(path: str | os.PathLike) -> BinaryIO:
 
 @contextmanager
 def new_file(path: str | os.PathLike, replace: bool = False) -> Iterator[BinaryIO]:
-    """A file to write, which is there whole and on the disk when the block ends, and not at all if the block or the disk fails.
+    """A file to write, which is there whole and on the disk when the block ends, and not at all if
+    the block or the disk fails.
 
-    replace: instead of one that is there already; else FileExistsError. It is written beside its place, and renamed. OSError with its name
-    where the disk is full.
+    replace: instead of one that is there already; else FileExistsError. It is written beside its
+    place, and renamed. OSError with its name where the disk is full.
     """
     place = Path(os.path.realpath(_checked(path)))
     if not replace and place.exists():
@@ -61,7 +66,9 @@ def new_file(path: str | os.PathLike, replace: bool = False) -> Iterator[BinaryI
     except OSError as error:
         if error.errno is None or error.filename is not None:
             raise
-        raise OSError(error.errno, error.strerror, str(place)) from error  # a disk that is full says of no file that it was this one
+        raise OSError(
+            error.errno, error.strerror, str(place)
+        ) from error  # a disk that is full says of no file that it was this one
     finally:
         with suppress(OSError):
             beside.unlink()
@@ -86,4 +93,7 @@ def _checked(path: str | os.PathLike) -> str:
 
 def _check(mode: int, path: str | os.PathLike) -> None:
     if not stat.S_ISREG(mode):
-        raise NoFile(f"{os.fspath(path)} is {_KINDS.get(stat.S_IFMT(mode), 'something else')}, and not a file")
+        raise NoFile(
+            f"{os.fspath(path)} is {_KINDS.get(stat.S_IFMT(mode), 'something else')}, and not a"
+            " file"
+        )

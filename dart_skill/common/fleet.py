@@ -17,18 +17,25 @@ Arm = dict[str, dict[str, Any]]
 
 
 def arm_named(name: str) -> Arm:
-    """An arm of config/fleet.yaml: one of its names, or fleet:SEED for the one that this seed draws. ValueError names what there is."""
+    """An arm of config/fleet.yaml: one of its names, or fleet:SEED for the one that this seed
+    draws. ValueError names what there is.
+    """
     content = load_yaml("fleet.yaml")
     family, _, seed = name.partition(":")
     if family == FLEET and seed.isdecimal():
         return drawn(content["fleet"], int(seed))
     if name in content["arms"]:
         return {node: dict(parameters) for node, parameters in content["arms"][name].items()}
-    raise ValueError(f"no arm '{name}': choose {FLEET}:SEED, as in {FLEET}:3, or one of {', '.join(content['arms'])}")
+    raise ValueError(
+        f"no arm '{name}': choose {FLEET}:SEED, as in {FLEET}:3, or one of"
+        f" {', '.join(content['arms'])}"
+    )
 
 
 def arm_with(name: str, settings: Iterable[str]) -> Arm:
-    """An arm as `arm_named` gives it, with further parameters, each as NODE.PARAMETER=VALUE. ValueError names what does not exist."""
+    """An arm as `arm_named` gives it, with further parameters, each as NODE.PARAMETER=VALUE.
+    ValueError names what does not exist.
+    """
     differs = arm_named(name)
     for text in settings:
         node, parameter, value = _setting(text)
@@ -37,29 +44,44 @@ def arm_with(name: str, settings: Iterable[str]) -> Arm:
 
 
 def _setting(text: str) -> tuple[str, str, object]:
-    """Node, parameter and value of NODE.PARAMETER=VALUE, the value as YAML and of the kind that the parameter has."""
+    """Node, parameter and value of NODE.PARAMETER=VALUE, the value as YAML and of the kind that
+    the parameter has.
+    """
     where, equals, given = text.partition("=")
     node, dot, name = where.partition(".")
     if not (equals and dot and given):
-        raise ValueError(f"--set {text}: give NODE.PARAMETER=VALUE, as in mock_optitrack.noise=0.001")
+        raise ValueError(
+            f"--set {text}: give NODE.PARAMETER=VALUE, as in mock_optitrack.noise=0.001"
+        )
     try:
         usual = node_parameters(node_file(node), node)
     except (FileNotFoundError, KeyError):
-        raise ValueError(f"--set {text}: there is no node {node} with parameters in config/") from None
+        raise ValueError(
+            f"--set {text}: there is no node {node} with parameters in config/"
+        ) from None
     if name not in usual:
-        raise ValueError(f"--set {text}: {node} has no parameter {name}; it has {', '.join(sorted(usual))}")
+        raise ValueError(
+            f"--set {text}: {node} has no parameter {name}; it has {', '.join(sorted(usual))}"
+        )
     value = yaml.safe_load(given)
     if isinstance(usual[name], float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not type(usual[name]):
-        raise ValueError(f"--set {text}: {value!r} is no {type(usual[name]).__name__}, which {name} is")
+        raise ValueError(
+            f"--set {text}: {value!r} is no {type(usual[name]).__name__}, which {name} is"
+        )
     return node, name, value
 
 
 def drawn(ranges: Mapping[str, Mapping[str, Any]], seed: int) -> Arm:
-    """Every parameter drawn from its range. Each has a generator of its own, so that a new one changes none of the others."""
+    """Every parameter drawn from its range. Each has a generator of its own, so that a new one
+    changes none of the others.
+    """
     return {
-        node: {name: _draw(rule, np.random.default_rng([seed, zlib.crc32(f"{node}.{name}".encode())])) for name, rule in rules.items()}
+        node: {
+            name: _draw(rule, np.random.default_rng([seed, zlib.crc32(f"{node}.{name}".encode())]))
+            for name, rule in rules.items()
+        }
         for node, rules in ranges.items()
     }
 

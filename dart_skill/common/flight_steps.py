@@ -1,9 +1,11 @@
-"""Flights of balls with quadratic drag: steps of integration, where a plane is crossed, and the flight that fits samples best.
+"""Flights of balls with quadratic drag: steps of integration, where a plane is crossed, and the
+flight that fits samples best.
 
     dv/dt = (0, 0, -g) - k |v| v
 
-The equation is integrated with classical Runge-Kutta steps. Every function takes the drag k [1/m] and the gravity g [m/s^2], and trusts
-its arguments: `dart_skill.common.flight` checks them. This module is compiled (docs/development.md): flight_steps.pxd beside it has the types.
+The equation is integrated with classical Runge-Kutta steps. Every function takes the drag k [1/m]
+and the gravity g [m/s^2], and trusts its arguments: `dart_skill.common.flight` checks them. This
+module is compiled (docs/development.md): flight_steps.pxd beside it has the types.
 """
 
 import math
@@ -11,17 +13,23 @@ import math
 import numpy as np
 
 MAX_STEP, MAX_LOSS = 0.1, 0.01
-"""Limits of an integration step: its length [s], and the share of the speed that drag takes in it."""
+"""Limits of an integration step: its length [s], and the share of the speed that drag takes in it.
+"""
 PROBE = 1e-4
 """Difference of velocity with which the sensitivity of a flight is found [m/s]."""
 MOST_CORRECTIONS, CLOSE, CROSSED = 12, 1e-12, 1e-6
-"""Corrections of the instant of a crossing: most of them, the last one [s], and how near to the plane a ball must be then [m]."""
+"""Corrections of the instant of a crossing: most of them, the last one [s], and how near to the
+plane a ball must be then [m].
+"""
 MOST_REPETITIONS = 30
 """Most repetitions of a fit."""
 
 
-def fly(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, drag: float, gravity: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities (w, n, 3) of w flights at n times each: as many equal steps as the longest of all needs.
+def fly(
+    position: np.ndarray, velocity: np.ndarray, time: np.ndarray, drag: float, gravity: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities (w, n, 3) of w flights at n times each: as many equal steps as the
+    longest of all needs.
 
     * position, velocity: (w, 3) at time 0 [m], [m/s].
     * time: (w, n) [s], negative ones too.
@@ -29,14 +37,23 @@ def fly(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, drag: floa
     """
     n_flights, n_times = time.shape[0], time.shape[1]
     points, speeds = np.empty((n_flights * n_times, 3)), np.empty((n_flights * n_times, 3))
-    _predict(position, velocity, time, drag, gravity, points, speeds, np.empty(n_flights * n_times))
+    _predict(
+        position, velocity, time, drag, gravity, points, speeds, np.empty(n_flights * n_times)
+    )
     return points.reshape(n_flights, n_times, 3), speeds.reshape(n_flights, n_times, 3)
 
 
 def cross(
-    position: np.ndarray, velocity: np.ndarray, time: np.ndarray, normal: np.ndarray, offset: np.ndarray, drag: float, gravity: float
+    position: np.ndarray,
+    velocity: np.ndarray,
+    time: np.ndarray,
+    normal: np.ndarray,
+    offset: np.ndarray,
+    drag: float,
+    gravity: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where balls cross planes against their normal: positions and velocities (n, 3), times (n,); nan for balls that never do.
+    """Where balls cross planes against their normal: positions and velocities (n, 3), times (n,);
+    nan for balls that never do.
 
     Newton's iteration on the height above the plane, normal . p - offset.
 
@@ -55,7 +72,18 @@ def cross(
     _predict(position, velocity, begin, drag, gravity, place, speed, step)
     for i in range(n):
         instant[i] = begin[i, 0]
-        if not (time[i] >= 0.0 and _crosses(place[i : i + 1], speed[i : i + 1], instant[i : i + 1], normal, offset[i], drag, gravity)):
+        if not (
+            time[i] >= 0.0
+            and _crosses(
+                place[i : i + 1],
+                speed[i : i + 1],
+                instant[i : i + 1],
+                normal,
+                offset[i],
+                drag,
+                gravity,
+            )
+        ):
             instant[i] = never
             for k in range(3):
                 place[i, k] = speed[i, k] = never
@@ -63,12 +91,19 @@ def cross(
 
 
 def fit(
-    time: np.ndarray, position: np.ndarray, first: np.ndarray, drag: float, gravity: float, accuracy: float
+    time: np.ndarray,
+    position: np.ndarray,
+    first: np.ndarray,
+    drag: float,
+    gravity: float,
+    accuracy: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """State (2, 3) at time 0 of the flight that fits n samples best, and the distances (n,) of these [m].
+    """State (2, 3) at time 0 of the flight that fits n samples best, and the distances (n,) of
+    these [m].
 
-    The method of Gauss and Newton with one sensitivity for all repetitions. A change of the state by c leaves an error of about k t c^2:
-    where that is small enough, the flight moves as its sensitivity says.
+    The method of Gauss and Newton with one sensitivity for all repetitions. A change of the state
+    by c leaves an error of about k t c^2: where that is small enough, the flight moves as its
+    sensitivity says.
 
     * time: (n,), increasing [s].
     * position: (n, 3) [m].
@@ -98,12 +133,17 @@ def fit(
             break
         _follow(state[:1], state[1:], time, drag, gravity, points)
     for i in range(n):
-        away[i] = math.sqrt(left[3 * i] * left[3 * i] + left[3 * i + 1] * left[3 * i + 1] + left[3 * i + 2] * left[3 * i + 2])
+        away[i] = math.sqrt(
+            left[3 * i] * left[3 * i]
+            + left[3 * i + 1] * left[3 * i + 1]
+            + left[3 * i + 2] * left[3 * i + 2]
+        )
     return found, distances
 
 
 def lines(time: np.ndarray, position: np.ndarray, gravity: float) -> np.ndarray:
-    """States (w, 2, 3) at time 0 of the w flights in vacuum that fit n samples each best: lines, but for gravity.
+    """States (w, 2, 3) at time 0 of the w flights in vacuum that fit n samples each best: lines,
+    but for gravity.
 
     * time: (w, n) [s].
     * position: (w, n, 3) [m].
@@ -121,11 +161,20 @@ def lines(time: np.ndarray, position: np.ndarray, gravity: float) -> np.ndarray:
     return states
 
 
-def may_fly(time: np.ndarray, position: np.ndarray, states: np.ndarray, drag: float, gravity: float, tolerance: float) -> np.ndarray:
-    """Whether (w,) n samples each may be within a tolerance of a flight, as far as the flights in vacuum that fit them best tell.
+def may_fly(
+    time: np.ndarray,
+    position: np.ndarray,
+    states: np.ndarray,
+    drag: float,
+    gravity: float,
+    tolerance: float,
+) -> np.ndarray:
+    """Whether (w,) n samples each may be within a tolerance of a flight, as far as the flights in
+    vacuum that fit them best tell.
 
-    Drag, k |v|^2, moves a ball off a flight in vacuum with the same ends by at most k |v|^2 T^2 / 8. The flight in vacuum that fits best is
-    off the samples by no more than that one, root mean square: by this and the tolerance. |v| is below the sum of the speeds at both ends.
+    Drag, k |v|^2, moves a ball off a flight in vacuum with the same ends by at most k |v|^2 T^2 /
+    8. The flight in vacuum that fits best is off the samples by no more than that one, root mean
+    square: by this and the tolerance. |v| is below the sum of the speeds at both ends.
 
     * time: (w, n) [s], beginning with 0.
     * position: (w, n, 3) [m].
@@ -141,7 +190,12 @@ def may_fly(time: np.ndarray, position: np.ndarray, states: np.ndarray, drag: fl
         for j in range(n):
             x = position[i, j, 0] - states[i, 0, 0] - states[i, 1, 0] * time[i, j]
             y = position[i, j, 1] - states[i, 0, 1] - states[i, 1, 1] * time[i, j]
-            z = position[i, j, 2] - states[i, 0, 2] - states[i, 1, 2] * time[i, j] + 0.5 * gravity * time[i, j] * time[i, j]
+            z = (
+                position[i, j, 2]
+                - states[i, 0, 2]
+                - states[i, 1, 2] * time[i, j]
+                + 0.5 * gravity * time[i, j] * time[i, j]
+            )
             squares += x * x + y * y + z * z
         across = states[i, 1, 0] * states[i, 1, 0] + states[i, 1, 1] * states[i, 1, 1]
         rise, fall = states[i, 1, 2], states[i, 1, 2] - gravity * last
@@ -152,9 +206,15 @@ def may_fly(time: np.ndarray, position: np.ndarray, states: np.ndarray, drag: fl
 
 
 def fit_together(
-    time: np.ndarray, position: np.ndarray, first: np.ndarray, drag: float, gravity: float, accuracy: float
+    time: np.ndarray,
+    position: np.ndarray,
+    first: np.ndarray,
+    drag: float,
+    gravity: float,
+    accuracy: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """States (w, 2, 3) at time 0 of the w flights that fit n samples each best, and the distances (w, n) of these [m].
+    """States (w, 2, 3) at time 0 of the w flights that fit n samples each best, and the distances
+    (w, n) of these [m].
 
     Lines are fitted to what the last flights leave of the samples, until they are flat.
 
@@ -165,8 +225,18 @@ def fit_together(
     * accuracy: [m], a repetition that moves no sample by more is the last.
     """
     n_flights, n = time.shape[0], time.shape[1]
-    found, distances, change, left = np.empty((n_flights, 2, 3)), np.empty((n_flights, n)), np.empty((2, 3)), np.empty((n_flights * n, 3))
-    state, away, speeds, step = found, distances, np.empty((n_flights * n, 3)), np.empty(n_flights * n)
+    found, distances, change, left = (
+        np.empty((n_flights, 2, 3)),
+        np.empty((n_flights, n)),
+        np.empty((2, 3)),
+        np.empty((n_flights * n, 3)),
+    )
+    state, away, speeds, step = (
+        found,
+        distances,
+        np.empty((n_flights * n, 3)),
+        np.empty(n_flights * n),
+    )
     longest = 0.0
     for i in range(n_flights):
         for k in range(3):
@@ -212,7 +282,11 @@ def _line(time: np.ndarray, samples: np.ndarray, line: np.ndarray) -> None:
 
 def _length(vectors: np.ndarray, i: int) -> float:
     """Length of the vector i of (n, 3)."""
-    return math.sqrt(vectors[i, 0] * vectors[i, 0] + vectors[i, 1] * vectors[i, 1] + vectors[i, 2] * vectors[i, 2])
+    return math.sqrt(
+        vectors[i, 0] * vectors[i, 0]
+        + vectors[i, 1] * vectors[i, 1]
+        + vectors[i, 2] * vectors[i, 2]
+    )
 
 
 def _needed(velocity: np.ndarray, time: np.ndarray, drag: float) -> int:
@@ -228,7 +302,12 @@ def _longest_step(velocity: np.ndarray, drag: float) -> float:
     """Longest step [s] of flights with velocities (w, 3)."""
     fastest = 0.0
     for i in range(velocity.shape[0]):
-        fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1] + velocity[i, 2] * velocity[i, 2])
+        fastest = max(
+            fastest,
+            velocity[i, 0] * velocity[i, 0]
+            + velocity[i, 1] * velocity[i, 1]
+            + velocity[i, 2] * velocity[i, 2],
+        )
     return min(MAX_STEP, MAX_LOSS / max(drag * math.sqrt(fastest), 1e-12))
 
 
@@ -254,8 +333,17 @@ def _predict(
     _advance(points, speeds, step, n_steps, drag, gravity)
 
 
-def _follow(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, drag: float, gravity: float, points: np.ndarray) -> None:
-    """Write where w flights are at increasing times (n,), flight by flight (w n, 3): from each time to the next, from 0 on and back."""
+def _follow(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    time: np.ndarray,
+    drag: float,
+    gravity: float,
+    points: np.ndarray,
+) -> None:
+    """Write where w flights are at increasing times (n,), flight by flight (w n, 3): from each
+    time to the next, from 0 on and back.
+    """
     n_flights, n = position.shape[0], time.shape[0]
     place, speed, step = np.empty((n_flights, 3)), np.empty((n_flights, 3)), np.empty(n_flights)
     longest_step, first = _longest_step(velocity, drag), 0
@@ -279,7 +367,14 @@ def _follow(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, drag: 
             j += way
 
 
-def _advance(points: np.ndarray, speeds: np.ndarray, step: np.ndarray, n_steps: int, drag: float, gravity: float) -> None:
+def _advance(
+    points: np.ndarray,
+    speeds: np.ndarray,
+    step: np.ndarray,
+    n_steps: int,
+    drag: float,
+    gravity: float,
+) -> None:
     """Move states (n, 3) on by n_steps steps of Runge and Kutta with lengths (n,)."""
     for _ in range(n_steps):
         for i in range(points.shape[0]):
@@ -311,7 +406,13 @@ def _braked(x: float, y: float, z: float, drag: float) -> float:
 
 
 def _crosses(
-    place: np.ndarray, speed: np.ndarray, instant: np.ndarray, normal: np.ndarray, offset: float, drag: float, gravity: float
+    place: np.ndarray,
+    speed: np.ndarray,
+    instant: np.ndarray,
+    normal: np.ndarray,
+    offset: float,
+    drag: float,
+    gravity: float,
 ) -> bool:
     """Move a state (1, 3) at an instant (1,) to where it crosses a plane; returns whether it does."""
     step = np.empty(1)
@@ -323,7 +424,11 @@ def _crosses(
             break
         _advance(place, speed, step, 1, drag, gravity)
         instant[0] += step[0]
-    return abs(_along(normal, place) - offset) < CROSSED and _along(normal, speed) < 0.0 and instant[0] >= 0.0
+    return (
+        abs(_along(normal, place) - offset) < CROSSED
+        and _along(normal, speed) < 0.0
+        and instant[0] >= 0.0
+    )
 
 
 def _along(normal: np.ndarray, vector: np.ndarray) -> float:
@@ -331,8 +436,17 @@ def _along(normal: np.ndarray, vector: np.ndarray) -> float:
     return normal[0] * vector[0, 0] + normal[1] * vector[0, 1] + normal[2] * vector[0, 2]
 
 
-def _sensitivity(state: np.ndarray, time: np.ndarray, drag: float, gravity: float, points: np.ndarray, directions: np.ndarray) -> None:
-    """Write positions (n, 3) at increasing times (n,) of the flight with a state (2, 3), and their derivatives (6, 3 n) by the state."""
+def _sensitivity(
+    state: np.ndarray,
+    time: np.ndarray,
+    drag: float,
+    gravity: float,
+    points: np.ndarray,
+    directions: np.ndarray,
+) -> None:
+    """Write positions (n, 3) at increasing times (n,) of the flight with a state (2, 3), and their
+    derivatives (6, 3 n) by the state.
+    """
     n = time.shape[0]
     starts, velocities, probed = np.empty((4, 3)), np.empty((4, 3)), np.empty((4 * n, 3))
     for i in range(4):  # the flight itself, and one that is faster along each axis
@@ -344,12 +458,18 @@ def _sensitivity(state: np.ndarray, time: np.ndarray, drag: float, gravity: floa
         for k in range(3):
             points[j, k] = probed[j, k]
             for axis in range(3):
-                directions[axis, 3 * j + k] = 1.0 if axis == k else 0.0  # a flight that begins elsewhere is the same flight there
-                directions[3 + axis, 3 * j + k] = (probed[(axis + 1) * n + j, k] - probed[j, k]) / PROBE
+                directions[axis, 3 * j + k] = (
+                    1.0 if axis == k else 0.0
+                )  # a flight that begins elsewhere is the same flight there
+                directions[3 + axis, 3 * j + k] = (
+                    probed[(axis + 1) * n + j, k] - probed[j, k]
+                ) / PROBE
 
 
 def _orthonormalise(directions: np.ndarray, triangle: np.ndarray) -> None:
-    """Replace m directions (m, n) by orthonormal ones Q, and write R (m, m) of QR: the modified method of Gram and Schmidt."""
+    """Replace m directions (m, n) by orthonormal ones Q, and write R (m, m) of QR: the modified
+    method of Gram and Schmidt.
+    """
     m, n = directions.shape[0], directions.shape[1]
     for k in range(m):
         total = 0.0
@@ -362,7 +482,9 @@ def _orthonormalise(directions: np.ndarray, triangle: np.ndarray) -> None:
             triangle[k, other] = _taken(directions, k, directions[other])
 
 
-def _solve(directions: np.ndarray, triangle: np.ndarray, left: np.ndarray, change: np.ndarray) -> None:
+def _solve(
+    directions: np.ndarray, triangle: np.ndarray, left: np.ndarray, change: np.ndarray
+) -> None:
     """Write the least-squares solution (m,) for a right side (n,), of which what is left remains."""
     m = directions.shape[0]
     for k in range(m):

@@ -1,4 +1,6 @@
-"""Hyper-parameters as scikit-learn's users know them: `get_params`, `set_params`, `sklearn.base.clone`, and a `repr` that shows them."""
+"""Hyper-parameters as scikit-learn's users know them: `get_params`, `set_params`,
+`sklearn.base.clone`, and a `repr` that shows them.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ AnyModel = TypeVar("AnyModel", bound="HyperParameters")
 
 
 class HyperParameters:
-    """Base of what is fitted: the arguments of its constructor are kept as attributes of the same names."""
+    """Base of what is fitted: the arguments of its constructor are kept as attributes of the same
+    names.
+    """
 
     @classmethod
     def _parameters(cls) -> dict[str, inspect.Parameter]:
@@ -28,14 +32,18 @@ class HyperParameters:
         return {name: getattr(self, name) for name in self._parameters()}
 
     def set_params(self: AnyModel, **params: Any) -> AnyModel:
-        """Change hyper-parameters; returns self. What was fitted with the former ones is forgotten.
+        """Change hyper-parameters; returns self. What was fitted with the former ones is
+        forgotten.
 
         * params: by name, as the constructor takes them. ValueError names one that is none.
         """
         known = self.get_params()
         for name in params:
             if name not in known:
-                raise ValueError(f"Invalid parameter {name!r} for {type(self).__name__}; it has {', '.join(known)}")
+                raise ValueError(
+                    f"Invalid parameter {name!r} for {type(self).__name__}; it has"
+                    f" {', '.join(known)}"
+                )
         if params:
             made = type(self)(**{**known, **params})  # or a ValueError, and nothing has changed
             vars(self).clear()
@@ -53,14 +61,20 @@ class HyperParameters:
     def __repr__(self) -> str:
         """The call that makes one, with what is not the default, and what was fitted."""
         defaults = {name: one.default for name, one in self._parameters().items()}
-        told = [f"{name}={_short(value)}" for name, value in self.get_params().items() if not _same(value, defaults.get(name))]
+        told = [
+            f"{name}={_short(value)}"
+            for name, value in self.get_params().items()
+            if not _same(value, defaults.get(name))
+        ]
         fitted = self._fitted_to()
         return f"{type(self).__name__}({', '.join(told)})" + (f": {fitted}" if fitted else "")
 
 
 def _same(value: Any, default: Any) -> bool:
     """Whether a value is its default, also where it is an array."""
-    return value is default or bool(isinstance(value, bool) == isinstance(default, bool) and np.array_equal(value, default))
+    return value is default or bool(
+        isinstance(value, bool) == isinstance(default, bool) and np.array_equal(value, default)
+    )
 
 
 def _short(value: Any) -> str:

@@ -1,4 +1,6 @@
-"""Names of a package that are imported when they are used first, so that a process loads what it needs and no more (PEP 562)."""
+"""Names of a package that are imported when they are used first, so that a process loads what it
+needs and no more (PEP 562).
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,12 @@ from importlib import import_module
 from typing import Any
 
 
-def on_first_use(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """A package's `__getattr__` and `__dir__`, which import names from the modules that have them when somebody asks for them;
-    AttributeError, as of any module, for a name that none of them has.
+def on_first_use(
+    package: str, home: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """A package's `__getattr__` and `__dir__`, which import names from the modules that have them
+    when somebody asks for them; AttributeError, as of any module, for a name that none of them
+    has.
 
     A type checker sees the imports themselves:
 

@@ -1,4 +1,6 @@
-"""How the state of a robot drives a movement in place of a clock (thesis chapter 9): the rate of the phase."""
+"""How the state of a robot drives a movement in place of a clock (thesis chapter 9): the rate of
+the phase.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +12,18 @@ from dart_skill.common.checks import as_number
 
 @dataclass(frozen=True)
 class PhaseRule:
-    """How the state changes the phase: s' = clip(1 + d / T, slowest, fastest), where d [s] is how far the state is ahead of the phase.
+    """How the state changes the phase: s' = clip(1 + d / T, slowest, fastest), where d [s] is how
+    far the state is ahead of the phase.
 
     Parameters:
 
-    * slowest: float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated pace.
+    * slowest: float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated
+      pace.
     * fastest: float above 1, default 4. Largest rate of the phase.
     * time_constant: float, default 0.05 [s]. T of the correction.
     * deviation: float, default 0.05 [s]. w, standard deviation of the phase in the correction.
-    * ignored: float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or leads by that nobody disturbs.
+    * ignored: float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or
+      leads by that nobody disturbs.
     """
 
     slowest: float = 0.05
@@ -32,7 +37,10 @@ class PhaseRule:
             as_number(getattr(self, name), name)
         as_number(self.ignored, "ignored", strict=False)
         if not self.slowest < 1.0 < self.fastest:
-            raise ValueError(f"slowest {self.slowest} and fastest {self.fastest} must lie on either side of 1, the demonstrated pace")
+            raise ValueError(
+                f"slowest {self.slowest} and fastest {self.fastest} must lie on either side of 1,"
+                " the demonstrated pace"
+            )
 
     def rate(self, ahead: float) -> float:
         """s' for a state that is so far ahead of the phase [s]."""

@@ -1,7 +1,8 @@
-"""Which colour stands for what, in figures, reports, the live page, markers and the files of other viewers: one colour for one thing.
+"""Which colour stands for what, in figures, reports, the live page, markers and the files of other
+viewers: one colour for one thing.
 
-Okabe and Ito, Color Universal Design (2008): colour-blind people tell these eight apart. Quantities have viridis (`figures`). Colours are
-red, green, blue from 0 to 255.
+Okabe and Ito, Color Universal Design (2008): colour-blind people tell these eight apart.
+Quantities have viridis (`figures`). Colours are red, green, blue from 0 to 255.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ GAUSSIANS = (GREEN, SKY, PURPLE, YELLOW)
 """Colours of groups of Gaussians, in the order in which they first come."""
 GAUSSIAN = GAUSSIANS[0]
 SUCCESS, FAILURE = BASKET, BALL
-"""What ended in the basket has its colour; what did not keeps that of the ball. The marks differ, too: a ring and a cross."""
+"""What ended in the basket has its colour; what did not keeps that of the ball. The marks differ,
+too: a ring and a cross.
+"""
 STOP = VERMILION
 """What ends a movement at once, and what tells of an error."""
 LEVELS = (GREEN, ORANGE, VERMILION, GREY)

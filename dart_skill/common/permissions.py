@@ -1,7 +1,8 @@
-"""What each node of the graph may do, as a policy of ROS 2 Security (SROS 2): one enclave for each process, least privilege.
+"""What each node of the graph may do, as a policy of ROS 2 Security (SROS 2): one enclave for each
+process, least privilege.
 
-config/permissions.yaml says it by node. An enclave has the permissions of all nodes of its process. The policy is what `ros2 security
-generate_artifacts` takes.
+config/permissions.yaml says it by node. An enclave has the permissions of all nodes of its
+process. The policy is what `ros2 security generate_artifacts` takes.
 """
 
 from xml.etree import ElementTree
@@ -21,7 +22,13 @@ PARAMETERS = (
 )
 """Services of every node's parameters."""
 READS = PARAMETERS[:4]
-LIFE_CYCLE = ("change_state", "get_state", "get_available_states", "get_available_transitions", "get_transition_graph")
+LIFE_CYCLE = (
+    "change_state",
+    "get_state",
+    "get_available_states",
+    "get_available_transitions",
+    "get_transition_graph",
+)
 KINDS = {
     "publishes": ("topic", "publish"),
     "hears": ("topic", "subscribe"),
@@ -34,10 +41,16 @@ KINDS = {
 COMMON = {
     "publishes": ("/rosout", "/parameter_events", "/diagnostics", "~/_alive", "~/_pulse"),
     "hears": ("/clock", "/*/_alive"),
-    "serves": (*(f"~/{name}" for name in PARAMETERS), "~/get_type_description", "/_*/get_type_description"),
+    "serves": (
+        *(f"~/{name}" for name in PARAMETERS),
+        "~/get_type_description",
+        "/_*/get_type_description",
+    ),
     "calls": ("/*/list_parameters",),
 }
-"""What every node may do: tell how it is, have parameters, know who lives, and ask whether a server answers."""
+"""What every node may do: tell how it is, have parameters, know who lives, and ask whether a
+server answers.
+"""
 
 
 GLOBAL = ("/rosout", "/parameter_events", "/diagnostics", "/tf", "/tf_static")
@@ -54,7 +67,8 @@ def enclave_of(process: str, namespace: str = "") -> str:
 
 
 def permissions_of(section: str, namespace: str = "") -> dict[str, list[str]]:
-    """Everything that a node of config/permissions.yaml may do, by the keys of `KINDS`; ValueError if it has no section there.
+    """Everything that a node of config/permissions.yaml may do, by the keys of `KINDS`; ValueError
+    if it has no section there.
 
     * section: of the file.
     * namespace: of the graph, as "/arm1".
@@ -66,11 +80,16 @@ def permissions_of(section: str, namespace: str = "") -> dict[str, list[str]]:
         granted["publishes"].append("~/transition_event")
     granted["calls"] += [f"/{other}/{name}" for other in own.get("asks", ()) for name in READS]
     granted["calls"] += [f"/{other}/set_parameters" for other in own.get("sets", ())]
-    return {kind: [full for name in names for full in _full_names(name, namespace)] for kind, names in granted.items()}
+    return {
+        kind: [full for name in names for full in _full_names(name, namespace)]
+        for kind, names in granted.items()
+    }
 
 
 def _full_names(name: str, namespace: str) -> tuple[str, ...]:
-    """Full names of a name of the file: what is below the node stays so, and everything is that of the namespace and what all share."""
+    """Full names of a name of the file: what is below the node stays so, and everything is that of
+    the namespace and what all share.
+    """
     if name == "*":
         return (f"{namespace}/*", *GLOBAL) if namespace else ("/*",)
     return (name,) if name.startswith("~") or name in GLOBAL else (f"{namespace}{name}",)
@@ -89,12 +108,18 @@ def policy(namespace: str = "") -> str:
     root = ElementTree.Element("policy", version="0.2.0")
     inside = ElementTree.SubElement(root, "enclaves")
     for enclave, sections in processes().items():
-        profiles = ElementTree.SubElement(ElementTree.SubElement(inside, "enclave", path=enclave_of(enclave, namespace)), "profiles")
+        profiles = ElementTree.SubElement(
+            ElementTree.SubElement(inside, "enclave", path=enclave_of(enclave, namespace)),
+            "profiles",
+        )
         for section in sections:
             for node in _section(section).get("names", [section]):
                 _add_profile(profiles, node, namespace or "/", permissions_of(section, namespace))
     ElementTree.indent(root)
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+    return (
+        '<?xml version="1.0"'
+        f' encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+    )
 
 
 def _section(name: str) -> dict:
@@ -104,7 +129,9 @@ def _section(name: str) -> dict:
     return sections[name]
 
 
-def _add_profile(profiles: ElementTree.Element, node: str, space: str, permissions: dict[str, list[str]]) -> None:
+def _add_profile(
+    profiles: ElementTree.Element, node: str, space: str, permissions: dict[str, list[str]]
+) -> None:
     profile = ElementTree.SubElement(profiles, "profile", ns=space, node=node)
     for kind, names in permissions.items():
         what, rule = KINDS[kind]

@@ -1,7 +1,9 @@
-"""Rotations of a whole recording: rows of quaternions x, y, z, w, vectors turned by them, and the angles of the hand.
+"""Rotations of a whole recording: rows of quaternions x, y, z, w, vectors turned by them, and the
+angles of the hand.
 
-SciPy and NumPy take three to ten times longer for some hundred rows. Arguments are trusted; `dart_skill.movement` has functions for callers
-of the library, which check them. This module is compiled (docs/development.md): rotations.pxd beside it has the types.
+SciPy and NumPy take three to ten times longer for some hundred rows. Arguments are trusted;
+`dart_skill.movement` has functions for callers of the library, which check them. This module is
+compiled (docs/development.md): rotations.pxd beside it has the types.
 """
 
 import math
@@ -26,7 +28,8 @@ def least_length(quaternions: np.ndarray, unit: np.ndarray) -> float:
 
 
 def turned(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) turned by unit quaternions (n, 4); one of them may have one row for all rows of the other.
+    """Vectors (n, 3) turned by unit quaternions (n, 4); one of them may have one row for all rows
+    of the other.
 
     * quaternions: (n, 4) or (1, 4).
     * vectors: (n, 3) or (1, 3).
@@ -47,7 +50,8 @@ def turned(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def hand_angles(quaternions: np.ndarray) -> np.ndarray:
-    """Angles alpha, beta, roll (n, 3) [rad] of hand orientations in a task frame (8.4.1), each in half a turn to either side of zero.
+    """Angles alpha, beta, roll (n, 3) [rad] of hand orientations in a task frame (8.4.1), each in
+    half a turn to either side of zero.
 
     * quaternions: (n, 4), of unit length.
     """
@@ -65,12 +69,17 @@ def hand_angles(quaternions: np.ndarray) -> np.ndarray:
         cos_beta, sin_beta = across / length, ahead_y / length
         left = -sin_beta * cos_alpha * side_x + cos_beta * side_y - sin_beta * sin_alpha * side_z
         up = cos_alpha * side_z - sin_alpha * side_x
-        angles[i, 0], angles[i, 1], angles[i, 2] = math.atan2(ahead_z, ahead_x), math.atan2(ahead_y, across), math.atan2(up, left)
+        angles[i, 0], angles[i, 1], angles[i, 2] = (
+            math.atan2(ahead_z, ahead_x),
+            math.atan2(ahead_y, across),
+            math.atan2(up, left),
+        )
     return found
 
 
 def of_hand_angles(angles: np.ndarray) -> np.ndarray:
-    """Unit quaternions (n, 4) of angles alpha, beta, roll: neighbours have a non-negative dot product.
+    """Unit quaternions (n, 4) of angles alpha, beta, roll: neighbours have a non-negative dot
+    product.
 
     * angles: (n, 3) [rad], as of `hand_angles`.
     """
@@ -83,15 +92,28 @@ def of_hand_angles(angles: np.ndarray) -> np.ndarray:
         # R_y(-alpha) R_z(beta), then R_x(roll), then R_y(90 degrees), each as a quaternion.
         a, b, c, d = -sa * sb, -sa * cb, ca * sb, ca * cb
         x, y, z, w = d * sr + a * cr, b * cr + c * sr, c * cr - b * sr, d * cr - a * sr
-        a, b, c, d = half_root * (x - z), half_root * (w + y), half_root * (z + x), half_root * (w - y)
-        if i > 0 and a * result[i - 1, 0] + b * result[i - 1, 1] + c * result[i - 1, 2] + d * result[i - 1, 3] < 0.0:
+        a, b, c, d = (
+            half_root * (x - z),
+            half_root * (w + y),
+            half_root * (z + x),
+            half_root * (w - y),
+        )
+        if (
+            i > 0
+            and a * result[i - 1, 0]
+            + b * result[i - 1, 1]
+            + c * result[i - 1, 2]
+            + d * result[i - 1, 3]
+            < 0.0
+        ):
             a, b, c, d = -a, -b, -c, -d
         result[i, 0], result[i, 1], result[i, 2], result[i, 3] = a, b, c, d
     return found
 
 
 def unwrap(angles: np.ndarray, near: float) -> None:
-    """Add full turns to angles, so that they have no jumps and the first is within half a turn of `near`.
+    """Add full turns to angles, so that they have no jumps and the first is within half a turn of
+    `near`.
 
     * angles: (n,) [rad], n >= 1, is written.
     * near: [rad].
@@ -166,14 +188,20 @@ def matrix_into(quaternion: np.ndarray, matrix: np.ndarray) -> None:
     * matrix: (3, 3), is written.
     """
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    matrix[0, 0], matrix[1, 1], matrix[2, 2] = 1.0 - 2.0 * (y * y + z * z), 1.0 - 2.0 * (x * x + z * z), 1.0 - 2.0 * (x * x + y * y)
+    matrix[0, 0], matrix[1, 1], matrix[2, 2] = (
+        1.0 - 2.0 * (y * y + z * z),
+        1.0 - 2.0 * (x * x + z * z),
+        1.0 - 2.0 * (x * x + y * y),
+    )
     matrix[0, 1], matrix[1, 0] = 2.0 * (x * y - z * w), 2.0 * (x * y + z * w)
     matrix[0, 2], matrix[2, 0] = 2.0 * (x * z + y * w), 2.0 * (x * z - y * w)
     matrix[1, 2], matrix[2, 1] = 2.0 * (y * z - x * w), 2.0 * (y * z + x * w)
 
 
 def _of_matrix(matrix: np.ndarray, quaternion: np.ndarray) -> None:
-    """Write a quaternion (4,) of any length with the rotation of a matrix (3, 3): from the largest of its numbers (Shepperd, 1978)."""
+    """Write a quaternion (4,) of any length with the rotation of a matrix (3, 3): from the largest
+    of its numbers (Shepperd, 1978).
+    """
     trace = matrix[0, 0] + matrix[1, 1] + matrix[2, 2]
     largest, i = trace, 3
     for k in range(3):

@@ -1,7 +1,7 @@
 """Linear equations with a handful of unknowns, such as those of the joints of an arm.
 
-For matrices this small a call of LAPACK takes several times as long as its arithmetic. This module is compiled
-(docs/development.md): small_matrices.pxd beside it has the types.
+For matrices this small a call of LAPACK takes several times as long as its arithmetic. This module
+is compiled (docs/development.md): small_matrices.pxd beside it has the types.
 """
 
 import math
@@ -25,9 +25,11 @@ def solve_positive_definite(matrix: np.ndarray, right: np.ndarray) -> np.ndarray
 
 
 def factor_into(matrix: np.ndarray, lower: np.ndarray) -> None:
-    """Write the Cholesky factor L of a matrix L L' (n, n); what is above the diagonal stays as it is.
+    """Write the Cholesky factor L of a matrix L L' (n, n); what is above the diagonal stays as it
+    is.
 
-    * matrix: (n, n) symmetric and positive definite; its lower triangle is read, and it may be `lower` itself.
+    * matrix: (n, n) symmetric and positive definite; its lower triangle is read, and it may be
+      `lower` itself.
     * lower: (n, n), is written.
 
     ValueError if the matrix is not positive definite.
@@ -43,7 +45,9 @@ def factor_into(matrix: np.ndarray, lower: np.ndarray) -> None:
             elif rest > 0.0:
                 lower[i, i] = math.sqrt(rest)
             else:
-                raise ValueError(f"a matrix of {n} rows is not positive definite: its pivot {i} is {rest:g}")
+                raise ValueError(
+                    f"a matrix of {n} rows is not positive definite: its pivot {i} is {rest:g}"
+                )
 
 
 def solve_into(lower: np.ndarray, right: np.ndarray, solution: np.ndarray) -> None:

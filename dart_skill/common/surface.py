@@ -1,8 +1,10 @@
-"""What is thrown, and the surface on which a throw is judged: the plane of a basket's rim, or that of a dart board.
+"""What is thrown, and the surface on which a throw is judged: the plane of a basket's rim, or that
+of a dart board.
 
-Both surfaces have one interface, so that teaching, learning, planning and practice are the same for both. The coordinates of a point are
-two numbers as seen from the arm's base axis: its reach [m], which the speed of a throw decides, the distance of a rim or the height on a
-board; and its azimuth [rad]. A miss is two lengths [m]: in the direction of growing reach, and to the left.
+Both surfaces have one interface, so that teaching, learning, planning and practice are the same
+for both. The coordinates of a point are two numbers as seen from the arm's base axis: its reach
+[m], which the speed of a throw decides, the distance of a rim or the height on a board; and its
+azimuth [rad]. A miss is two lengths [m]: in the direction of growing reach, and to the left.
 """
 
 from __future__ import annotations
@@ -22,16 +24,33 @@ STUCK = 0.02
 
 @dataclass(frozen=True)
 class Rims:
-    """Horizontal planes, each through its target, which is the centre of a rim; they are crossed going down."""
+    """Horizontal planes, each through its target, which is the centre of a rim; they are crossed
+    going down.
+    """
 
     what = "basket"
 
-    def crossing(self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = TENNIS_BALL) -> Landing:
-        """Where flights with position, velocity (..., 3) at their start meet the surface of a target (3,)."""
+    def crossing(
+        self,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        target: np.ndarray,
+        ball: Ball = TENNIS_BALL,
+    ) -> Landing:
+        """Where flights with position, velocity (..., 3) at their start meet the surface of a
+        target (3,).
+        """
         return landing(position, velocity, target[2], ball)
 
-    def reached(self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = TENNIS_BALL) -> float:
-        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane were turned to the target (3,).
+    def reached(
+        self,
+        position: np.ndarray,
+        velocity: np.ndarray,
+        target: np.ndarray,
+        ball: Ball = TENNIS_BALL,
+    ) -> float:
+        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane
+        were turned to the target (3,).
 
         position, velocity: (3,) at the start.
         """
@@ -46,7 +65,13 @@ class Rims:
 
     def point(self, coordinates: np.ndarray, target: np.ndarray) -> np.ndarray:
         """The point (3,) with coordinates (2,) on the surface of a target (3,)."""
-        return np.array([coordinates[0] * np.cos(coordinates[1]), coordinates[0] * np.sin(coordinates[1]), target[2]])
+        return np.array(
+            [
+                coordinates[0] * np.cos(coordinates[1]),
+                coordinates[0] * np.sin(coordinates[1]),
+                target[2],
+            ]
+        )
 
     def miss(self, difference: np.ndarray, at: np.ndarray) -> np.ndarray:
         """A difference of points (3,), at a point (3,), as along and across (2,)."""
@@ -56,10 +81,16 @@ class Rims:
         """The difference (3,) that a miss (2,) is at a point (3,)."""
         return np.array([*(_turn(np.arctan2(at[1], at[0]))[:2, :2] @ miss), 0.0])
 
-    def seen_from(self, target: np.ndarray, place: np.ndarray, miss: np.ndarray) -> tuple[float, float]:
-        """How far from a target (3,) a miss (2,) of the place with coordinates (2,) is: two lengths."""
+    def seen_from(
+        self, target: np.ndarray, place: np.ndarray, miss: np.ndarray
+    ) -> tuple[float, float]:
+        """How far from a target (3,) a miss (2,) of the place with coordinates (2,) is: two
+        lengths.
+        """
         distance, azimuth = self.coordinates(target)
-        return float(place[0] + miss[0] - distance), float(place[0] * (place[1] - azimuth) + miss[1])
+        return float(place[0] + miss[0] - distance), float(
+            place[0] * (place[1] - azimuth) + miss[1]
+        )
 
     def apart(self, point: np.ndarray, target: np.ndarray) -> float:
         """Distance [m] of a point of the surface from a target."""
@@ -70,7 +101,9 @@ class Rims:
         return f"{reach:.2f} m from the base axis"
 
     def passed(self, path: np.ndarray, target: np.ndarray) -> bool:
-        """Whether what was seen on a path (n, 3) was above the plane of a rim (3,), and last below it."""
+        """Whether what was seen on a path (n, 3) was above the plane of a rim (3,), and last below
+        it.
+        """
         return len(path) > 0 and bool(path[:, 2].max() > target[2] > path[-1, 2])
 
 
@@ -85,7 +118,9 @@ class BoardFace:
     def __post_init__(self) -> None:
         bull = tuple(float(value) for value in self.bull)
         if len(bull) != 3 or not np.isfinite(bull).all() or np.hypot(*bull[:2]) < 0.1:
-            raise ValueError(f"bull {self.bull} must be three finite numbers, at least 0.1 m from the base axis")
+            raise ValueError(
+                f"bull {self.bull} must be three finite numbers, at least 0.1 m from the base axis"
+            )
         object.__setattr__(self, "bull", bull)
 
     @cached_property
@@ -104,21 +139,28 @@ class BoardFace:
         x, y, _ = self.normal
         return np.array([[0.0, -y], [0.0, x], [1.0, 0.0]])
 
-    def crossing(self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = DART) -> Landing:
+    def crossing(
+        self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = DART
+    ) -> Landing:
         """Where flights with position, velocity (..., 3) at their start meet the plane.
 
         target: without effect, since the plane is the board's.
         """
         return crossing(position, velocity, self.normal, self.distance, ball)
 
-    def reached(self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = DART) -> float:
-        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane were turned to the target (3,).
+    def reached(
+        self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = DART
+    ) -> float:
+        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane
+        were turned to the target (3,).
 
         position, velocity: (3,) at the start.
         """
         aside = np.arctan2(target[1], target[0]) - np.arctan2(self.bull[1], self.bull[0])
         plane = self.distance / float(np.cos(aside))
-        return float(crossing(position, velocity, np.array([1.0, 0.0, 0.0]), plane, ball).position[2])
+        return float(
+            crossing(position, velocity, np.array([1.0, 0.0, 0.0]), plane, ball).position[2]
+        )
 
     def coordinates(self, points: np.ndarray) -> np.ndarray:
         """Reach and azimuth (..., 2) of points (..., 3)."""
@@ -131,15 +173,21 @@ class BoardFace:
         return self.distance * self.normal + left + [0.0, 0.0, coordinates[0]]
 
     def miss(self, difference: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """A difference of points (3,) as up and to the left (2,). at: without effect, since the face is a plane."""
+        """A difference of points (3,) as up and to the left (2,). at: without effect, since the
+        face is a plane.
+        """
         return difference @ self.axes
 
     def offset(self, miss: np.ndarray, at: np.ndarray) -> np.ndarray:
         """The difference (3,) that a miss (2,) is. at: without effect, since the face is a plane."""
         return self.axes @ miss
 
-    def seen_from(self, target: np.ndarray, place: np.ndarray, miss: np.ndarray) -> tuple[float, float]:
-        """How far from a target (3,) a miss (2,) of the place with coordinates (2,) is: two lengths."""
+    def seen_from(
+        self, target: np.ndarray, place: np.ndarray, miss: np.ndarray
+    ) -> tuple[float, float]:
+        """How far from a target (3,) a miss (2,) of the place with coordinates (2,) is: two
+        lengths.
+        """
         up, left = self.miss(self.point(place, target) - target, target) + miss
         return float(up), float(left)
 
@@ -156,11 +204,15 @@ class BoardFace:
         return self.apart(point, np.array(self.bull)) <= 0.5 * BOARD_DIAMETER
 
     def on_board(self, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) [m] as `dart_skill.darts` has them: (..., 2) [mm] from the bull, to the right and up."""
+        """Points (..., 3) [m] as `dart_skill.darts` has them: (..., 2) [mm] from the bull, to the
+        right and up.
+        """
         return 1e3 * ((points - np.array(self.bull)) @ self.axes)[..., ::-1] * [-1.0, 1.0]
 
     def beside_bull(self, right_up: np.ndarray) -> np.ndarray:
-        """Points (..., 3) [m] in the world that are so far to the right and up (..., 2) [m] from the bull."""
+        """Points (..., 3) [m] in the world that are so far to the right and up (..., 2) [m] from
+        the bull.
+        """
         return np.array(self.bull) + (right_up * [-1.0, 1.0])[..., ::-1] @ self.axes.T
 
     def passed(self, path: np.ndarray, target: np.ndarray) -> bool:

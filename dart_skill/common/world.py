@@ -1,4 +1,6 @@
-"""The world that nodes, judge and figures agree on: frame, tracked bodies, basket, region and ball, from config/world.yaml."""
+"""The world that nodes, judge and figures agree on: frame, tracked bodies, basket, region and
+ball, from config/world.yaml.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ class World:
     * basket_radius: of its rim [m].
     * basket_depth: from the rim to the floor of the basket [m].
     * board_position: of the bull of a dart board that faces the base axis (3,) [m].
-    * near, far, side: the region that baskets stand in: distances straight ahead [m] and largest angle to a side [rad].
+    * near, far, side: the region that baskets stand in: distances straight ahead [m] and largest
+      angle to a side [rad].
     * rim: height of the rim [m].
     * ball_mass: [kg].
     * ball_diameter: [m].
@@ -63,8 +66,12 @@ class World:
         return round(self.watch_time * 1e9)
 
     def body(self, role: str) -> str:
-        """Name of the tracked body with a role in a skill; one that is not named here is called like its role."""
-        return {"hand": self.hand_body, "ball": self.ball_body, "basket": self.basket_body}.get(role, role)
+        """Name of the tracked body with a role in a skill; one that is not named here is called
+        like its role.
+        """
+        return {"hand": self.hand_body, "ball": self.ball_body, "basket": self.basket_body}.get(
+            role, role
+        )
 
     def pose_topics(self) -> dict[str, str]:
         """Topic of the poses of each role."""
@@ -86,7 +93,9 @@ def pose_topic(body: str) -> str:
 def _checked(entries: Mapping) -> Mapping:
     wanted, given = {field.name for field in fields(World)}, set(entries)
     if wanted != given:
-        raise ValueError(f"world.yaml lacks {sorted(wanted - given)} and has, unknown, {sorted(given - wanted)}")
+        raise ValueError(
+            f"world.yaml lacks {sorted(wanted - given)} and has, unknown, {sorted(given - wanted)}"
+        )
     return entries
 
 
@@ -98,7 +107,8 @@ def joint_names() -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[int] | slice:
-    """Where the arm's joints are among the names of a joint state, which may have more: indices, or a slice if they are the first in order.
+    """Where the arm's joints are among the names of a joint state, which may have more: indices,
+    or a slice if they are the first in order.
 
     * names: of the joint state.
     * wanted: names of the arm's joints, default those of config/wam.yaml.
@@ -111,6 +121,11 @@ def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[in
     for name in wanted:
         if names.count(name) != 1:
             how = "is missing" if name not in names else "is named twice"
-            remedy = f"name the arm's joints {wanted[0]} to {wanted[-1]} in the driver, or put the driver's names into config/wam.yaml"
-            raise ValueError(f"joint {name} {how} among {', '.join(names) or 'no names'}: {remedy}")
+            remedy = (
+                f"name the arm's joints {wanted[0]} to {wanted[-1]} in the driver, or put the"
+                " driver's names into config/wam.yaml"
+            )
+            raise ValueError(
+                f"joint {name} {how} among {', '.join(names) or 'no names'}: {remedy}"
+            )
     return [names.index(name) for name in wanted]

@@ -1,7 +1,8 @@
 """Darts: the board, the thrower's spread, where to aim (thesis chapter 6).
 
-All lengths are in millimetres. The origin is the centre of the bull; x points to the right and y up, as the thrower sees
-the board. A dart lands at aim + bias + N(0, covariance). A bed is an area of the board with one score, such as treble 20.
+All lengths are in millimetres. The origin is the centre of the bull; x points to the right and y
+up, as the thrower sees the board. A dart lands at aim + bias + N(0, covariance). A bed is an area
+of the board with one score, such as treble 20.
 """
 
 from typing import TYPE_CHECKING
@@ -27,12 +28,31 @@ if TYPE_CHECKING:
         place_of,
         score,
     )
-    from dart_skill.darts._estimation import LikelihoodRatio, SpreadEstimate, estimate_from_points, estimate_from_scores
+    from dart_skill.darts._estimation import (
+        LikelihoodRatio,
+        SpreadEstimate,
+        estimate_from_points,
+        estimate_from_scores,
+    )
     from dart_skill.darts._exact import bed_probabilities, expected_score, score_derivatives
     from dart_skill.darts._heat_map import HeatMap, heat_map
-    from dart_skill.darts._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
+    from dart_skill.darts._leg import (
+        CheckoutTable,
+        LegPolicy,
+        checkout_table,
+        simulate_legs,
+        solve_leg,
+    )
     from dart_skill.darts._leg_play import LegDart, LegInPlay
-    from dart_skill.darts._match import AimsApart, MatchPolicy, MatchSide, aims_apart, match_chance, simulate_match_legs, solve_match
+    from dart_skill.darts._match import (
+        AimsApart,
+        MatchPolicy,
+        MatchSide,
+        aims_apart,
+        match_chance,
+        simulate_match_legs,
+        solve_match,
+    )
     from dart_skill.darts._match_players import MatchPlayer, match_player
     from dart_skill.darts._optimum import Aim, best_aim, local_optima
     from dart_skill.darts._path import Jump, OptimumPath, optimum_path
@@ -44,15 +64,21 @@ else:
         {
             "_agent": "ModelBasedAgent",
             "_board": (
-                "BED_IS_DOUBLE BED_NAMES BED_SCORES HIGHEST_CHECKOUT POSSIBLE_SCORES RADII SECTOR_ANGLE SECTORS "
-                "as_target bed_at bed_centres direction name_at place_of score"
+                "BED_IS_DOUBLE BED_NAMES BED_SCORES HIGHEST_CHECKOUT POSSIBLE_SCORES RADII"
+                " SECTOR_ANGLE SECTORS as_target bed_at bed_centres direction name_at place_of"
+                " score"
             ),
-            "_estimation": "LikelihoodRatio SpreadEstimate estimate_from_points estimate_from_scores",
+            "_estimation": (
+                "LikelihoodRatio SpreadEstimate estimate_from_points estimate_from_scores"
+            ),
             "_exact": "bed_probabilities expected_score score_derivatives",
             "_heat_map": "HeatMap heat_map",
             "_leg": "CheckoutTable LegPolicy checkout_table simulate_legs solve_leg",
             "_leg_play": "LegDart LegInPlay",
-            "_match": "AimsApart MatchPolicy MatchSide aims_apart match_chance simulate_match_legs solve_match",
+            "_match": (
+                "AimsApart MatchPolicy MatchSide aims_apart match_chance simulate_match_legs"
+                " solve_match"
+            ),
             "_match_players": "MatchPlayer match_player",
             "_optimum": "Aim best_aim local_optima",
             "_path": "Jump OptimumPath optimum_path",

@@ -1,9 +1,10 @@
 """The wires of the board as quadrature nodes.
 
-The score is constant in each bed. So an integral over the board of the score times a gradient or divergence becomes an
-integral along the wires (divergence theorem). The wires are circles of six radii, cut at the sectors, and twenty rays. Each
-piece of wire separates two beds. It is divided into panels that are short relative to the spread. Then Gauss-Legendre
-quadrature of the smooth fields of the Gaussian is exact to round-off.
+The score is constant in each bed. So an integral over the board of the score times a gradient or
+divergence becomes an integral along the wires (divergence theorem). The wires are circles of six
+radii, cut at the sectors, and twenty rays. Each piece of wire separates two beds. It is divided
+into panels that are short relative to the spread. Then Gauss-Legendre quadrature of the smooth
+fields of the Gaussian is exact to round-off.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ class Boundary:
     * jump (m, 2): normal times the difference of the scores, inner minus outer.
     * starts (k,): index of the first node of each piece.
     * sides (k, 83): +1 for the inner bed of a piece, -1 for the outer one.
-    * ends (k, 2, 2) [mm]: where a piece begins and ends; turn (k,): +1 where its normal is to the right of the way, else -1.
+    * ends (k, 2, 2) [mm]: where a piece begins and ends; turn (k,): +1 where its normal is to the
+      right of the way, else -1.
     """
 
     position: np.ndarray
@@ -48,7 +50,9 @@ class Boundary:
 
 
 def boundary_for(narrowest: float) -> Boundary:
-    """Nodes that are fine enough for a Gaussian with the smallest standard deviation `narrowest` [mm]; similar ones share them."""
+    """Nodes that are fine enough for a Gaussian with the smallest standard deviation `narrowest`
+    [mm]; similar ones share them.
+    """
     return _boundary(int(np.floor(2.0 * np.log2(narrowest))))
 
 
@@ -65,7 +69,15 @@ def _boundary(half_octaves: int) -> Boundary:
     normal = np.concatenate([piece[1] for piece in pieces])
     step = np.repeat(BED_SCORES[inner] - BED_SCORES[outer], sizes)
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    arrays = np.concatenate([piece[0] for piece in pieces]), normal, normal * step[:, None], starts, sides, ends, turn
+    arrays = (
+        np.concatenate([piece[0] for piece in pieces]),
+        normal,
+        normal * step[:, None],
+        starts,
+        sides,
+        ends,
+        turn,
+    )
     for array in arrays:
         array.flags.writeable = False
     return Boundary(*arrays)
@@ -75,8 +87,16 @@ def _arcs(spread: float) -> Iterator[Piece]:
     for ring, radius in enumerate(RADII):
         parameter, weight = _panels(radius * SECTOR_ANGLE, spread)
         for sector in range(20):
-            outward, beds = direction(sector - 0.5 + parameter), (int(bed_of(ring, sector)), int(bed_of(ring + 1, sector)))
-            yield radius * outward, outward * weight[:, None], *beds, radius * direction(sector + np.array([-0.5, 0.5]))
+            outward, beds = (
+                direction(sector - 0.5 + parameter),
+                (int(bed_of(ring, sector)), int(bed_of(ring + 1, sector))),
+            )
+            yield (
+                radius * outward,
+                outward * weight[:, None],
+                *beds,
+                radius * direction(sector + np.array([-0.5, 0.5])),
+            )
 
 
 def _rays(spread: float) -> Iterator[Piece]:
@@ -86,13 +106,24 @@ def _rays(spread: float) -> Iterator[Piece]:
         for sector in range(20):
             along = direction(sector + 0.5)
             clockwise = np.array([along[1], -along[0]])
-            position, ends = (near + (far - near) * parameter)[:, None] * along, np.array([[near], [far]]) * along
-            yield position, weight[:, None] * clockwise, int(bed_of(ring, sector)), int(bed_of(ring, (sector + 1) % 20)), ends
+            position, ends = (
+                (near + (far - near) * parameter)[:, None] * along,
+                np.array([[near], [far]]) * along,
+            )
+            yield (
+                position,
+                weight[:, None] * clockwise,
+                int(bed_of(ring, sector)),
+                int(bed_of(ring, (sector + 1) % 20)),
+                ends,
+            )
 
 
 def _panels(length: float, spread: float) -> tuple[np.ndarray, np.ndarray]:
     """Nodes between 0 and 1 along a piece of wire, and their weights, whose sum is its length."""
     n_panels = int(np.ceil(length / (PANEL * spread)))
-    node, weight = np.polynomial.legendre.leggauss(N_NODES_SHORT if length < SHORT * spread else N_NODES)
+    node, weight = np.polynomial.legendre.leggauss(
+        N_NODES_SHORT if length < SHORT * spread else N_NODES
+    )
     nodes = (np.arange(n_panels)[:, None] + 0.5 * (node + 1.0)) / n_panels
     return nodes.ravel(), np.tile(0.5 * weight * length / n_panels, n_panels)

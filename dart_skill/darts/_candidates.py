@@ -1,7 +1,8 @@
 """The aims between which `_leg_solver` and `_match_solver` choose.
 
-At first they are on a grid, then around those that were chosen, twice. This costs at most 0.03 % more turns from 501, and 0.3 % more from
-any score, than aims on a grid of 5 mm or 0.3 sigmas that are refined four times (measured for sigmas from 1 to 100 mm).
+At first they are on a grid, then around those that were chosen, twice. This costs at most 0.03 %
+more turns from 501, and 0.3 % more from any score, than aims on a grid of 5 mm or 0.3 sigmas that
+are refined four times (measured for sigmas from 1 to 100 mm).
 """
 
 from __future__ import annotations
@@ -14,12 +15,23 @@ from numpy.typing import ArrayLike
 
 from dart_skill.darts._board import BED_SCORES, RADII, bed_centres
 from dart_skill.darts._exact import bed_probabilities
-from dart_skill.darts._leg_solver import POINTS, RESULT_OF_BED, Costs, Everywhere, Nearby, Solution, solve, solve_turn
+from dart_skill.darts._leg_solver import (
+    POINTS,
+    RESULT_OF_BED,
+    Costs,
+    Everywhere,
+    Nearby,
+    Solution,
+    solve,
+    solve_turn,
+)
 from dart_skill.darts._optimum import local_optima
 from dart_skill.darts._spread import Spread, SpreadByTarget, as_spread
 
 GRID, GRID_PER_SPREAD, REFINEMENTS = 12.0, 0.5, (0.4, 0.15)
-"""Distance of the first aims: the larger of GRID [mm] and GRID_PER_SPREAD sigmas. REFINEMENTS: the finer ones, relative to it."""
+"""Distance of the first aims: the larger of GRID [mm] and GRID_PER_SPREAD sigmas. REFINEMENTS: the
+finer ones, relative to it.
+"""
 PEAKS_FROM = 6.0
 """For a narrower spread [mm] the peaks are the middles of beds."""
 REACH = 2.0
@@ -27,7 +39,9 @@ REACH = 2.0
 AROUND = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(-1, 2)
 
 Choices = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""For 0, 1 and 2 darts that are used: the chosen aim by the score before the turn, and by what has been scored since."""
+"""For 0, 1 and 2 darts that are used: the chosen aim by the score before the turn, and by what has
+been scored since.
+"""
 
 
 class Thrower(NamedTuple):
@@ -43,7 +57,9 @@ class Thrower(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """aims (n, 2) [mm]; results (n, 57): probability of each result of a dart; which (n,): index of the spread of each aim."""
+    """aims (n, 2) [mm]; results (n, 57): probability of each result of a dart; which (n,): index
+    of the spread of each aim.
+    """
 
     aims: np.ndarray
     results: np.ndarray
@@ -57,19 +73,27 @@ def thrower_of(spread: Spread | SpreadByTarget | float | ArrayLike) -> Thrower:
     return Thrower((as_spread(spread),), lambda aims: np.zeros(len(aims), dtype=int))
 
 
-def best_play(thrower: Thrower, start: int, costs: Costs, first: Candidates | None = None) -> tuple[Candidates, Solution]:
-    """The policy with the least cost, between the first aims and then between finer ones around those that were chosen."""
+def best_play(
+    thrower: Thrower, start: int, costs: Costs, first: Candidates | None = None
+) -> tuple[Candidates, Solution]:
+    """The policy with the least cost, between the first aims and then between finer ones around
+    those that were chosen.
+    """
     first = candidates_at(first_aims(thrower), thrower) if first is None else first
     return _refined(thrower, first, lambda choice, guesses: solve(choice, start, costs, guesses))
 
 
-def best_turn(thrower: Thrower, after: np.ndarray, first: Candidates) -> tuple[Candidates, Solution]:
+def best_turn(
+    thrower: Thrower, after: np.ndarray, first: Candidates
+) -> tuple[Candidates, Solution]:
     """As best_play, of one turn with costs of what is left at its end, as in `solve_turn`."""
     return _refined(thrower, first, lambda choice, _: solve_turn(choice, after))
 
 
 def _refined(
-    thrower: Thrower, candidates: Candidates, solved: Callable[[Everywhere | Nearby, np.ndarray | None], Solution]
+    thrower: Thrower,
+    candidates: Candidates,
+    solved: Callable[[Everywhere | Nearby, np.ndarray | None], Solution],
 ) -> tuple[Candidates, Solution]:
     solution = solved(Everywhere(candidates.results), None)
     for share in REFINEMENTS:
@@ -80,9 +104,11 @@ def _refined(
 
 
 def first_aims(thrower: Thrower) -> np.ndarray:
-    """First aims (n, 2) [mm]: middles of the beds, a grid over the board and beyond, and where the expected score has its peaks.
+    """First aims (n, 2) [mm]: middles of the beds, a grid over the board and beyond, and where the
+    expected score has its peaks.
 
-    With much to go peaks may be nearly equally good, and a grid would choose between them by where its points happen to lie.
+    With much to go peaks may be nearly equally good, and a grid would choose between them by where
+    its points happen to lie.
     """
     distance = thrower.grid_distance
     reach = RADII[-1] + REACH * max(spread.deviations[1] for spread in thrower.spreads)
@@ -90,7 +116,12 @@ def first_aims(thrower: Thrower) -> np.ndarray:
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid = grid[np.hypot(*grid.T) < reach]
     bias = np.mean([spread.bias for spread in thrower.spreads], axis=0)
-    peaks = [aim.point for spread in thrower.spreads if spread.deviations[0] > PEAKS_FROM for aim in local_optima(spread)]
+    peaks = [
+        aim.point
+        for spread in thrower.spreads
+        if spread.deviations[0] > PEAKS_FROM
+        for aim in local_optima(spread)
+    ]
     return np.concatenate([bed_centres() - bias, grid - bias, np.reshape(peaks, (-1, 2))])
 
 
@@ -109,9 +140,12 @@ def finer(aims: np.ndarray, choices: tuple[np.ndarray, ...], distance: float) ->
     return np.unique((aims[chosen][:, None] + offsets).reshape(-1, 2).round(6), axis=0)
 
 
-def _nearby(aims: np.ndarray, choices: tuple[np.ndarray, ...], distance: float) -> tuple[np.ndarray, np.ndarray]:
-    """The chosen aims and their neighbours (n, 2) at a distance [mm]; and which of them are around an aim that was chosen in some turn
-    with so many darts left and this score remaining, (3, start + 1, n).
+def _nearby(
+    aims: np.ndarray, choices: tuple[np.ndarray, ...], distance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The chosen aims and their neighbours (n, 2) at a distance [mm]; and which of them are around
+    an aim that was chosen in some turn with so many darts left and this score remaining, (3, start
+    + 1, n).
     """
     states = [states_of(table) for table in choices[::-1]]  # one dart left first
     used = np.unique(np.concatenate([aim for _, aim in states]))

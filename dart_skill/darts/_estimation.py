@@ -1,11 +1,16 @@
-"""The thrower's spread from scores alone, from impact points, or from impact points and misses, by expectation maximisation.
+"""The thrower's spread from scores alone, from impact points, or from impact points and misses, by
+expectation maximisation.
 
-R. Tibshirani, A. Price and J. Taylor, "A statistician plays darts", JRSS A 174, 2011: the impacts are the missing data.
+R. Tibshirani, A. Price and J. Taylor, "A statistician plays darts", JRSS A 174, 2011: the impacts
+are the missing data.
 
-* E-step: moments of the Gaussian in each bed, exact (`_exact`), computed once for each bed and not for each throw.
-* M-step: bias and covariance from the expected moments. The isotropic model takes half the trace. For the likelihood profile
-  sigma is fixed; then the covariance is scaled to the determinant of that sigma.
-* Two steps at a time are extrapolated (SQUAREM: R. Varadhan and C. Roland 2008). EM then ends sooner, at the same result.
+* E-step: moments of the Gaussian in each bed, exact (`_exact`), computed once for each bed and not
+  for each throw.
+* M-step: bias and covariance from the expected moments. The isotropic model takes half the trace.
+  For the likelihood profile sigma is fixed; then the covariance is scaled to the determinant of
+  that sigma.
+* Two steps at a time are extrapolated (SQUAREM: R. Varadhan and C. Roland 2008). EM then ends
+  sooner, at the same result.
 """
 
 from __future__ import annotations
@@ -24,7 +29,9 @@ from dart_skill.darts._throws import Expectation, Throws, throws_from_points, th
 
 MODELS = ("isotropic", "general")
 FLOOR, CEILING = 1.0, 1000.0
-"""Smallest and largest sigma that an estimate can have [mm]; others cannot be estimated from scores."""
+"""Smallest and largest sigma that an estimate can have [mm]; others cannot be estimated from
+scores.
+"""
 NARROWEST = 2.0
 """Least standard deviation along the narrow axis of a general covariance [mm]."""
 STARTS = (12.0, 50.0)
@@ -33,10 +40,13 @@ STEPS_OUT = 0.2 * 1.6 ** np.arange(12)
 """Distances in log(sigma) from the estimate at which the ends of its interval are searched for."""
 MAX_STEPS = 300
 TOLERANCE, ROUGHLY = 1e-12, 1e-7
-"""EM has converged when the log-likelihood per throw gains less than the first. Results of several starts are compared when it
-gains less than the second."""
+"""EM has converged when the log-likelihood per throw gains less than the first. Results of several
+starts are compared when it gains less than the second.
+"""
 LARGEST_RATIO = 10.0
-"""Largest ratio of the axes of a general covariance: with few throws it would otherwise become a line."""
+"""Largest ratio of the axes of a general covariance: with few throws it would otherwise become a
+line.
+"""
 
 
 class LikelihoodRatio(NamedTuple):
@@ -54,7 +64,8 @@ class LikelihoodRatio(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SpreadEstimate:
-    """The most likely spread of a thrower, made by `estimate_from_scores` or `estimate_from_points`.
+    """The most likely spread of a thrower, made by `estimate_from_scores` or
+    `estimate_from_points`.
 
     * spread: Spread, the estimate; sigma [mm]: of it.
     * log_likelihood: of the throws under it.
@@ -78,13 +89,18 @@ class SpreadEstimate:
         return self.throws.n_throws
 
     def profile(self, sigmas: ArrayLike) -> np.ndarray:
-        """Log-likelihood (n,) at sigmas (n,) [mm], maximised over bias and shape; -inf where a throw is practically impossible."""
-        return np.array([self._profile_at(sigma, self.spread)[1] for sigma in as_vector(sigmas, "sigmas")])
+        """Log-likelihood (n,) at sigmas (n,) [mm], maximised over bias and shape; -inf where a
+        throw is practically impossible.
+        """
+        return np.array(
+            [self._profile_at(sigma, self.spread)[1] for sigma in as_vector(sigmas, "sigmas")]
+        )
 
     def confidence_interval(self, level: float = 0.95) -> tuple[float, float]:
         """Lowest and highest sigma [mm] that the likelihood ratio does not reject at 1 - level.
 
-        An end that the throws do not determine is 0 or inf. ValueError for a level that is not between 0 and 1.
+        An end that the throws do not determine is 0 or inf. ValueError for a level that is not
+        between 0 and 1.
         """
         if not 0.0 < as_number(level, "level") < 1.0:
             raise ValueError(f"level must lie between 0 and 1, got {level:g}")
@@ -92,22 +108,32 @@ class SpreadEstimate:
         return self._end(drop, FLOOR, 0.0), self._end(drop, CEILING, float("inf"))
 
     def isotropy_test(self) -> LikelihoodRatio:
-        """Test of whether one sigma is enough: the isotropic model against a general covariance, on the same throws."""
+        """Test of whether one sigma is enough: the isotropic model against a general covariance,
+        on the same throws.
+        """
         simple, general = (_fit(self.throws, model, self.with_bias) for model in MODELS)
         return _likelihood_ratio(simple, general)
 
     def bias_test(self) -> LikelihoodRatio:
         """Test of whether the mean of the darts is the aim."""
-        return _likelihood_ratio(*(_fit(self.throws, self.model, with_bias) for with_bias in (False, True)))
+        return _likelihood_ratio(
+            *(_fit(self.throws, self.model, with_bias) for with_bias in (False, True))
+        )
 
-    def _profile_at(self, sigma: float, start: Spread, tolerance: float = 1e-8) -> tuple[Spread, float]:
-        """The most likely spread with this sigma, and its log-likelihood; start: spread at which EM starts."""
+    def _profile_at(
+        self, sigma: float, start: Spread, tolerance: float = 1e-8
+    ) -> tuple[Spread, float]:
+        """The most likely spread with this sigma, and its log-likelihood; start: spread at which
+        EM starts.
+        """
         variances, axes = np.linalg.eigh(start.covariance)
         scaled = Spread((axes * _bounded(variances, sigma)) @ axes.T, start.bias)
         return _em(self.throws, scaled, self.model, self.with_bias, sigma, tolerance)
 
     def _end(self, drop: float, limit: float, if_open: float) -> float:
-        """Sigma [mm] between the estimate and a limit at which the profile has fallen by `drop`; if_open if it does not."""
+        """Sigma [mm] between the estimate and a limit at which the profile has fallen by `drop`;
+        if_open if it does not.
+        """
         latest, known = self.spread, {}
 
         def above(log_sigma: float) -> float:
@@ -115,7 +141,9 @@ class SpreadEstimate:
             if log_sigma not in known:
                 spread, log_likelihood = self._profile_at(float(np.exp(log_sigma)), latest)
                 latest = spread if np.isfinite(log_likelihood) else latest
-                known[log_sigma] = max(log_likelihood, self.log_likelihood - 1e3) - self.log_likelihood + drop
+                known[log_sigma] = (
+                    max(log_likelihood, self.log_likelihood - 1e3) - self.log_likelihood + drop
+                )
             return known[log_sigma]
 
         inside, whole = float(np.log(self.sigma)), float(np.log(limit / self.sigma))
@@ -141,9 +169,10 @@ def estimate_from_scores(
 
     Parameters:
 
-    * scores (n,): numbers (0 is a miss), names of beds where they are known (T20, D10, S5), and x for a dart that bounced out,
-      which is not used.
-    * aim: target of all darts, a name or a point (2,) [mm], or a point for each (n, 2); default DB, the double bull.
+    * scores (n,): numbers (0 is a miss), names of beds where they are known (T20, D10, S5), and x
+      for a dart that bounced out, which is not used.
+    * aim: target of all darts, a name or a point (2,) [mm], or a point for each (n, 2); default
+      DB, the double bull.
     * model: "isotropic" (one sigma, default) or "general" (a covariance).
     * bias: bool, default False. Whether the mean may differ from the aim.
     * misses: "counted" (default), or "unrecorded" if only darts that hit the board are listed.
@@ -152,21 +181,31 @@ def estimate_from_scores(
     """
     throws = throws_from_scores(scores, aim, misses)
     if all(group.patterns.shape[0] == 1 and group.patterns[0, -1] for group in throws.groups):
-        raise ValueError(f"all {throws.n_throws} darts missed the board, which leaves the spread open; aim where some hit, from nearer by")
+        raise ValueError(
+            f"all {throws.n_throws} darts missed the board, which leaves the spread open; aim"
+            " where some hit, from nearer by"
+        )
     return _estimate(throws, model, bias)
 
 
 def estimate_from_points(
-    points: ArrayLike, aim: str | ArrayLike = "DB", *, model: str = "isotropic", bias: bool = False, misses: int | str = 0
+    points: ArrayLike,
+    aim: str | ArrayLike = "DB",
+    *,
+    model: str = "isotropic",
+    bias: bool = False,
+    misses: int | str = 0,
 ) -> SpreadEstimate:
     """The spread of a thrower from measured impacts.
 
     Parameters:
 
     * points (n, 2) [mm]: the impacts.
-    * aim: as in `estimate_from_scores`; if there is one for each dart, first those of the impacts, then those of the misses.
+    * aim: as in `estimate_from_scores`; if there is one for each dart, first those of the impacts,
+      then those of the misses.
     * model, bias: as in `estimate_from_scores`.
-    * misses: int, default 0. Number of darts that missed the board and have no impact; "unrecorded" if nobody counted them.
+    * misses: int, default 0. Number of darts that missed the board and have no impact;
+      "unrecorded" if nobody counted them.
     """
     return _estimate(throws_from_points(points, aim, misses), model, bias)
 
@@ -176,7 +215,10 @@ def _estimate(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
         raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
     n_parameters = _n_parameters(model, with_bias)
     if throws.n_throws <= n_parameters:
-        raise ValueError(f"{throws.n_throws} darts are too few for the {n_parameters} numbers of this model; throw more or simplify it")
+        raise ValueError(
+            f"{throws.n_throws} darts are too few for the {n_parameters} numbers of this model;"
+            " throw more or simplify it"
+        )
     return _fit(throws, model, bool(with_bias))
 
 
@@ -187,15 +229,28 @@ def _n_parameters(model: str, with_bias: bool) -> int:
 def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
     """The most likely result of EM from several starts.
 
-    A general covariance starts from the isotropic result and from versions of it that are longer in one direction.
+    A general covariance starts from the isotropic result and from versions of it that are longer
+    in one direction.
     """
     if model == "isotropic":
         starts = [Spread.isotropic(sigma) for sigma in STARTS]
     else:
         simple = _fit(throws, "isotropic", with_bias).spread
-        shapes = [[1.0, 0.0, 0.0, 1.0], [4.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 4.0], [2.5, 1.5, 1.5, 2.5], [2.5, -1.5, -1.5, 2.5]]
-        starts = [Spread(np.array(shape).reshape(2, 2), simple.bias).scaled_to(simple.sigma) for shape in shapes]
-    ends = [_em(throws, start, model, with_bias, tolerance=ROUGHLY) for start in _possible(starts, throws)]
+        shapes = [
+            [1.0, 0.0, 0.0, 1.0],
+            [4.0, 0.0, 0.0, 1.0],
+            [1.0, 0.0, 0.0, 4.0],
+            [2.5, 1.5, 1.5, 2.5],
+            [2.5, -1.5, -1.5, 2.5],
+        ]
+        starts = [
+            Spread(np.array(shape).reshape(2, 2), simple.bias).scaled_to(simple.sigma)
+            for shape in shapes
+        ]
+    ends = [
+        _em(throws, start, model, with_bias, tolerance=ROUGHLY)
+        for start in _possible(starts, throws)
+    ]
     spread, log_likelihood = _em(throws, max(ends, key=lambda end: end[1])[0], model, with_bias)
     return SpreadEstimate(spread, log_likelihood, model, with_bias, throws)
 
@@ -207,9 +262,15 @@ def _possible(starts: list[Spread], throws: Throws) -> list[Spread]:
 
 
 def _em(
-    throws: Throws, spread: Spread, model: str, with_bias: bool, sigma: float | None = None, tolerance: float = TOLERANCE
+    throws: Throws,
+    spread: Spread,
+    model: str,
+    with_bias: bool,
+    sigma: float | None = None,
+    tolerance: float = TOLERANCE,
 ) -> tuple[Spread, float]:
-    """EM from a spread to the nearest maximum of the likelihood; with a fixed sigma if it is given.
+    """EM from a spread to the nearest maximum of the likelihood; with a fixed sigma if it is
+    given.
 
     After every two steps the spread is extrapolated, and the result is kept if it is more likely.
     """
@@ -230,8 +291,12 @@ def _em(
 
 
 def _extrapolated(start: Spread, first: Spread, second: Spread, reach: float) -> Spread:
-    """Extrapolation of two steps, `reach` steps ahead at most, in the coordinates of `_coordinates` (SQUAREM)."""
-    from_start, from_first, from_second = (_coordinates(spread, start.sigma) for spread in (start, first, second))
+    """Extrapolation of two steps, `reach` steps ahead at most, in the coordinates of
+    `_coordinates` (SQUAREM).
+    """
+    from_start, from_first, from_second = (
+        _coordinates(spread, start.sigma) for spread in (start, first, second)
+    )
     step = from_first - from_start
     change = from_second - from_first - step
     length = np.clip(np.linalg.norm(step) / max(float(np.linalg.norm(change)), 1e-300), 1.0, reach)
@@ -241,7 +306,8 @@ def _extrapolated(start: Spread, first: Spread, second: Spread, reach: float) ->
 def _coordinates(spread: Spread, unit: float) -> np.ndarray:
     """Coordinates (5,) in which every vector is a spread.
 
-    They are the bias in units of `unit`, the logarithms of the diagonal of the Cholesky factor, and its slope.
+    They are the bias in units of `unit`, the logarithms of the diagonal of the Cholesky factor,
+    and its slope.
     """
     (first, _), (below, second) = np.linalg.cholesky(spread.covariance)
     return np.array([*(spread.bias / unit), np.log(first), np.log(second), below / second])
@@ -254,11 +320,16 @@ def _spread_at(coordinates: np.ndarray, unit: float) -> Spread | None:
         return None
     factor = np.array([[np.exp(first), 0.0], [slope * np.exp(second), np.exp(second)]])
     widest, narrowest = np.linalg.svd(factor, compute_uv=False)
-    sensible = FLOOR <= narrowest <= widest <= min(LARGEST, LARGEST_RATIO * narrowest) and narrowest * widest <= CEILING**2
+    sensible = (
+        FLOOR <= narrowest <= widest <= min(LARGEST, LARGEST_RATIO * narrowest)
+        and narrowest * widest <= CEILING**2
+    )
     return Spread(factor @ factor.T, unit * np.array(bias)) if sensible else None
 
 
-def _maximise(expected: Expectation, spread: Spread, model: str, with_bias: bool, sigma: float | None) -> Spread:
+def _maximise(
+    expected: Expectation, spread: Spread, model: str, with_bias: bool, sigma: float | None
+) -> Spread:
     """M-step."""
     shift = expected.first / expected.n_throws if with_bias else np.zeros(2)
     covariance = expected.second / expected.n_throws - np.outer(shift, shift)
@@ -272,7 +343,9 @@ def _maximise(expected: Expectation, spread: Spread, model: str, with_bias: bool
 
 
 def _bounded(variances: np.ndarray, sigma: float | None) -> np.ndarray:
-    """The most likely variances (2,) along the axes within the bounds, from the expected ones; with a fixed sigma if it is given."""
+    """The most likely variances (2,) along the axes within the bounds, from the expected ones;
+    with a fixed sigma if it is given.
+    """
     ratio = np.sqrt(variances[1] / variances[0])
     free = float(variances.prod() ** 0.25)
     if ratio > LARGEST_RATIO:
@@ -285,5 +358,7 @@ def _bounded(variances: np.ndarray, sigma: float | None) -> np.ndarray:
 
 def _likelihood_ratio(simple: SpreadEstimate, general: SpreadEstimate) -> LikelihoodRatio:
     statistic = max(0.0, 2.0 * (general.log_likelihood - simple.log_likelihood))
-    freedom = _n_parameters(general.model, general.with_bias) - _n_parameters(simple.model, simple.with_bias)
+    freedom = _n_parameters(general.model, general.with_bias) - _n_parameters(
+        simple.model, simple.with_bias
+    )
     return LikelihoodRatio(statistic, freedom, float(scipy.special.chdtrc(freedom, statistic)))

@@ -1,13 +1,14 @@
-"""Expected score, its derivatives, and the probability and moments of each bed, exact to round-off for any Gaussian.
+"""Expected score, its derivatives, and the probability and moments of each bed, exact to round-off
+for any Gaussian.
 
-Let p(x) = N(x; m, C), m = aim + bias, and q = (x - m)' C^-1 (x - m) / 2. The field
-F(x) = (x - m) (1 - e^-q) / (4 pi q sqrt(det C)) has the divergence p. Let n be the normal of the wires and J the jump of
-the score across them (inner minus outer). By the divergence theorem,
+Let p(x) = N(x; m, C), m = aim + bias, and q = (x - m)' C^-1 (x - m) / 2. The field F(x) = (x - m)
+(1 - e^-q) / (4 pi q sqrt(det C)) has the divergence p. Let n be the normal of the wires and J the
+jump of the score across them (inner minus outer). By the divergence theorem,
 
     E = sum_beds s_b integral_b p dx = contour-integral J F.n ds,        grad_m E = - contour-integral J p n ds.
 
-The moments of p in a bed follow in the same way. There is no grid and no truncation. `_boundary` has the nodes of the
-contour integrals.
+The moments of p in a bed follow in the same way. There is no grid and no truncation. `_boundary`
+has the nodes of the contour integrals.
 """
 
 from __future__ import annotations
@@ -25,13 +26,17 @@ from dart_skill.darts._spread import Spread, as_spread
 CHUNK = 1 << 16
 """Number of pairs of aim and node that are computed at a time: they stay in the cache."""
 FAR = 9.0
-"""A piece of wire is far from the mean beyond so many of the wider deviations: e^-q is below 3e-18 there."""
+"""A piece of wire is far from the mean beyond so many of the wider deviations: e^-q is below 3e-18
+there.
+"""
 MOST_IS_FAR = 30.0
 """Up to this distance most pieces are far [mm], and it pays to look which ones."""
 BULGE = 2.2
 """How far an arc of the board is beyond its chord at most [mm]."""
 SERIES_BELOW = 1e-3
-"""Exponents q below which (1 - e^-q) / q is taken from its series: the difference loses digits there."""
+"""Exponents q below which (1 - e^-q) / q is taken from its series: the difference loses digits
+there.
+"""
 
 
 class Derivatives(NamedTuple):
@@ -43,7 +48,9 @@ class Derivatives(NamedTuple):
 
 
 class BedMoments(NamedTuple):
-    """For each bed: probability (83,), and the integrals of (x - m) p, (83, 2) [mm], and (x - m)(x - m)' p, (83, 2, 2) [mm^2]."""
+    """For each bed: probability (83,), and the integrals of (x - m) p, (83, 2) [mm], and (x - m)(x
+    - m)' p, (83, 2, 2) [mm^2].
+    """
 
     probability: np.ndarray
     first: np.ndarray
@@ -51,7 +58,8 @@ class BedMoments(NamedTuple):
 
 
 def expected_score(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.ndarray:
-    """Expected score (...) of one dart at aims (..., 2) [mm]; spread: a Spread, sigma [mm] or a covariance (2, 2) [mm^2].
+    """Expected score (...) of one dart at aims (..., 2) [mm]; spread: a Spread, sigma [mm] or a
+    covariance (2, 2) [mm^2].
 
     Absolute error below 1e-9 points.
     """
@@ -68,7 +76,8 @@ def expected_score(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.nd
 
 
 def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.ndarray:
-    """Probability (..., 83) of each bed (BED_NAMES) for one dart at aims (..., 2) [mm]; absolute error below 1e-12.
+    """Probability (..., 83) of each bed (BED_NAMES) for one dart at aims (..., 2) [mm]; absolute
+    error below 1e-12.
 
     spread: as in `expected_score`.
     """
@@ -76,14 +85,22 @@ def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np
     flat = aims.reshape(-1, 2) + spread.bias
     boundary = boundary_for(spread.deviations[0])
     probability = np.empty((len(flat), N_BEDS))
-    for rows in _chunks(len(flat), len(boundary.starts) if FAR * spread.deviations[1] < MOST_IS_FAR else len(boundary.position)):
+    for rows in _chunks(
+        len(flat),
+        (
+            len(boundary.starts)
+            if FAR * spread.deviations[1] < MOST_IS_FAR
+            else len(boundary.position)
+        ),
+    ):
         probability[rows] = _flux(flat[rows], boundary, spread) @ boundary.sides
     probability[:, MISS] += 1.0
     return np.clip(probability, 0.0, 1.0).reshape(*aims.shape[:-1], N_BEDS)
 
 
 def score_derivatives(aims: ArrayLike, spread: Spread | float | ArrayLike) -> Derivatives:
-    """Expected score of aims (n, 2) [mm], with gradient and Hessian with respect to the aim; all are exact to round-off.
+    """Expected score of aims (n, 2) [mm], with gradient and Hessian with respect to the aim; all
+    are exact to round-off.
 
     spread: as in `expected_score`.
     """
@@ -91,26 +108,39 @@ def score_derivatives(aims: ArrayLike, spread: Spread | float | ArrayLike) -> De
     boundary = boundary_for(spread.deviations[0])
     jump, position = boundary.jump, boundary.position
     outer = np.einsum("mi,mj->mij", jump, position).reshape(-1, 4)
-    value, gradient, hessian = np.empty(len(aims)), np.empty((len(aims), 2)), np.empty((len(aims), 2, 2))
+    value, gradient, hessian = (
+        np.empty(len(aims)),
+        np.empty((len(aims), 2)),
+        np.empty((len(aims), 2, 2)),
+    )
     precision = np.linalg.inv(spread.covariance)
     for rows in _chunks(len(aims), len(position)):
         mean = aims[rows] + spread.bias
         exponent = _exponent(mean, position, spread)
         field, density = _field(exponent, spread), _density(exponent, spread)
-        value[rows] = field @ (outer[:, 0] + outer[:, 3]) - np.einsum("nd,nd->n", field @ jump, mean)
+        value[rows] = field @ (outer[:, 0] + outer[:, 3]) - np.einsum(
+            "nd,nd->n", field @ jump, mean
+        )
         gradient[rows] = -(density @ jump)
-        moments = (density @ outer).reshape(-1, 2, 2) + np.einsum("ni,nj->nij", gradient[rows], mean)
+        moments = (density @ outer).reshape(-1, 2, 2) + np.einsum(
+            "ni,nj->nij", gradient[rows], mean
+        )
         hessian[rows] = -moments @ precision
     return Derivatives(value, gradient, 0.5 * (hessian + hessian.swapaxes(1, 2)))
 
 
 def bed_moments(mean: np.ndarray, covariance: np.ndarray) -> BedMoments:
-    """Moments of N(mean, covariance) restricted to each bed; mean (2,) [mm], covariance (2, 2) [mm^2]."""
+    """Moments of N(mean, covariance) restricted to each bed; mean (2,) [mm], covariance (2, 2)
+    [mm^2].
+    """
     spread = Spread(covariance)
     boundary = boundary_for(spread.deviations[0])
     probability = _flux(mean[None], boundary, spread)[0] @ boundary.sides
     probability[MISS] += 1.0
-    weight = _density(_exponent(mean[None], boundary.position, spread), spread)[0][:, None] * boundary.normal
+    weight = (
+        _density(_exponent(mean[None], boundary.position, spread), spread)[0][:, None]
+        * boundary.normal
+    )
     turned = np.einsum("mi,mj->mij", boundary.position - mean, weight)
     first = -(_per_bed(weight, boundary) @ covariance)
     second = (probability[:, None, None] * np.eye(2) - _per_bed(turned, boundary)) @ covariance
@@ -125,31 +155,44 @@ def _per_bed(values: np.ndarray, boundary: Boundary) -> np.ndarray:
 def _flux(means: np.ndarray, boundary: Boundary, spread: Spread) -> np.ndarray:
     """Flux (n, k) of F through each piece of wire, for each mean (n, 2).
 
-    Far from the mean F is that of a source of strength 1: its flux is the angle at which the piece is seen, over 2 pi.
+    Far from the mean F is that of a source of strength 1: its flux is the angle at which the piece
+    is seen, over 2 pi.
     """
     far = FAR * spread.deviations[1]
     if far > MOST_IS_FAR:
         return _flux_of_nodes(means, boundary.position, boundary.normal, boundary.starts, spread)
     flux = boundary.turn * _angles(means, boundary, spread) / (2.0 * np.pi)
     begin, end = boundary.ends[:, 0], boundary.ends[:, 1]
-    distance = np.linalg.norm(means[:, None] - 0.5 * (begin + end), axis=2) - 0.5 * np.linalg.norm(end - begin, axis=1) - BULGE
+    distance = (
+        np.linalg.norm(means[:, None] - 0.5 * (begin + end), axis=2)
+        - 0.5 * np.linalg.norm(end - begin, axis=1)
+        - BULGE
+    )
     near = distance < far
     stops = np.append(boundary.starts[1:], len(boundary.position))
     for piece in np.flatnonzero(near.any(axis=0)):
         rows, nodes = np.flatnonzero(near[:, piece]), slice(boundary.starts[piece], stops[piece])
-        flux[rows, piece] = _flux_of_nodes(means[rows], boundary.position[nodes], boundary.normal[nodes], np.zeros(1, int), spread)[:, 0]
+        flux[rows, piece] = _flux_of_nodes(
+            means[rows], boundary.position[nodes], boundary.normal[nodes], np.zeros(1, int), spread
+        )[:, 0]
     return flux
 
 
 def _angles(means: np.ndarray, boundary: Boundary, spread: Spread) -> np.ndarray:
-    """Angles (n, k) from the begin to the end of each piece as seen from each mean, where the Gaussian is round."""
+    """Angles (n, k) from the begin to the end of each piece as seen from each mean, where the
+    Gaussian is round.
+    """
     whiten = _whitening(spread)
-    begin, end = ((boundary.ends[:, which] @ whiten)[None] - (means @ whiten)[:, None] for which in (0, 1))
+    begin, end = (
+        (boundary.ends[:, which] @ whiten)[None] - (means @ whiten)[:, None] for which in (0, 1)
+    )
     cross = begin[..., 0] * end[..., 1] - begin[..., 1] * end[..., 0]
     return np.arctan2(cross, np.einsum("nkd,nkd->nk", begin, end))
 
 
-def _flux_of_nodes(means: np.ndarray, position: np.ndarray, normal: np.ndarray, starts: np.ndarray, spread: Spread) -> np.ndarray:
+def _flux_of_nodes(
+    means: np.ndarray, position: np.ndarray, normal: np.ndarray, starts: np.ndarray, spread: Spread
+) -> np.ndarray:
     across = np.einsum("md,md->m", normal, position) - means @ normal.T
     across *= _field(_exponent(means, position, spread), spread)
     return np.add.reduceat(across, starts, axis=1)
@@ -172,7 +215,9 @@ def _exponent(means: np.ndarray, position: np.ndarray, spread: Spread) -> np.nda
 
 
 def _field(exponent: np.ndarray, spread: Spread) -> np.ndarray:
-    """(1 - e^-q) / (4 pi q sqrt(det C)); relative error below 1e-12. exp is several times faster than expm1."""
+    """(1 - e^-q) / (4 pi q sqrt(det C)); relative error below 1e-12. exp is several times faster
+    than expm1.
+    """
     field = np.negative(exponent)
     np.exp(field, out=field)
     np.subtract(1.0, field, out=field)

@@ -9,7 +9,14 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count
 from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES, HIGHEST_CHECKOUT, bed_at, place_of
-from dart_skill.darts._candidates import REFINEMENTS, best_play, candidates_at, finer, first_aims, thrower_of
+from dart_skill.darts._candidates import (
+    REFINEMENTS,
+    best_play,
+    candidates_at,
+    finer,
+    first_aims,
+    thrower_of,
+)
 from dart_skill.darts._leg_solver import LARGEST_SCORE, Costs, after_dart
 from dart_skill.darts._spread import Spread, SpreadByTarget
 
@@ -22,9 +29,11 @@ class LegPolicy:
     """Where to aim in each state of a leg, made by `solve_leg`.
 
     * aims (n, 2) [mm].
-    * expected (start + 1,): expected number of turns (or darts) to the finish from each score at the start of a turn; NaN for 1.
-    * choices: three arrays of indices into aims, with three, two and one darts left: (start + 1, 1), (start + 1, 61) and
-      (start + 1, 121). Row: score at the start of the turn; column: points of the turn so far; -1 for impossible states.
+    * expected (start + 1,): expected number of turns (or darts) to the finish from each score at
+      the start of a turn; NaN for 1.
+    * choices: three arrays of indices into aims, with three, two and one darts left: (start + 1,
+      1), (start + 1, 61) and (start + 1, 121). Row: score at the start of the turn; column: points
+      of the turn so far; -1 for impossible states.
     * spreads, which (n,): the spreads of the thrower, and the index of the spread of each aim.
     * objective: "turns" or "darts".
     """
@@ -40,30 +49,42 @@ class LegPolicy:
     def start(self) -> int:
         return len(self.expected) - 1
 
-    def best_aim(self, remaining: int, darts_left: int = 3, turn_start: int | None = None) -> np.ndarray:
+    def best_aim(
+        self, remaining: int, darts_left: int = 3, turn_start: int | None = None
+    ) -> np.ndarray:
         """Point (2,) [mm] to aim at with this remaining score and number of darts left.
 
-        turn_start: score before the turn, to which a bust returns; default None: remaining, so nothing is scored yet. ValueError for a
-        state that cannot be.
+        turn_start: score before the turn, to which a bust returns; default None: remaining, so
+        nothing is scored yet. ValueError for a state that cannot be.
         """
         begun, scored = self.state(remaining, darts_left, turn_start)
         return self.aims[self.choices[3 - darts_left][begun, scored]]
 
-    def state(self, remaining: int, darts_left: int = 3, turn_start: int | None = None) -> tuple[int, int]:
-        """The score before the turn and the points of the turn so far; arguments as in `best_aim`, ValueError if no turn stands so."""
+    def state(
+        self, remaining: int, darts_left: int = 3, turn_start: int | None = None
+    ) -> tuple[int, int]:
+        """The score before the turn and the points of the turn so far; arguments as in `best_aim`,
+        ValueError if no turn stands so.
+        """
         turn_start = remaining if turn_start is None else turn_start
-        remaining, turn_start = as_remaining(remaining, self.start), as_remaining(turn_start, self.start)
+        remaining, turn_start = (
+            as_remaining(remaining, self.start),
+            as_remaining(turn_start, self.start),
+        )
         if darts_left not in (1, 2, 3):
             raise ValueError(f"darts_left must be 1, 2 or 3, got {darts_left!r}")
         scored, most = turn_start - remaining, LARGEST_SCORE * (3 - darts_left)
         if not 0 <= scored <= most:
             raise ValueError(
-                f"a turn from {turn_start} cannot stand at {remaining} with {darts_left} darts left: it scored 0 to {most} so far"
+                f"a turn from {turn_start} cannot stand at {remaining} with {darts_left} darts"
+                f" left: it scored 0 to {most} so far"
             )
         return turn_start, scored
 
     def target(self, remaining: int, darts_left: int = 3, turn_start: int | None = None) -> str:
-        """Name of the bed of the best aim, or "outside D1" for a point beyond the double ring; arguments as in `best_aim`."""
+        """Name of the bed of the best aim, or "outside D1" for a point beyond the double ring;
+        arguments as in `best_aim`.
+        """
         return place_of(self.best_aim(remaining, darts_left, turn_start))
 
 
@@ -79,12 +100,16 @@ class CheckoutTable:
     aims: np.ndarray
 
 
-def solve_leg(spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 501, objective: str = "turns") -> LegPolicy:
-    """The policy with the fewest expected turns (or darts) to finish from `start`, double out, for a thrower without opponent.
+def solve_leg(
+    spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 501, objective: str = "turns"
+) -> LegPolicy:
+    """The policy with the fewest expected turns (or darts) to finish from `start`, double out, for
+    a thrower without opponent.
 
     Parameters:
 
-    * spread: a Spread, a sigma [mm], a covariance (2, 2) [mm^2], or a SpreadByTarget such as `professional()`.
+    * spread: a Spread, a sigma [mm], a covariance (2, 2) [mm^2], or a SpreadByTarget such as
+      `professional()`.
     * start: int from 2 to 1001, default 501.
     * objective: "turns" (default) or "darts".
 
@@ -96,11 +121,16 @@ def solve_leg(spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 
     thrower = thrower_of(spread)
     costs = Costs(0.0, 1.0) if objective == "turns" else Costs(1.0, 0.0)
     candidates, (expected, choices) = best_play(thrower, start, costs)
-    return LegPolicy(candidates.aims, expected, choices, thrower.spreads, candidates.which, objective)
+    return LegPolicy(
+        candidates.aims, expected, choices, thrower.spreads, candidates.which, objective
+    )
 
 
-def checkout_table(spread: Spread | SpreadByTarget | float | ArrayLike, highest: int = HIGHEST_CHECKOUT) -> CheckoutTable:
-    """The best chances to finish within the darts of this turn, from scores up to `highest`; a failure costs nothing.
+def checkout_table(
+    spread: Spread | SpreadByTarget | float | ArrayLike, highest: int = HIGHEST_CHECKOUT
+) -> CheckoutTable:
+    """The best chances to finish within the darts of this turn, from scores up to `highest`; a
+    failure costs nothing.
 
     spread: as in `solve_leg`.
     """
@@ -122,8 +152,11 @@ def checkout_table(spread: Spread | SpreadByTarget | float | ArrayLike, highest:
     return CheckoutTable(np.column_stack(probability), aims[np.column_stack(choices)])
 
 
-def simulate_legs(policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_turns: int = 10_000) -> tuple[np.ndarray, np.ndarray]:
-    """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and of darts (n_legs,).
+def simulate_legs(
+    policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_turns: int = 10_000
+) -> tuple[np.ndarray, np.ndarray]:
+    """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and
+    of darts (n_legs,).
 
     policy: from `solve_leg`; max_turns: of one leg. ValueError if a leg takes more turns.
     """
@@ -138,10 +171,15 @@ def simulate_legs(policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_
         darts[playing] += used
         turn_start[playing] = remaining
         playing = playing[remaining > 0]
-    raise ValueError(f"{len(playing)} of {n_legs} legs are not finished after {max_turns} turns; raise max_turns")
+    raise ValueError(
+        f"{len(playing)} of {n_legs} legs are not finished after {max_turns} turns; raise"
+        " max_turns"
+    )
 
 
-def _play_turn(policy: LegPolicy, turn_start: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _play_turn(
+    policy: LegPolicy, turn_start: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Score (n,) after a turn from scores (n,), and the darts thrown in it (n,)."""
     remaining, used = turn_start.copy(), np.zeros(len(turn_start), dtype=int)
     on = np.arange(len(turn_start))
@@ -154,7 +192,9 @@ def _play_turn(policy: LegPolicy, turn_start: np.ndarray, rng: np.random.Generat
     return remaining, used
 
 
-def after_hit(remaining: np.ndarray, turn_start: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def after_hit(
+    remaining: np.ndarray, turn_start: np.ndarray, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """What is left (n,) after darts that hit points (n, 2) [mm], and which turns were bust (n,)."""
     beds = bed_at(points)
     left = remaining - BED_SCORES[beds]
@@ -162,18 +202,26 @@ def after_hit(remaining: np.ndarray, turn_start: np.ndarray, points: np.ndarray)
     return np.where(bust, turn_start, left), bust
 
 
-def impacts(aims: np.ndarray, which: np.ndarray, spreads: tuple[Spread, ...], rng: np.random.Generator) -> np.ndarray:
+def impacts(
+    aims: np.ndarray, which: np.ndarray, spreads: tuple[Spread, ...], rng: np.random.Generator
+) -> np.ndarray:
     """Where darts at aims (n, 2) hit, (n, 2) [mm], that have the spread of an index (n,) each."""
     factors = np.array([np.linalg.cholesky(spread.covariance) for spread in spreads])
     biases = np.array([spread.bias for spread in spreads])
-    return aims + biases[which] + np.einsum("nij,nj->ni", factors[which], rng.standard_normal(aims.shape))
+    return (
+        aims
+        + biases[which]
+        + np.einsum("nij,nj->ni", factors[which], rng.standard_normal(aims.shape))
+    )
 
 
 def as_remaining(value: int, start: int, name: str = "remaining") -> int:
     """A score that can be left in a leg from `start`."""
     remaining = as_count(value, name, 2)
     if remaining > start:
-        raise ValueError(f"{name} must be between 2 and {start}, where this leg starts, got {remaining}")
+        raise ValueError(
+            f"{name} must be between 2 and {start}, where this leg starts, got {remaining}"
+        )
     return remaining
 
 

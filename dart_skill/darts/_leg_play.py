@@ -16,7 +16,8 @@ PER_TURN = 3
 class LegDart:
     """A dart of a leg.
 
-    * before: what was left before it; after: what is left then, after a bust as much as at the start of the turn.
+    * before: what was left before it; after: what is left then, after a bust as much as at the
+      start of the turn.
     * hit: name of the place that it hit, such as T20, or what became of it.
     * points: of the dart, whether they count or not; bust: they do not.
     """
@@ -62,7 +63,9 @@ class LegInPlay:
 
     def _thrown(self, hit: str, points: int, double: bool) -> LegDart:
         if self.is_over:
-            raise ValueError(f"the leg was finished with dart {len(self.darts)}: begin another one")
+            raise ValueError(
+                f"the leg was finished with dart {len(self.darts)}: begin another one"
+            )
         before, left = self.remaining, self.remaining - points
         bust = left < 0 or left == 1 or (left == 0 and not double)
         self.remaining = self.turn_start if bust else left

@@ -1,15 +1,18 @@
-"""The fewest expected turns (or darts) to finish a leg, if aims come from a finite set: dynamic programming over turns of 3 darts.
+"""The fewest expected turns (or darts) to finish a leg, if aims come from a finite set: dynamic
+programming over turns of 3 darts.
 
-A turn is bust if it would leave 1 or less than 0, or 0 without a double (the double bull is one). Then it ends, and its points
-do not count. V(s) is the expected cost from the score s at the start of a turn. It is computed for s = 2, 3, ... With k darts left
-and r remaining, in a turn that started at s,
+A turn is bust if it would leave 1 or less than 0, or 0 without a double (the double bull is one).
+Then it ends, and its points do not count. V(s) is the expected cost from the score s at the start
+of a turn. It is computed for s = 2, 3, ... With k darts left and r remaining, in a turn that
+started at s,
 
     W_k(r) = c + min over aims of the mean over results o of (V(s) if o is bust, else W_{k-1}(r - o)),   W_0 = V,   V(s) = t + d W_3(s)
 
-where c and t are the costs of a dart and of a turn, and d is 1 unless an opponent may finish in between. All of it is known but V(s)
-itself, to which a bust and three misses lead back. For fixed aims W_3(s) = a + b V(s). The equation in this one unknown is solved by
-policy iteration (Howard), which is Newton's method here: W_3(s) is concave in V(s), so from any guess the first step leads to the root or
-above it, and the others down to it.
+where c and t are the costs of a dart and of a turn, and d is 1 unless an opponent may finish in
+between. All of it is known but V(s) itself, to which a bust and three misses lead back. For fixed
+aims W_3(s) = a + b V(s). The equation in this one unknown is solved by policy iteration (Howard),
+which is Newton's method here: W_3(s) is concave in V(s), so from any guess the first step leads to
+the root or above it, and the others down to it.
 """
 
 from __future__ import annotations
@@ -28,16 +31,20 @@ SAFE = LARGEST_SCORE + 2
 """From this score on no dart can bust."""
 MAX_ROUNDS = 50
 ACCURACY = 1e-6
-"""Relative step after which the aims are not chosen again: better ones would cost less by a small share of it."""
+"""Relative step after which the aims are not chosen again: better ones would cost less by a small
+share of it.
+"""
 FEWEST_ENDS = 1e-9
-"""A turn changes the score with at least this probability; a policy with which it never does has a large value then, and not an infinite
-one. It is the best one for a guess that is too low: busting seems to cost nothing.
+"""A turn changes the score with at least this probability; a policy with which it never does has a
+large value then, and not an infinite one. It is the best one for a guess that is too low: busting
+seems to cost nothing.
 """
 
 
 class Solution(NamedTuple):
-    """expected (start + 1,): V, NaN for 1. choices: with three, two and one darts left the index of the best aim, by the score at the start
-    of the turn and by the points of the turn so far, (start + 1, 1), (start + 1, 61) and (start + 1, 121); -1 where no turn can stand.
+    """expected (start + 1,): V, NaN for 1. choices: with three, two and one darts left the index
+    of the best aim, by the score at the start of the turn and by the points of the turn so far,
+    (start + 1, 1), (start + 1, 61) and (start + 1, 121); -1 where no turn can stand.
     """
 
     expected: np.ndarray
@@ -45,27 +52,37 @@ class Solution(NamedTuple):
 
 
 def after_dart(remaining: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scores (..., 57) after each result of a dart with these remaining (...), and whether it is bust, where the score means nothing."""
+    """Scores (..., 57) after each result of a dart with these remaining (...), and whether it is
+    bust, where the score means nothing.
+    """
     left = remaining[..., None] - POINTS
     return np.maximum(left, 0), (left < 0) | (left == 1) | ((left == 0) & ~IS_DOUBLE)
 
 
 class Everywhere:
-    """In every state every aim may be chosen. results (n, 57): probabilities of the results of a dart at each of n aims."""
+    """In every state every aim may be chosen. results (n, 57): probabilities of the results of a
+    dart at each of n aims.
+    """
 
     def __init__(self, results: np.ndarray):
         self.results, self._transposed = results, np.ascontiguousarray(results.T)
 
     def means(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
-        """Means (m, n) over the results of a dart of values (m, 57), for the remaining scores low, low + 1, ... with these darts left."""
+        """Means (m, n) over the results of a dart of values (m, 57), for the remaining scores low,
+        low + 1, ... with these darts left.
+        """
         return values @ self._transposed
 
     def means_at(self, darts: int, remaining: int, values: np.ndarray) -> np.ndarray:
         """The same of several values (m, 57) of the results in a single state, (m, n)."""
         return values @ self._transposed
 
-    def turn(self, remaining: int, values: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Means (n,) of values (3, 57) in a state with one, two and three darts left, and the chances (n,) of a miss, the first result."""
+    def turn(
+        self, remaining: int, values: np.ndarray
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Means (n,) of values (3, 57) in a state with one, two and three darts left, and the
+        chances (n,) of a miss, the first result.
+        """
         return list(values @ self._transposed), [self._transposed[0]] * 3
 
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -78,31 +95,42 @@ class Everywhere:
 
 
 class Nearby:
-    """In each state only some of the aims may be chosen. near (3, start + 1, n): which, by the darts left less one, and what remains.
+    """In each state only some of the aims may be chosen. near (3, start + 1, n): which, by the
+    darts left less one, and what remains.
 
     counts (3, start + 1): how many. In each row of means the first so many are different.
     """
 
     def __init__(self, results: np.ndarray, near: np.ndarray):
         self.results, self.counts = results, near.sum(axis=2)
-        # scores from which darts can bust have many aims, as their V differs from turn to turn, and the others few
-        self._lists = [[_padded(mask[: safe_from(darts)]), _padded(mask[safe_from(darts) :])] for darts, mask in enumerate(near, start=1)]
+        # scores from which darts can bust have many aims, as their V differs from turn to turn,
+        # and the others few
+        self._lists = [
+            [_padded(mask[: safe_from(darts)]), _padded(mask[safe_from(darts) :])]
+            for darts, mask in enumerate(near, start=1)
+        ]
         self._blocks = [[results[lists] for lists in parts] for parts in self._lists]
 
     def means(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
         """As of Everywhere, (m, k)."""
         part = int(low >= safe_from(darts))
         first = low - part * safe_from(darts)
-        return np.matmul(self._blocks[darts - 1][part][first : first + len(values)], values[..., None])[..., 0]
+        return np.matmul(
+            self._blocks[darts - 1][part][first : first + len(values)], values[..., None]
+        )[..., 0]
 
     def means_at(self, darts: int, remaining: int, values: np.ndarray) -> np.ndarray:
         """As of Everywhere, (m, k)."""
         return values @ self._block_at(darts, remaining).T
 
-    def turn(self, remaining: int, values: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    def turn(
+        self, remaining: int, values: np.ndarray
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """As of Everywhere, (k,) each."""
         blocks = [self._block_at(darts, remaining) for darts in (1, 2, 3)]
-        return [block @ row for block, row in zip(blocks, values, strict=True)], [block[:, 0] for block in blocks]
+        return [block @ row for block, row in zip(blocks, values, strict=True)], [
+            block[:, 0] for block in blocks
+        ]
 
     def _block_at(self, darts: int, remaining: int) -> np.ndarray:
         """Probabilities of the results (k, 57) of the aims that may be chosen in a state."""
@@ -115,14 +143,23 @@ class Nearby:
         return np.unique(self._lists[darts - 1][part][remaining - part * safe_from(darts)])
 
     def block(self, darts: int, low: int, end: int) -> np.ndarray:
-        """Probabilities of the results (m, k, 57) of the aims that may be chosen with these scores left, from which darts can bust."""
+        """Probabilities of the results (m, k, 57) of the aims that may be chosen with these scores
+        left, from which darts can bust.
+        """
         return self._blocks[darts - 1][0][low:end]
 
     def best(self, darts: int, low: int, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The highest of the means of values (m, 57), as in means, and its aim, (m,) each."""
-        parts = [(first, end) for first, end in cut(low, low + len(values), safe_from(darts)) if first < end]
+        parts = [
+            (first, end)
+            for first, end in cut(low, low + len(values), safe_from(darts))
+            if first < end
+        ]
         means = [self.means(darts, first, values[first - low : end - low]) for first, end in parts]
-        aims = [self.aims(darts, np.arange(*part), mean.argmax(axis=1)) for part, mean in zip(parts, means, strict=True)]
+        aims = [
+            self.aims(darts, np.arange(*part), mean.argmax(axis=1))
+            for part, mean in zip(parts, means, strict=True)
+        ]
         return np.concatenate([mean.max(axis=1) for mean in means]), np.concatenate(aims)
 
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -147,11 +184,17 @@ def cut(low: int, end: int, at: int) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def _padded(mask: np.ndarray) -> np.ndarray:
-    """Columns (m, k) in which each row of a mask (m, n) is true; the first of them again where there are fewer, 0 where there is none."""
+    """Columns (m, k) in which each row of a mask (m, n) is true; the first of them again where
+    there are fewer, 0 where there is none.
+    """
     rows, columns = np.nonzero(mask)
     counts = mask.sum(axis=1)
     begins = np.cumsum(counts) - counts
-    lists = np.where(counts[:, None] > 0, np.append(columns, 0)[begins, None], np.zeros((1, counts.max(initial=0)), dtype=int))
+    lists = np.where(
+        counts[:, None] > 0,
+        np.append(columns, 0)[begins, None],
+        np.zeros((1, counts.max(initial=0)), dtype=int),
+    )
     lists[rows, np.arange(len(rows)) - begins[rows]] = columns
     return lists
 
@@ -159,7 +202,8 @@ def _padded(mask: np.ndarray) -> np.ndarray:
 class Costs(NamedTuple):
     """Costs of a dart and of a turn; share: d, what a turn counts of the one before it.
 
-    If an opponent finishes in each of his turns with the chance 1 - d, the least cost means the highest chance to finish before him.
+    If an opponent finishes in each of his turns with the chance 1 - d, the least cost means the
+    highest chance to finish before him.
     """
 
     dart: float
@@ -167,14 +211,22 @@ class Costs(NamedTuple):
     share: float = 1.0
 
 
-def solve(choice: Everywhere | Nearby, start: int, costs: Costs, guesses: np.ndarray | None = None) -> Solution:
+def solve(
+    choice: Everywhere | Nearby, start: int, costs: Costs, guesses: np.ndarray | None = None
+) -> Solution:
     """Policy with the least cost from every score up to `start`.
 
     choice: between which aims; guesses (start + 1,): of V. ValueError if no policy finishes.
     """
     leg = _Leg(choice, start, costs.dart)
     for score in range(2, start + 1):
-        guess = guesses[score] if guesses is not None else leg.expected[score - 1] if score > 2 else 1.0
+        guess = (
+            guesses[score]
+            if guesses is not None
+            else leg.expected[score - 1]
+            if score > 2
+            else 1.0
+        )
         this = (_Turn if score < safe_from(3) else _SafeTurn)(leg, score)
         leg.expected[score] = _root(this, float(guess), costs)
         leg.keep(score, this)
@@ -182,7 +234,9 @@ def solve(choice: Everywhere | Nearby, start: int, costs: Costs, guesses: np.nda
 
 
 def solve_turn(choice: Everywhere | Nearby, after: np.ndarray) -> Solution:
-    """One turn with the least cost from every score, if after (start + 1,) is the cost of what is left at its end; expected: that cost."""
+    """One turn with the least cost from every score, if after (start + 1,) is the cost of what is
+    left at its end; expected: that cost.
+    """
     leg, costs = _Leg(choice, len(after) - 1, 0.0), after.copy()
     for score in range(2, len(after)):
         leg.expected[score] = after[score]
@@ -196,18 +250,23 @@ def _root(turn: _Turn | _SafeTurn, guess: float, costs: Costs) -> float:
     """The V(s) that a turn from s costs with it, and the aims of that turn."""
     for _ in range(MAX_ROUNDS):
         value, slope = turn.value(guess)
-        step = (costs.turn + costs.share * value - guess) / max(1.0 - costs.share * slope, FEWEST_ENDS)
+        step = (costs.turn + costs.share * value - guess) / max(
+            1.0 - costs.share * slope, FEWEST_ENDS
+        )
         guess += step
         if abs(step) <= ACCURACY * guess:
             return guess  # what the aims of this round really cost
-    raise ValueError(f"no policy was found that finishes from {turn.score}: do the darts reach the board?")
+    raise ValueError(
+        f"no policy was found that finishes from {turn.score}: do the darts reach the board?"
+    )
 
 
 class _Leg:
     """What is known of lower scores.
 
-    left, bust (start + 1, 57): as of after_dart. ends (start + 1, 57): the same in one, -1 for a bust: an index of values by score whose
-    last one is that of a bust. known (3, start + 1): V, and W_1 and W_2 in a turn from a higher score where no dart can bust.
+    left, bust (start + 1, 57): as of after_dart. ends (start + 1, 57): the same in one, -1 for a
+    bust: an index of values by score whose last one is that of a bust. known (3, start + 1): V,
+    and W_1 and W_2 in a turn from a higher score where no dart can bust.
     """
 
     def __init__(self, choice: Everywhere | Nearby, start: int, dart: float):
@@ -217,7 +276,9 @@ class _Leg:
         self.known = np.full((3, start + 1), np.nan)
         self.expected, self.safe = self.known[0], self.known[1:]
         self.expected[0] = 0.0
-        first, second, last = (np.full((start + 1, 1 + LARGEST_SCORE * used), -1) for used in range(3))
+        first, second, last = (
+            np.full((start + 1, 1 + LARGEST_SCORE * used), -1) for used in range(3)
+        )
         self.choices = first, second, last
         # with the last dart of a turn from a higher score: chances of a bust, and costs without it
         self.bust_chance = choice.means(1, 0, self.bust[:SAFE].astype(float))
@@ -225,7 +286,9 @@ class _Leg:
         self.safe_aim = np.full((2, start + 1), -1)
 
     def keep(self, score: int, turn: _Turn | _SafeTurn) -> None:
-        """V of this score is known now: what turns from higher scores need of it, and those aims of this turn that do not depend on V."""
+        """V of this score is known now: what turns from higher scores need of it, and those aims
+        of this turn that do not depend on V.
+        """
         if score < SAFE:
             known = np.where(self.bust[score], 0.0, self.expected[self.left[score]])
             self.last_cost[score] = self.dart + self.choice.means_at(1, score, known[None])[0]
@@ -235,7 +298,9 @@ class _Leg:
                 self.safe[darts - 1, score], self.safe_aim[darts - 1, score] = turn.safe(darts)
             low = max(lowest, score - LARGEST_SCORE * (3 - darts))
             if low < score:
-                self.choices[3 - darts][score, 1 : score - low + 1] = self.safe_aim[darts - 1, low:score][::-1]
+                self.choices[3 - darts][score, 1 : score - low + 1] = self.safe_aim[
+                    darts - 1, low:score
+                ][::-1]
 
     def best(self, darts: int, low: int, costs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The least of costs (m, n) for the scores low, low + 1, ..., and its aim, (m,) each."""
@@ -261,16 +326,22 @@ class _SafeTurn:
     def value(self, guess: float) -> tuple[float, float]:
         """W_3(s) and its derivative, if V(s) is a guess."""
         leg, score, slope = self._leg, self.score, 1.0
-        for darts, (costs, miss) in enumerate(zip(self._costs, self._misses, strict=True), start=1):
+        for darts, (costs, miss) in enumerate(
+            zip(self._costs, self._misses, strict=True), start=1
+        ):
             guess, aim = leg.best_of(darts, score, costs + guess * miss)
             slope *= leg.choice.results[aim, 0]
             leg.choices[3 - darts][score, 0] = aim
         return guess, float(slope)
 
     def safe(self, darts: int) -> tuple[float, int]:
-        """W_k of the score in a turn that starts higher, and its aim: a miss leads to what is known now."""
+        """W_k of the score in a turn that starts higher, and its aim: a miss leads to what is
+        known now.
+        """
         after = float(self._leg.known[darts - 1, self.score])
-        return self._leg.best_of(darts, self.score, self._costs[darts - 1] + after * self._misses[darts - 1])
+        return self._leg.best_of(
+            darts, self.score, self._costs[darts - 1] + after * self._misses[darts - 1]
+        )
 
 
 class _Turn:
@@ -301,26 +372,42 @@ class _Turn:
         """W_1 of the scores that can remain, and its derivative; the last ones after a bust."""
         leg, score, last = self._leg, self.score, self._last
         (after, slopes), table = self._known(1, guess), leg.choices[2][score]
-        after[score], table[0] = leg.best_of(1, score, leg.dart + (self._cost + guess * self._slope))
+        after[score], table[0] = leg.best_of(
+            1, score, leg.dart + (self._cost + guess * self._slope)
+        )
         slopes[score] = leg.choice.results[table[0]] @ self._back
         if last.start < last.stop:
-            after[last], aims = leg.best(1, last.start, leg.last_cost[last] + guess * leg.bust_chance[last])
-            slopes[last] = np.einsum("ko,ko->k", leg.choice.results.take(aims, axis=0), leg.bust[last])
+            after[last], aims = leg.best(
+                1, last.start, leg.last_cost[last] + guess * leg.bust_chance[last]
+            )
+            slopes[last] = np.einsum(
+                "ko,ko->k", leg.choice.results.take(aims, axis=0), leg.bust[last]
+            )
             table[score - last.stop + 1 : score - last.start + 1] = aims[::-1]
         return after, slopes
 
-    def _darts(self, low: int, end: int, darts: int, after: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """W_k of the scores from low to before end, and its derivative, from those of one dart less."""
+    def _darts(
+        self, low: int, end: int, darts: int, after: np.ndarray, slopes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """W_k of the scores from low to before end, and its derivative, from those of one dart
+        less.
+        """
         leg, score, ends = self._leg, self.score, self._leg.ends[low:end]
-        value, aims = leg.best(darts, low, leg.dart + leg.choice.means(darts, low, after.take(ends)))
+        value, aims = leg.best(
+            darts, low, leg.dart + leg.choice.means(darts, low, after.take(ends))
+        )
         leg.choices[3 - darts][score, score - end + 1 : score - low + 1] = aims[::-1]
-        return value, np.einsum("ko,ko->k", leg.choice.results.take(aims, axis=0), slopes.take(ends))
+        return value, np.einsum(
+            "ko,ko->k", leg.choice.results.take(aims, axis=0), slopes.take(ends)
+        )
 
     def safe(self, darts: int) -> tuple[float, int]:
         """W_k of the score in a turn that starts higher, and its aim."""
         leg, score = self._leg, self.score
         after = leg.known[darts - 1].take(leg.left[score])
-        return leg.best_of(darts, score, leg.dart + leg.choice.means_at(darts, score, after[None])[0])
+        return leg.best_of(
+            darts, score, leg.dart + leg.choice.means_at(darts, score, after[None])[0]
+        )
 
     def _known(self, darts: int, guess: float) -> tuple[np.ndarray, np.ndarray]:
         """W_k of all scores from which no dart can bust, and of a bust, and its derivative."""

@@ -1,7 +1,9 @@
-"""Two players and a leg of 501, then a match of several legs: who wins, and where to aim against this opponent.
+"""Two players and a leg of 501, then a match of several legs: who wins, and where to aim against
+this opponent.
 
-Haugh and Wang ("Play like the pros? Solving the game of darts as a dynamic zero-sum game", INFORMS Journal on Computing, 2022) solve this
-game for professionals. Here each player has a spread of any size, and the aims are points of the plane.
+Haugh and Wang ("Play like the pros? Solving the game of darts as a dynamic zero-sum game", INFORMS
+Journal on Computing, 2022) solve this game for professionals. Here each player has a spread of any
+size, and the aims are points of the plane.
 """
 
 from __future__ import annotations
@@ -33,8 +35,9 @@ class MatchSide:
     """One of two players in a leg: the chances to win, and where to aim.
 
     * player: between which aims; play: "best" or "turns", how they are chosen.
-    * first, second (start + 1, start + 1): chance to win the leg at the start of an own turn and at the start of one of the other player,
-      by what this player has left and by what the other has left; NaN where one of them has 1 left.
+    * first, second (start + 1, start + 1): chance to win the leg at the start of an own turn and
+      at the start of one of the other player, by what this player has left and by what the other
+      has left; NaN where one of them has 1 left.
     """
 
     player: MatchPlayer
@@ -42,17 +45,25 @@ class MatchSide:
     first: np.ndarray
     second: np.ndarray
 
-    def best_aim(self, remaining: int, against: int, darts_left: int = 3, turn_start: int | None = None) -> np.ndarray:
-        """Point (2,) [mm] to aim at with this remaining score and number of darts left, when the other player has `against` left.
+    def best_aim(
+        self, remaining: int, against: int, darts_left: int = 3, turn_start: int | None = None
+    ) -> np.ndarray:
+        """Point (2,) [mm] to aim at with this remaining score and number of darts left, when the
+        other player has `against` left.
 
-        turn_start: score before the turn, to which a bust returns; default None: remaining, so nothing is scored yet.
+        turn_start: score before the turn, to which a bust returns; default None: remaining, so
+        nothing is scored yet.
         """
         begun, scored = self.player.leg.state(remaining, darts_left, turn_start)
         choices = self.choices(begun, as_remaining(against, self.player.leg.start, "against"))
         return self.aims[choices[3 - darts_left][scored]]
 
-    def target(self, remaining: int, against: int, darts_left: int = 3, turn_start: int | None = None) -> str:
-        """Name of the bed of the best aim, or "outside D1" for a point beyond the double ring; arguments as in `best_aim`."""
+    def target(
+        self, remaining: int, against: int, darts_left: int = 3, turn_start: int | None = None
+    ) -> str:
+        """Name of the bed of the best aim, or "outside D1" for a point beyond the double ring;
+        arguments as in `best_aim`.
+        """
         return place_of(self.best_aim(remaining, against, darts_left, turn_start))
 
     @property
@@ -70,17 +81,22 @@ class MatchSide:
         return self.player.leg if self.play == "turns" else self.player
 
     def choices(self, begun: int, against: int) -> tuple[np.ndarray, ...]:
-        """Index of the aims of a turn from the score `begun`, when the other player has `against` left: with three, two and one darts left
-        three arrays, by the points of the turn so far.
+        """Index of the aims of a turn from the score `begun`, when the other player has `against`
+        left: with three, two and one darts left three arrays, by the points of the turn so far.
         """
         if self.play == "turns":
             return tuple(table[begun] for table in self.player.leg.choices)
-        return tuple(darts.aims[::-1] for darts in _best_turn(self.player.choice, self.second[: begun + 1, against]))
+        return tuple(
+            darts.aims[::-1]
+            for darts in _best_turn(self.player.choice, self.second[: begun + 1, against])
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class MatchPolicy:
-    """A leg of two players, made by `solve_match`: the sides `me` and `them`, which the spread and the spread `against` have."""
+    """A leg of two players, made by `solve_match`: the sides `me` and `them`, which the spread and
+    the spread `against` have.
+    """
 
     me: MatchSide
     them: MatchSide
@@ -90,33 +106,47 @@ class MatchPolicy:
         return self.me.player.leg.start
 
 
-def solve_match(spread: Player, against: Player, start: int = 501, plays: tuple[str, str] = ("best", "best")) -> MatchPolicy:
-    """The chances of two players to win a leg, double out, and where they aim in every state of it (Haugh and Wang 2022).
+def solve_match(
+    spread: Player, against: Player, start: int = 501, plays: tuple[str, str] = ("best", "best")
+) -> MatchPolicy:
+    """The chances of two players to win a leg, double out, and where they aim in every state of it
+    (Haugh and Wang 2022).
 
-    They throw three darts in turn. Each aims where the chance to win is highest, whatever the other does. From 501 this takes 10 to 60 s.
+    They throw three darts in turn. Each aims where the chance to win is highest, whatever the
+    other does. From 501 this takes 10 to 60 s.
 
     Parameters:
 
-    * spread, against: of the two players, "me" and "them": as in `solve_leg`, or what `match_player` made, which saves its time.
+    * spread, against: of the two players, "me" and "them": as in `solve_leg`, or what
+      `match_player` made, which saves its time.
     * start: int from 2 to 1001, default 501.
-    * plays: of each player "best" (default), which is the best answer to how the other plays, or "turns", the fewest turns on average.
+    * plays: of each player "best" (default), which is the best answer to how the other plays, or
+      "turns", the fewest turns on average.
 
     ValueError for a start or a play that is none, and for a player who never finishes.
     """
     start = as_start(start)
     if len(plays) != 2 or any(play not in PLAYS for play in plays):
-        raise ValueError(f"plays must be two of {', '.join(PLAYS)}, one for each player, got {plays!r}")
+        raise ValueError(
+            f"plays must be two of {', '.join(PLAYS)}, one for each player, got {plays!r}"
+        )
     me = _as_player(spread, start)
     try:
         them = me if _is_same(spread, against) else _as_player(against, start)
     except ValueError as error:
         raise ValueError(f"against: {error}") from None
     fewest = _solved(me, them, ("turns", "turns"))
-    mine, theirs = fewest if tuple(plays) == ("turns", "turns") else _solved(me, them, plays, fewest[0].left)
-    return MatchPolicy(_read(me, plays[0], mine.left, theirs.left), _read(them, plays[1], theirs.left, mine.left))
+    mine, theirs = (
+        fewest if tuple(plays) == ("turns", "turns") else _solved(me, them, plays, fewest[0].left)
+    )
+    return MatchPolicy(
+        _read(me, plays[0], mine.left, theirs.left), _read(them, plays[1], theirs.left, mine.left)
+    )
 
 
-def _solved(me: MatchPlayer, them: MatchPlayer, plays: tuple[str, str], guess: np.ndarray | None = None) -> tuple[Side, Side]:
+def _solved(
+    me: MatchPlayer, them: MatchPlayer, plays: tuple[str, str], guess: np.ndarray | None = None
+) -> tuple[Side, Side]:
     """The game, solved."""
     mine = _side(me, plays[0])
     theirs = mine if me is them and plays[0] == plays[1] else _side(them, plays[1])
@@ -125,11 +155,16 @@ def _solved(me: MatchPlayer, them: MatchPlayer, plays: tuple[str, str], guess: n
 
 
 def _side(player: MatchPlayer, play: str) -> Side:
-    return Fixed(player.outcomes) if play == "turns" else Best(player.choice, np.diag(player.outcomes))
+    return (
+        Fixed(player.outcomes)
+        if play == "turns"
+        else Best(player.choice, np.diag(player.outcomes))
+    )
 
 
 class AimsApart(NamedTuple):
-    """A score at which the first dart of a turn is aimed at another bed against another score of the other player, made by `aims_apart`.
+    """A score at which the first dart of a turn is aimed at another bed against another score of
+    the other player, made by `aims_apart`.
 
     * remaining: the own score; against: two scores of the other.
     * aims (2, 2) [mm]: the best ones against these; beds: their names.
@@ -144,40 +179,60 @@ class AimsApart(NamedTuple):
 
 
 def aims_apart(side: MatchSide, near: int = 40, far: int = 140) -> AimsApart | None:
-    """Where the best aim depends most on what the other player has left, near or far; None if it is in the same bed everywhere.
+    """Where the best aim depends most on what the other player has left, near or far; None if it
+    is in the same bed everywhere.
 
-    side: one with the play "best"; a `far` above the start means the start. ValueError for another play.
+    side: one with the play "best"; a `far` above the start means the start. ValueError for another
+    play.
     """
     start = side.player.leg.start
-    against = as_remaining(min(near, start), start, "near"), as_remaining(min(far, start), start, "far")
+    against = (
+        as_remaining(min(near, start), start, "near"),
+        as_remaining(min(far, start), start, "far"),
+    )
     if side.play != "best":
-        raise ValueError(f"only the play 'best' looks at the other player, not {side.play!r}: take a side that solve_match made with it")
+        raise ValueError(
+            f"only the play 'best' looks at the other player, not {side.play!r}: take a side that"
+            " solve_match made with it"
+        )
     every = [_apart(side, remaining, against) for remaining in range(2, start + 1)]
     different = [one for one in every if one.beds[0] != one.beds[1]]
     return max(different, key=lambda one: min(one.losses), default=None)
 
 
 def _apart(side: MatchSide, remaining: int, against: tuple[int, int]) -> AimsApart:
-    first = [_best_turn(side.player.choice, side.second[: remaining + 1, other])[0] for other in against]
+    first = [
+        _best_turn(side.player.choice, side.second[: remaining + 1, other])[0] for other in against
+    ]
     chosen = [int(darts.aims[-1]) for darts in first]
-    exchanged = [side.player.choice.results[aim] @ darts.values[-1] for aim, darts in zip(chosen[::-1], first, strict=True)]
+    exchanged = [
+        side.player.choice.results[aim] @ darts.values[-1]
+        for aim, darts in zip(chosen[::-1], first, strict=True)
+    ]
     losses = [float(darts.best[-1] - mean) for darts, mean in zip(first, exchanged, strict=True)]
     aims = side.aims[chosen]
-    return AimsApart(remaining, against, aims, (place_of(aims[0]), place_of(aims[1])), (losses[0], losses[1]))
+    return AimsApart(
+        remaining, against, aims, (place_of(aims[0]), place_of(aims[1])), (losses[0], losses[1])
+    )
 
 
 def match_chance(first: float, second: float, legs: int, begins: str = "me") -> float:
     """The chance to win a match, best of an odd number of legs, which the players begin in turn.
 
-    first, second: chance to win a leg that the player begins, and one that the other begins; begins: the first leg, "me" or "them".
+    first, second: chance to win a leg that the player begins, and one that the other begins;
+    begins: the first leg, "me" or "them".
 
-    The match is won if all legs were played and more than half of them were won: a sum of two binomial numbers. ValueError for an even
-    number of legs or too many, no chance, or another player.
+    The match is won if all legs were played and more than half of them were won: a sum of two
+    binomial numbers. ValueError for an even number of legs or too many, no chance, or another
+    player.
     """
     first, second = _as_chance(first, "first"), _as_chance(second, "second")
     legs = as_count(legs, "legs", 1)
     if legs % 2 == 0 or legs > MOST_LEGS:
-        raise ValueError(f"legs must be an odd number up to {MOST_LEGS}, such as {min(legs + 1, MOST_LEGS)}, got {legs}")
+        raise ValueError(
+            f"legs must be an odd number up to {MOST_LEGS}, such as {min(legs + 1, MOST_LEGS)},"
+            f" got {legs}"
+        )
     if begins not in PLAYERS:
         raise ValueError(f"begins must be one of {', '.join(PLAYERS)}, got {begins!r}")
     more, fewer = (first, second) if begins == "me" else (second, first)
@@ -186,11 +241,17 @@ def match_chance(first: float, second: float, legs: int, begins: str = "me") -> 
 
 
 def simulate_match_legs(
-    policy: MatchPolicy, n_legs: int, rng: np.random.Generator, begins: str = "me", max_turns: int = 10_000
+    policy: MatchPolicy,
+    n_legs: int,
+    rng: np.random.Generator,
+    begins: str = "me",
+    max_turns: int = 10_000,
 ) -> np.ndarray:
-    """Simulates legs dart by dart with random hits; returns which of them the side `me` wins, (n_legs,).
+    """Simulates legs dart by dart with random hits; returns which of them the side `me` wins,
+    (n_legs,).
 
-    policy: of both sides. begins: "me" or "them". max_turns: of both together. ValueError for another player, and if a leg takes longer.
+    policy: of both sides. begins: "me" or "them". max_turns: of both together. ValueError for
+    another player, and if a leg takes longer.
     """
     if begins not in PLAYERS:
         raise ValueError(f"begins must be one of {', '.join(PLAYERS)}, got {begins!r}")
@@ -200,19 +261,33 @@ def simulate_match_legs(
         on = np.flatnonzero((left > 0).all(axis=0))
         if len(on) == 0:
             return left[0] == 0
-        left[throws, on] = _play_turns((policy.me, policy.them)[throws], left[throws, on], left[1 - throws, on], rng)
+        left[throws, on] = _play_turns(
+            (policy.me, policy.them)[throws], left[throws, on], left[1 - throws, on], rng
+        )
         throws = 1 - throws
-    raise ValueError(f"{len(on)} of {n_legs} legs are not finished after {max_turns} turns; raise max_turns")
+    raise ValueError(
+        f"{len(on)} of {n_legs} legs are not finished after {max_turns} turns; raise max_turns"
+    )
 
 
-def _play_turns(side: MatchSide, begun: np.ndarray, against: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """What is left (n,) after a turn from scores (n,) when the other player has `against` (n,) left."""
+def _play_turns(
+    side: MatchSide, begun: np.ndarray, against: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """What is left (n,) after a turn from scores (n,) when the other player has `against` (n,)
+    left.
+    """
     pairs, of = np.unique(np.stack([begun, against]), axis=1, return_inverse=True)
     turns = [side.choices(*pair) for pair in pairs.T]
     remaining, on = begun.copy(), np.arange(len(begun))
     for used in range(3):
         scored = begun[on] - remaining[on]
-        chosen = np.array([turns[turn][used][points] for turn, points in zip(of.ravel()[on], scored, strict=True)], dtype=int)
+        chosen = np.array(
+            [
+                turns[turn][used][points]
+                for turn, points in zip(of.ravel()[on], scored, strict=True)
+            ],
+            dtype=int,
+        )
         hits = impacts(side.aims[chosen], side.which[chosen], side.player.leg.spreads, rng)
         remaining[on], bust = after_hit(remaining[on], begun[on], hits)
         on = on[~bust & (remaining[on] > 0)]
@@ -220,8 +295,8 @@ def _play_turns(side: MatchSide, begun: np.ndarray, against: np.ndarray, rng: np
 
 
 class _Darts(NamedTuple):
-    """With so many darts left in a turn, for the scores that can remain, ascending: values (m, 57) of the results of a dart, the best mean
-    (m,) and its aim (m,).
+    """With so many darts left in a turn, for the scores that can remain, ascending: values (m, 57)
+    of the results of a dart, the best mean (m,) and its aim (m,).
     """
 
     values: np.ndarray
@@ -230,7 +305,9 @@ class _Darts(NamedTuple):
 
 
 def _best_turn(choice: Nearby, after: np.ndarray) -> list[_Darts]:
-    """The best play of a turn with three, two and one darts left; after (begun + 1,): chance to win with what is left after the turn."""
+    """The best play of a turn with three, two and one darts left; after (begun + 1,): chance to
+    win with what is left after the turn.
+    """
     begun, back, turn = len(after) - 1, after[-1], []
     for darts in (1, 2, 3):
         low = max(2, begun - LARGEST_SCORE * (3 - darts))
@@ -245,16 +322,25 @@ def _as_player(spread: Player, start: int) -> MatchPlayer:
     if not isinstance(spread, MatchPlayer):
         return match_player(spread, start)
     if spread.leg.start != start:
-        raise ValueError(f"this player was made for legs from {spread.leg.start}, not from {start}: make another with match_player")
+        raise ValueError(
+            f"this player was made for legs from {spread.leg.start}, not from {start}: make"
+            " another with match_player"
+        )
     return spread
 
 
 def _is_same(one: Player, other: Player) -> bool:
-    """Whether two players are given by the same spread, so that the work for one of them is enough."""
-    if isinstance(one, (MatchPlayer, SpreadByTarget)) or isinstance(other, (MatchPlayer, SpreadByTarget)):
+    """Whether two players are given by the same spread, so that the work for one of them is
+    enough.
+    """
+    if isinstance(one, (MatchPlayer, SpreadByTarget)) or isinstance(
+        other, (MatchPlayer, SpreadByTarget)
+    ):
         return one is other
     first, second = as_spread(one), as_spread(other)
-    return np.array_equal(first.covariance, second.covariance) and np.array_equal(first.bias, second.bias)
+    return np.array_equal(first.covariance, second.covariance) and np.array_equal(
+        first.bias, second.bias
+    )
 
 
 def _read(player: MatchPlayer, play: str, left: np.ndarray, others: np.ndarray) -> MatchSide:

@@ -1,8 +1,11 @@
-"""A player of a match: between which aims to choose in each state, and what comes of turns with the fewest turns on average.
+"""A player of a match: between which aims to choose in each state, and what comes of turns with
+the fewest turns on average.
 
-The aims are the best ones against opponents of two kinds. Some finish in each of their turns with a fixed chance h, from 0 (the fewest
-turns) to nearly 1 (now or never): then a turn counts 1 - h of the one before. Others cannot finish in their next turns, and do so with
-such a chance later: against them it pays to prepare the next turns. More of both kinds raise the chance to win from 501 by 1e-5.
+The aims are the best ones against opponents of two kinds. Some finish in each of their turns with
+a fixed chance h, from 0 (the fewest turns) to nearly 1 (now or never): then a turn counts 1 - h of
+the one before. Others cannot finish in their next turns, and do so with such a chance later:
+against them it pays to prepare the next turns. More of both kinds raise the chance to win from 501
+by 1e-5.
 """
 
 from __future__ import annotations
@@ -39,7 +42,8 @@ class MatchPlayer:
     """How one player can play, made by `match_player`.
 
     * leg: the policy with the fewest turns on average.
-    * outcomes (start + 1, start + 1): chance of what is left after a turn of that policy, by what was left before.
+    * outcomes (start + 1, start + 1): chance of what is left after a turn of that policy, by what
+      was left before.
     * aims (n, 2) [mm]: between which to choose; which (n,): index of the spread of each.
     * choice: which of them are good with so many darts left and so much remaining.
     """
@@ -61,11 +65,17 @@ def match_player(spread: Spread | SpreadByTarget | float | ArrayLike, start: int
     fewest, (expected, choices) = plays[0]
     leg = LegPolicy(fewest.aims, expected, choices, thrower.spreads, fewest.which, "turns")
     outcomes = turn_outcomes(fewest.results, choices)
-    return MatchPlayer(leg, outcomes, candidates.aims, candidates.which, Nearby(candidates.results, near))
+    return MatchPlayer(
+        leg, outcomes, candidates.aims, candidates.which, Nearby(candidates.results, near)
+    )
 
 
-def _after_respite(thrower: Thrower, solution: Solution, first: Candidates) -> Iterator[tuple[Candidates, Solution]]:
-    """The best turns before those of a solution. To finish costs nothing, and what is left costs what it is expected to, less a turn."""
+def _after_respite(
+    thrower: Thrower, solution: Solution, first: Candidates
+) -> Iterator[tuple[Candidates, Solution]]:
+    """The best turns before those of a solution. To finish costs nothing, and what is left costs
+    what it is expected to, less a turn.
+    """
     after = np.maximum(solution.expected - 1.0, 0.0)
     for _ in range(RESPITE):
         candidates, turn = best_turn(thrower, after, first)
@@ -76,7 +86,9 @@ def _after_respite(thrower: Thrower, solution: Solution, first: Candidates) -> I
 def _united(plays: list[tuple[Candidates, Solution]]) -> tuple[Candidates, np.ndarray]:
     """All aims that are chosen somewhere, and in which states, (3, start + 1, n)."""
     begins = np.cumsum([0, *(len(candidates.aims) for candidates, _ in plays)])
-    aims, results, which = (np.concatenate([candidates[part] for candidates, _ in plays]) for part in range(3))
+    aims, results, which = (
+        np.concatenate([candidates[part] for candidates, _ in plays]) for part in range(3)
+    )
     _, first, same = np.unique(aims @ [1.0, 1j], return_index=True, return_inverse=True)
     near = np.zeros((3, len(plays[0][1].expected), len(first)), dtype=bool)
     for begin, (_, solution) in zip(begins, plays, strict=False):
@@ -88,7 +100,9 @@ def _united(plays: list[tuple[Candidates, Solution]]) -> tuple[Candidates, np.nd
 
 
 def turn_outcomes(results: np.ndarray, choices: Choices) -> np.ndarray:
-    """Chance (start + 1, start + 1) of what is left after a turn, by what was left before; results (n, 57), and choices between them."""
+    """Chance (start + 1, start + 1) of what is left after a turn, by what was left before; results
+    (n, 57), and choices between them.
+    """
     size = len(choices[0])
     left, bust = after_dart(np.arange(size))
     now, outcomes = np.eye(size), np.zeros((size, size))

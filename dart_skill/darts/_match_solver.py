@@ -1,13 +1,17 @@
-"""Who wins a leg, if aims come from a finite set: a stochastic game of two players who throw in turn.
+"""Who wins a leg, if aims come from a finite set: a stochastic game of two players who throw in
+turn.
 
-L(b, s) is the chance of a player to win who has s left when the other, with b left, begins a turn; L(b, 0) = 1. With a left and b against
-it, k darts left and r remaining in a turn, the best chance is
+L(b, s) is the chance of a player to win who has s left when the other, with b left, begins a turn;
+L(b, 0) = 1. With a left and b against it, k darts left and r remaining in a turn, the best chance
+is
 
     W_k(r) = max over aims of the mean over results o of (L(b, a) if o is bust, else W_{k-1}(r - o)),    W_0(r) = L(b, r),
 
-and the other player's L(a, b) is 1 - W_3(a). Pairs (a, b) are taken in the order of their sum. Then all of this is known but u = L(b, a),
-to which busts and three misses lead back, and the other's L(a, b). Each of the two turns raises u more slowly than it is raised, so
-u = 1 - W'_3(b; 1 - W_3(a; u)) has one root. A secant method finds it for all pairs of a sum at once, and keeps it between two bounds.
+and the other player's L(a, b) is 1 - W_3(a). Pairs (a, b) are taken in the order of their sum.
+Then all of this is known but u = L(b, a), to which busts and three misses lead back, and the
+other's L(a, b). Each of the two turns raises u more slowly than it is raised, so u = 1 - W'_3(b; 1
+- W_3(a; u)) has one root. A secant method finds it for all pairs of a sum at once, and keeps it
+between two bounds.
 """
 
 from __future__ import annotations
@@ -18,32 +22,48 @@ from typing import Protocol
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from dart_skill.darts._leg_solver import FEWEST_ENDS, LARGEST_SCORE, POINTS, SAFE, Nearby, after_dart, cut, safe_from
+from dart_skill.darts._leg_solver import (
+    FEWEST_ENDS,
+    LARGEST_SCORE,
+    POINTS,
+    SAFE,
+    Nearby,
+    after_dart,
+    cut,
+    safe_from,
+)
 
 MAX_ROUNDS = 100
 ACCURACY = 1e-7
-"""Accuracy of chances to win at which the secant method ends; its next step would be shorter by a factor of ten at least."""
+"""Accuracy of chances to win at which the secant method ends; its next step would be shorter by a
+factor of ten at least.
+"""
 NO_BUST_TWO, NO_BUST_THREE = safe_from(2), safe_from(3)
 PER_DART = LARGEST_SCORE + 1
 LAST_PARTS, SECOND_PARTS = (2, 32, SAFE), (2, 32, SAFE, NO_BUST_TWO)
-"""Ranges of scores that are computed together: from which the last dart and the second may bust."""
+"""Ranges of scores that are computed together: from which the last dart and the second may bust.
+"""
 BUST = NO_BUST_THREE
 """Column of the tables of a turn in which a bust finds its value."""
 
 
 class Turns(Protocol):
-    """The turns of one player from the scores low, low + 1, ..., against an opponent who has the rest of a sum left."""
+    """The turns of one player from the scores low, low + 1, ..., against an opponent who has the
+    rest of a sum left.
+    """
 
     def value(self, back: np.ndarray) -> np.ndarray:
-        """Chances to win (m,), if they are `back` (m,) after a turn that leads back to its beginning."""
+        """Chances to win (m,), if they are `back` (m,) after a turn that leads back to its
+        beginning.
+        """
 
     def keep(self, back: np.ndarray) -> None:
         """These are known now: what later turns need of them."""
 
 
 class Side(Protocol):
-    """A player: left (start + 1, start + 1) is L, by the score of the other and by the own one; back (start + 1,): chance that a turn leads
-    back to its beginning, nearly.
+    """A player: left (start + 1, start + 1) is L, by the score of the other and by the own one;
+    back (start + 1,): chance that a turn leads back to its beginning, nearly.
     """
 
     left: np.ndarray
@@ -53,7 +73,9 @@ class Side(Protocol):
 
 
 def solve_game(mine: Side, theirs: Side, guess: np.ndarray | None = None) -> None:
-    """Fills `left` of both sides, which may be the same; guess (start + 1, start + 1): of mine.left."""
+    """Fills `left` of both sides, which may be the same; guess (start + 1, start + 1): of
+    mine.left.
+    """
     start = len(mine.left) - 1
     guess = np.zeros_like(mine.left) if guess is None else guess
     for total in range(4, 2 * start + 1):
@@ -62,9 +84,17 @@ def solve_game(mine: Side, theirs: Side, guess: np.ndarray | None = None) -> Non
             low = (total + 1) // 2
         own = np.arange(low, end)
         other = total - own
-        first, second = mine.turns(low, end, total), theirs.turns(total - end + 1, total - low + 1, total)
+        first, second = (
+            mine.turns(low, end, total),
+            theirs.turns(total - end + 1, total - low + 1, total),
+        )
         better = np.where(own > 2, mine.left[other, own - 1] - guess[other, own - 1], 0.0)
-        back = _root(first, second, np.clip(guess[other, own] + better, 0.0, 1.0), mine.back[own] * theirs.back[other])
+        back = _root(
+            first,
+            second,
+            np.clip(guess[other, own] + better, 0.0, 1.0),
+            mine.back[own] * theirs.back[other],
+        )
         first.keep(back)
         second.keep(1.0 - first.value(back)[::-1])
 
@@ -90,7 +120,9 @@ def _root(first: Turns, second: Turns, at: np.ndarray, slope: np.ndarray) -> np.
 
 
 class Fixed:
-    """A player who plays by a fixed policy. outcomes (start + 1, start + 1): chances of what is left after a turn, by what was before."""
+    """A player who plays by a fixed policy. outcomes (start + 1, start + 1): chances of what is
+    left after a turn, by what was before.
+    """
 
     def __init__(self, outcomes: np.ndarray):
         self.outcomes, self.back = outcomes, np.diag(outcomes)
@@ -106,7 +138,9 @@ class _FixedTurns:
         self._left, self._own = side.left, np.arange(low, end)
         self._other = total - self._own
         self._back = side.back[self._own]
-        self._known = np.einsum("ms,ms->m", side.outcomes[low:end, :end], side.left[self._other, :end])
+        self._known = np.einsum(
+            "ms,ms->m", side.outcomes[low:end, :end], side.left[self._other, :end]
+        )
 
     def value(self, back: np.ndarray) -> np.ndarray:
         return self._known + self._back * back
@@ -119,7 +153,8 @@ class Best:
     """A player who chooses the best aim in every state of the game.
 
     * choice: between which aims; back (start + 1,): as of Side.
-    * safe (2, start + 1, start + 1): W_1 and W_2 of scores from which no dart can bust, by the score of the other and by what remains.
+    * safe (2, start + 1, start + 1): W_1 and W_2 of scores from which no dart can bust, by the
+      score of the other and by what remains.
     * last, second: the last dart of a turn, and the second, from scores from which they may bust.
     """
 
@@ -134,25 +169,36 @@ class Best:
         self.second = [_SecondDart(self, *part) for part in _parts(choice.counts[1], SECOND_PARTS)]
 
     def turns(self, low: int, end: int, total: int) -> Turns:
-        parts = [_RiskyTurns(self, low, min(end, NO_BUST_THREE), total)] if low < NO_BUST_THREE else []
-        safe = [_SafeTurns(self, max(low, NO_BUST_THREE), end, total)] if end > NO_BUST_THREE else []
+        parts = (
+            [_RiskyTurns(self, low, min(end, NO_BUST_THREE), total)] if low < NO_BUST_THREE else []
+        )
+        safe = (
+            [_SafeTurns(self, max(low, NO_BUST_THREE), end, total)] if end > NO_BUST_THREE else []
+        )
         return _TurnsInParts([*parts, *safe])
 
     def best(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
-        """The best means (m,) of values (m, 57) of the results of a dart, for the remaining scores low, low + 1, ..."""
+        """The best means (m,) of values (m, 57) of the results of a dart, for the remaining scores
+        low, low + 1, ...
+        """
         first, second = cut(low, low + len(values), safe_from(darts))
         parts = [part for part in (first, second) if part[0] < part[1]]
-        return np.concatenate([self.choice.means(darts, a, values[a - low : b - low]).max(axis=1) for a, b in parts])
+        return np.concatenate(
+            [self.choice.means(darts, a, values[a - low : b - low]).max(axis=1) for a, b in parts]
+        )
 
 
 def _parts(counts: np.ndarray, edges: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """Ranges of scores, and the largest number of aims in each: low scores have many aims, and the others few."""
+    """Ranges of scores, and the largest number of aims in each: low scores have many aims, and the
+    others few.
+    """
     ends = [min(edge, len(counts)) for edge in edges]
     return [(low, end, int(counts[low:end].max())) for low, end in pairwise(ends) if low < end]
 
 
 class _LastDart:
-    """The last dart of a turn from scores from which it can bust: what each of k aims is worth without busts, and its chance of a bust.
+    """The last dart of a turn from scores from which it can bust: what each of k aims is worth
+    without busts, and its chance of a bust.
 
     worth (k, start + 1, n): by the score of the other player and what remains; busts (k, 1, n).
     """
@@ -160,14 +206,17 @@ class _LastDart:
     def __init__(self, side: Best, low: int, end: int, k: int):
         self._choice, self.low, self.end = side.choice, low, end
         self._k = k
-        self.busts = np.ascontiguousarray(self._means(low, side.bust[low:end].astype(float)).T)[:, None]
+        self.busts = np.ascontiguousarray(self._means(low, side.bust[low:end].astype(float)).T)[
+            :, None
+        ]
         self.worth = np.zeros((k, len(side.left), end - low))
 
     def _means(self, low: int, values: np.ndarray) -> np.ndarray:
         return self._choice.means(1, low, values)[:, : self._k]
 
     def best(self, other: np.ndarray, end: int, back: np.ndarray) -> np.ndarray:
-        """W_1 (m, n) for what remains from low to before end, against scores (m,) of the other player, descending by one.
+        """W_1 (m, n) for what remains from low to before end, against scores (m,) of the other
+        player, descending by one.
 
         back (m,): what a bust is worth.
         """
@@ -177,15 +226,21 @@ class _LastDart:
         return lines.max(axis=0)
 
     def keep(self, other: np.ndarray, low: int, known: np.ndarray) -> None:
-        """Values (m, 57) of the results of a dart that does not bust, for the remaining scores low, low + 1, ..., are known."""
+        """Values (m, 57) of the results of a dart that does not bust, for the remaining scores
+        low, low + 1, ..., are known.
+        """
         first, end = max(low, self.low), min(low + len(known), self.end)
         if first < end:
             rows = slice(first - low, end - low)
-            self.worth[:, other[rows], np.arange(first, end) - self.low] = self._means(first, known[rows]).T
+            self.worth[:, other[rows], np.arange(first, end) - self.low] = self._means(
+                first, known[rows]
+            ).T
 
 
 class _SecondDart:
-    """The second dart of a turn from n scores: chances of what an aim leaves, from 60 points less to all, (n, k, 61), and of a bust."""
+    """The second dart of a turn from n scores: chances of what an aim leaves, from 60 points less
+    to all, (n, k, 61), and of a bust.
+    """
 
     def __init__(self, side: Best, low: int, end: int, k: int):
         self.low, self.end = low, end
@@ -194,13 +249,15 @@ class _SecondDart:
         self._busts = np.where(bust, results, 0.0).sum(axis=2, keepdims=True)
 
     def fill(self, low: int, end: int, padded: np.ndarray, two: np.ndarray) -> None:
-        """W_2 of those of the scores from low to before end that are here, for the turns in which so many points more were left: into the
-        table `two`, from the padded table of W_1.
+        """W_2 of those of the scores from low to before end that are here, for the turns in which
+        so many points more were left: into the table `two`, from the padded table of W_1.
         """
         low, end = max(low, self.low), min(end, self.end)
         if low < end:
             rows, (row, column) = slice(low - self.low, end - self.low), padded.strides
-            after = as_strided(padded[low:, low:], (end - low, PER_DART, PER_DART), (row + column, row, column))
+            after = as_strided(
+                padded[low:, low:], (end - low, PER_DART, PER_DART), (row + column, row, column)
+            )
             means = np.matmul(self._left[rows], after.swapaxes(1, 2))
             begun = np.arange(low, end)[:, None] + np.arange(PER_DART)
             if low < SAFE:
@@ -215,7 +272,9 @@ class _TurnsInParts:
         self._parts = parts
 
     def value(self, back: np.ndarray) -> np.ndarray:
-        return np.concatenate([part.value(mine) for part, mine in zip(self._parts, self._shares(back), strict=True)])
+        return np.concatenate(
+            [part.value(mine) for part, mine in zip(self._parts, self._shares(back), strict=True)]
+        )
 
     def keep(self, back: np.ndarray) -> None:
         for part, mine in zip(self._parts, self._shares(back), strict=True):
@@ -236,7 +295,9 @@ class _SafeTurns:
             after = table[self._other[:, None], side.after[low:end]]
             after[:, 0] = 0.0  # of a miss, which is the first result
             self._worth.append(side.choice.means(darts, low, after))
-            self._miss.append(side.choice.means(darts, low, np.broadcast_to(np.eye(1, len(POINTS)), after.shape)))
+            self._miss.append(
+                side.choice.means(darts, low, np.broadcast_to(np.eye(1, len(POINTS)), after.shape))
+            )
 
     def value(self, back: np.ndarray) -> np.ndarray:
         for worth, miss in zip(self._worth, self._miss, strict=True):
@@ -253,8 +314,9 @@ class _SafeTurns:
 class _RiskyTurns:
     """The turns from scores from which three darts can bust.
 
-    Tables (182, 60 + 183) of W_1 and W_2: by the score at the start of the turn and by what remains, the last column after a bust; the
-    first 60 are of less than nothing, which is never left.
+    Tables (182, 60 + 183) of W_1 and W_2: by the score at the start of the turn and by what
+    remains, the last column after a bust; the first 60 are of less than nothing, which is never
+    left.
     """
 
     def __init__(self, side: Best, low: int, end: int, total: int):
@@ -266,12 +328,17 @@ class _RiskyTurns:
         self._padded = np.zeros((NO_BUST_THREE, LARGEST_SCORE + BUST + 1))
         self._one, self._two = self._padded[:, LARGEST_SCORE:], np.zeros((NO_BUST_THREE, BUST + 1))
         self._one[:, 0] = self._two[:, 0] = 1.0
-        for table, known, first in ((self._one, side.safe[0], SAFE), (self._two, side.safe[1], NO_BUST_TWO)):
+        for table, known, first in (
+            (self._one, side.safe[0], SAFE),
+            (self._two, side.safe[1], NO_BUST_TWO),
+        ):
             table[low:end, first:end] = known[self._other, first:end]
 
     def value(self, back: np.ndarray) -> np.ndarray:
         self._one[self.own, BUST] = self._two[self.own, BUST] = back
-        self._one[self.own, self.own] = self._side.best(1, self._low, np.where(self._back, back[:, None], self._after))
+        self._one[self.own, self.own] = self._side.best(
+            1, self._low, np.where(self._back, back[:, None], self._after)
+        )
         self._fill_last(back)
         self._fill_second()
         return self._side.best(3, self._low, self._two[self._index])
@@ -283,7 +350,9 @@ class _RiskyTurns:
             if len(remaining):
                 lower = remaining < self.own[:, None]
                 best = part.best(self._other, self._end - 1, back)
-                self._one[self._low : self._end, remaining[0] : remaining[-1] + 1][lower] = best[lower]
+                self._one[self._low : self._end, remaining[0] : remaining[-1] + 1][lower] = best[
+                    lower
+                ]
 
     def _fill_second(self) -> None:
         """W_2 of all scores that can remain, for all turns that can have led there."""
@@ -292,16 +361,27 @@ class _RiskyTurns:
         low = max(self._low, NO_BUST_TWO)
         if low < self._end:
             own, rows = np.arange(low, self._end), slice(low - self._low, None)
-            self._two[own, own] = self._side.best(2, low, self._one[self._index[0][rows], self._index[1][rows]])
+            self._two[own, own] = self._side.best(
+                2, low, self._one[self._index[0][rows], self._index[1][rows]]
+            )
 
     def keep(self, back: np.ndarray) -> None:
         side = self._side
         side.left[self._other, self.own] = back
-        for darts, (low, end) in enumerate((cut(self._low, self._end, SAFE)[1], cut(self._low, self._end, NO_BUST_TWO)[1]), start=1):
+        for darts, (low, end) in enumerate(
+            (cut(self._low, self._end, SAFE)[1], cut(self._low, self._end, NO_BUST_TWO)[1]),
+            start=1,
+        ):
             if low < end:
                 own, other = np.arange(low, end), self._other[low - self._low :]
                 known = (side.left, side.safe[0])[darts - 1]
-                side.safe[darts - 1, other, own] = side.best(darts, low, known[other[:, None], side.after[low:end]])
-        known = np.where(side.bust[self._low : self._end], 0.0, side.left[self._other[:, None], side.after[self._low : self._end]])
+                side.safe[darts - 1, other, own] = side.best(
+                    darts, low, known[other[:, None], side.after[low:end]]
+                )
+        known = np.where(
+            side.bust[self._low : self._end],
+            0.0,
+            side.left[self._other[:, None], side.after[self._low : self._end]],
+        )
         for part in side.last:
             part.keep(self._other, self._low, known)

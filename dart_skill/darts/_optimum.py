@@ -1,9 +1,10 @@
 """Where to aim one dart: the best aim and all local optima of the expected score.
 
-Candidates are the local maxima of the heat map. For narrow spreads the maxima are plateaus, so the middles of trebles, doubles
-and bull are candidates, too. From each candidate a climb on the exact expected score makes Newton steps within a trust
-region, with the signs of the eigenvalues turned such that the steps go uphill. The result is exact to much better than 0.1 mm,
-unless the optimum is so flat that round-off decides.
+Candidates are the local maxima of the heat map. For narrow spreads the maxima are plateaus, so the
+middles of trebles, doubles and bull are candidates, too. From each candidate a climb on the exact
+expected score makes Newton steps within a trust region, with the signs of the eigenvalues turned
+such that the steps go uphill. The result is exact to much better than 0.1 mm, unless the optimum
+is so flat that round-off decides.
 """
 
 from __future__ import annotations
@@ -19,14 +20,20 @@ from dart_skill.darts._heat_map import HeatMap, heat_map
 from dart_skill.darts._spread import Spread, as_spread
 
 PLATEAU = 4.5
-"""Up to this standard deviation [mm] the expected score has plateaus, and each optimum is in a treble, a double or the bull."""
+"""Up to this standard deviation [mm] the expected score has plateaus, and each optimum is in a
+treble, a double or the bull.
+"""
 BED_SEEDS = 6.0
-"""Up to this standard deviation [mm] along the narrower axis the middles of the beds are candidates, too."""
+"""Up to this standard deviation [mm] along the narrower axis the middles of the beds are
+candidates, too.
+"""
 SPACING = 2.0
 OFF_BOARD = 1e-3
 N_STEPS = 200
 STEP_TOLERANCE, GAIN_TOLERANCE = 1e-7, 1e-13
-"""A climb ends when a step is shorter than the first [mm], or is expected to gain less than the second [points]."""
+"""A climb ends when a step is shorter than the first [mm], or is expected to gain less than the
+second [points].
+"""
 SAME = 0.02
 """If two climbs end nearer to each other than this [mm], they found the same optimum."""
 DIP = 1e-7
@@ -47,14 +54,18 @@ class Aim:
 
 
 def best_aim(spread: Spread | float | ArrayLike) -> Aim:
-    """The aim with the highest expected score of one dart; spread: a Spread, a sigma [mm] or a covariance (2, 2) [mm^2]."""
+    """The aim with the highest expected score of one dart; spread: a Spread, a sigma [mm] or a
+    covariance (2, 2) [mm^2].
+    """
     spread = as_spread(spread)
     seeds = _seeds(spread)
     return _climb_all(seeds[_promising(seeds, spread)], spread)[0]
 
 
 def local_optima(spread: Spread | float | ArrayLike) -> list[Aim]:
-    """All local maxima of the expected score of one dart, the best first, which is `best_aim`; spread: as there."""
+    """All local maxima of the expected score of one dart, the best first, which is `best_aim`;
+    spread: as there.
+    """
     spread = as_spread(spread)
     return _separate(_climb_all(_seeds(spread), spread), spread)
 
@@ -88,7 +99,9 @@ def _maxima(heat: HeatMap) -> np.ndarray:
 
 
 def _promising(seeds: np.ndarray, spread: Spread) -> np.ndarray:
-    """Mask (n,) of the seeds that can lead to the global optimum: a climb over the distance of two seeds can gain only so much."""
+    """Mask (n,) of the seeds that can lead to the global optimum: a climb over the distance of two
+    seeds can gain only so much.
+    """
     values = expected_score(seeds, spread)
     gain = 60.0 * (SPACING / spread.deviations[0]) ** 2
     return values >= values.max() - min(gain, 0.5 * values.max())
@@ -118,7 +131,9 @@ def _newton(points: np.ndarray, spread: Spread) -> tuple[np.ndarray, np.ndarray]
         local = Derivatives(*(part[active] for part in state))
         step = _uphill(local, trust[active])
         length = np.hypot(*step.T)
-        moving = (length > STEP_TOLERANCE) & (np.einsum("nd,nd->n", local.gradient, step) > GAIN_TOLERANCE)
+        moving = (length > STEP_TOLERANCE) & (
+            np.einsum("nd,nd->n", local.gradient, step) > GAIN_TOLERANCE
+        )
         active, step, length = active[moving], step[moving], length[moving]
         if len(active) == 0:
             break
@@ -128,7 +143,11 @@ def _newton(points: np.ndarray, spread: Spread) -> tuple[np.ndarray, np.ndarray]
         points[accepted] += step[climbs]
         for part, new in zip(state, trial, strict=True):
             part[accepted] = new[climbs]
-        trust[active] = np.where(climbs, np.maximum(trust[active], np.minimum(2.0 * length, spread.deviations[0])), 0.25 * length)
+        trust[active] = np.where(
+            climbs,
+            np.maximum(trust[active], np.minimum(2.0 * length, spread.deviations[0])),
+            0.25 * length,
+        )
     return points, state.value
 
 
@@ -142,8 +161,12 @@ def _uphill(local: Derivatives, trust: np.ndarray) -> np.ndarray:
 
 
 def _separate(ends: list[Aim], spread: Spread) -> list[Aim]:
-    """The ends that are optima: one on a plateau or slope is left out if a path leads to a better one without descending."""
-    curvatures = np.linalg.eigvalsh(score_derivatives(np.array([end.point for end in ends]), spread).hessian)
+    """The ends that are optima: one on a plateau or slope is left out if a path leads to a better
+    one without descending.
+    """
+    curvatures = np.linalg.eigvalsh(
+        score_derivatives(np.array([end.point for end in ends]), spread).hessian
+    )
     kept: list[Aim] = []
     for end, curvature in zip(ends, curvatures, strict=True):
         sharp = curvature[1] < -1e-7
@@ -157,12 +180,16 @@ def _nearest(end: Aim, others: list[Aim], n: int = 4) -> list[Aim]:
 
 
 def _connected(lower: Aim, higher: Aim, spread: Spread) -> bool:
-    """Whether a straight path, or one around the bull, leads from the lower to the higher end without descending."""
+    """Whether a straight path, or one around the bull, leads from the lower to the higher end
+    without descending.
+    """
     share = np.linspace(0.0, 1.0, 65)[:, None]
     straight = lower.point + share * (higher.point - lower.point)
     ends = np.array([lower.point, higher.point]) + spread.bias
     radius, angle = np.hypot(*ends.T), np.unwrap(np.arctan2(ends[:, 1], ends[:, 0]))
     turned = angle[0] + share * (angle[1] - angle[0])
-    round_bull = (radius[0] + share * (radius[1] - radius[0])) * np.hstack([np.cos(turned), np.sin(turned)]) - spread.bias
+    round_bull = (radius[0] + share * (radius[1] - radius[0])) * np.hstack(
+        [np.cos(turned), np.sin(turned)]
+    ) - spread.bias
     lows = expected_score(np.stack([straight, round_bull]), spread).min(axis=1)
     return bool(lows.max() >= lower.expected_score - DIP)

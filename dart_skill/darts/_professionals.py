@@ -1,7 +1,8 @@
-"""Spreads of sixteen professionals (M. Haugh and C. Wang, "Play like the pros?", INFORMS Journal on Computing, 2022).
+"""Spreads of sixteen professionals (M. Haugh and C. Wang, "Play like the pros?", INFORMS Journal
+on Computing, 2022).
 
-There is a covariance for each target, without bias. The table is the published fit, rounded to 0.1 mm^2: xx, xy and yy at
-treble 20, 19, 18 and 17, double bull and doubles.
+There is a covariance for each target, without bias. The table is the published fit, rounded to 0.1
+mm^2: xx, xy and yy at treble 20, 19, 18 and 17, double bull and doubles.
 """
 
 from __future__ import annotations
@@ -30,15 +31,18 @@ White 94.3 26.1 42.8 76.7 -26.3 53.2 64.5 -31.6 103.3 76.1 -25.4 73.0 95.7 -36.3
 Whitlock 87.9 21.8 58.1 65.8 -31.9 80.8 53.6 -20.5 115.5 68.5 -19.3 95.1 74.0 -27.1 38.3 51.2 0.3 112.8
 Wright 94.2 18.9 43.6 103.1 -0.0 35.7 65.5 -27.3 88.6 69.4 0.2 65.2 79.1 2.7 68.5 80.7 -16.1 59.4
 """
-_COVARIANCES = {name: np.array(row, dtype=float).reshape(6, 3) for name, *row in (line.split() for line in _TABLE.split("\n") if line)}
+_COVARIANCES = {
+    name: np.array(row, dtype=float).reshape(6, 3)
+    for name, *row in (line.split() for line in _TABLE.split("\n") if line)
+}
 PROFESSIONALS = tuple(name.replace("_", " ") for name in _COVARIANCES)
 
 
 def professional(name: str | None = None) -> SpreadByTarget:
     """Spread of a professional, by surname; None: a typical one.
 
-    The typical one has, for each target, the shape of the mean covariance and the mean of (det covariance)^(1/4). ValueError for a name
-    that is not known.
+    The typical one has, for each target, the shape of the mean covariance and the mean of (det
+    covariance)^(1/4). ValueError for a name that is not known.
     """
     if name is None:
         spreads = [_typical(index) for index in range(len(TARGETS))]
@@ -46,9 +50,14 @@ def professional(name: str | None = None) -> SpreadByTarget:
         known = {key.lower(): rows for key, rows in _COVARIANCES.items()}
         key = str(name).strip().lower().replace(" ", "_")
         if key not in known:
-            raise ValueError(f"no professional is called {name!r} here; choose one of {', '.join(PROFESSIONALS)}")
+            raise ValueError(
+                f"no professional is called {name!r} here; choose one of"
+                f" {', '.join(PROFESSIONALS)}"
+            )
         spreads = [_spread(row) for row in known[key]]
-    return SpreadByTarget(np.array([as_target(target) for target in TARGETS[:-1]]), tuple(spreads[:-1]), spreads[-1])
+    return SpreadByTarget(
+        np.array([as_target(target) for target in TARGETS[:-1]]), tuple(spreads[:-1]), spreads[-1]
+    )
 
 
 def _typical(index: int) -> Spread:

@@ -20,7 +20,8 @@ FEWEST = 4
 
 
 class RecentHits:
-    """The last hits with their aims, and the aim with the highest expected score for the spread estimated from them.
+    """The last hits with their aims, and the aim with the highest expected score for the spread
+    estimated from them.
 
     A bias counts as spread and is not corrected in the aim: practice removes it.
 
@@ -45,17 +46,23 @@ class RecentHits:
         return float("nan") if self.spread is None else self.spread.sigma
 
     def tell(self, hit: ArrayLike) -> bool:
-        """Learn from the hit (2,) [mm] of the dart that was thrown at the aim chosen last; returns whether there is a new estimate."""
+        """Learn from the hit (2,) [mm] of the dart that was thrown at the aim chosen last; returns
+        whether there is a new estimate.
+        """
         self._hits.append(as_vector(hit, "hit", 2))
         self._aims.append(self._aimed)
         self._n_told += 1
         if self._n_told < self._least or self._n_told % self._every:
             return False
-        self.spread = estimate_from_points(np.array(self._hits), np.array(self._aims), model="general").spread
+        self.spread = estimate_from_points(
+            np.array(self._hits), np.array(self._aims), model="general"
+        ).spread
         return True
 
     def choose(self, beyond: Set[str]) -> Aim:
-        """The best aim that is not in one of the beds `beyond`; the bull before the first estimate, or if no other bed is left."""
+        """The best aim that is not in one of the beds `beyond`; the bull before the first
+        estimate, or if no other bed is left.
+        """
         aim = Aim(BULL, float("nan")) if self.spread is None else self._best(self.spread, beyond)
         self._aimed = aim.point
         return aim

@@ -1,7 +1,7 @@
 """A thrower's sigma, estimated from the scores of single darts while it changes.
 
-The state is log sigma and its change per throw, on a grid. A hidden Markov model predicts the state. Each score corrects
-it: the probability of a score is known for every aim and sigma.
+The state is log sigma and its change per throw, on a grid. A hidden Markov model predicts the
+state. Each score corrects it: the probability of a score is known for every aim and sigma.
 """
 
 from __future__ import annotations
@@ -56,7 +56,9 @@ def table() -> Table:
 
 
 class SigmaBelief:
-    """Probability distribution of sigma and its rate of change, and the aim with the highest expected score under it."""
+    """Probability distribution of sigma and its rate of change, and the aim with the highest
+    expected score under it.
+    """
 
     def __init__(self) -> None:
         self._known = table()
@@ -81,25 +83,36 @@ class SigmaBelief:
         return Spread.isotropic(self.sigma)
 
     def tell(self, score: int | ArrayLike) -> bool:
-        """Learn from the score of the dart that was thrown at the aim chosen last; returns whether the aim must be chosen again."""
+        """Learn from the score of the dart that was thrown at the aim chosen last; returns whether
+        the aim must be chosen again.
+        """
         place = np.flatnonzero(np.asarray(POSSIBLE_SCORES) == score)
         if place.size == 0:
             raise ValueError(f"one dart cannot score {score!r}; a miss is 0, the most is 60")
         self._belief *= self._known.likelihood[self._aimed, :, place[0]]
         total = self._belief.sum()
-        # A score that nothing believed can explain (a rounded probability of zero) says nothing about what is left.
-        self._belief = self._belief / total if total > 0.0 else np.full_like(self._belief, 1.0 / self._belief.size)
+        # A score that nothing believed can explain (a rounded probability of zero) says nothing
+        # about what is left.
+        self._belief = (
+            self._belief / total
+            if total > 0.0
+            else np.full_like(self._belief, 1.0 / self._belief.size)
+        )
         self._predict()
         return True
 
     def choose(self, beyond: Set[str]) -> Aim:
-        """The best aim that is not in one of the beds `beyond`; the one nearest to the bull if none is left."""
+        """The best aim that is not in one of the beds `beyond`; the one nearest to the bull if
+        none is left.
+        """
         expected = self._known.expected @ self.belief
         self._aimed = int(np.argmax(expected))
         if beyond:
             allowed = np.array([place_of(aim) not in beyond for aim in self._known.aims])
             nearest = np.argmin(np.hypot(*self._known.aims.T))
-            self._aimed = int(np.argmax(np.where(allowed, expected, -np.inf)) if allowed.any() else nearest)
+            self._aimed = int(
+                np.argmax(np.where(allowed, expected, -np.inf)) if allowed.any() else nearest
+            )
         return Aim(self._known.aims[self._aimed], float(expected[self._aimed]))
 
     def _predict(self) -> None:

@@ -1,4 +1,6 @@
-"""The spread of a thrower: darts land at aim + bias + N(0, covariance). It may depend on the target (Haugh and Wang 2022)."""
+"""The spread of a thrower: darts land at aim + bias + N(0, covariance). It may depend on the
+target (Haugh and Wang 2022).
+"""
 
 from __future__ import annotations
 
@@ -34,18 +36,23 @@ class Spread:
         variances = np.linalg.eigvalsh(covariance)
         if not SMALLEST**2 <= variances[0] <= variances[1] <= LARGEST**2:
             raise ValueError(
-                f"covariance has the variances {variances[0]:g} and {variances[1]:g} mm^2 along its axes; standard deviations of darts lie "
-                f"between {SMALLEST:g} and {LARGEST:g} mm"
+                f"covariance has the variances {variances[0]:g} and {variances[1]:g} mm^2 along"
+                f" its axes; standard deviations of darts lie between {SMALLEST:g} and"
+                f" {LARGEST:g} mm"
             )
         if np.abs(bias).max() > LARGEST_BIAS:
-            raise ValueError(f"bias is {bias.tolist()} mm; beyond {LARGEST_BIAS:g} mm no dart meets the board")
+            raise ValueError(
+                f"bias is {bias.tolist()} mm; beyond {LARGEST_BIAS:g} mm no dart meets the board"
+            )
         covariance.flags.writeable = bias.flags.writeable = False
         object.__setattr__(self, "covariance", covariance)
         object.__setattr__(self, "bias", bias)
 
     @classmethod
     def isotropic(cls, sigma: float, bias: ArrayLike = (0.0, 0.0)) -> Spread:
-        """The same standard deviation sigma [mm] in every direction. bias: (2,) [mm], default zero."""
+        """The same standard deviation sigma [mm] in every direction. bias: (2,) [mm], default
+        zero.
+        """
         return cls(_as_sigma(sigma) ** 2 * np.eye(2), as_vector(bias, "bias", 2))
 
     @property
@@ -70,12 +77,17 @@ class Spread:
     def throw(self, aims: ArrayLike, rng: np.random.Generator) -> np.ndarray:
         """One impact (..., 2) [mm] for each aim (..., 2) [mm]."""
         aims = as_points(aims, "aims")
-        return aims + self.bias + rng.standard_normal(aims.shape) @ np.linalg.cholesky(self.covariance).T
+        return (
+            aims
+            + self.bias
+            + rng.standard_normal(aims.shape) @ np.linalg.cholesky(self.covariance).T
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class SpreadByTarget:
-    """A spread for each of several targets (Haugh and Wang 2022). An aim has the spread of the nearest target.
+    """A spread for each of several targets (Haugh and Wang 2022). An aim has the spread of the
+    nearest target.
 
     Parameters:
 
@@ -92,7 +104,10 @@ class SpreadByTarget:
     def __post_init__(self) -> None:
         targets = as_points(self.targets, "targets")
         if targets.ndim != 2 or len(targets) != len(self.spreads) or len(targets) == 0:
-            raise ValueError(f"one spread per target is needed, got targets of shape {targets.shape} and {len(self.spreads)} spreads")
+            raise ValueError(
+                f"one spread per target is needed, got targets of shape {targets.shape} and"
+                f" {len(self.spreads)} spreads"
+            )
         object.__setattr__(self, "targets", targets)
 
     def which(self, aims: np.ndarray) -> np.ndarray:
@@ -121,6 +136,7 @@ def _as_sigma(value: float) -> float:
         raise ValueError(f"sigma must be a number of millimetres, got {value!r}") from None
     if not SMALLEST <= sigma <= LARGEST:
         raise ValueError(
-            f"sigma must lie between {SMALLEST:g} and {LARGEST:g} mm, got {sigma:g}; it is a standard deviation in millimetres"
+            f"sigma must lie between {SMALLEST:g} and {LARGEST:g} mm, got {sigma:g}; it is a"
+            " standard deviation in millimetres"
         )
     return sigma

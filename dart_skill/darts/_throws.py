@@ -1,4 +1,6 @@
-"""Observations of thrown darts (scores, impact points, misses), and the E-step of EM for them under a spread."""
+"""Observations of thrown darts (scores, impact points, misses), and the E-step of EM for them
+under a spread.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from dart_skill.darts._spread import Spread
 
 MISSES = ("counted", "unrecorded")
 RESOLVED = 1e-12
-"""Probabilities below this are round-off: a spread under which a throw is so improbable is excluded."""
+"""Probabilities below this are round-off: a spread under which a throw is so improbable is
+excluded.
+"""
 
 
 class Expectation(NamedTuple):
@@ -35,7 +39,9 @@ class Expectation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Throws at one aim (2,): the k different patterns (k, 83) of beds that they can have hit, and their counts (k,)."""
+    """Throws at one aim (2,): the k different patterns (k, 83) of beds that they can have hit, and
+    their counts (k,).
+    """
 
     aim: np.ndarray
     patterns: np.ndarray
@@ -47,7 +53,8 @@ class Throws:
     """All observed throws.
 
     * groups: throws with a score, by aim.
-    * offsets (n, 2) [mm]: from the aim, of throws with a measured impact; point_aims (n, 2) [mm]: their aims.
+    * offsets (n, 2) [mm]: from the aim, of throws with a measured impact; point_aims (n, 2) [mm]:
+      their aims.
     * misses: "counted", or "unrecorded" if darts that missed the board were not listed.
     * bounced_out: number of darts that bounced out.
     """
@@ -64,7 +71,9 @@ class Throws:
         return len(self.offsets) + int(sum(group.counts.sum() for group in self.groups))
 
     def expect(self, spread: Spread) -> Expectation:
-        """E-step: likelihood and expected moments of all throws about aim + bias; exact, without sampling."""
+        """E-step: likelihood and expected moments of all throws about aim + bias; exact, without
+        sampling.
+        """
         parts = [_expect_beds(group, spread, self.misses) for group in self.groups]
         if len(self.offsets):
             parts += _expect_points(self.offsets, self.point_aims, spread, self.misses)
@@ -77,28 +86,51 @@ class Throws:
 
 
 def throws_from_scores(scores: Sequence[str | int], aims: str | ArrayLike, misses: str) -> Throws:
-    """Throws from scores; aims: one target for all (a name or a point), or one point for each, (n, 2) [mm]."""
+    """Throws from scores; aims: one target for all (a name or a point), or one point for each, (n,
+    2) [mm].
+    """
     patterns, bounced = parse_score_list(scores)
     aims = _aims_of(aims, len(patterns))
     patterns, known_aims = patterns[~bounced], aims[~bounced]
     if len(patterns) == 0:
-        raise ValueError("every dart bounced out, so nothing is known of where they went; list some scores")
-    return Throws(_grouped(patterns, known_aims, misses), np.zeros((0, 2)), np.zeros((0, 2)), misses, int(bounced.sum()))
+        raise ValueError(
+            "every dart bounced out, so nothing is known of where they went; list some scores"
+        )
+    return Throws(
+        _grouped(patterns, known_aims, misses),
+        np.zeros((0, 2)),
+        np.zeros((0, 2)),
+        misses,
+        int(bounced.sum()),
+    )
 
 
 def throws_from_points(points: ArrayLike, aims: str | ArrayLike, misses: int | str) -> Throws:
-    """Throws from measured impacts (n, 2) [mm]; misses: number of darts that missed the board, or "unrecorded"."""
+    """Throws from measured impacts (n, 2) [mm]; misses: number of darts that missed the board, or
+    "unrecorded".
+    """
     points = as_points(points)
     if points.ndim != 2 or len(points) == 0:
-        raise ValueError(f"points must be (n, 2) with at least one impact, got shape {points.shape}")
+        raise ValueError(
+            f"points must be (n, 2) with at least one impact, got shape {points.shape}"
+        )
     if misses == "unrecorded":
         aims = _aims_of(aims, len(points))
         return Throws((), points - aims, aims, misses, 0)
     if isinstance(misses, (bool, str)) or int(misses) != misses or misses < 0:
-        raise ValueError(f"misses must be the number of darts that missed the board, or 'unrecorded', got {misses!r}")
+        raise ValueError(
+            "misses must be the number of darts that missed the board, or 'unrecorded', got"
+            f" {misses!r}"
+        )
     aims = _aims_of(aims, len(points) + int(misses))
     patterns = np.tile(np.arange(N_BEDS) == MISS, (int(misses), 1))
-    return Throws(_grouped(patterns, aims[len(points) :], "counted"), points - aims[: len(points)], aims[: len(points)], "counted", 0)
+    return Throws(
+        _grouped(patterns, aims[len(points) :], "counted"),
+        points - aims[: len(points)],
+        aims[: len(points)],
+        "counted",
+        0,
+    )
 
 
 def _aims_of(aims: str | ArrayLike, n_throws: int) -> np.ndarray:
@@ -106,7 +138,10 @@ def _aims_of(aims: str | ArrayLike, n_throws: int) -> np.ndarray:
         return np.tile(as_target(aims), (n_throws, 1))
     aims = as_points(aims, "aims")
     if aims.shape != (n_throws, 2):
-        raise ValueError(f"aims must be one target or one point per throw ({n_throws}, 2), got shape {aims.shape}")
+        raise ValueError(
+            f"aims must be one target or one point per throw ({n_throws}, 2), got shape"
+            f" {aims.shape}"
+        )
     return aims
 
 
@@ -114,7 +149,10 @@ def _grouped(patterns: np.ndarray, aims: np.ndarray, misses: str) -> tuple[_Grou
     if misses not in MISSES:
         raise ValueError(f"misses must be one of {', '.join(MISSES)}, got {misses!r}")
     if misses == "unrecorded" and patterns[:, MISS].any():
-        raise ValueError("the list holds a miss although misses are said to be unrecorded; count them or leave them out")
+        raise ValueError(
+            "the list holds a miss although misses are said to be unrecorded; count them or leave"
+            " them out"
+        )
     places, which = np.unique(aims, axis=0, return_inverse=True)
     groups = []
     for index, aim in enumerate(places):
@@ -131,12 +169,16 @@ def _expect_beds(group: _Group, spread: Spread, misses: str) -> Expectation:
     share = group.counts / probability
     first = share @ (group.patterns @ beds.first)
     second = np.tensordot(share, np.tensordot(group.patterns, beds.second, axes=1), axes=1)
-    seen = Expectation(float(group.counts @ np.log(probability)), float(group.counts.sum()), first, second)
+    seen = Expectation(
+        float(group.counts @ np.log(probability)), float(group.counts.sum()), first, second
+    )
     return seen if misses == "counted" else _with_unseen(seen, beds)
 
 
 def _with_unseen(seen: Expectation, beds: BedMoments) -> Expectation:
-    """Adds the misses that were not recorded: for n recorded throws their expected number is n p / (1 - p)."""
+    """Adds the misses that were not recorded: for n recorded throws their expected number is n p /
+    (1 - p).
+    """
     missed = beds.probability[MISS]
     per_bed = seen.n_throws / (1.0 - missed)
     return Expectation(
@@ -147,17 +189,26 @@ def _with_unseen(seen: Expectation, beds: BedMoments) -> Expectation:
     )
 
 
-def _expect_points(offsets: np.ndarray, aims: np.ndarray, spread: Spread, misses: str) -> list[Expectation]:
+def _expect_points(
+    offsets: np.ndarray, aims: np.ndarray, spread: Spread, misses: str
+) -> list[Expectation]:
     deviation = offsets - spread.bias
     solved = np.linalg.solve(spread.covariance, deviation.T).T
     quadratic = np.einsum("nd,nd->", deviation, solved)
     log_likelihood = -0.5 * quadratic - len(offsets) * float(np.log(2.0 * np.pi * spread.sigma**2))
-    seen = Expectation(float(log_likelihood), float(len(offsets)), deviation.sum(0), deviation.T @ deviation)
+    seen = Expectation(
+        float(log_likelihood), float(len(offsets)), deviation.sum(0), deviation.T @ deviation
+    )
     if misses == "counted":
         return [seen]
     nothing = Expectation(0.0, 0.0, np.zeros(2), np.zeros((2, 2)))
     parts = [seen]
     for aim, count in zip(*np.unique(aims, axis=0, return_counts=True), strict=True):
-        parts.append(_with_unseen(nothing._replace(n_throws=float(count)), bed_moments(aim + spread.bias, spread.covariance)))
+        parts.append(
+            _with_unseen(
+                nothing._replace(n_throws=float(count)),
+                bed_moments(aim + spread.bias, spread.covariance),
+            )
+        )
         parts[-1] = parts[-1]._replace(n_throws=parts[-1].n_throws - float(count))
     return parts

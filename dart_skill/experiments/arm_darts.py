@@ -1,9 +1,11 @@
-"""Darts by the arm: it is taught to hit the board, sees where its darts go, aims where that scores most, and practises.
+"""Darts by the arm: it is taught to hit the board, sees where its darts go, aims where that scores
+most, and practises.
 
     dart-skill experiment darts --seed 0 --throws 300 --output figures
 
-The two halves of the thesis in one loop: how to throw (chapters 7 and 8) and where to aim (chapter 6). Everything that the loop learns
-from, the score included, is what the cameras saw of the darts. `dart-skill demo --skill darts` does the same with nodes, bit for bit.
+The two halves of the thesis in one loop: how to throw (chapters 7 and 8) and where to aim (chapter
+6). Everything that the loop learns from, the score included, is what the cameras saw of the darts.
+`dart-skill demo --skill darts` does the same with nodes, bit for bit.
 """
 
 from __future__ import annotations
@@ -20,7 +22,16 @@ from dart_skill.common.surface import BOARD_DIAMETER
 from dart_skill.darts import ModelBasedAgent
 from dart_skill.experiments.parallel import all_of
 from dart_skill.recording import Demonstration
-from dart_skill.session import BLOCK, Dart, DartsRun, Session, after_the_throw, as_pair, before_the_throw, throw_dart
+from dart_skill.session import (
+    BLOCK,
+    Dart,
+    DartsRun,
+    Session,
+    after_the_throw,
+    as_pair,
+    before_the_throw,
+    throw_dart,
+)
 from dart_skill.simulation import Board, PlantSettings, Swing
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.learning import configuration
@@ -32,22 +43,33 @@ PRACTICE = {"none": ("none", False), "misses": ("residual", False), "both": ("re
 
 
 def darts_session(seed: int, board: Board | None = None, **plant: Any) -> Session:
-    """A session with a board instead of baskets; plant: settings of the plant that differ from the configured ones."""
-    settings, board = PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator")), board or Board()
+    """A session with a board instead of baskets; plant: settings of the plant that differ from the
+    configured ones.
+    """
+    settings, board = (
+        PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator")),
+        board or Board(),
+    )
     cocked = Darts.at_board(board.position).cocked
     assert cocked is not None
     return Session(seed, replace(settings, board=board, **plant), swing=Swing(cocked))
 
 
-def teach(session: Session, skill: Darts, situations: Iterable[Situation]) -> tuple[list[Demonstration], np.ndarray]:
-    """A demonstration for each aim with which the teacher hit the board; misses (m, 2) [mm] of all of the teacher's darts.
+def teach(
+    session: Session, skill: Darts, situations: Iterable[Situation]
+) -> tuple[list[Demonstration], np.ndarray]:
+    """A demonstration for each aim with which the teacher hit the board; misses (m, 2) [mm] of all
+    of the teacher's darts.
 
     situations: with the aims.
     """
     kept, misses = [], []
     for situation in situations:
         lessons = session.teach(skill.target(situation))
-        misses += [skill.face.on_board(lesson.outcome.landing) - skill.aim(situation) for lesson in lessons]
+        misses += [
+            skill.face.on_board(lesson.outcome.landing) - skill.aim(situation)
+            for lesson in lessons
+        ]
         if lessons[-1].outcome.in_basket:
             kept.append(lessons[-1].demonstration)
     return kept, np.array(misses)
@@ -71,7 +93,8 @@ def run(
     * demonstrations: int, default 8. Number of darts that the teacher aims, at least 2.
     * practice: one of PRACTICE, default "both".
     * board: Board, default None: one of regulation height and distance.
-    * each: function that is called after each throw with its number, from 0, and its Dart; default None.
+    * each: function that is called after each throw with its number, from 0, and its Dart; default
+      None.
     * name: of the skill's configuration, default "": the default one.
 
     ValueError for too few throws or demonstrations, or a practice that there is not.
@@ -79,15 +102,23 @@ def run(
     if practice not in PRACTICE:
         raise ValueError(f"there is no practice '{practice}': choose one of {', '.join(PRACTICE)}")
     if throws < 1 or demonstrations < 2:
-        raise ValueError(f"{throws} throws after {demonstrations} demonstrations: give at least 1 and 2")
+        raise ValueError(
+            f"{throws} throws after {demonstrations} demonstrations: give at least 1 and 2"
+        )
     board = board or Board()
     game, session = Darts.at_board(board.position), darts_session(seed, board)
     try:
-        shown, misses = teach(session, game, game.draws(np.random.default_rng([seed, 7]), demonstrations))
+        shown, misses = teach(
+            session, game, game.draws(np.random.default_rng([seed, 7]), demonstrations)
+        )
         method, steadies = PRACTICE[practice]
         steady_every = game.steady_every if steadies else 0
         skill = PractisingSkill(
-            shown, game.configured_for(configuration(name)), method, settings=game.correction, steady_every=steady_every
+            shown,
+            game.configured_for(configuration(name)),
+            method,
+            settings=game.correction,
+            steady_every=steady_every,
         )
         agent, darts = game.agent(), []
         for n in range(throws):
@@ -96,32 +127,59 @@ def run(
                 each(n, darts[-1])
     finally:
         session.close()
-    return DartsRun(seed, practice, board.position, tuple(as_pair(miss) for miss in misses), tuple(darts))
+    return DartsRun(
+        seed, practice, board.position, tuple(as_pair(miss) for miss in misses), tuple(darts)
+    )
 
 
 def over_seeds(
-    seeds: Sequence[int], jobs: int = 1, throws: int = 100, demonstrations: int = 8, practice: str = "both", name: str = ""
+    seeds: Sequence[int],
+    jobs: int = 1,
+    throws: int = 100,
+    demonstrations: int = 8,
+    practice: str = "both",
+    name: str = "",
 ) -> list[DartsRun]:
-    """One arm for each seed, `jobs` processes at a time, at a board of regulation height and distance.
+    """One arm for each seed, `jobs` processes at a time, at a board of regulation height and
+    distance.
 
     throws: of each arm; practice, name: as in `run`.
     """
-    return all_of(partial(_listed, throws=throws, demonstrations=demonstrations, practice=practice, name=name), seeds, jobs)
+    return all_of(
+        partial(
+            _listed, throws=throws, demonstrations=demonstrations, practice=practice, name=name
+        ),
+        seeds,
+        jobs,
+    )
 
 
-def _listed(seed: int, throws: int, demonstrations: int, practice: str, name: str) -> list[DartsRun]:
+def _listed(
+    seed: int, throws: int, demonstrations: int, practice: str, name: str
+) -> list[DartsRun]:
     return [run(seed, throws, demonstrations, practice, name=name)]
 
 
 def table_of_seeds(runs: Sequence[DartsRun]) -> str:
-    """Table of each seed: mean score of a dart in the first and the last block of throws, and the median distance from the aim in the last.
+    """Table of each seed: mean score of a dart in the first and the last block of throws, and the
+    median distance from the aim in the last.
 
     runs: one for each seed.
     """
     head = f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}"
     rows = [_row_of_seed(one) for one in runs]
-    lines = [f"{one.seed:>6}{_columns(row)}{_on_the_board(one):>15}" for one, row in zip(runs, rows, strict=True)]
-    return "\n".join([f"{BLOCK} darts in a block", head, *lines, f"{'median':>6}{_columns(np.median(rows, axis=0))}"])
+    lines = [
+        f"{one.seed:>6}{_columns(row)}{_on_the_board(one):>15}"
+        for one, row in zip(runs, rows, strict=True)
+    ]
+    return "\n".join(
+        [
+            f"{BLOCK} darts in a block",
+            head,
+            *lines,
+            f"{'median':>6}{_columns(np.median(rows, axis=0))}",
+        ]
+    )
 
 
 def _columns(row: np.ndarray) -> str:
@@ -129,14 +187,24 @@ def _columns(row: np.ndarray) -> str:
 
 
 def _row_of_seed(run: DartsRun) -> np.ndarray:
-    """Mean scores of the first and the last block, and the median distance from the aim in the last (3,)."""
+    """Mean scores of the first and the last block, and the median distance from the aim in the
+    last (3,).
+    """
     first, last = run.darts[:BLOCK], run.darts[-BLOCK:]
     off = np.linalg.norm([np.subtract(dart.hit, dart.aim) for dart in last], axis=1)
-    return np.array([np.mean([dart.score for dart in first]), np.mean([dart.score for dart in last]), np.nanmedian(off)])
+    return np.array(
+        [
+            np.mean([dart.score for dart in first]),
+            np.mean([dart.score for dart in last]),
+            np.nanmedian(off),
+        ]
+    )
 
 
 def _on_the_board(run: DartsRun) -> str:
-    on = sum(np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in run.darts)  # what was not seen is nan, and not on it
+    on = sum(
+        np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in run.darts
+    )  # what was not seen is nan, and not on it
     return f"{on} of {len(run.darts)}"
 
 

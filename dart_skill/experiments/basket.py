@@ -1,8 +1,10 @@
-"""The experiment of chapter 8 at full size: a few demonstrations, no practice, baskets all around, for several ways to learn.
+"""The experiment of chapter 8 at full size: a few demonstrations, no practice, baskets all around,
+for several ways to learn.
 
     dart-skill experiment basket --models default,weighted,thesis --seeds 20
 
-The teacher shows throws within 45 degrees and 1.5 to 2.5 m; baskets are asked for within 60 degrees and 20 % nearer and farther than that.
+The teacher shows throws within 45 degrees and 1.5 to 2.5 m; baskets are asked for within 60
+degrees and 20 % nearer and farther than that.
 """
 
 from __future__ import annotations
@@ -23,12 +25,16 @@ from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throw
 ASKED = Region(near=0.8 * REGION.near, far=1.2 * REGION.far, side=np.deg2rad(60.0), rim=REGION.rim)
 """Where baskets are put."""
 PLACES = ("as shown", "to the side", "beyond")
-"""Within the demonstrated angles and distances; at its distances up to 60 degrees; at other distances."""
+"""Within the demonstrated angles and distances; at its distances up to 60 degrees; at other
+distances.
+"""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One teacher, all models learned from the same demonstrations and tried on the same baskets. throws: of each model."""
+    """One teacher, all models learned from the same demonstrations and tried on the same baskets.
+    throws: of each model.
+    """
 
     seed: int
     models: tuple[str, ...] = ("default",)
@@ -39,13 +45,17 @@ class Task:
         for name in self.models:
             configuration(name)
         if self.demonstrations < 2 or self.throws < 1:
-            raise ValueError(f"{self.demonstrations} demonstrations and {self.throws} throws: give at least 2 and 1")
+            raise ValueError(
+                f"{self.demonstrations} demonstrations and {self.throws} throws: give at least 2"
+                " and 1"
+            )
 
 
 @dataclass(frozen=True)
 class Run:
-    """targets (throws, 3) [m]; per model (models, throws): along and across [m], nan without a landing that was seen, and whether it went
-    in; refused: whether there was no plan, or it was stopped; shown (demonstrations, 3): where the demonstrations landed, or their baskets.
+    """targets (throws, 3) [m]; per model (models, throws): along and across [m], nan without a
+    landing that was seen, and whether it went in; refused: whether there was no plan, or it was
+    stopped; shown (demonstrations, 3): where the demonstrations landed, or their baskets.
     """
 
     task: Task
@@ -97,24 +107,33 @@ def _throw(session: Session, skill: ThrowingSkill, target: np.ndarray) -> _Throw
     except ValueError:
         return _Thrown(np.nan, np.nan, False, True)
     away, ahead = outcome.landing[:2] - target[:2], target[:2] / np.hypot(*target[:2])
-    return _Thrown(float(away @ ahead), float(away @ [-ahead[1], ahead[0]]), bool(outcome.in_basket), False)
+    return _Thrown(
+        float(away @ ahead), float(away @ [-ahead[1], ahead[0]]), bool(outcome.in_basket), False
+    )
 
 
-def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:
+def run_all(
+    tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = ""
+) -> list[Run]:
     """Every task once; those that stand in the file of results already are not run again."""
     return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
 
 
 def place_of(targets: np.ndarray) -> np.ndarray:
     """Index (n,) into PLACES of targets (n, 3)."""
-    distance, azimuth = np.hypot(targets[:, 0], targets[:, 1]), np.abs(np.arctan2(targets[:, 1], targets[:, 0]))
+    distance, azimuth = (
+        np.hypot(targets[:, 0], targets[:, 1]),
+        np.abs(np.arctan2(targets[:, 1], targets[:, 0])),
+    )
     beyond = (distance < REGION.near) | (distance > REGION.far)
     return np.where(beyond, 2, np.where(azimuth > REGION.side, 1, 0))
 
 
 @dataclass(frozen=True)
 class Throws:
-    """All throws of a model: targets (n, 3), miss along and across (n, 2) [m], in_basket (n,), refused (n,)."""
+    """All throws of a model: targets (n, 3), miss along and across (n, 2) [m], in_basket (n,),
+    refused (n,).
+    """
 
     targets: np.ndarray
     miss: np.ndarray
@@ -126,24 +145,39 @@ class Throws:
         return np.linalg.norm(self.miss, axis=1)
 
     def only(self, kept: np.ndarray) -> Throws:
-        return Throws(self.targets[kept], self.miss[kept], self.in_basket[kept], self.refused[kept])
+        return Throws(
+            self.targets[kept], self.miss[kept], self.in_basket[kept], self.refused[kept]
+        )
 
 
 def throws_of(results: list[Run], model: str, demonstrations: int) -> Throws:
-    """Throws of one model after so many demonstrations, over all runs that have them; ValueError if none has."""
+    """Throws of one model after so many demonstrations, over all runs that have them; ValueError
+    if none has.
+    """
     parts = [
-        (one, one.task.models.index(model)) for one in results if model in one.task.models and one.task.demonstrations == demonstrations
+        (one, one.task.models.index(model))
+        for one in results
+        if model in one.task.models and one.task.demonstrations == demonstrations
     ]
     if not parts:
         raise ValueError(f"no run has the model '{model}' after {demonstrations} demonstrations")
     miss = [np.column_stack([one.along[k], one.across[k]]) for one, k in parts]
-    inside, refused = (np.concatenate([getattr(one, name)[k] for one, k in parts]) for name in ("in_basket", "refused"))
-    return Throws(np.concatenate([one.targets for one, _ in parts]), np.concatenate(miss), inside, refused)
+    inside, refused = (
+        np.concatenate([getattr(one, name)[k] for one, k in parts])
+        for name in ("in_basket", "refused")
+    )
+    return Throws(
+        np.concatenate([one.targets for one, _ in parts]), np.concatenate(miss), inside, refused
+    )
 
 
 def summarise(results: list[Run]) -> list[dict]:
-    """One row per model, number of demonstrations and place: throws, in the basket, refused, median and 90 % of the error [cm]."""
-    kinds = dict.fromkeys((model, one.task.demonstrations) for one in results for model in one.task.models)
+    """One row per model, number of demonstrations and place: throws, in the basket, refused,
+    median and 90 % of the error [cm].
+    """
+    kinds = dict.fromkeys(
+        (model, one.task.demonstrations) for one in results for model in one.task.models
+    )
     rows = []
     for model, demonstrations in kinds:
         every = throws_of(results, model, demonstrations)
@@ -172,13 +206,24 @@ def table(results: list[Run]) -> str:
     rows = summarise(results)
     for first in range(0, len(rows), len(PLACES)):
         group = rows[first : first + len(PLACES)]
-        lines.append(f"{group[0]['model']:<18}{group[0]['demonstrations']:>6}" + "".join(_cell(row).rjust(44) for row in group))
+        lines.append(
+            f"{group[0]['model']:<18}{group[0]['demonstrations']:>6}"
+            + "".join(_cell(row).rjust(44) for row in group)
+        )
     return "\n".join(
-        [*lines, "in the basket of all; median, 90 % of the landing error [cm] of those whose landing was seen; refused: no plan"]
+        [
+            *lines,
+            (
+                "in the basket of all; median, 90 % of the landing error [cm] of those whose landing"
+                " was seen; refused: no plan"
+            ),
+        ]
     )
 
 
 def _cell(row: dict) -> str:
     errors = "" if row["median_cm"] is None else f", {row['median_cm']:.1f}, {row['p90_cm']:.1f}"
-    share = f"{100 * row['in'] / row['throws']:.1f} % of {row['throws']}" if row["throws"] else "none"
+    share = (
+        f"{100 * row['in'] / row['throws']:.1f} % of {row['throws']}" if row["throws"] else "none"
+    )
     return share + errors + (f", {row['refused']} refused" if row["refused"] else "")

@@ -1,8 +1,8 @@
-"""What stiffness from the demonstrations buys: how hard the arm resists a person where the demonstrations varied, and how well it keeps to
-the path where they agreed.
+"""What stiffness from the demonstrations buys: how hard the arm resists a person where the
+demonstrations varied, and how well it keeps to the path where they agreed.
 
-The same demonstrations and baskets for each kind of gains. The hand follows the law (7.19) alone (`tracking: none`).
-`dart-skill experiment compliance` prints the table that docs/skill.md quotes.
+The same demonstrations and baskets for each kind of gains. The hand follows the law (7.19) alone
+(`tracking: none`). `dart-skill experiment compliance` prints the table that docs/skill.md quotes.
 """
 
 from __future__ import annotations
@@ -45,11 +45,13 @@ KINDS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Swing:
-    """One throw. `varied` and `agreed` are the instants and axes in which the demonstrations varied most, and least.
+    """One throw. `varied` and `agreed` are the instants and axes in which the demonstrations
+    varied most, and least.
 
     * kind: of KINDS.
     * force: what the arm pulls back with where its hand is GRABBED off, (varied, agreed) [N].
-    * off: root mean square distance from the path until the release along these axes, (varied, agreed) [m].
+    * off: root mean square distance from the path until the release along these axes, (varied,
+      agreed) [m].
     * miss: of the ball, nan if it was not seen [m].
     """
 
@@ -59,15 +61,23 @@ class Swing:
     miss: float
 
 
-def run(seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5, name: str = "") -> list[Swing]:
-    """All seeds, `jobs` processes at a time. throws: of each seed and kind; name: of the configuration, "" for the default one."""
+def run(
+    seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5, name: str = ""
+) -> list[Swing]:
+    """All seeds, `jobs` processes at a time. throws: of each seed and kind; name: of the
+    configuration, "" for the default one.
+    """
     one = partial(run_seed, demonstrations=demonstrations, throws=throws, name=name)
     return all_of(one, seeds, jobs)
 
 
 def run_seed(seed: int, demonstrations: int = 13, throws: int = 5, name: str = "") -> list[Swing]:
-    """The throws of one seed, of each kind at the same baskets; a plan that is refused is left out."""
-    session = Session(seed, commander=CommanderSettings.configured(tracking="none"), keep_states=True)
+    """The throws of one seed, of each kind at the same baskets; a plan that is refused is left
+    out.
+    """
+    session = Session(
+        seed, commander=CommanderSettings.configured(tracking="none"), keep_states=True
+    )
     kept, swings = teach(session, seed, demonstrations), []
     for kind, stiffness in KINDS.items():
         skill = learn_throwing(kept, replace(configuration(name), **stiffness))
@@ -84,12 +94,20 @@ def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -
     trial = session.throw(plan)
     if session.commander.opened_ns is None:
         raise PlanRefused(trial.message)
-    stamps = np.array([one.stamp_ns for one in trial.states])  # each was answered by a command with its stamp
+    stamps = np.array(
+        [one.stamp_ns for one in trial.states]
+    )  # each was answered by a command with its stamp
     clock = (stamps - plan.begin_ns(session.commander.opened_ns, stamps)) * 1e-9
     swing = (clock >= 0.0) & (clock <= plan.release)
     time, states = clock[swing], [trial.states[k] for k in np.flatnonzero(swing)]
-    variance, axes = np.linalg.eigh(skill.covariance_along(plan)[np.searchsorted(plan.path.time, time).clip(max=len(plan.path.time) - 1)])
-    expected = np.column_stack([np.interp(time, plan.path.time, column) for column in plan.path.position.T])
+    variance, axes = np.linalg.eigh(
+        skill.covariance_along(plan)[
+            np.searchsorted(plan.path.time, time).clip(max=len(plan.path.time) - 1)
+        ]
+    )
+    expected = np.column_stack(
+        [np.interp(time, plan.path.time, column) for column in plan.path.position.T]
+    )
     error = np.array([one.hand_position for one in states]) - expected
     varied, agreed = int(variance[:, -1].argmax()), int(variance[:, 0].argmin())
     arm, references = Impedance(ArmModel(ball_in_hand=True)), References(plan.motion)
@@ -100,25 +118,39 @@ def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -
     def off(axis: int) -> float:
         return float(np.sqrt(np.mean(np.einsum("ni,ni->n", error, axes[:, :, axis]) ** 2)))
 
-    return Swing(kind, (force(varied, -1), force(agreed, 0)), (off(-1), off(0)), float(trial.outcome.landing_error))
+    return Swing(
+        kind,
+        (force(varied, -1), force(agreed, 0)),
+        (off(-1), off(0)),
+        float(trial.outcome.landing_error),
+    )
 
 
 def _resistance(arm: Impedance, gains: PoseGains, state: PlantState, axis: np.ndarray) -> float:
     """Force with which the law pulls a hand back [N] that is GRABBED off along an axis (3,)."""
     hand = arm.model.hand_state(state.position, np.zeros(N_JOINTS))
     where = replace(hand, position=hand.position + GRABBED * axis)
-    reference = Reference(hand.position, hand.rotation, hand.position, hand.rotation, np.zeros(6), np.zeros(6))
+    reference = Reference(
+        hand.position, hand.rotation, hand.position, hand.rotation, np.zeros(6), np.zeros(6)
+    )
     pulls = np.zeros(6), attractor_acceleration(reference, where, gains)
-    without, off = (arm.act(state.position, state.velocity, pull, state.position)[0] for pull in pulls)
+    without, off = (
+        arm.act(state.position, state.velocity, pull, state.position)[0] for pull in pulls
+    )
     return float(np.linalg.norm((off - without)[:3]))
 
 
 def table(swings: list[Swing]) -> str:
     """A row for each kind: medians over its throws. swings: every throw."""
-    lines = [f"{'stiffness':<12}{'throws':>8}{'force where they varied, agreed [N]':>38}{'off the path there [mm]':>26}{'miss [cm]':>12}"]
+    lines = [
+        f"{'stiffness':<12}{'throws':>8}{'force where they varied, agreed [N]':>38}{'off the path there [mm]':>26}{'miss [cm]':>12}"
+    ]
     for kind in dict.fromkeys(one.kind for one in swings):
         part = [one for one in swings if one.kind == kind]
-        force, off = np.median([one.force for one in part], axis=0), 1e3 * np.median([one.off for one in part], axis=0)
+        force, off = (
+            np.median([one.force for one in part], axis=0),
+            1e3 * np.median([one.off for one in part], axis=0),
+        )
         miss = 100 * np.nanmedian([one.miss for one in part])
         forces, distances = f"{force[0]:.0f}, {force[1]:.0f}", f"{off[0]:.1f}, {off[1]:.1f}"
         lines.append(f"{kind:<12}{len(part):>8}{forces:>38}{distances:>26}{miss:>12.1f}")

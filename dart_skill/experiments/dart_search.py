@@ -1,8 +1,10 @@
-"""Learning where to aim while the thrower gets better: thesis 6.3, for every method, schedule and kind of reward. The same searches run on
-other landscapes (`landscapes`), under whose name as a schedule.
+"""Learning where to aim while the thrower gets better: thesis 6.3, for every method, schedule and
+kind of reward. The same searches run on other landscapes (`landscapes`), under whose name as a
+schedule.
 
-A search is told the reward of each throw and nothing else. Regret is measured beside it, with the exact expected score: what the best aim
-of the moment would have earned more, of the throw that was made and of the aim that the search holds for the best (its `parameters`).
+A search is told the reward of each throw and nothing else. Regret is measured beside it, with the
+exact expected score: what the best aim of the moment would have earned more, of the throw that was
+made and of the aim that the search holds for the best (its `parameters`).
 """
 
 from __future__ import annotations
@@ -44,7 +46,9 @@ END = 50
 
 @dataclass(frozen=True)
 class Schedule:
-    """The thrower's standard deviation [mm] falls linearly from `first` to `last` over so many throws."""
+    """The thrower's standard deviation [mm] falls linearly from `first` to `last` over so many
+    throws.
+    """
 
     first: float
     last: float
@@ -56,7 +60,9 @@ class Schedule:
 
 
 class Darts:
-    """The board as a landscape: the expected score of an aim (2,) [mm] for the thrower of the moment. schedule: of the thrower, by name."""
+    """The board as a landscape: the expected score of an aim (2,) [mm] for the thrower of the
+    moment. schedule: of the thrower, by name.
+    """
 
     start, spread = START, SPREAD
     changes: tuple[int, ...] = ()
@@ -102,7 +108,9 @@ class _Informed:
 
 
 def _begun(factor: float, **options: Any) -> Callable[..., Method]:
-    """The mixture with a first spread that is wrong by a factor, as somebody would choose who does not know it."""
+    """The mixture with a first spread that is wrong by a factor, as somebody would choose who does
+    not know it.
+    """
     return lambda start, spread, *, rng: MixturePoWER(start, factor * spread, rng=rng, **options)
 
 
@@ -136,13 +144,16 @@ METHODS: dict[str, Callable[..., Method]] = {
     "sharpening": Sharpening,
     "model_based": lambda *_, **__: _Informed(),
 }
-"""Made with the first parameters (d,), the spread of the first trials and rng; all settings are in units of that spread."""
+"""Made with the first parameters (d,), the spread of the first trials and rng; all settings are in
+units of that spread.
+"""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One run. schedule: of the thrower, or the name of another landscape; stop_after: throws after which the search learns no more and
-    throws at its best guess, 0 for never. reward: "expected", the expected score, or "thrown", the score of one dart.
+    """One run. schedule: of the thrower, or the name of another landscape; stop_after: throws
+    after which the search learns no more and throws at its best guess, 0 for never. reward:
+    "expected", the expected score, or "thrown", the score of one dart.
     """
 
     method: str
@@ -152,20 +163,37 @@ class Task:
     stop_after: int = 0
 
     def __post_init__(self) -> None:
-        for name, choices in (("method", METHODS), ("schedule", {**SCHEDULES, **LANDSCAPES}), ("reward", REWARDS)):
+        for name, choices in (
+            ("method", METHODS),
+            ("schedule", {**SCHEDULES, **LANDSCAPES}),
+            ("reward", REWARDS),
+        ):
             if getattr(self, name) not in choices:
-                raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")
-        if self.schedule in LANDSCAPES and (self.reward == "thrown" or self.method == "model_based"):
-            raise ValueError(f"the reward 'thrown' and the model-based agent are for darts, and not for '{self.schedule}': choose others")
+                raise ValueError(
+                    f"there is no {name} '{getattr(self, name)}': choose one of"
+                    f" {', '.join(choices)}"
+                )
+        if self.schedule in LANDSCAPES and (
+            self.reward == "thrown" or self.method == "model_based"
+        ):
+            raise ValueError(
+                "the reward 'thrown' and the model-based agent are for darts, and not for"
+                f" '{self.schedule}': choose others"
+            )
         if self.method == "model_based" and self.reward != "thrown":
-            raise ValueError("the model-based agent learns from the scores of single darts: give it the reward 'thrown'")
+            raise ValueError(
+                "the model-based agent learns from the scores of single darts: give it the reward"
+                " 'thrown'"
+            )
 
 
 @dataclass(frozen=True)
 class Run:
-    """What came of a task: mean regret [points] of all throws and of the aim held for the best, of the latter in the last 50 throws, and
-    the same per block of 10 throws; components of the mixture per block, 1 for others. offline_error, where a landscape changes at a blow:
-    mean over trials of what the best trial since the last change lost (Branke 1999). end_regret: the one in the last 50 throws.
+    """What came of a task: mean regret [points] of all throws and of the aim held for the best, of
+    the latter in the last 50 throws, and the same per block of 10 throws; components of the
+    mixture per block, 1 for others. offline_error, where a landscape changes at a blow: mean over
+    trials of what the best trial since the last change lost (Branke 1999). end_regret: the one in
+    the last 50 throws.
     """
 
     task: Task
@@ -180,7 +208,8 @@ class Run:
 
 @lru_cache(maxsize=8)
 def best_scores(schedule: str) -> np.ndarray:
-    """Expected score (n,) of the best aim at every throw, interpolated between the knots of the exact path, piece by piece.
+    """Expected score (n,) of the best aim at every throw, interpolated between the knots of the
+    exact path, piece by piece.
 
     schedule: of the thrower, by name.
     """
@@ -190,20 +219,30 @@ def best_scores(schedule: str) -> np.ndarray:
     for piece in path.pieces:
         known, value = path.sigmas[piece], path.expected_scores[piece]
         inside = (sigmas >= known[0] - 1e-9) & (sigmas <= known[-1] + 1e-9)
-        best[inside] = np.maximum(best[inside], scipy.interpolate.PchipInterpolator(known, value, extrapolate=True)(sigmas[inside]))
+        best[inside] = np.maximum(
+            best[inside],
+            scipy.interpolate.PchipInterpolator(known, value, extrapolate=True)(sigmas[inside]),
+        )
     return best
 
 
 def run(task: Task) -> Run:
-    """One search over one landscape. Seeds of the search, of the thrower's hand and of the landscape are independent."""
+    """One search over one landscape. Seeds of the search, of the thrower's hand and of the
+    landscape are independent.
+    """
     searching, throwing, drawing = (np.random.default_rng([task.seed, part]) for part in range(3))
     landscape = _landscape(task.schedule, drawing)
-    best, search = landscape.best, METHODS[task.method](landscape.start, landscape.spread, rng=searching)
+    best, search = (
+        landscape.best,
+        METHODS[task.method](landscape.start, landscape.spread, rng=searching),
+    )
     tried, held, components = np.empty(len(best)), np.empty(len(best)), np.ones(len(best))
     for n, highest in enumerate(best):
         learning = not task.stop_after or n < task.stop_after
         trial = search.ask() if learning else None
-        both = np.stack([search.parameters if trial is None else trial.parameters, search.parameters])
+        both = np.stack(
+            [search.parameters if trial is None else trial.parameters, search.parameters]
+        )
         rewards = landscape.rewards(both, n)
         tried[n], held[n] = highest - rewards
         components[n] = getattr(search, "n_components", 1)
@@ -238,8 +277,12 @@ def _offline_error(regrets: np.ndarray, changes: tuple[int, ...]) -> float | Non
     return float(np.concatenate(least).mean()) if changes else None
 
 
-def run_tasks(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:
-    """Every task once; those that stand in the file of results already are not run again, and each new one is added to it at once."""
+def run_tasks(
+    tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = ""
+) -> list[Run]:
+    """Every task once; those that stand in the file of results already are not run again, and each
+    new one is added to it at once.
+    """
     return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
 
 
@@ -249,19 +292,31 @@ def read(results: Path) -> list[Run]:
 
 
 def summarise(results: list[Run]) -> list[dict]:
-    """One row per method, schedule, reward and stop: runs, and [lower quartile, median, upper quartile] over seeds of the regrets."""
+    """One row per method, schedule, reward and stop: runs, and [lower quartile, median, upper
+    quartile] over seeds of the regrets.
+    """
     groups: dict[tuple, list[Run]] = {}
     for one in results:
-        groups.setdefault((one.task.method, one.task.schedule, one.task.reward, one.task.stop_after), []).append(one)
+        groups.setdefault(
+            (one.task.method, one.task.schedule, one.task.reward, one.task.stop_after), []
+        ).append(one)
     rows = []
     for (method, schedule, reward, stop), group in groups.items():
-        row = {"method": method, "schedule": schedule, "reward": reward, "stop_after": stop, "runs": len(group)}
+        row = {
+            "method": method,
+            "schedule": schedule,
+            "reward": reward,
+            "stop_after": stop,
+            "runs": len(group),
+        }
         for name in REGRETS:
             row[name] = _quartiles([getattr(one, name) for one in group])
         errors = [one.offline_error for one in group if one.offline_error is not None]
         row["offline_error"] = _quartiles(errors) if errors else None
         row["components"] = round(float(np.mean([one.components for one in group])), 2)
-        row["components_at_the_end"] = round(float(np.mean([one.components[-1] for one in group])), 2)
+        row["components_at_the_end"] = round(
+            float(np.mean([one.components[-1] for one in group])), 2
+        )
         rows.append(row)
     return rows
 
@@ -270,7 +325,11 @@ def _quartiles(values: list[float]) -> list[float]:
     return np.percentile(values, [25, 50, 75]).round(4).tolist()
 
 
-REGRETS = {"throw_regret": "of each trial", "best_regret": "of the best guess", "end_regret": "at the end"}
+REGRETS = {
+    "throw_regret": "of each trial",
+    "best_regret": "of the best guess",
+    "end_regret": "at the end",
+}
 
 
 def table(results: list[Run]) -> str:
@@ -280,14 +339,35 @@ def table(results: list[Run]) -> str:
 
 def table_of(rows: list[dict]) -> str:
     """Rows as `summarise` gives them as text; the offline error where one has it."""
-    heads = {**REGRETS, **({"offline_error": "offline error"} if any(row["offline_error"] for row in rows) else {})}
-    lines = [f"{'method':<20}{'schedule':<16}{'reward':<10}{'runs':>5}{''.join(f'{head:>24}' for head in heads.values())}{'K':>6}"]
+    heads = {
+        **REGRETS,
+        **(
+            {"offline_error": "offline error"} if any(row["offline_error"] for row in rows) else {}
+        ),
+    }
+    lines = [
+        f"{'method':<20}{'schedule':<16}{'reward':<10}{'runs':>5}{''.join(f'{head:>24}' for head in heads.values())}{'K':>6}"
+    ]
     for row in rows:
         regrets = "".join(_cell(row[name]) for name in heads)
         name = row["method"] + (f" to {row['stop_after']}" if row["stop_after"] else "")
-        lines.append(f"{name:<20}{row['schedule']:<16}{row['reward']:<10}{row['runs']:>5}{regrets}{row['components_at_the_end']:>6.1f}")
-    return "\n".join([*lines, "regret: reward lost per trial, median and quartiles over the runs; K: components at the end"])
+        lines.append(
+            f"{name:<20}{row['schedule']:<16}{row['reward']:<10}{row['runs']:>5}{regrets}{row['components_at_the_end']:>6.1f}"
+        )
+    return "\n".join(
+        [
+            *lines,
+            (
+                "regret: reward lost per trial, median and quartiles over the runs; K: components at"
+                " the end"
+            ),
+        ]
+    )
 
 
 def _cell(quartiles: list[float] | None) -> str:
-    return f"{quartiles[1]:>10.3f} ({quartiles[0]:.3f}-{quartiles[2]:.3f})".rjust(24) if quartiles else f"{'-':>24}"
+    return (
+        f"{quartiles[1]:>10.3f} ({quartiles[0]:.3f}-{quartiles[2]:.3f})".rjust(24)
+        if quartiles
+        else f"{'-':>24}"
+    )

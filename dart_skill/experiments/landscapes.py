@@ -1,7 +1,8 @@
-"""Rewards that change while a search goes on, other than those of darts: moving peaks, a peak under an obstacle, and a broken actuator.
+"""Rewards that change while a search goes on, other than those of darts: moving peaks, a peak
+under an obstacle, and a broken actuator.
 
-A landscape is a row of stages; nobody tells the search when one follows another. Every stage has its reward in closed form and knows the
-highest there is, so that regret can be measured.
+A landscape is a row of stages; nobody tells the search when one follows another. Every stage has
+its reward in closed form and knows the highest there is, so that regret can be measured.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ N_TRIALS = 3000
 
 
 class Landscape(Protocol):
-    """What a search is let loose on: `start` (d,) and `spread` of its first trials, in the same units; `best` (n_trials,), the highest
-    reward at every trial; `changes`, the trials before which it changes at a blow.
+    """What a search is let loose on: `start` (d,) and `spread` of its first trials, in the same
+    units; `best` (n_trials,), the highest reward at every trial; `changes`, the trials before
+    which it changes at a blow.
     """
 
     @property
@@ -67,16 +69,22 @@ class StagedLandscape:
 
     def __post_init__(self) -> None:
         ends = (0, *self.changes, self.n_trials)
-        if len(self.stages) != len(self.changes) + 1 or any(first >= second for first, second in itertools.pairwise(ends)):
+        if len(self.stages) != len(self.changes) + 1 or any(
+            first >= second for first, second in itertools.pairwise(ends)
+        ):
             needed = f"{len(self.stages) - 1} changes that rise within 1 to {self.n_trials - 1}"
             raise ValueError(f"{len(self.stages)} stages need {needed}, got {self.changes}")
 
     @cached_property
     def best(self) -> np.ndarray:
-        return np.repeat([stage.best for stage in self.stages], np.diff([0, *self.changes, self.n_trials]))
+        return np.repeat(
+            [stage.best for stage in self.stages], np.diff([0, *self.changes, self.n_trials])
+        )
 
     def rewards(self, parameters: np.ndarray, trial: int) -> np.ndarray:
-        return self.stages[int(np.searchsorted(self.changes, trial, side="right"))].rewards(parameters)
+        return self.stages[int(np.searchsorted(self.changes, trial, side="right"))].rewards(
+            parameters
+        )
 
 
 # Moving peaks
@@ -87,8 +95,9 @@ HEIGHT_SEVERITY, RADIUS_SEVERITY, SHIFT = 7.0, 1.0, 5.0
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """max_i h_i / (1 + |x - p_i|^2 / w_i^2): the peaks of J. Branke, Memory enhanced evolutionary algorithms for changing optimization
-    problems, CEC 1999, with heights (k,), centres (k, d), and as `radii` (k,) the distance at which half of the height is left.
+    """max_i h_i / (1 + |x - p_i|^2 / w_i^2): the peaks of J. Branke, Memory enhanced evolutionary
+    algorithms for changing optimization problems, CEC 1999, with heights (k,), centres (k, d), and
+    as `radii` (k,) the distance at which half of the height is left.
     """
 
     heights: np.ndarray
@@ -105,14 +114,18 @@ class Peaks:
         return np.max(self.heights / (1.0 + squares / self.radii**2), axis=1)
 
     def moved(self, rng: np.random.Generator) -> Peaks:
-        """Each peak a step of length SHIFT further in a random direction, its height and radius changed by a random amount; all are
-        reflected at their bounds.
+        """Each peak a step of length SHIFT further in a random direction, its height and radius
+        changed by a random amount; all are reflected at their bounds.
         """
         steps = rng.standard_normal(self.centres.shape)
         steps *= SHIFT / np.linalg.norm(steps, axis=1, keepdims=True)
         heights = self.heights + HEIGHT_SEVERITY * rng.standard_normal(len(self.heights))
         radii = self.radii + RADIUS_SEVERITY * rng.standard_normal(len(self.radii))
-        return Peaks(reflected(heights, *HEIGHTS), reflected(radii, *RADII), reflected(self.centres + steps, *BOX))
+        return Peaks(
+            reflected(heights, *HEIGHTS),
+            reflected(radii, *RADII),
+            reflected(self.centres + steps, *BOX),
+        )
 
 
 def reflected(values: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -121,9 +134,17 @@ def reflected(values: np.ndarray, low: float, high: float) -> np.ndarray:
     return low + length - np.abs((values - low) % (2 * length) - length)
 
 
-def moving_peaks(rng: np.random.Generator, n_dims: int, every: int, n_peaks: int = 5) -> StagedLandscape:
+def moving_peaks(
+    rng: np.random.Generator, n_dims: int, every: int, n_peaks: int = 5
+) -> StagedLandscape:
     """Peaks at random places of the box that change after `every` trials. n_dims: of the box."""
-    peaks = [Peaks(rng.uniform(*HEIGHTS, n_peaks), rng.uniform(*RADII, n_peaks), rng.uniform(*BOX, (n_peaks, n_dims)))]
+    peaks = [
+        Peaks(
+            rng.uniform(*HEIGHTS, n_peaks),
+            rng.uniform(*RADII, n_peaks),
+            rng.uniform(*BOX, (n_peaks, n_dims)),
+        )
+    ]
     changes = tuple(range(every, N_TRIALS, every))
     for _ in changes:
         peaks.append(peaks[-1].moved(rng))
@@ -133,13 +154,15 @@ def moving_peaks(rng: np.random.Generator, n_dims: int, every: int, n_peaks: int
 # A peak that vanishes
 
 HILL, LOWER, AWAY, OBSTACLE = 0.6, 0.8, 1.25, 0.9
-"""Standard deviation of both hills, height of the lower, their distance from the start, and radius of the obstacle [spreads]."""
+"""Standard deviation of both hills, height of the lower, their distance from the start, and radius
+of the obstacle [spreads].
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Hills:
-    """Gaussian hills with tops (k, 2) and heights (k,), the highest of those at each place; none of it within the disc of that radius
-    about the first top. obstacle: the radius, default 0.
+    """Gaussian hills with tops (k, 2) and heights (k,), the highest of those at each place; none
+    of it within the disc of that radius about the first top. obstacle: the radius, default 0.
     """
 
     tops: np.ndarray
@@ -155,15 +178,23 @@ class Hills:
 
     def rewards(self, parameters: np.ndarray) -> np.ndarray:
         squares = np.square(parameters[:, None] - self.tops).sum(axis=2)
-        return np.where(squares[:, 0] < self.obstacle**2, 0.0, np.max(self.heights * np.exp(-0.5 * squares / HILL**2), axis=1))
+        return np.where(
+            squares[:, 0] < self.obstacle**2,
+            0.0,
+            np.max(self.heights * np.exp(-0.5 * squares / HILL**2), axis=1),
+        )
 
 
 def vanishing_peak(rng: np.random.Generator) -> StagedLandscape:
-    """Two hills on opposite sides of the start; at a random moment in the middle third an obstacle covers the better one."""
+    """Two hills on opposite sides of the start; at a random moment in the middle third an obstacle
+    covers the better one.
+    """
     angle = rng.uniform(0.0, 2.0 * np.pi)
     top = AWAY * np.array([np.cos(angle), np.sin(angle)])
     hills = Hills(np.array([top, -top]), np.array([1.0, LOWER]))
-    return StagedLandscape(np.zeros(2), 1.0, (hills, replace(hills, obstacle=OBSTACLE)), (broken_at(rng),))
+    return StagedLandscape(
+        np.zeros(2), 1.0, (hills, replace(hills, obstacle=OBSTACLE)), (broken_at(rng),)
+    )
 
 
 def broken_at(rng: np.random.Generator) -> int:
@@ -182,11 +213,13 @@ ELBOW = 1
 
 @dataclass(frozen=True, eq=False)
 class PlanarArm:
-    """Four joints in a plane put the tip at a target (2,) [m]. Angles (4,) [rad] outside of `low` and `high` stop there.
+    """Four joints in a plane put the tip at a target (2,) [m]. Angles (4,) [rad] outside of `low`
+    and `high` stop there.
 
         reward = 1 / (1 + |tip - target|^2 / TOLERANCE^2 + sum_j (angle_j - REST_j)^2 / EASE_j^2)
 
-    With two joints more than it needs, the arm can get there with the elbow to the left, as at rest, or to the right.
+    With two joints more than it needs, the arm can get there with the elbow to the left, as at
+    rest, or to the right.
     """
 
     target: np.ndarray
@@ -209,11 +242,18 @@ class PlanarArm:
         whole = np.tile(self.low, (len(starts), 1))
         whole[:, free] = starts
         chosen = starts[np.argsort(-self.rewards(whole), kind="stable")[:24]]
-        least = min(scipy.optimize.least_squares(residuals, one, bounds=(low, high), xtol=1e-12, ftol=1e-14).cost for one in chosen)
+        least = min(
+            scipy.optimize.least_squares(
+                residuals, one, bounds=(low, high), xtol=1e-12, ftol=1e-14
+            ).cost
+            for one in chosen
+        )
         return float(1.0 / (1.0 + 2.0 * least))
 
     def rewards(self, parameters: np.ndarray) -> np.ndarray:
-        return 1.0 / (1.0 + np.square(self._residuals(np.clip(parameters, self.low, self.high))).sum(axis=1))
+        return 1.0 / (
+            1.0 + np.square(self._residuals(np.clip(parameters, self.low, self.high))).sum(axis=1)
+        )
 
     def tip(self, angles: np.ndarray) -> np.ndarray:
         """Places (m, 2) [m] for angles (m, 4), each from the link before."""
@@ -221,18 +261,22 @@ class PlanarArm:
         return np.stack([np.cos(directions) @ LENGTHS, np.sin(directions) @ LENGTHS], axis=1)
 
     def _residuals(self, angles: np.ndarray) -> np.ndarray:
-        return np.column_stack([(self.tip(angles) - self.target) / TOLERANCE, (angles - REST) / EASE])
+        return np.column_stack(
+            [(self.tip(angles) - self.target) / TOLERANCE, (angles - REST) / EASE]
+        )
 
     def limited(self, joint: int, low: float, high: float) -> PlanarArm:
-        """With a joint that only moves within these angles; stuck where both are the same. low, high: the angles [rad]."""
+        """With a joint that only moves within these angles; stuck where both are the same. low,
+        high: the angles [rad].
+        """
         lows, highs = self.low.copy(), self.high.copy()
         lows[joint], highs[joint] = low, high
         return replace(self, low=lows, high=highs)
 
 
 def broken_actuator(rng: np.random.Generator, stuck: bool) -> StagedLandscape:
-    """At a random moment in the middle third the elbow loses the half of its range in which it was, or gets stuck at a random angle
-    (thesis 5.3.1).
+    """At a random moment in the middle third the elbow loses the half of its range in which it
+    was, or gets stuck at a random angle (thesis 5.3.1).
     """
     distance, azimuth = rng.uniform(0.5, 0.75), rng.uniform(-0.5, 0.5)
     target = distance * np.array([np.cos(azimuth), np.sin(azimuth)])

@@ -21,21 +21,31 @@ ORPHANED = 1.0
 """A process looks so often whether the one that wants its results is still there [s]."""
 
 
-def all_of(function: Callable, seeds: Sequence[int], jobs: int = 1, scheduler: str = "") -> list[Any]:
-    """What function(seed) lists for every seed, in their order, `jobs` processes at a time; a progress bar where stderr is a terminal.
+def all_of(
+    function: Callable, seeds: Sequence[int], jobs: int = 1, scheduler: str = ""
+) -> list[Any]:
+    """What function(seed) lists for every seed, in their order, `jobs` processes at a time; a
+    progress bar where stderr is a terminal.
 
     scheduler: as in `run_all`.
     """
-    parts = dict(tqdm(run_all(function, seeds, jobs, scheduler), total=len(seeds), unit="seed", disable=None))
+    parts = dict(
+        tqdm(
+            run_all(function, seeds, jobs, scheduler), total=len(seeds), unit="seed", disable=None
+        )
+    )
     return [one for index in range(len(seeds)) for one in parts[index]]
 
 
-def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = "") -> Iterator[tuple[int, Any]]:
+def run_all(
+    function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = ""
+) -> Iterator[tuple[int, Any]]:
     """(index, function(task)) of every task as it finishes, in any order.
 
-    jobs: processes on this machine, 0 for one per core; scheduler: address of a Dask scheduler, whose workers have this package installed.
-    An exception of a task is raised here, and the tasks not begun are not run. Ctrl-C, or no interest in more results, ends the workers at
-    once; they end by themselves when this process does, however that goes.
+    jobs: processes on this machine, 0 for one per core; scheduler: address of a Dask scheduler,
+    whose workers have this package installed. An exception of a task is raised here, and the tasks
+    not begun are not run. Ctrl-C, or no interest in more results, ends the workers at once; they
+    end by themselves when this process does, however that goes.
     """
     if scheduler:
         yield from _on_dask(function, tasks, scheduler)
@@ -44,14 +54,20 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
     if jobs <= 1:
         yield from ((index, function(task)) for index, task in enumerate(tasks))
         return
-    with ProcessPoolExecutor(jobs, mp_context=_workers(function), initializer=_end_with_parent) as pool:
+    with ProcessPoolExecutor(
+        jobs, mp_context=_workers(function), initializer=_end_with_parent
+    ) as pool:
         try:  # from the first task on: workers are being started then
-            with _signals_held_back():  # or a worker that was just asked for is not known, and not ended
+            with (
+                _signals_held_back()
+            ):  # or a worker that was just asked for is not known, and not ended
                 futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
             for future in as_completed(futures):
                 yield futures[future], future.result()
         except (KeyboardInterrupt, SystemExit, GeneratorExit):
-            for worker in list(pool._processes.values()):  # it has no public way to end a task that runs (from Python 3.14 on)
+            for worker in list(
+                pool._processes.values()
+            ):  # it has no public way to end a task that runs (from Python 3.14 on)
                 worker.terminate()
             raise
         finally:
@@ -70,7 +86,9 @@ def _end_with_parent() -> None:
 
 
 def _workers(function: Callable) -> multiprocessing.context.BaseContext:
-    """How processes are made: never as copies of this one. Who asks may have threads, or nodes of ROS, which a copy would end again."""
+    """How processes are made: never as copies of this one. Who asks may have threads, or nodes of
+    ROS, which a copy would end again.
+    """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([getattr(function, "func", function).__module__, DEAF])
     return context
@@ -78,12 +96,17 @@ def _workers(function: Callable) -> multiprocessing.context.BaseContext:
 
 @contextmanager
 def _signals_held_back() -> Iterator[None]:
-    """Ctrl-C and SIGTERM that come meanwhile come afterwards. In other threads than the main one, which hears them, nothing is held."""
+    """Ctrl-C and SIGTERM that come meanwhile come afterwards. In other threads than the main one,
+    which hears them, nothing is held.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     came: list[int] = []
-    before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {
+        number: signal.signal(number, lambda number, _: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     try:
         yield
     finally:
@@ -97,10 +120,16 @@ def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tu
     try:
         dask = importlib.import_module("distributed")
     except ImportError:
-        raise ValueError(f"a scheduler at {scheduler} needs Dask here too: pip install -r requirements/optional.txt") from None
+        raise ValueError(
+            f"a scheduler at {scheduler} needs Dask here too: pip install -r"
+            " requirements/optional.txt"
+        ) from None
     with dask.Client(scheduler) as client:
         if crowded := [address for address, threads in client.nthreads().items() if threads > 1]:
-            raise ValueError(f"the worker {crowded[0]} has several threads, whose runs would share one PyBullet: give it --nthreads 1")
+            raise ValueError(
+                f"the worker {crowded[0]} has several threads, whose runs would share one"
+                " PyBullet: give it --nthreads 1"
+            )
         futures = client.map(function, tasks, pure=False)
         index_of = {future.key: index for index, future in enumerate(futures)}
         for future, result in dask.as_completed(futures, with_results=True):

@@ -1,4 +1,6 @@
-"""Other libraries beside which experiments and benchmarks measure ours; none of them is needed, or comes with this one."""
+"""Other libraries beside which experiments and benchmarks measure ours; none of them is needed, or
+comes with this one.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,17 @@ from typing import Any
 
 
 def pbdlib_mixture(folder: str | Path) -> Any:
-    """The class GMM of a checkout of pbdlib-python, without the plots and Gaussians that load with it, which are not used.
+    """The class GMM of a checkout of pbdlib-python, without the plots and Gaussians that load with
+    it, which are not used.
 
-    pbdlib-python is no package: folder is its checkout for Python 3, in which pbdlib/gmm.py is. ValueError: it is not there.
+    pbdlib-python is no package: folder is its checkout for Python 3, in which pbdlib/gmm.py is.
+    ValueError: it is not there.
     """
     package = Path(folder) / "pbdlib"
     if not (package / "gmm.py").is_file():
-        raise ValueError(f"there is no pbdlib/gmm.py in {folder}: give the checkout of pbdlib-python")
+        raise ValueError(
+            f"there is no pbdlib/gmm.py in {folder}: give the checkout of pbdlib-python"
+        )
     _stand_in("pbdlib", __path__=[str(package)])
     _stand_in("pbdlib.utils", __path__=[str(package / "utils")])
     _stand_in("pbdlib.mvn", MVN=type("MVN", (), {}))
@@ -25,7 +31,9 @@ def pbdlib_mixture(folder: str | Path) -> Any:
         _stand_in("termcolor", colored=None)
     if (package / "utils" / "gaussian_utils.py").is_file():
         used = importlib.import_module("pbdlib.utils.gaussian_utils")
-        vars(sys.modules["pbdlib.utils"])["gaussian_moment_matching"] = used.gaussian_moment_matching
+        vars(sys.modules["pbdlib.utils"])["gaussian_moment_matching"] = (
+            used.gaussian_moment_matching
+        )
     return importlib.import_module("pbdlib.gmm").GMM
 
 

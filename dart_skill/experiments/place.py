@@ -1,4 +1,6 @@
-"""Parts put into holders that stand elsewhere than where it was shown, and turned: how many go in, how near, and why the others do not."""
+"""Parts put into holders that stand elsewhere than where it was shown, and turned: how many go in,
+how near, and why the others do not.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ class Placed:
     """One part, and what came of it.
 
     * seed: of the person who showed the skill.
-    * away, turn: how far its holder was from where the skill was shown [m], and how far turned [rad].
+    * away, turn: how far its holder was from where the skill was shown [m], and how far turned
+      [rad].
     * success, error, reason: the outcome, error in [m].
     """
 
@@ -34,37 +37,61 @@ class Placed:
     reason: str
 
 
-def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = "") -> list[Placed]:
-    """All seeds, `jobs` processes at a time. parts: that each seed places. arm: of the fleet, or "fleet".
+def run(
+    seeds: list[int],
+    jobs: int = 1,
+    demonstrations: int = 8,
+    parts: int = 10,
+    arm: str = "ideal",
+    partition: str = "",
+) -> list[Placed]:
+    """All seeds, `jobs` processes at a time. parts: that each seed places. arm: of the fleet, or
+    "fleet".
 
     partition: as in `pose_skills.configured`.
     """
-    one = partial(run_seed, demonstrations=demonstrations, parts=parts, arm=arm, partition=partition)
+    one = partial(
+        run_seed, demonstrations=demonstrations, parts=parts, arm=arm, partition=partition
+    )
     return all_of(one, seeds, jobs)
 
 
-def run_seed(seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = "") -> list[Placed]:
-    """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for every seed.
+def run_seed(
+    seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = ""
+) -> list[Placed]:
+    """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for
+    every seed.
 
     partition: as in `pose_skills.configured`.
     """
     skill, rng = configured(Place, partition), np.random.default_rng([seed, 7])
     session = BenchSession(skill, seed, arm=arm_of(arm, seed))
     learned = LearnedSkill(skill, teach(session, skill, rng, demonstrations))
-    placed = [_place(session, skill, learned, seed, skill.draw(rng, wide=True).pose("holder")) for _ in range(parts)]
+    placed = [
+        _place(session, skill, learned, seed, skill.draw(rng, wide=True).pose("holder"))
+        for _ in range(parts)
+    ]
     session.close()
     return placed
 
 
-def teach(session: BenchSession, skill: Place, rng: np.random.Generator, demonstrations: int = 8) -> list[TaskDemonstration]:
+def teach(
+    session: BenchSession, skill: Place, rng: np.random.Generator, demonstrations: int = 8
+) -> list[TaskDemonstration]:
     """So many parts that a person put into holders, where they want them there.
 
     What jams is tried again with another holder; ValueError where most of it does.
     """
-    return shown(lambda: session.teach(skill.draw(rng).pose("holder"), skill.seat), demonstrations, "put {} parts in")
+    return shown(
+        lambda: session.teach(skill.draw(rng).pose("holder"), skill.seat),
+        demonstrations,
+        "put {} parts in",
+    )
 
 
-def _place(session: BenchSession, skill: Place, learned: LearnedSkill, seed: int, holder: Pose) -> Placed:
+def _place(
+    session: BenchSession, skill: Place, learned: LearnedSkill, seed: int, holder: Pose
+) -> Placed:
     away = float(np.hypot(*(holder.position[:2] - skill.settings.shown_at)))
     turn = float(Rotation.from_quat(holder.quaternion).as_rotvec()[2])
     try:
@@ -72,7 +99,14 @@ def _place(session: BenchSession, skill: Place, learned: LearnedSkill, seed: int
     except (NoPlan, PlanRefused) as error:
         return Placed(seed, away, turn, False, float("nan"), str(error))
     learned.tell(trial.outcome)
-    return Placed(seed, away, turn, trial.outcome.success, trial.outcome.error, trial.message or trial.outcome.reason)
+    return Placed(
+        seed,
+        away,
+        turn,
+        trial.outcome.success,
+        trial.outcome.error,
+        trial.message or trial.outcome.reason,
+    )
 
 
 def table(placed: list[Placed]) -> str:
@@ -80,8 +114,14 @@ def table(placed: list[Placed]) -> str:
     errors = 1e3 * np.array([one.error for one in placed if one.success])
     lines = [f"{len(errors)} of {len(placed)} parts are in their holders"]
     if len(errors):
-        lines.append(f"{np.median(errors):.1f} mm from the seat in the median, {errors.max():.1f} mm at worst")
+        lines.append(
+            f"{np.median(errors):.1f} mm from the seat in the median, {errors.max():.1f} mm at"
+            " worst"
+        )
     for one in placed:
         if not one.success:
-            lines.append(f"seed {one.seed}, {100 * one.away:.0f} cm away, turned by {np.degrees(one.turn):+.0f} degrees: {one.reason}")
+            lines.append(
+                f"seed {one.seed}, {100 * one.away:.0f} cm away, turned by"
+                f" {np.degrees(one.turn):+.0f} degrees: {one.reason}"
+            )
     return "\n".join(lines)

@@ -1,4 +1,6 @@
-"""What the experiments of skills of poses, `place` and `reach`, have in common: the skill, the arm, and how often a person shows it."""
+"""What the experiments of skills of poses, `place` and `reach`, have in common: the skill, the
+arm, and how often a person shows it.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def arm_of(arm: str, seed: int) -> str:
     return f"fleet:{seed}" if arm == "fleet" else arm
 
 
-def shown(show: Callable[[], SkillTrial], demonstrations: int, what: str) -> list[TaskDemonstration]:
+def shown(
+    show: Callable[[], SkillTrial], demonstrations: int, what: str
+) -> list[TaskDemonstration]:
     """So many movements that succeeded; one that fails is shown again. ValueError where most fail.
 
     * show: a person shows one, of a new situation.
@@ -49,4 +53,7 @@ def shown(show: Callable[[], SkillTrial], demonstrations: int, what: str) -> lis
         kept += [trial.seen] if trial.outcome.success else []
         if len(kept) == demonstrations:
             return kept
-    raise ValueError(f"the person {what.format(f'only {len(kept)} of {ATTEMPTS * demonstrations}')}; the last: {trial.outcome.reason}")
+    raise ValueError(
+        f"the person {what.format(f'only {len(kept)} of {ATTEMPTS * demonstrations}')}; the last:"
+        f" {trial.outcome.reason}"
+    )

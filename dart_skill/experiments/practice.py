@@ -1,11 +1,13 @@
-"""Practice in process: does the arm get better with its own throws, how fast, and how does it recover from a change that nobody announces?
+"""Practice in process: does the arm get better with its own throws, how fast, and how does it
+recover from a change that nobody announces?
 
     dart-skill experiment practice --methods residual,bootstrap,both,power,none --demonstrations 13 --throws 50
     dart-skill experiment practice --arms fleet --first-seed 2000 --seeds 40 --methods residual --tested-after 0,10,50
 
-Every seed has its own teacher, demonstrations, baskets and sensor noise; all methods of a seed start from the same demonstrations. The
-practised throws go where the curriculum sends them; how good the arm is after n of them is measured by further throws at baskets of a test
-set, from which nothing is learned.
+Every seed has its own teacher, demonstrations, baskets and sensor noise; all methods of a seed
+start from the same demonstrations. The practised throws go where the curriculum sends them; how
+good the arm is after n of them is measured by further throws at baskets of a test set, from which
+nothing is learned.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ class Task:
     * demonstrations, throws: how many are shown, and how many are practised.
     * change: one of CHANGES, after `change_after` throws.
     * tests: throws of each test, after each number of practised throws in `tested_after`.
-    * again: throws of one plan for each basket of the last test: their scatter is what no better plan can take away.
+    * again: throws of one plan for each basket of the last test: their scatter is what no better
+      plan can take away.
     * arm: of config/fleet.yaml, or fleet: the one that the seed draws.
     * configuration: of the skill.
     """
@@ -57,15 +60,21 @@ class Task:
     def __post_init__(self) -> None:
         for name, choices in (("method", METHODS), ("change", CHANGES)):
             if getattr(self, name) not in choices:
-                raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")
+                raise ValueError(
+                    f"there is no {name} '{getattr(self, name)}': choose one of"
+                    f" {', '.join(choices)}"
+                )
         configuration(self.configuration)
-        object.__setattr__(self, "tested_after", tuple(n for n in self.tested_after if n <= self.throws))
+        object.__setattr__(
+            self, "tested_after", tuple(n for n in self.tested_after if n <= self.throws)
+        )
 
 
 @dataclass(frozen=True)
 class Run:
-    """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors, test_in_basket: per test, its throws; nan where no
-    throw came about or no landing was seen; spreads [m]: per basket of the last test, how far throws of one plan come down from their
+    """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors,
+    test_in_basket: per test, its throws; nan where no throw came about or no landing was seen;
+    spreads [m]: per basket of the last test, how far throws of one plan come down from their
     centre. notes: why throws did not come about.
     """
 
@@ -79,7 +88,8 @@ class Run:
 
 
 def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
-    """As many demonstrations as wanted, each of a throw that went in; ValueError if the person fails too often.
+    """As many demonstrations as wanted, each of a throw that went in; ValueError if the person
+    fails too often.
 
     session: where the person teaches.
     """
@@ -99,9 +109,16 @@ def run(task: Task) -> Run:
 
 
 def _run(task: Task, session: Session) -> Run:
-    shown, rng = teach(session, task.seed, task.demonstrations), np.random.default_rng([task.seed, 4])
+    shown, rng = (
+        teach(session, task.seed, task.demonstrations),
+        np.random.default_rng([task.seed, 4]),
+    )
     skill = PractisingSkill(shown, configuration(task.configuration), task.method, rng=rng)
-    curriculum, choosing, testing = Curriculum(), np.random.default_rng([task.seed, 5]), np.random.default_rng([task.seed, 6])
+    curriculum, choosing, testing = (
+        Curriculum(),
+        np.random.default_rng([task.seed, 5]),
+        np.random.default_rng([task.seed, 6]),
+    )
     thrown: list[_Thrown] = []
     tests: list[list[_Thrown]] = []
     notes: list[str] = []
@@ -122,7 +139,11 @@ def _run(task: Task, session: Session) -> Run:
             curriculum.give_up(target)
         thrown.append(throw)
         notes += [f"throw {n + 1}: {throw.note}"] if throw.note else []
-    spreads = tuple(_spread(session, skill, target, task.again) for target in baskets) if task.again else ()
+    spreads = (
+        tuple(_spread(session, skill, target, task.again) for target in baskets)
+        if task.again
+        else ()
+    )
     return Run(
         task,
         tuple(throw.error for throw in thrown),
@@ -134,8 +155,12 @@ def _run(task: Task, session: Session) -> Run:
     )
 
 
-def _spread(session: Session, skill: PractisingSkill, target: np.ndarray, throws: int) -> tuple[float, ...]:
-    """Distances (throws,) [m] of the hits of one plan from their centre, as they would be from the centre of very many."""
+def _spread(
+    session: Session, skill: PractisingSkill, target: np.ndarray, throws: int
+) -> tuple[float, ...]:
+    """Distances (throws,) [m] of the hits of one plan from their centre, as they would be from the
+    centre of very many.
+    """
     try:
         plan = skill.plan(target)
         hits = np.array([session.throw(plan).outcome.landing for _ in range(throws)])
@@ -166,7 +191,9 @@ class _Thrown(NamedTuple):
     came_about: bool
 
 
-def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False) -> _Thrown:
+def _throw(
+    session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False
+) -> _Thrown:
     """One throw; only one that is practised is learned from."""
     try:
         plan = skill.plan(target, explore=learn)
@@ -178,28 +205,38 @@ def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: 
         return _Thrown(error, trial.outcome.in_basket, error, "", True)
     told = skill.tell(plan, trial.demonstration)
     miss = np.hypot(*told.left) if np.isfinite(told.left).all() else error
-    return _Thrown(error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason, True)
+    return _Thrown(
+        error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason, True
+    )
 
 
-def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:
+def run_all(
+    tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = ""
+) -> list[Run]:
     """Every task once; those that stand in the file of results already are not run again."""
     return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
 
 
 def summarise(results: list[Run]) -> list[dict]:
-    """One row per method, demonstrations, change and number of practised throws: throws of the tests, share in the basket, median and
-    90 % of their error [cm], how many had none, and in how many runs the mean error was larger than before by more than two standard
-    errors of the difference (`worse`); after the last ones floor_cm, the median of what one plan scatters, if that was seen.
+    """One row per method, demonstrations, change and number of practised throws: throws of the
+    tests, share in the basket, median and 90 % of their error [cm], how many had none, and in how
+    many runs the mean error was larger than before by more than two standard errors of the
+    difference (`worse`); after the last ones floor_cm, the median of what one plan scatters, if
+    that was seen.
     """
     groups: dict[tuple, list[Run]] = {}
     for one in results:
-        groups.setdefault((one.task.method, one.task.demonstrations, one.task.change), []).append(one)
+        groups.setdefault((one.task.method, one.task.demonstrations, one.task.change), []).append(
+            one
+        )
     rows = []
     for (method, demonstrations, change), group in groups.items():
         for k, after in enumerate(group[0].task.tested_after):
             errors = 100 * np.array([error for one in group for error in one.test_errors[k]])
             inside = [went_in for one in group for went_in in one.test_in_basket[k]]
-            quantiles = np.nanpercentile(errors, [50, 90]) if np.isfinite(errors).any() else [np.nan] * 2
+            quantiles = (
+                np.nanpercentile(errors, [50, 90]) if np.isfinite(errors).any() else [np.nan] * 2
+            )
             rows.append(
                 {
                     "method": method,
@@ -212,15 +249,21 @@ def summarise(results: list[Run]) -> list[dict]:
                     "median_cm": round(float(quantiles[0]), 3),
                     "p90_cm": round(float(quantiles[1]), 3),
                     "without_error": int(np.isnan(errors).sum()),
-                    "worse": sum(_is_worse(one.test_errors[0], one.test_errors[k]) for one in group),
-                    "floor_cm": _floor(group) if k == len(group[0].task.tested_after) - 1 else None,
+                    "worse": sum(
+                        _is_worse(one.test_errors[0], one.test_errors[k]) for one in group
+                    ),
+                    "floor_cm": _floor(group)
+                    if k == len(group[0].task.tested_after) - 1
+                    else None,
                 }  # fmt: skip
             )
     return rows
 
 
 def _is_worse(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
-    """Whether the mean of `after` is larger by more than two standard errors of the difference (Welch); nan does not count."""
+    """Whether the mean of `after` is larger by more than two standard errors of the difference
+    (Welch); nan does not count.
+    """
     samples = [np.array(errors)[np.isfinite(errors)] for errors in (before, after)]
     if min(len(sample) for sample in samples) < 2:
         return False
@@ -229,29 +272,60 @@ def _is_worse(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
 
 
 def _floor(group: list[Run]) -> float | None:
-    distances = [distance for one in group for spread in one.spreads for distance in spread if np.isfinite(distance)]
+    distances = [
+        distance
+        for one in group
+        for spread in one.spreads
+        for distance in spread
+        if np.isfinite(distance)
+    ]
     return round(100.0 * float(np.median(distances)), 3) if distances else None
 
 
 def table(results: list[Run]) -> str:
-    """The rows of `summarise` as text: one line per method, one column per number of practised throws."""
+    """The rows of `summarise` as text: one line per method, one column per number of practised
+    throws.
+    """
     rows = summarise(results)
     counts = sorted({row["after"] for row in rows})
     with_floor = any(row["floor_cm"] is not None for row in rows)
     heads = [f"{f'after {n}':>23}" for n in counts] + [f"{'floor':>8}"] * with_floor
     lines = [f"{'method':<11}{'shown':>6}  {'change':<15}{'runs':>5}" + "".join(heads)]
-    for method, demonstrations, change in dict.fromkeys((row["method"], row["demonstrations"], row["change"]) for row in rows):
+    for method, demonstrations, change in dict.fromkeys(
+        (row["method"], row["demonstrations"], row["change"]) for row in rows
+    ):
         own = {
-            row["after"]: row for row in rows if (row["method"], row["demonstrations"], row["change"]) == (method, demonstrations, change)
+            row["after"]: row
+            for row in rows
+            if (row["method"], row["demonstrations"], row["change"])
+            == (method, demonstrations, change)
         }
         cells = "".join(_cell(own.get(n)).rjust(23) for n in counts)
         floor = own[max(own)]["floor_cm"]
         cells += "" if floor is None else f"{floor:>8.3f}"
-        lines.append(f"{method:<11}{demonstrations:>6}  {change:<15}{next(iter(own.values()))['runs']:>5}{cells}")
-    what = "median and 90 % of the landing error [cm], share in the basket, of throws from which nothing was learned, runs that got worse"
-    return "\n".join([*lines, what + ("; floor: median distance from the centre of one plan's hits" if with_floor else "")])
+        lines.append(
+            f"{method:<11}{demonstrations:>6} "
+            f" {change:<15}{next(iter(own.values()))['runs']:>5}{cells}"
+        )
+    what = (
+        "median and 90 % of the landing error [cm], share in the basket, of throws from which"
+        " nothing was learned, runs that got worse"
+    )
+    return "\n".join(
+        [
+            *lines,
+            what
+            + (
+                "; floor: median distance from the centre of one plan's hits" if with_floor else ""
+            ),
+        ]
+    )
 
 
 def _cell(row: dict | None) -> str:
     worse = f" {row['worse']}" if row and row["after"] else ""
-    return f"{row['median_cm']:.2f} {row['p90_cm']:.1f} {100 * row['in']:.0f} %{worse}" if row else "-"
+    return (
+        f"{row['median_cm']:.2f} {row['p90_cm']:.1f} {100 * row['in']:.0f} %{worse}"
+        if row
+        else "-"
+    )

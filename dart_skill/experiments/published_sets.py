@@ -1,10 +1,15 @@
-"""Published demonstrations of people, read from the files as their authors published them; the user names the folder.
+"""Published demonstrations of people, read from the files as their authors published them; the
+user names the folder.
 
-* LASA handwriting (Khansari-Zadeh and Billard 2011): seven demonstrations of each of 30 shapes, drawn on a tablet [mm], 26 with one
-  pattern and 4 with several. Its licence forbids passing it on, so no file of it is in this repository.
-* The planar task-parameterised sets of pbdlib-python (Idiap): hand movements in two frames, in pixels.
-* Letters (HelloWorld) and tasks (RoboTasks, with orientations) that a person showed by leading a Panda arm (Auddy et al. 2023).
-* Movements of a Panda arm between a pose at its start and one at its end (TP-GMM of Z. Wasfy, after that of B. Saduanov).
+* LASA handwriting (Khansari-Zadeh and Billard 2011): seven demonstrations of each of 30 shapes,
+  drawn on a tablet [mm], 26 with one pattern and 4 with several. Its licence forbids passing it
+  on, so no file of it is in this repository.
+* The planar task-parameterised sets of pbdlib-python (Idiap): hand movements in two frames, in
+  pixels.
+* Letters (HelloWorld) and tasks (RoboTasks, with orientations) that a person showed by leading a
+  Panda arm (Auddy et al. 2023).
+* Movements of a Panda arm between a pose at its start and one at its end (TP-GMM of Z. Wasfy,
+  after that of B. Saduanov).
 """
 
 from __future__ import annotations
@@ -29,7 +34,9 @@ CLFD_RATE = 60.0
 """Samples per second of its sets [1/s], as its own reader has it."""
 TPGMM_PAGE = "https://github.com/zizowasfy/TP-GMM"
 STEP = 0.01
-"""Task-parameterised sets have no stamps in seconds: their samples are taken to be so far apart [s]."""
+"""Task-parameterised sets have no stamps in seconds: their samples are taken to be so far apart
+[s].
+"""
 FIRST_OF_SEVERAL = "Multi_Models"
 
 
@@ -40,7 +47,8 @@ class Demonstrated:
     * time: (n,) [s].
     * position: (n, d) in the unit of its set.
     * frames: of [t, position], empty where the set has none.
-    * orientation: (n, 4), unit quaternions x, y, z, w without jumps of sign; None where the set has none.
+    * orientation: (n, 4), unit quaternions x, y, z, w without jumps of sign; None where the set
+      has none.
     """
 
     time: np.ndarray
@@ -50,25 +58,41 @@ class Demonstrated:
 
 
 def lasa_shapes(folder: Path, *, several: bool = False) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each LASA shape [mm], by name; folder: that which holds `DataSet`, or the .mat files themselves.
+    """The demonstrations of each LASA shape [mm], by name; folder: that which holds `DataSet`, or
+    the .mat files themselves.
 
-    several: the shapes of several patterns instead of those of one. ValueError: there are no such files, or one cannot be read.
+    several: the shapes of several patterns instead of those of one. ValueError: there are no such
+    files, or one cannot be read.
     """
     files = sorted((folder / "DataSet" if (folder / "DataSet").is_dir() else folder).glob("*.mat"))
     files = [file for file in files if file.stem.startswith(FIRST_OF_SEVERAL) == several]
     if not files:
-        raise ValueError(f"{folder} holds no DataSet/*.mat of LASA handwriting; it is published at {LASA_PAGE}")
+        raise ValueError(
+            f"{folder} holds no DataSet/*.mat of LASA handwriting; it is published at {LASA_PAGE}"
+        )
     return {file.stem: _read(file, _lasa_shape, LASA_PAGE) for file in files}
 
 
 def pbdlib_sets(folder: Path) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each planar task-parameterised set [pixels], by name; folder: pbdlib/data, its TPGMM, or what holds pbdlib.
+    """The demonstrations of each planar task-parameterised set [pixels], by name; folder:
+    pbdlib/data, its TPGMM, or what holds pbdlib.
 
     ValueError: there are no such files, or one cannot be read.
     """
-    place = _place_of(folder, ("pbdlib/data/TPGMM", "data/TPGMM", "TPGMM"), "*_tp_0_d_0_A.npy", "of pbdlib/data/TPGMM", PBDLIB_PAGE)
-    names = sorted(file.name.removesuffix("_tp_0_d_0_A.npy") for file in place.glob("*_tp_0_d_0_A.npy"))
-    return {name: [_read(file, _pbdlib_one, PBDLIB_PAGE) for file in _numbered(place, name)] for name in names}
+    place = _place_of(
+        folder,
+        ("pbdlib/data/TPGMM", "data/TPGMM", "TPGMM"),
+        "*_tp_0_d_0_A.npy",
+        "of pbdlib/data/TPGMM",
+        PBDLIB_PAGE,
+    )
+    names = sorted(
+        file.name.removesuffix("_tp_0_d_0_A.npy") for file in place.glob("*_tp_0_d_0_A.npy")
+    )
+    return {
+        name: [_read(file, _pbdlib_one, PBDLIB_PAGE) for file in _numbered(place, name)]
+        for name in names
+    }
 
 
 def helloworld_sets(folder: Path) -> dict[str, list[Demonstrated]]:
@@ -80,7 +104,8 @@ def helloworld_sets(folder: Path) -> dict[str, list[Demonstrated]]:
 
 
 def robotasks_sets(folder: Path) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each task, positions [cm] and orientations, by name; folder: datasets of clfd, or what holds it.
+    """The demonstrations of each task, positions [cm] and orientations, by name; folder: datasets
+    of clfd, or what holds it.
 
     ValueError: there are no such files, or one cannot be read.
     """
@@ -88,17 +113,28 @@ def robotasks_sets(folder: Path) -> dict[str, list[Demonstrated]]:
 
 
 def _clfd_sets(folder: Path, where: str, n_columns: int) -> dict[str, list[Demonstrated]]:
-    place = _place_of(folder, [f"{one}{where}" for one in ("clfd/datasets/", "datasets/", "")], "*.npy", f"in {where} of clfd", CLFD_PAGE)
+    place = _place_of(
+        folder,
+        [f"{one}{where}" for one in ("clfd/datasets/", "datasets/", "")],
+        "*.npy",
+        f"in {where} of clfd",
+        CLFD_PAGE,
+    )
     if place == folder:  # files of any name are not taken for these
         raise ValueError(f"{folder} holds no {where} of clfd; it is published at {CLFD_PAGE}")
-    return {file.stem: _read(file, partial(_clfd_one, n_columns), CLFD_PAGE) for file in sorted(place.glob("*.npy"))}
+    return {
+        file.stem: _read(file, partial(_clfd_one, n_columns), CLFD_PAGE)
+        for file in sorted(place.glob("*.npy"))
+    }
 
 
 def tpgmm_sets(folder: Path) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each set of TP-GMM [m], by name; folder: its data, or what holds the repository.
+    """The demonstrations of each set of TP-GMM [m], by name; folder: its data, or what holds the
+    repository.
 
-    All of a set were aligned in time with one of them before they were published, and have its stamps. So those with the same stamps are
-    a set. Its name is what the names of its files begin with, and how many samples each has.
+    All of a set were aligned in time with one of them before they were published, and have its
+    stamps. So those with the same stamps are a set. Its name is what the names of its files begin
+    with, and how many samples each has.
 
     ValueError: there are no such files, or one cannot be read.
     """
@@ -109,14 +145,25 @@ def tpgmm_sets(folder: Path) -> dict[str, list[Demonstrated]]:
         sets.setdefault(stamps.tobytes(), {})[file.stem] = one
     named: dict[str, list[Demonstrated]] = {}
     for one in sets.values():
-        name = f"{os.path.commonprefix(list(one)).rstrip('_')}_{len(next(iter(one.values())).time)}"
-        named[name if name not in named else f"{name}_from_{next(iter(one)).removesuffix('_sample_Data')}"] = list(one.values())
+        name = (
+            f"{os.path.commonprefix(list(one)).rstrip('_')}_{len(next(iter(one.values())).time)}"
+        )
+        named[
+            name
+            if name not in named
+            else f"{name}_from_{next(iter(one)).removesuffix('_sample_Data')}"
+        ] = list(one.values())
     return named
 
 
 def _place_of(folder: Path, below: Sequence[str], files: str, whose: str, page: str) -> Path:
-    """The first folder, of those below this one and itself, that has such files; ValueError says where they are published."""
-    place = next((place for place in (*(folder / one for one in below), folder) if any(place.glob(files))), None)
+    """The first folder, of those below this one and itself, that has such files; ValueError says
+    where they are published.
+    """
+    place = next(
+        (place for place in (*(folder / one for one in below), folder) if any(place.glob(files))),
+        None,
+    )
     if place is None:
         raise ValueError(f"{folder} holds no {files} {whose}; they are published at {page}")
     return place
@@ -126,54 +173,78 @@ def _read(file: Path, reader: Callable[[Path], Any], page: str) -> Any:
     try:
         return reader(file)
     except Exception as error:  # whatever a damaged file makes its reader raise
-        raise ValueError(f"{file} cannot be read ({type(error).__name__}: {error}); it is published at {page}") from error
+        raise ValueError(
+            f"{file} cannot be read ({type(error).__name__}: {error}); it is published at {page}"
+        ) from error
 
 
 def _lasa_shape(file: Path) -> list[Demonstrated]:
     from scipy.io import loadmat
 
     demos = loadmat(file, simplify_cells=True)["demos"]
-    return [Demonstrated(np.ravel(one["t"]).astype(float), as_samples(np.transpose(one["pos"]), "pos")) for one in demos]
+    return [
+        Demonstrated(np.ravel(one["t"]).astype(float), as_samples(np.transpose(one["pos"]), "pos"))
+        for one in demos
+    ]
 
 
 def _numbered(place: Path, name: str) -> list[Path]:
     """The demonstrations name0.npy, name1.npy, ... or name_0.npy, ..., in order."""
-    numbers = {file: re.fullmatch(re.escape(name) + r"_?(\d+)", file.stem) for file in place.glob(f"{name}*.npy")}
-    return sorted((file for file, number in numbers.items() if number), key=lambda file: int(re.findall(r"\d+", file.stem)[-1]))
+    numbers = {
+        file: re.fullmatch(re.escape(name) + r"_?(\d+)", file.stem)
+        for file in place.glob(f"{name}*.npy")
+    }
+    return sorted(
+        (file for file, number in numbers.items() if number),
+        key=lambda file: int(re.findall(r"\d+", file.stem)[-1]),
+    )
 
 
 def _pbdlib_one(file: Path) -> Demonstrated:
-    """Rows hold the position as seen from each frame, one after the other; frames: matrix A (2, 2) and origin b (2,) of each."""
-    rows, number = as_samples(np.load(file, allow_pickle=False), "samples"), int(re.findall(r"\d+", file.stem)[-1])
+    """Rows hold the position as seen from each frame, one after the other; frames: matrix A (2, 2)
+    and origin b (2,) of each.
+    """
+    rows, number = (
+        as_samples(np.load(file, allow_pickle=False), "samples"),
+        int(re.findall(r"\d+", file.stem)[-1]),
+    )
     name = re.sub(r"_?\d+$", "", file.stem)
     frames = []
     for matrix_file in sorted(file.parent.glob(f"{name}_tp_*_d_{number}_A.npy")):
         matrix = np.eye(3)
         matrix[1:, 1:] = np.load(matrix_file, allow_pickle=False)
-        offset = np.load(matrix_file.with_name(matrix_file.name.replace("_A.npy", "_b.npy")), allow_pickle=False)
+        offset = np.load(
+            matrix_file.with_name(matrix_file.name.replace("_A.npy", "_b.npy")), allow_pickle=False
+        )
         frames.append(TaskFrame(matrix, np.concatenate([[0.0], offset])))
     position = rows[:, :2] @ frames[0].A[1:, 1:].T + frames[0].b[1:]
     return Demonstrated(STEP * np.arange(len(rows)), position, tuple(frames))
 
 
 def _tpgmm_one(file: Path) -> tuple[np.ndarray, Demonstrated]:
-    """Stamps (n,) as they are, and one demonstration. A column is a sample: time, x, y, and perhaps z. A and b of a frame stand side by
-    side, one for each sample.
+    """Stamps (n,) as they are, and one demonstration. A column is a sample: time, x, y, and
+    perhaps z. A and b of a frame stand side by side, one for each sample.
     """
     columns = as_samples(np.loadtxt(file, delimiter=","), "samples").T
     n, d = columns.shape
     frames = []
     for matrices_file in sorted(file.parent.glob(file.name.replace("_Data.txt", "_frame*_A.txt"))):
         matrices = np.loadtxt(matrices_file, delimiter=",").reshape(d, -1, d)
-        offsets = np.loadtxt(matrices_file.with_name(matrices_file.name.replace("_A.txt", "_b.txt")), delimiter=",").reshape(d, -1)
+        offsets = np.loadtxt(
+            matrices_file.with_name(matrices_file.name.replace("_A.txt", "_b.txt")), delimiter=","
+        ).reshape(d, -1)
         if (matrices != matrices[:, :1]).any() or (offsets != offsets[:, :1]).any():
-            raise ValueError(f"{matrices_file.name}: the frame moves, and only frames that stay are known here")
+            raise ValueError(
+                f"{matrices_file.name}: the frame moves, and only frames that stay are known here"
+            )
         frames.append(TaskFrame(matrices[:, 0], offsets[:, 0]))
     return columns[:, 0], Demonstrated(STEP * np.arange(n), columns[:, 1:], tuple(frames))
 
 
 def _clfd_one(n_columns: int, file: Path) -> list[Demonstrated]:
-    """Demonstrations (N, n, columns): x, y of letters; x, y, z and a quaternion w, x, y, z of tasks."""
+    """Demonstrations (N, n, columns): x, y of letters; x, y, z and a quaternion w, x, y, z of
+    tasks.
+    """
     every = np.asarray(np.load(file, allow_pickle=False), dtype=float)
     if every.ndim != 3 or every.shape[2] < n_columns:
         raise ValueError(f"demonstrations must have shape (N, n, {n_columns}), got {every.shape}")
@@ -181,4 +252,7 @@ def _clfd_one(n_columns: int, file: Path) -> list[Demonstrated]:
     rows = [as_samples(one[:, :n_columns], "samples") for one in every]
     if n_columns == 2:
         return [Demonstrated(time, one) for one in rows]
-    return [Demonstrated(time, one[:, :3], orientation=make_continuous(one[:, [4, 5, 6, 3]])) for one in rows]
+    return [
+        Demonstrated(time, one[:, :3], orientation=make_continuous(one[:, [4, 5, 6, 3]]))
+        for one in rows
+    ]

@@ -1,6 +1,8 @@
-"""Reaches into cups on belts that were not shown: how many end in the cup, how near, and why the others do not.
+"""Reaches into cups on belts that were not shown: how many end in the cup, how near, and why the
+others do not.
 
-Some are made a second time while somebody holds the hand for a second, and once the cup goes into a tunnel.
+Some are made a second time while somebody holds the hand for a second, and once the cup goes into
+a tunnel.
 """
 
 from __future__ import annotations
@@ -34,9 +36,11 @@ STOPPED = "the cup was last seen"
 class Reached:
     """One reach.
 
-    * seed, kind: of KINDS; steady: the belt ran at constant speed; speed: of the cup at most [m/s].
+    * seed, kind: of KINDS; steady: the belt ran at constant speed; speed: of the cup at most
+      [m/s].
     * success, reason: as the skill judges it, or why the motion was stopped.
-    * rim, end: distance from the axis at the rim, and from the middle at the end [m]; nan if the hand did not come so far.
+    * rim, end: distance from the axis at the rim, and from the middle at the end [m]; nan if the
+      hand did not come so far.
     * fastest: greatest speed of the hand, of a hand that was held after that [m/s].
     * crept: by how much the phase went on while the hand was held [s].
     """
@@ -54,19 +58,35 @@ class Reached:
 
 
 def run(
-    seeds: list[int], jobs: int = 1, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal", partition: str = ""
+    seeds: list[int],
+    jobs: int = 1,
+    demonstrations: int = 8,
+    cups: int = 10,
+    held: int = 3,
+    arm: str = "ideal",
+    partition: str = "",
 ) -> list[Reached]:
     """All seeds, `jobs` processes at a time.
 
-    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm: of the fleet, or "fleet".
-    partition: as in `pose_skills.configured`.
+    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm:
+    of the fleet, or "fleet". partition: as in `pose_skills.configured`.
     """
-    one = partial(run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm, partition=partition)
+    one = partial(
+        run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm, partition=partition
+    )
     return all_of(one, seeds, jobs)
 
 
-def run_seed(seed: int, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal", partition: str = "") -> list[Reached]:
-    """Show, learn, and reach into cups; the first few of them again with a hand that is held, and the first with a cup that is lost.
+def run_seed(
+    seed: int,
+    demonstrations: int = 8,
+    cups: int = 10,
+    held: int = 3,
+    arm: str = "ideal",
+    partition: str = "",
+) -> list[Reached]:
+    """Show, learn, and reach into cups; the first few of them again with a hand that is held, and
+    the first with a cup that is lost.
 
     An arm "fleet" is another one for every seed. partition: as in `pose_skills.configured`.
     """
@@ -81,9 +101,15 @@ def run_seed(seed: int, demonstrations: int = 8, cups: int = 10, held: int = 3, 
     return reached
 
 
-def teach(session: BeltSession, rng: np.random.Generator, demonstrations: int = 8) -> list[TaskDemonstration]:
-    """So many reaches that a person showed; one that fails is shown again with another cup. ValueError where most fail."""
-    return shown(lambda: session.teach(drawn(session.skill, rng)), demonstrations, "reached {} cups")
+def teach(
+    session: BeltSession, rng: np.random.Generator, demonstrations: int = 8
+) -> list[TaskDemonstration]:
+    """So many reaches that a person showed; one that fails is shown again with another cup.
+    ValueError where most fail.
+    """
+    return shown(
+        lambda: session.teach(drawn(session.skill, rng)), demonstrations, "reached {} cups"
+    )
 
 
 def drawn(skill: Skill, rng: np.random.Generator, wide: bool = False) -> Belt:
@@ -94,7 +120,9 @@ def drawn(skill: Skill, rng: np.random.Generator, wide: bool = False) -> Belt:
 
 
 class _Hands:
-    """Somebody who holds the arm from HELD[0] to HELD[1] after it set off; crept: by how much the phase went on meanwhile [s]."""
+    """Somebody who holds the arm from HELD[0] to HELD[1] after it set off; crept: by how much the
+    phase went on meanwhile [s].
+    """
 
     def __init__(self, session: BeltSession, guide: ReactiveGuide, seed: int):
         self._session, self._guide, self._holder = session, guide, Holder(seed)
@@ -114,7 +142,9 @@ class _Hands:
         return self._holder.push(arm, holds)
 
 
-def _reach(session: BeltSession, skill: Reach, guide: ReactiveGuide, seed: int, kind: str, belt: Belt) -> Reached:
+def _reach(
+    session: BeltSession, skill: Reach, guide: ReactiveGuide, seed: int, kind: str, belt: Belt
+) -> Reached:
     hands = _Hands(session, guide, seed)
     speed = float(np.linalg.norm(belt.way)) / belt.duration * (1.0 if belt.steady else 1.875)
     nothing = 4 * (float("nan"),)
@@ -139,31 +169,49 @@ def _distances(skill: Reach, trial: SkillTrial) -> tuple[float, float]:
 def _fastest(seen: TaskDemonstration, since: float) -> float:
     """Greatest speed of the hand after an instant [s], as the cameras saw it [m/s]."""
     later = seen.hand_time > since
-    return float(VelocityThreshold().speeds(seen.hand_time, seen.hand_position)[later].max(initial=0.0))
+    return float(
+        VelocityThreshold().speeds(seen.hand_time, seen.hand_position)[later].max(initial=0.0)
+    )
 
 
 def table(reached: list[Reached]) -> str:
-    """How many, medians and worst of hands that were free and of those that were held; then every failure with its reason.
+    """How many, medians and worst of hands that were free and of those that were held; then every
+    failure with its reason.
 
     reached: every cup.
     """
-    lines = [f"{'':<6}{'in the cup':>12}{'at the rim [mm]':>18}{'at the end [mm]':>18}{'fastest [m/s]':>18}"]
+    lines = [
+        f"{'':<6}{'in the cup':>12}{'at the rim [mm]':>18}{'at the end [mm]':>18}{'fastest [m/s]':>18}"
+    ]
     lines.append(f"{'':<18}" + 3 * f"{'median  worst':>18}")
     for kind in ("free", "held"):
         if part := [one for one in reached if one.kind == kind]:
-            rim, end, fastest = (np.array([getattr(one, name) for one in part]) for name in ("rim", "end", "fastest"))
-            cells = _middle_and_worst(1e3 * rim), _middle_and_worst(1e3 * end), _middle_and_worst(fastest, 2)
+            rim, end, fastest = (
+                np.array([getattr(one, name) for one in part])
+                for name in ("rim", "end", "fastest")
+            )
+            cells = (
+                _middle_and_worst(1e3 * rim),
+                _middle_and_worst(1e3 * end),
+                _middle_and_worst(fastest, 2),
+            )
             counted = f"{sum(one.success for one in part)} of {len(part)}"
             lines.append(f"{kind:<6}{counted:>12}" + "".join(f"{cell:>18}" for cell in cells))
     crept = [one.crept for one in reached if np.isfinite(one.crept)]
     if crept:
         lines.append(
-            f"held for {HELD[1] - HELD[0]:.0f} s, the phase goes on by {np.median(crept):.2f} s in the median, {max(crept):.2f} s at most"
+            f"held for {HELD[1] - HELD[0]:.0f} s, the phase goes on by {np.median(crept):.2f} s in"
+            f" the median, {max(crept):.2f} s at most"
         )
     lost = [one for one in reached if one.kind == "lost"]
     if lost:
-        lines.append(f"a cup that is lost: {sum(STOPPED in one.reason for one in lost)} of {len(lost)} stopped because of that")
-    return "\n".join(lines + [_failure(one) for one in reached if not one.success and STOPPED not in one.reason])
+        lines.append(
+            f"a cup that is lost: {sum(STOPPED in one.reason for one in lost)} of {len(lost)}"
+            " stopped because of that"
+        )
+    return "\n".join(
+        lines + [_failure(one) for one in reached if not one.success and STOPPED not in one.reason]
+    )
 
 
 def _failure(one: Reached) -> str:

@@ -1,4 +1,5 @@
-"""The main job many times over, in process: teach, learn, throw at new baskets, for several seeds and configurations.
+"""The main job many times over, in process: teach, learn, throw at new baskets, for several seeds
+and configurations.
 
 `dart-skill experiment throws` prints the table that README and docs/skill.md quote.
 """
@@ -28,7 +29,8 @@ class Throw:
     * arm: of config/fleet.yaml.
     * configuration: of the skill.
     * target: centre of the rim (3,) [m].
-    * along, across: miss in the direction of the throw and to its left [m]; nan if it was not seen or not thrown.
+    * along, across: miss in the direction of the throw and to its left [m]; nan if it was not seen
+      or not thrown.
     * in_basket: whether the ball was in, by the simulator's own word.
     * note: why it was not thrown, or what the commander said.
     * let_go: where the plan lets the ball go (3,) [m]; nan without a plan.
@@ -53,9 +55,11 @@ def run_seed(
     arms: str = "ideal",
     settings: tuple[str, ...] = (),
 ) -> list[Throw]:
-    """All throws of one seed: one set of demonstrations, each configuration thrown at the same baskets.
+    """All throws of one seed: one set of demonstrations, each configuration thrown at the same
+    baskets.
 
-    arms: name of an arm, or "fleet": every seed draws its own; settings: parameters that differ, each as NODE.PARAMETER=VALUE.
+    arms: name of an arm, or "fleet": every seed draws its own; settings: parameters that differ,
+    each as NODE.PARAMETER=VALUE.
     """
     arm = arm_of(arms, seed)
     session = Session.on_arm(arm, seed, settings)
@@ -79,7 +83,9 @@ def arm_of(arms: str, seed: int) -> str:
 
 
 def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
-    """As many demonstrations as wanted, each of a throw that went in; fewer if the person fails as often again."""
+    """As many demonstrations as wanted, each of a throw that went in; fewer if the person fails as
+    often again.
+    """
     rng, kept = np.random.default_rng([seed, 3]), []
     for target in [*targets_for(seed, wanted, 0)[0], *REGION.spread(wanted, rng)]:
         lesson = taught(session, target)
@@ -91,7 +97,8 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
 
 
 def taught(session: Session, target: np.ndarray) -> Trial | None:
-    """The guided throw that went in, or None: a person who does not get it in, or whom the recorder cannot follow, goes on elsewhere.
+    """The guided throw that went in, or None: a person who does not get it in, or whom the
+    recorder cannot follow, goes on elsewhere.
 
     target: the basket (3,) [m].
     """
@@ -107,7 +114,9 @@ def _not_thrown(seed: int, arm: str, name: str, target: np.ndarray, why: str) ->
     return Throw(seed, arm, name, (x, y, z), np.nan, np.nan, False, why)
 
 
-def _throw(session: Session, seed: int, arm: str, name: str, skill: ThrowingSkill, target: np.ndarray) -> Throw:
+def _throw(
+    session: Session, seed: int, arm: str, name: str, skill: ThrowingSkill, target: np.ndarray
+) -> Throw:
     x, y, z = (float(value) for value in target)
     try:
         plan = skill.plan(target)
@@ -119,7 +128,17 @@ def _throw(session: Session, seed: int, arm: str, name: str, skill: ThrowingSkil
     across = float(miss @ [-direction[1], direction[0]])
     here = plan.path.position[np.abs(plan.path.time - plan.release).argmin()]
     let_go = (float(here[0]), float(here[1]), float(here[2]))
-    return Throw(seed, arm, name, (x, y, z), float(miss @ direction), across, trial.ball_was_in, trial.message, let_go)
+    return Throw(
+        seed,
+        arm,
+        name,
+        (x, y, z),
+        float(miss @ direction),
+        across,
+        trial.ball_was_in,
+        trial.message,
+        let_go,
+    )
 
 
 def run(
@@ -132,16 +151,27 @@ def run(
     settings: tuple[str, ...] = (),
     scheduler: str = "",
 ) -> list[Throw]:
-    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms, settings: as in `run_seed`.
+    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms,
+    settings: as in `run_seed`.
 
-    names: of the configurations; throws: of each; scheduler: address of a Dask scheduler, whose workers run them instead.
+    names: of the configurations; throws: of each; scheduler: address of a Dask scheduler, whose
+    workers run them instead.
     """
-    one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms, settings=settings)
+    one = partial(
+        run_seed,
+        names=names,
+        demonstrations=demonstrations,
+        throws=throws,
+        arms=arms,
+        settings=settings,
+    )
     return all_of(one, seeds, jobs, scheduler)
 
 
 def summarise(results: list[Throw]) -> list[dict]:
-    """One row per configuration: throws, in the basket, median and 90 % of the error, bias and spread along and across [cm]."""
+    """One row per configuration: throws, in the basket, median and 90 % of the error, bias and
+    spread along and across [cm].
+    """
     rows = []
     for name in dict.fromkeys(result.configuration for result in results):
         part = [result for result in results if result.configuration == name]
@@ -157,17 +187,33 @@ def summarise(results: list[Throw]) -> list[dict]:
                 "median_cm": float(np.median(error[seen])) if seen.any() else None,
                 "p90_cm": float(np.percentile(error[seen], 90)) if seen.any() else None,
                 "worst_cm": float(error[seen].max()) if seen.any() else None,
-                "along_cm": [float(miss[seen, 0].mean()), float(miss[seen, 0].std())] if seen.any() else None,
-                "across_cm": [float(miss[seen, 1].mean()), float(miss[seen, 1].std())] if seen.any() else None,
+                "along_cm": (
+                    [float(miss[seen, 0].mean()), float(miss[seen, 0].std())]
+                    if seen.any()
+                    else None
+                ),
+                "across_cm": (
+                    [float(miss[seen, 1].mean()), float(miss[seen, 1].std())]
+                    if seen.any()
+                    else None
+                ),
             }
         )
     return rows
 
 
 def summary(results: list[Throw]) -> dict:
-    """Throws, those in the basket, and the median and 90 % of the error [m]; a throw that was not seen counts as farther than all."""
-    error = np.array([np.inf if np.isnan(one.along) else np.hypot(one.along, one.across) for one in results])
-    median, p90 = np.quantile(error, [0.5, 0.9], method="higher").tolist() if len(error) else (np.inf, np.inf)
+    """Throws, those in the basket, and the median and 90 % of the error [m]; a throw that was not
+    seen counts as farther than all.
+    """
+    error = np.array(
+        [np.inf if np.isnan(one.along) else np.hypot(one.along, one.across) for one in results]
+    )
+    median, p90 = (
+        np.quantile(error, [0.5, 0.9], method="higher").tolist()
+        if len(error)
+        else (np.inf, np.inf)
+    )
     seen = {"median_error_m": median, "p90_error_m": p90}
     return {
         "thrown": len(results),
@@ -177,11 +223,13 @@ def summary(results: list[Throw]) -> dict:
 
 
 def best_possible(results: list[Throw], settings: tuple[str, ...] = ()) -> float | None:
-    """Share of these throws that would be in with the best of all plans, given how the arm's fingers scatter direction and speed.
+    """Share of these throws that would be in with the best of all plans, given how the arm's
+    fingers scatter direction and speed.
 
-    settings: parameters with which they were thrown, as in `run_seed`.
-    A ball counts as in whose centre comes down inside the rim by half a ball: of 180 throws of `scattering_hand` the farthest that fell in
-    was 13.5 cm from the centre, the nearest that did not 13.3 cm. None if no throw was planned.
+    settings: parameters with which they were thrown, as in `run_seed`. A ball counts as in whose
+    centre comes down inside the rim by half a ball: of 180 throws of `scattering_hand` the
+    farthest that fell in was 13.5 cm from the centre, the nearest that did not 13.3 cm. None if no
+    throw was planned.
     """
     thrown = [one for one in results if np.isfinite(one.let_go[0])]
     radius = the_world().basket_radius - 0.25 * the_world().ball_diameter
@@ -196,7 +244,10 @@ def best_possible(results: list[Throw], settings: tuple[str, ...] = ()) -> float
 def table(results: list[Throw]) -> str:
     """The rows of `summarise` as text, with the reasons of misses below."""
     wide = max([15, *(len(result.configuration) for result in results)]) + 1
-    head = f"{'configuration':<{wide}}{'in':>10}{'median':>9}{'90 %':>8}{'worst':>8}{'along':>15}{'across':>15}   [cm]"
+    head = (
+        f"{'configuration':<{wide}}{'in':>10}{'median':>9}{'90 %':>8}{'worst':>8}{'along':>15}{'across':>15}"
+        "   [cm]"
+    )
     lines = [head]
     for row in summarise(results):
         share = f"{row['in']}/{row['throws']}"
@@ -205,32 +256,52 @@ def table(results: list[Throw]) -> str:
             continue
         spread = [f"{row[key][0]:+.1f} +- {row[key][1]:.1f}" for key in ("along_cm", "across_cm")]
         numbers = "".join(f"{row[key]:>8.1f}" for key in ("median_cm", "p90_cm", "worst_cm"))
-        lines.append(f"{row['configuration']:<{wide}}{share:>10} {numbers}{spread[0]:>15}{spread[1]:>15}")
+        lines.append(
+            f"{row['configuration']:<{wide}}{share:>10} {numbers}{spread[0]:>15}{spread[1]:>15}"
+        )
     misses = [r for r in results if not r.in_basket]
     for r in misses[:20]:
         why = r.note or f"{100 * r.along:+.1f} cm along, {100 * r.across:+.1f} cm across"
-        lines.append(f"  missed: {r.configuration}, {r.arm}, seed {r.seed}, basket at {np.hypot(*r.target[:2]):.2f} m: {why}")
+        lines.append(
+            f"  missed: {r.configuration}, {r.arm}, seed {r.seed}, basket at"
+            f" {np.hypot(*r.target[:2]):.2f} m: {why}"
+        )
     if len(misses) > 20:
         lines.append(f"  and {len(misses) - 20} more")
     return "\n".join(lines)
 
 
-def repeatability(seed: int, distances: list[float], throws: int, demonstrations: int = 13, name: str = "") -> list[dict]:
-    """One plan thrown again and again, straight ahead: what of the error is the hand's, not the plan's.
+def repeatability(
+    seed: int, distances: list[float], throws: int, demonstrations: int = 13, name: str = ""
+) -> list[dict]:
+    """One plan thrown again and again, straight ahead: what of the error is the hand's, not the
+    plan's.
 
-    Per distance: mean and standard deviation of the landing along and across [cm], and the median distance from the mean landing.
-    distances: of the basket [m]; throws: at each; name: of the configuration, "" for the default one.
+    Per distance: mean and standard deviation of the landing along and across [cm], and the median
+    distance from the mean landing. distances: of the basket [m]; throws: at each; name: of the
+    configuration, "" for the default one.
     """
     session = Session(seed)
     lessons = [session.teach(target)[-1] for target in targets_for(seed, demonstrations, 0)[0]]
-    skill = learn_throwing([lesson.demonstration for lesson in lessons if lesson.outcome.in_basket], configuration(name))
+    skill = learn_throwing(
+        [lesson.demonstration for lesson in lessons if lesson.outcome.in_basket],
+        configuration(name),
+    )
     rows = []
     for distance in distances:
         target = np.array([distance, 0.0, REGION.rim])
         plan = skill.plan(target)
-        miss = 100 * np.array([session.throw(plan).outcome.landing[:2] - target[:2] for _ in range(throws)])
+        miss = 100 * np.array(
+            [session.throw(plan).outcome.landing[:2] - target[:2] for _ in range(throws)]
+        )
         floor = float(np.median(np.linalg.norm(miss - miss.mean(0), axis=1)))
-        row = {"distance_m": distance, "throws": throws, "mean_cm": miss.mean(0).tolist(), "sd_cm": miss.std(0).tolist(), "floor_cm": floor}
+        row = {
+            "distance_m": distance,
+            "throws": throws,
+            "mean_cm": miss.mean(0).tolist(),
+            "sd_cm": miss.std(0).tolist(),
+            "floor_cm": floor,
+        }
         rows.append(row)
     session.close()
     return rows
@@ -238,8 +309,16 @@ def repeatability(seed: int, distances: list[float], throws: int, demonstrations
 
 def repeatability_table(rows: list[dict]) -> str:
     """The rows of `repeatability` as text."""
-    lines = [f"{'distance [m]':>12}{'throws':>8}{'along [cm]':>16}{'across [cm]':>16}{'floor [cm]':>12}"]
+    lines = [
+        f"{'distance [m]':>12}{'throws':>8}{'along [cm]':>16}{'across [cm]':>16}{'floor [cm]':>12}"
+    ]
     for row in rows:
-        along, across = (f"{m:+.2f} +- {s:.2f}" for m, s in zip(row["mean_cm"], row["sd_cm"], strict=True))
-        lines.append(f"{row['distance_m']:>12.2f}{row['throws']:>8}{along:>16}{across:>16}{row['floor_cm']:>12.2f}")
-    return "\n".join([*lines, "floor: median distance from the mean landing, which no better plan can reduce"])
+        along, across = (
+            f"{m:+.2f} +- {s:.2f}" for m, s in zip(row["mean_cm"], row["sd_cm"], strict=True)
+        )
+        lines.append(
+            f"{row['distance_m']:>12.2f}{row['throws']:>8}{along:>16}{across:>16}{row['floor_cm']:>12.2f}"
+        )
+    return "\n".join(
+        [*lines, "floor: median distance from the mean landing, which no better plan can reduce"]
+    )

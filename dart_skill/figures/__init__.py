@@ -8,10 +8,26 @@ from typing import TYPE_CHECKING
 from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from dart_skill.figures._board import draw_board, draw_estimate, draw_heat_map, draw_leg, draw_path
+    from dart_skill.figures._board import (
+        draw_board,
+        draw_estimate,
+        draw_heat_map,
+        draw_leg,
+        draw_path,
+    )
     from dart_skill.figures._darts import arm_darts_figure, draw_arm_darts, running
-    from dart_skill.figures._execution import ExecutedThrow, draw_execution, executed_throw, execution_figure
-    from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
+    from dart_skill.figures._execution import (
+        ExecutedThrow,
+        draw_execution,
+        executed_throw,
+        execution_figure,
+    )
+    from dart_skill.figures._gaussians import (
+        FrameView,
+        draw_gaussians,
+        frame_views,
+        gaussians_figure,
+    )
     from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
     from dart_skill.figures._models import plot_frames, plot_mixture, plot_reproduction
     from dart_skill.figures._recordings import SAME_BASKET, Recording
@@ -49,7 +65,12 @@ if TYPE_CHECKING:
         unit_along,
         zoomed_inset,
     )
-    from dart_skill.figures._synchronisation import DemonstratedMotion, demonstrated_motions, draw_synchronisation, synchronisation_figure
+    from dart_skill.figures._synchronisation import (
+        DemonstratedMotion,
+        demonstrated_motions,
+        draw_synchronisation,
+        synchronisation_figure,
+    )
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
@@ -63,11 +84,15 @@ else:
             "_recordings": "SAME_BASKET Recording",
             "_skill_trials": "draw_trials trials_figure",
             "_style": (
-                "ATTRACTOR BALL BASKET BLACK BLUE DEMONSTRATION FAILURE GAUSSIAN GREEN GREY HAND LIGHT ORANGE PALE PLANNED "
-                "PURPLE RELEASE SKY SUCCESS VERMILION basket_from_above gaussian_ellipse house_style legend_below "
-                "letter_panels panels quantity_colours save svg_text unit_along zoomed_inset"
+                "ATTRACTOR BALL BASKET BLACK BLUE DEMONSTRATION FAILURE GAUSSIAN GREEN GREY HAND"
+                " LIGHT ORANGE PALE PLANNED PURPLE RELEASE SKY SUCCESS VERMILION basket_from_above"
+                " gaussian_ellipse house_style legend_below letter_panels panels quantity_colours"
+                " save svg_text unit_along zoomed_inset"
             ),
-            "_synchronisation": "DemonstratedMotion demonstrated_motions draw_synchronisation synchronisation_figure",
+            "_synchronisation": (
+                "DemonstratedMotion demonstrated_motions draw_synchronisation"
+                " synchronisation_figure"
+            ),
         },
     )
 

@@ -1,4 +1,6 @@
-"""Pictures of the board: heat maps, the path of the best aim over sigma, an estimate, and the aims of a leg."""
+"""Pictures of the board: heat maps, the path of the best aim over sigma, an estimate, and the aims
+of a leg.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,11 @@ NUMBERS_AT, LIMIT = 185.0, 196.0
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
 
 
-def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0) -> list[Path]:
-    """Draw the expected score over the board with all local optima, the best one as a cross; returns the paths of the files.
+def draw_heat_map(
+    spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0
+) -> list[Path]:
+    """Draw the expected score over the board with all local optima, the best one as a cross;
+    returns the paths of the files.
 
     spread: of the thrower; spacing: of the grid [mm].
     """
@@ -60,14 +65,23 @@ def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", sp
         return save(figure, folder, name)
 
 
-def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_sigma") -> list[Path]:
-    """Draw the best aim over sigma on the board, and its expected score; the curves end where the optimum jumps."""
+def draw_path(
+    path: OptimumPath, folder: str | Path, name: str = "best_aim_over_sigma"
+) -> list[Path]:
+    """Draw the best aim over sigma on the board, and its expected score; the curves end where the
+    optimum jumps.
+    """
     with house_style():
         figure = Figure(figsize=(10.5, 5.0), layout="constrained")
         board, scores = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
         draw_board(board, aims=path.aims)
         for piece in path.pieces:
-            look: dict[str, Any] = {"c": path.sigmas[piece], "vmin": path.sigmas[0], "vmax": path.sigmas[-1], "cmap": quantity_colours()}
+            look: dict[str, Any] = {
+                "c": path.sigmas[piece],
+                "vmin": path.sigmas[0],
+                "vmax": path.sigmas[-1],
+                "cmap": quantity_colours(),
+            }
             board.plot(*path.aims[piece].T, color=GREY, linewidth=0.8, zorder=2)
             image = board.scatter(*path.aims[piece].T, s=12, zorder=3, **look)
             scores.plot(path.sigmas[piece], path.expected_scores[piece], color=BLUE)
@@ -75,13 +89,22 @@ def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_
             _mark_jump(board, scores, jump)
         figure.colorbar(image, ax=board, label="sigma [mm]", shrink=0.8)
         board.set_title("Best aim for each sigma")
-        scores.set(xlabel="sigma [mm]", ylabel="expected score of one dart [points]", title="What it scores", ylim=(0, None))
+        scores.set(
+            xlabel="sigma [mm]",
+            ylabel="expected score of one dart [points]",
+            title="What it scores",
+            ylim=(0, None),
+        )
         letter_panels(board, scores)
         return save(figure, folder, name)
 
 
-def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name: str = "estimate") -> list[Path]:
-    """Draw the likelihood of sigma with its 95 % interval, and where to aim. estimate: of the spread; best: where to aim."""
+def draw_estimate(
+    estimate: SpreadEstimate, best: Aim, folder: str | Path, name: str = "estimate"
+) -> list[Path]:
+    """Draw the likelihood of sigma with its 95 % interval, and where to aim. estimate: of the
+    spread; best: where to aim.
+    """
     low, high = estimate.confidence_interval()
     with house_style():
         figure = Figure(figsize=(10.5, 4.8), layout="constrained")
@@ -95,7 +118,9 @@ def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name:
 
 
 def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[Path]:
-    """Draw the expected turns or darts to the finish, and the aims of the first dart of a turn. policy: from `solve_leg`."""
+    """Draw the expected turns or darts to the finish, and the aims of the first dart of a turn.
+    policy: from `solve_leg`.
+    """
     remaining = np.arange(2, policy.start + 1)
     aims = policy.aims[policy.choices[0][remaining, 0]]
     with house_style():
@@ -103,16 +128,35 @@ def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[P
         curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
         curve.plot(remaining, policy.expected[remaining], color=BLUE)
         curve.set(
-            xlabel="remaining score [points]", ylabel=f"expected {policy.objective} to the finish", ylim=(0, None), xlim=(0, policy.start)
+            xlabel="remaining score [points]",
+            ylabel=f"expected {policy.objective} to the finish",
+            ylim=(0, None),
+            xlim=(0, policy.start),
         )
-        curve.set_title(f"Double out from {policy.start}: {policy.expected[-1]:.2f} {policy.objective}")
+        curve.set_title(
+            f"Double out from {policy.start}: {policy.expected[-1]:.2f} {policy.objective}"
+        )
         draw_board(board, aims=aims)
         look = {"cmap": quantity_colours(), "vmin": 2, "vmax": HIGHEST_CHECKOUT, "zorder": 3}
         late = remaining <= HIGHEST_CHECKOUT
         if not late.all():
             many = f"aim with more than {HIGHEST_CHECKOUT} left"
-            board.plot(*aims[~late].T, "x", color=BASKET, markersize=5, linestyle="none", label=many, zorder=4)
-        image = board.scatter(*aims[late].T, c=remaining[late], s=18, label="aim with a score left that one turn can finish", **look)
+            board.plot(
+                *aims[~late].T,
+                "x",
+                color=BASKET,
+                markersize=5,
+                linestyle="none",
+                label=many,
+                zorder=4,
+            )
+        image = board.scatter(
+            *aims[late].T,
+            c=remaining[late],
+            s=18,
+            label="aim with a score left that one turn can finish",
+            **look,
+        )
         figure.colorbar(image, ax=board, label="remaining score [points]", shrink=0.8)
         board.set_title("Where the first dart of a turn is aimed")
         letter_panels(curve, board)
@@ -122,7 +166,8 @@ def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[P
 
 
 def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) -> None:
-    """Draw the wires and numbers of the board [mm], as the thrower sees it; aims (n, 2) beyond the board widen the picture.
+    """Draw the wires and numbers of the board [mm], as the thrower sees it; aims (n, 2) beyond the
+    board widen the picture.
 
     colour: of wires and numbers.
     """
@@ -138,36 +183,90 @@ def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) 
 def draw_wires(axes: Axes, colour: str = LIGHT) -> None:
     """Draw the rings and the borders of the sectors alone [mm]; colour: of both."""
     for radius in RADII:
-        axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7))
+        axes.add_patch(
+            Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7)
+        )
     for sector in range(len(SECTORS)):
-        axes.plot(*np.outer(direction(sector + 0.5), RADII[[1, -1]]), color=colour, linewidth=0.7, zorder=1, scalex=False, scaley=False)
+        axes.plot(
+            *np.outer(direction(sector + 0.5), RADII[[1, -1]]),
+            color=colour,
+            linewidth=0.7,
+            zorder=1,
+            scalex=False,
+            scaley=False,
+        )
 
 
 def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float) -> AxesImage:
     heat = heat_map(spread, spacing)
     values = np.where(np.hypot(heat.x, heat.y[:, None]) <= RADII[-1], heat.expected_score, np.nan)
     edge = heat.x[-1] + 0.5 * spacing
-    image = axes.imshow(values, origin="lower", extent=(-edge, edge, -edge, edge), cmap=quantity_colours(), interpolation="nearest")
+    image = axes.imshow(
+        values,
+        origin="lower",
+        extent=(-edge, edge, -edge, edge),
+        cmap=quantity_colours(),
+        interpolation="nearest",
+    )
     draw_board(axes, "#FFFFFF60", np.array([optimum.point for optimum in optima]))
     for number, optimum in enumerate(optima[1:]):
         name = None if number else "other local optimum"
-        axes.plot(*optimum.point, "o", color="white", markeredgecolor=BLACK, markersize=5, linestyle="none", label=name)
-    axes.plot(*optima[0].point, "P", color=BASKET, markeredgecolor="white", markersize=11, linestyle="none", label="best aim")
+        axes.plot(
+            *optimum.point,
+            "o",
+            color="white",
+            markeredgecolor=BLACK,
+            markersize=5,
+            linestyle="none",
+            label=name,
+        )
+    axes.plot(
+        *optima[0].point,
+        "P",
+        color=BASKET,
+        markeredgecolor="white",
+        markersize=11,
+        linestyle="none",
+        label="best aim",
+    )
     beside = optima[0].point + [0.0, 14.0 if optima[0].point[1] < 0 else -14.0]
-    axes.text(beside[0], beside[1], f"{optima[0].bed}: {optima[0].expected_score:.2f}", ha="center", va="center", bbox=HALO)
+    axes.text(
+        beside[0],
+        beside[1],
+        f"{optima[0].bed}: {optima[0].expected_score:.2f}",
+        ha="center",
+        va="center",
+        bbox=HALO,
+    )
     return image
 
 
 def _mark_jump(board: Axes, scores: Axes, jump: Jump) -> None:
     for aim, side in ((jump.below, "<"), (jump.above, ">")):
-        board.plot(*aim.point, "o", markerfacecolor="none", markeredgecolor=VERMILION, markersize=9, zorder=4)
+        board.plot(
+            *aim.point,
+            "o",
+            markerfacecolor="none",
+            markeredgecolor=VERMILION,
+            markersize=9,
+            zorder=4,
+        )
         place = aim.point + [14.0, 0.0]
         board.text(
-            place[0], place[1], f"{aim.bed}, sigma {side} {jump.sigma:.2f}", color=VERMILION, va="center", fontsize=8.5, bbox=HALO, zorder=5
+            place[0],
+            place[1],
+            f"{aim.bed}, sigma {side} {jump.sigma:.2f}",
+            color=VERMILION,
+            va="center",
+            fontsize=8.5,
+            bbox=HALO,
+            zorder=5,
         )
     scores.axvline(jump.sigma, color=VERMILION, linewidth=0.9)
     label = f" {jump.sigma:.2f} mm: {jump.below.bed} to {jump.above.bed}"
-    scores.text(jump.sigma, 0.97, label, transform=scores.get_xaxis_transform(), color=VERMILION, va="top")
+    scores.text(
+        jump.sigma, 0.97, label, transform=scores.get_xaxis_transform(), color=VERMILION, va="top"
+    )
 
 
 def _profile(axes: Axes, estimate: SpreadEstimate, low: float, high: float) -> None:
@@ -180,7 +279,12 @@ def _profile(axes: Axes, estimate: SpreadEstimate, low: float, high: float) -> N
     for end in (low, high):
         if left < end < right:
             axes.axvline(end, color=GREY, linewidth=0.8, linestyle="--")
-    axes.set(xlabel="sigma [mm]", ylabel="log-likelihood below its maximum", ylim=(-4.0, 0.15), xlim=(left, right))
+    axes.set(
+        xlabel="sigma [mm]",
+        ylabel="log-likelihood below its maximum",
+        ylim=(-4.0, 0.15),
+        xlim=(left, right),
+    )
     found = f"sigma = {estimate.sigma:.1f} mm, 95 % from {low:.1f} to {high:.1f} mm"
     axes.set_title(f"{estimate.n_throws} darts, {estimate.model} spread\n{found}")
 

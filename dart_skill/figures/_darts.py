@@ -1,4 +1,6 @@
-"""Figure `arm_darts`: spread, aim and score of an arm that practises darts, throw by throw, and where its darts went."""
+"""Figure `arm_darts`: spread, aim and score of an arm that practises darts, throw by throw, and
+where its darts went.
+"""
 
 from __future__ import annotations
 
@@ -46,13 +48,19 @@ def draw_arm_darts(run: DartsRun, folder: str | Path, name: str = "arm_darts") -
 
 
 def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
-    """The figure itself; narrow: its panels stand one below the other. ValueError for a run without throws."""
+    """The figure itself; narrow: its panels stand one below the other. ValueError for a run
+    without throws.
+    """
     if not run.darts:
         raise ValueError("a run without throws: there is nothing to draw")
     throws = np.arange(1, len(run.darts) + 1)
     with house_style():
         figure = Figure(figsize=(NARROW, 12.0) if narrow else (12.0, 7.2), layout="constrained")
-        grid = figure.add_gridspec(4, 1, height_ratios=(1, 1, 1, 1.5)) if narrow else figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
+        grid = (
+            figure.add_gridspec(4, 1, height_ratios=(1, 1, 1, 1.5))
+            if narrow
+            else figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
+        )
         spread = figure.add_subplot(grid[0, 0])
         aim, scores = (figure.add_subplot(grid[k, 0], sharex=spread) for k in (1, 2))
         hits = figure.add_subplot(grid[3, 0] if narrow else grid[:, 1])
@@ -65,7 +73,8 @@ def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
             _legend_between(axes, 2 if narrow else 4)
         x, _, height = run.board
         figure.suptitle(
-            f"Darts by the arm, seed {run.seed}:{chr(10) if narrow else ' '}bull {x:.2f} m from the base axis and {height:.2f} m high",
+            f"Darts by the arm, seed {run.seed}:{chr(10) if narrow else ' '}bull {x:.2f} m from"
+            f" the base axis and {height:.2f} m high",
             x=0.01,
             ha="left",
         )
@@ -78,7 +87,9 @@ def running(values: np.ndarray, n: int = RUNNING) -> np.ndarray:
     count = np.cumsum(np.concatenate([[0], np.isfinite(values)]))
     result = np.full(len(values), np.nan)
     inside = count[n:] - count[:-n]
-    result[n - 1 :] = np.divide(known[n:] - known[:-n], inside, out=np.full(len(inside), np.nan), where=inside > 0)
+    result[n - 1 :] = np.divide(
+        known[n:] - known[:-n], inside, out=np.full(len(inside), np.nan), where=inside > 0
+    )
     return result
 
 
@@ -90,7 +101,9 @@ def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     sigmas = np.sqrt(np.array([np.diag(dart.covariance) for dart in darts]))
     sigmas[sigmas == 0.0] = np.nan
     miss = np.abs(_misses(darts))
-    for axis, (label, colour, marker) in enumerate((("across", ORANGE, "x"), ("up and down", BLUE, "."))):
+    for axis, (label, colour, marker) in enumerate(
+        (("across", ORANGE, "x"), ("up and down", BLUE, "."))
+    ):
         look: dict[str, Any] = {
             "color": colour,
             "markersize": 3.5 * _larger(throws),
@@ -98,8 +111,14 @@ def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
             "linestyle": "none",
         }
         axes.plot(throws, miss[:, axis], marker, label=f"miss {label}", **look)
-        _plot_known(axes, throws, sigmas[:, axis], color=colour, linewidth=1.8, label=f"sigma {label}")
-    axes.set(ylabel="spread [mm]", ylim=(0, 1.05 * np.nanpercentile(miss, 99) + 1), title="Misses, and their sigma as estimated")
+        _plot_known(
+            axes, throws, sigmas[:, axis], color=colour, linewidth=1.8, label=f"sigma {label}"
+        )
+    axes.set(
+        ylabel="spread [mm]",
+        ylim=(0, 1.05 * np.nanpercentile(miss, 99) + 1),
+        title="Misses, and their sigma as estimated",
+    )
     moved = 1e3 * np.array([dart.release_shift for dart in darts])
     if np.isfinite(moved).any():
         _draw_release(axes.twinx(), throws, moved)
@@ -116,19 +135,50 @@ def _draw_aim(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     beds = [name_at(dart.aim) for dart in darts]
     names = list(dict.fromkeys(beds))[:MOST_BEDS]
     level = [names.index(bed) if bed in names else np.nan for bed in beds]
-    axes.plot(throws, level, "s", color=BLACK, markersize=2.5 * _larger(throws), linestyle="none", gid="aims")
+    axes.plot(
+        throws,
+        level,
+        "s",
+        color=BLACK,
+        markersize=2.5 * _larger(throws),
+        linestyle="none",
+        gid="aims",
+    )
     axes.set_yticks(range(len(names)), names)
-    axes.set(ylabel="bed aimed at", ylim=(-0.6, len(names) - 0.4), title="Aim: the best one for the spread as estimated so far")
+    axes.set(
+        ylabel="bed aimed at",
+        ylim=(-0.6, len(names) - 0.4),
+        title="Aim: the best one for the spread as estimated so far",
+    )
     axes.grid(axis="y", color=LIGHT, linewidth=0.5)
 
 
 def _draw_scores(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     scores = np.array([dart.score for dart in darts], dtype=float)
-    look: dict[str, Any] = {"color": LIGHT if len(throws) > FEW else GREY, "markersize": 4 * _larger(throws), "linestyle": "none"}
+    look: dict[str, Any] = {
+        "color": LIGHT if len(throws) > FEW else GREY,
+        "markersize": 4 * _larger(throws),
+        "linestyle": "none",
+    }
     axes.plot(throws, scores, ".", label="each dart", zorder=1, **look)
-    _plot_known(axes, throws, running(scores), color=BLUE, linewidth=1.8, label=f"mean of {RUNNING}")
-    _plot_known(axes, throws, np.array([dart.expected for dart in darts], dtype=float), color=VERMILION, linewidth=1.2, label="expected")
-    axes.set(xlabel="throw", ylabel="score of a dart", ylim=(-2, 68), xlim=(0, len(throws) + 1), title="Score, as seen")
+    _plot_known(
+        axes, throws, running(scores), color=BLUE, linewidth=1.8, label=f"mean of {RUNNING}"
+    )
+    _plot_known(
+        axes,
+        throws,
+        np.array([dart.expected for dart in darts], dtype=float),
+        color=VERMILION,
+        linewidth=1.2,
+        label="expected",
+    )
+    axes.set(
+        xlabel="throw",
+        ylabel="score of a dart",
+        ylim=(-2, 68),
+        xlim=(0, len(throws) + 1),
+        title="Score, as seen",
+    )
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
@@ -148,8 +198,18 @@ def _legend_between(axes: Axes, columns: int) -> None:
     handles, labels = axes.get_legend_handles_labels()
     rows = -(-len(labels) // columns)
     look: dict[str, Any] = {"handlelength": 1.2, "columnspacing": 1.2}
-    legend = axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0, **look)
-    legend.set_in_layout(False)  # it would make the panel narrower; the title keeps its height free
+    legend = axes.legend(
+        handles,
+        labels,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.0,
+        **look,
+    )
+    legend.set_in_layout(
+        False
+    )  # it would make the panel narrower; the title keeps its height free
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=6.0 + 14.0 * rows)
 
 
@@ -157,7 +217,12 @@ def _draw_hits(figure: Figure, axes: Axes, throws: np.ndarray, darts: Sequence[D
     draw_board(axes, GREY)
     hits = np.array([dart.hit for dart in darts])
     seen = np.isfinite(hits).all(axis=1)
-    look: dict[str, Any] = {"cmap": quantity_colours(), "vmin": 1, "vmax": max(2, len(throws)), "zorder": 3}
+    look: dict[str, Any] = {
+        "cmap": quantity_colours(),
+        "vmin": 1,
+        "vmax": max(2, len(throws)),
+        "zorder": 3,
+    }
     x, y = hits[seen].T
     image = axes.scatter(x, y, c=throws[seen], s=9 * _larger(throws), **look)
     figure.colorbar(image, ax=axes, label="throw", shrink=0.6, ticks=MaxNLocator(integer=True))

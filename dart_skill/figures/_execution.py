@@ -1,6 +1,8 @@
-"""Figure `execution`: one throw from the side. Where the attractor went, where the hand was expected and where the cameras saw it.
+"""Figure `execution`: one throw from the side. Where the attractor went, where the hand was
+expected and where the cameras saw it.
 
-All of it in the vertical plane through the base axis and the basket; the tracking error has all three dimensions.
+All of it in the vertical plane through the base axis and the basket; the tracking error has all
+three dimensions.
 """
 
 from collections.abc import Sequence
@@ -38,7 +40,8 @@ from dart_skill.simulation import Basket
 FLIGHT_WATCHED = 1.0
 """The ball is drawn so long after its release [s]."""
 FOLLOWED = 0.05
-"""The tracking error is drawn so long after the release [s]: from then on nothing depends on it."""
+"""The tracking error is drawn so long after the release [s]: from then on nothing depends on it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +59,22 @@ class ExecutedThrow:
     ball_position: np.ndarray
 
     def __post_init__(self) -> None:
-        hand, ball = ("hand", 2, self.hand_time, self.hand_position), ("ball", 0, self.ball_time, self.ball_position)
+        hand, ball = (
+            ("hand", 2, self.hand_time, self.hand_position),
+            ("ball", 0, self.ball_time, self.ball_position),
+        )
         for name, least, time, position in (hand, ball):
             if len(time) < least or np.shape(position) != (len(time), 3):
-                raise ValueError(f"{name}: need time (n,) and position (n, 3), n >= {least}, got {np.shape(time)}, {np.shape(position)}")
+                raise ValueError(
+                    f"{name}: need time (n,) and position (n, 3), n >= {least}, got"
+                    f" {np.shape(time)}, {np.shape(position)}"
+                )
 
     @property
     def tracking_error(self) -> np.ndarray:
-        """(n, 2): along the planned motion, positive ahead of the plan, and distance beside it [m]."""
+        """(n, 2): along the planned motion, positive ahead of the plan, and distance beside it
+        [m].
+        """
         path = self.plan.path
         expected = _interpolated(self.hand_time, path.time, path.position)
         velocity = _interpolated(self.hand_time, path.time, path.velocity[:, :3])
@@ -75,19 +86,36 @@ class ExecutedThrow:
 
 def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> ExecutedThrow:
     """The last recording in which the arm threw at the plan's target; ValueError if there is none."""
-    found = [(one, one.opened_ns) for one in recordings if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET]
+    found = [
+        (one, one.opened_ns)
+        for one in recordings
+        if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET
+    ]
     if not found:
         place = plan.target.round(3).tolist()
-        raise ValueError(f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did it open the hand?")
+        raise ValueError(
+            f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did"
+            " it open the hand?"
+        )
     (recording, opened_ns), path = found[-1], plan.path
     start_ns = plan.begin_ns(opened_ns, recording.command_stamps)
-    hand_time, ball_time = ((stamps - start_ns) * 1e-9 for stamps in (recording.hand_stamps, recording.ball_stamps))
+    hand_time, ball_time = (
+        (stamps - start_ns) * 1e-9 for stamps in (recording.hand_stamps, recording.ball_stamps)
+    )
     hand = (hand_time >= 0.0) & (hand_time <= path.duration)
     ball = (ball_time >= plan.release) & (ball_time <= plan.release + FLIGHT_WATCHED)
-    return ExecutedThrow(plan, hand_time[hand], recording.hand_position[hand], ball_time[ball], recording.ball_position[ball])
+    return ExecutedThrow(
+        plan,
+        hand_time[hand],
+        recording.hand_position[hand],
+        ball_time[ball],
+        recording.ball_position[ball],
+    )
 
 
-def draw_execution(throw: ExecutedThrow, folder: str | Path, basket: Basket | None = None) -> list[Path]:
+def draw_execution(
+    throw: ExecutedThrow, folder: str | Path, basket: Basket | None = None
+) -> list[Path]:
     """Write the figure; returns the paths. basket: its size, the one of the simulator by default.
 
     throw: what was planned and what was done.
@@ -96,8 +124,11 @@ def draw_execution(throw: ExecutedThrow, folder: str | Path, basket: Basket | No
         return save(execution_figure(throw, basket), folder, "execution")
 
 
-def execution_figure(throw: ExecutedThrow, basket: Basket | None = None, narrow: bool = False) -> Figure:
-    """The figure itself, as `draw_execution` writes it; narrow: its panels stand one below the other.
+def execution_figure(
+    throw: ExecutedThrow, basket: Basket | None = None, narrow: bool = False
+) -> Figure:
+    """The figure itself, as `draw_execution` writes it; narrow: its panels stand one below the
+    other.
 
     throw, basket: as of `draw_execution`.
     """
@@ -105,7 +136,9 @@ def execution_figure(throw: ExecutedThrow, basket: Basket | None = None, narrow:
         figure, (side, error) = panels([(6.4, 4.6), (4.1, 3.4 if narrow else 4.6)], narrow)
         _draw_side(side, throw, basket or Basket())
         _draw_error(error, throw)
-        (handles, labels), (more, others) = (axes.get_legend_handles_labels() for axes in (side, error))
+        (handles, labels), (more, others) = (
+            axes.get_legend_handles_labels() for axes in (side, error)
+        )
         letter_panels(side, error)
         legend_below(figure, [*handles, *more], [*labels, *others], 5, narrow)
         return figure
@@ -120,16 +153,59 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         return points[:, :2] @ forward, points[:, 2]
 
     _draw_arm(axes)
-    basket_from_the_side(axes, float(plan.target[:2] @ forward), float(plan.target[2]), basket.radius, basket.depth)
-    axes.plot(*seen(plan.attractor_position), color=ATTRACTOR, linestyle="--", linewidth=1.3, label="attractor", gid="attractor")
-    axes.plot(*seen(plan.path.position), color=PLANNED, linewidth=3.6, label="hand, planned", gid="planned")
-    axes.plot(*seen(throw.hand_position), color=HAND, linewidth=1.2, label="hand, seen", gid="hand")
+    basket_from_the_side(
+        axes, float(plan.target[:2] @ forward), float(plan.target[2]), basket.radius, basket.depth
+    )
+    axes.plot(
+        *seen(plan.attractor_position),
+        color=ATTRACTOR,
+        linestyle="--",
+        linewidth=1.3,
+        label="attractor",
+        gid="attractor",
+    )
+    axes.plot(
+        *seen(plan.path.position),
+        color=PLANNED,
+        linewidth=3.6,
+        label="hand, planned",
+        gid="planned",
+    )
+    axes.plot(
+        *seen(throw.hand_position), color=HAND, linewidth=1.2, label="hand, seen", gid="hand"
+    )
     if len(throw.ball_time):
-        axes.plot(*seen(throw.ball_position), ".", color=BALL, markersize=3.5, label="ball, seen", gid="ball")
+        axes.plot(
+            *seen(throw.ball_position),
+            ".",
+            color=BALL,
+            markersize=3.5,
+            label="ball, seen",
+            gid="ball",
+        )
     release = _interpolated(np.array([plan.release]), plan.path.time, plan.path.position)
-    axes.plot(*seen(release), "D", color=RELEASE, markeredgecolor=BLACK, markersize=5.5, label="release, planned", gid="release")
-    cross: dict[str, Any] = {"color": BLACK, "markersize": 8, "markeredgewidth": 2, "linestyle": "none"}
-    axes.plot(*seen(plan.predicted_landing[None]), "x", label="landing, planned", gid="predicted_landing", **cross)
+    axes.plot(
+        *seen(release),
+        "D",
+        color=RELEASE,
+        markeredgecolor=BLACK,
+        markersize=5.5,
+        label="release, planned",
+        gid="release",
+    )
+    cross: dict[str, Any] = {
+        "color": BLACK,
+        "markersize": 8,
+        "markeredgewidth": 2,
+        "linestyle": "none",
+    }
+    axes.plot(
+        *seen(plan.predicted_landing[None]),
+        "x",
+        label="landing, planned",
+        gid="predicted_landing",
+        **cross,
+    )
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("forward, in the plane of the throw [m]")
     axes.set_ylabel("height [m]")
@@ -142,9 +218,19 @@ def _draw_arm(axes: Axes) -> None:
     description = wam_description()
     shoulder = description.mount_height + description.shoulder_height
     axes.axhline(0.0, color=LIGHT, linewidth=1.0, zorder=0)
-    axes.plot([0.0, 0.0], [0.0, shoulder], color=LIGHT, linewidth=4.0, solid_capstyle="butt", zorder=0, gid="arm")
+    axes.plot(
+        [0.0, 0.0],
+        [0.0, shoulder],
+        color=LIGHT,
+        linewidth=4.0,
+        solid_capstyle="butt",
+        zorder=0,
+        gid="arm",
+    )
     axes.plot(0.0, shoulder, "o", color=GREY, markersize=6, zorder=0)
-    axes.annotate("shoulder", (0.0, shoulder), xytext=(8, -3), textcoords="offset points", color=GREY)
+    axes.annotate(
+        "shoulder", (0.0, shoulder), xytext=(8, -3), textcoords="offset points", color=GREY
+    )
 
 
 def _draw_error(axes: Axes, throw: ExecutedThrow) -> None:
@@ -155,13 +241,26 @@ def _draw_error(axes: Axes, throw: ExecutedThrow) -> None:
     axes.axhline(0.0, color=LIGHT, linewidth=0.8, zorder=0)
     axes.axvline(0.0, color=RELEASE, linewidth=1.0, zorder=0)
     axes.plot(time, total, color=BLACK, linewidth=1.8, label="error, total", gid="error_total")
-    axes.plot(time, along, color=SKY, linewidth=1.6, label="along the motion, + ahead", gid="error_along")
-    axes.plot(time, beside, color=GREEN, linewidth=1.2, linestyle="--", label="beside it", gid="error_beside")
+    axes.plot(
+        time, along, color=SKY, linewidth=1.6, label="along the motion, + ahead", gid="error_along"
+    )
+    axes.plot(
+        time,
+        beside,
+        color=GREEN,
+        linewidth=1.2,
+        linestyle="--",
+        label="beside it",
+        gid="error_beside",
+    )
     axes.margins(y=0.12)
     axes.annotate("release", (0.0, 1.0), xycoords=("data", "axes fraction"), xytext=(-4, -10), textcoords="offset points",
                   color=RELEASE, ha="right")  # fmt: skip
     largest = total[time <= 0.0].max(initial=0.0)
-    axes.set_title(f"Tracking error of the hand: {np.interp(0.0, time, total):.1f} mm at the\nrelease, at most {largest:.1f} mm before it")
+    axes.set_title(
+        f"Tracking error of the hand: {np.interp(0.0, time, total):.1f} mm at the\nrelease, at"
+        f" most {largest:.1f} mm before it"
+    )
     axes.set_xlabel("time since the planned release [s]")
     axes.set_ylabel("hand seen minus planned [mm]")
 

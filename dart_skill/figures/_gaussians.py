@@ -1,9 +1,11 @@
-"""Figure `gaussians`: what was learned. Attractors of the demonstrations (7.20) and the mixture's components (7.21) in two frames.
+"""Figure `gaussians`: what was learned. Attractors of the demonstrations (7.20) and the mixture's
+components (7.21) in two frames.
 
-Two task frames: each shows its own Gaussians. One task frame, at the base and turned to the target: the other view is that of the
-target. Where the distance of the target is an input, a component is a joint Gaussian of distance and position, and what the target
-sees of it is exact, for rims of one height: position minus distance is linear in both. Otherwise the components are those for the
-median task.
+Two task frames: each shows its own Gaussians. One task frame, at the base and turned to the
+target: the other view is that of the target. Where the distance of the target is an input, a
+component is a joint Gaussian of distance and position, and what the target sees of it is exact,
+for rims of one height: position minus distance is linear in both. Otherwise the components are
+those for the median task.
 """
 
 from dataclasses import dataclass
@@ -37,12 +39,28 @@ from dart_skill.skills.learning import PreparedThrow, ThrowingSkill, frames_for
 
 DEVIATIONS = 2.0
 NAMES = {
-    "thesis": ("base frame, axes of the world (8.2)", "target frame, first axis to the target (8.2), target at 0"),
-    "start": ("frame at the start of the hand, axes of the world (8.3)", "target frame, first axis to the target (8.2), target at 0"),
-    "azimuth": ("base frame, turned to the target", "the same, seen from the target (target at 0)"),
-    "azimuth_target": ("base frame, turned to the target", "target frame, turned likewise (target at 0)"),
+    "thesis": (
+        "base frame, axes of the world (8.2)",
+        "target frame, first axis to the target (8.2), target at 0",
+    ),
+    "start": (
+        "frame at the start of the hand, axes of the world (8.3)",
+        "target frame, first axis to the target (8.2), target at 0",
+    ),
+    "azimuth": (
+        "base frame, turned to the target",
+        "the same, seen from the target (target at 0)",
+    ),
+    "azimuth_target": (
+        "base frame, turned to the target",
+        "target frame, turned likewise (target at 0)",
+    ),
 }
-WORLD_AXES, TURNED_AXES, POINTING_AXES = ("x", "y", "z"), ("forward", "left", "up"), ("towards the target", "left", "upwards across")
+WORLD_AXES, TURNED_AXES, POINTING_AXES = (
+    ("x", "y", "z"),
+    ("forward", "left", "up"),
+    ("towards the target", "left", "upwards across"),
+)
 AXES = {"thesis": (WORLD_AXES, POINTING_AXES), "start": (WORLD_AXES, POINTING_AXES)}
 PLANES = ((0, 2), (0, 1))
 """Pairs of axes that are drawn: from the side and from above."""
@@ -73,22 +91,33 @@ class FrameView:
         shapes = {"means": (k, 3), "covariances": (k, 3, 3), "releases": (n, 3)}
         for field, shape in shapes.items():
             if np.shape(getattr(self, field)) != shape:
-                raise ValueError(f"view '{self.name}': {field} has shape {np.shape(getattr(self, field))}; it must be {shape}")
+                raise ValueError(
+                    f"view '{self.name}': {field} has shape {np.shape(getattr(self, field))}; it"
+                    f" must be {shape}"
+                )
         if not k or not n:
-            raise ValueError(f"view '{self.name}' has {n} demonstrations and {k} components; it needs at least one of each")
+            raise ValueError(
+                f"view '{self.name}' has {n} demonstrations and {k} components; it needs at least"
+                " one of each"
+            )
 
 
 def frame_views(skill: ThrowingSkill) -> tuple[FrameView, FrameView]:
     """The skill's demonstrations and components in two frames."""
     task = median_task(skill)
     model = skill.model_for(task).mixture_
-    names, axes = NAMES[skill.configuration.frames], AXES.get(skill.configuration.frames, (TURNED_AXES, TURNED_AXES))
+    names, axes = (
+        NAMES[skill.configuration.frames],
+        AXES.get(skill.configuration.frames, (TURNED_AXES, TURNED_AXES)),
+    )
     if model.n_frames == 2:
         gaussians = [(model.means_[frame], model.covariances_[frame]) for frame in range(2)]
     else:
         own = (model.means_[0], model.covariances_[0])
         gaussians = [own, _from_the_target(*own, task, skill.configuration.distance_input)]
-    first, second = (_view(skill, frame, names[frame], axes[frame], *gaussians[frame]) for frame in range(2))
+    first, second = (
+        _view(skill, frame, names[frame], axes[frame], *gaussians[frame]) for frame in range(2)
+    )
     return first, second
 
 
@@ -105,14 +134,18 @@ def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
 
 
 def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
-    """The figure itself, as `draw_gaussians` writes it; narrow: its panels stand one below the other."""
+    """The figure itself, as `draw_gaussians` writes it; narrow: its panels stand one below the
+    other.
+    """
     views = frame_views(skill)
     times = np.concatenate([view.times for view in views])
     shades = ScalarMappable(Normalize(times.min() - 1e-6, times.max() + 1e-6), quantity_colours())
     with house_style():
         ratios = _height_ratios(views)
         if narrow:
-            figure = Figure(figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)), layout=FixedMargins(4, 1))
+            figure = Figure(
+                figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)), layout=FixedMargins(4, 1)
+            )
             grid = figure.subplots(4, 1, height_ratios=2 * ratios).reshape(2, 2).T
         else:
             figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout=FixedMargins(2, 2))
@@ -122,16 +155,30 @@ def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
                 _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
                 axes.set_title(f"{view.name}\nfrom {'the side' if side == 'side' else 'above'}")
         letter_panels(*(grid.T if narrow else grid).ravel())
-        instant = "release" if skill.configuration.alignment == "release" else "start of the motion"
+        instant = (
+            "release" if skill.configuration.alignment == "release" else "start of the motion"
+        )
         colour_bar(figure, shades, f"time of the component since the {instant} [s]", narrow)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         legend_below(figure, handles, labels, len(labels), narrow)
-        figure.suptitle(_headline(skill).replace(": ", ":\n", 1).replace(", n", ",\nn") if narrow else _headline(skill), x=0.01, ha="left")
+        figure.suptitle(
+            (
+                _headline(skill).replace(": ", ":\n", 1).replace(", n", ",\nn")
+                if narrow
+                else _headline(skill)
+            ),
+            x=0.01,
+            ha="left",
+        )
         return figure
 
 
-def _from_the_target(means: np.ndarray, covariances: np.ndarray, task: np.ndarray, distance_input: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Gaussians (K, m), (K, m, m) of the frame at the base as the target, straight ahead, sees them."""
+def _from_the_target(
+    means: np.ndarray, covariances: np.ndarray, task: np.ndarray, distance_input: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gaussians (K, m), (K, m, m) of the frame at the base as the target, straight ahead, sees
+    them.
+    """
     matrix, offset = np.eye(means.shape[1]), np.zeros(means.shape[1])
     first = _first_position(distance_input)
     offset[first + 2] = -task[2]
@@ -142,7 +189,14 @@ def _from_the_target(means: np.ndarray, covariances: np.ndarray, task: np.ndarra
     return means @ matrix.T + offset, matrix @ covariances @ matrix.T
 
 
-def _view(skill: ThrowingSkill, frame: int, name: str, axes: tuple[str, str, str], means: np.ndarray, covariances: np.ndarray) -> FrameView:
+def _view(
+    skill: ThrowingSkill,
+    frame: int,
+    name: str,
+    axes: tuple[str, str, str],
+    means: np.ndarray,
+    covariances: np.ndarray,
+) -> FrameView:
     first = _first_position(skill.configuration.distance_input)
     xyz = slice(first, first + 3)
     start = np.median([throw.start for throw in skill.throws]) - 0.05
@@ -153,10 +207,20 @@ def _view(skill: ThrowingSkill, frame: int, name: str, axes: tuple[str, str, str
         seen = np.linalg.solve(A, (throw.attractor[:, :3] - b).T).T
         attractors.append(seen[(throw.time >= start) & (throw.time <= stop)])
         releases.append([np.interp(throw.release_time, throw.time, column) for column in seen.T])
-    return FrameView(name, axes, tuple(attractors), np.array(releases), means[:, xyz], covariances[:, xyz, xyz], means[:, 0])
+    return FrameView(
+        name,
+        axes,
+        tuple(attractors),
+        np.array(releases),
+        means[:, xyz],
+        covariances[:, xyz, xyz],
+        means[:, 0],
+    )
 
 
-def _position_frame(skill: ThrowingSkill, throw: PreparedThrow, frame: int) -> tuple[np.ndarray, np.ndarray]:
+def _position_frame(
+    skill: ThrowingSkill, throw: PreparedThrow, frame: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Axes (3, 3) and origin (3,) of a demonstration's frame."""
     frames: list[TaskFrame] = frames_for(throw.task, throw.motion[0, :3], skill.configuration)
     if frame < len(frames):
@@ -177,38 +241,80 @@ def _headline(skill: ThrowingSkill) -> str:
     distance = f"a target at {np.hypot(*median_task(skill)[:2]):.2f} m"
     which = ""
     if c.nearest or c.width:
-        which = f", {f'the {c.nearest} nearest' if c.nearest else f'weights of width {c.width:g} m'} for {distance}"
+        which = (
+            f", {f'the {c.nearest} nearest' if c.nearest else f'weights of width {c.width:g} m'}"
+            f" for {distance}"
+        )
     elif c.frames == "azimuth" and not c.distance_input:
         which = f"; right: components for {distance}"
-    return f"Configuration '{c.name}': {c.components} components as {DEVIATIONS:g}-sigma ellipses, n = {n} demonstrations{which}"
+    return (
+        f"Configuration '{c.name}': {c.components} components as {DEVIATIONS:g}-sigma ellipses, n"
+        f" = {n} demonstrations{which}"
+    )
 
 
 def _height_ratios(views: tuple[FrameView, FrameView]) -> list[float]:
     """Height over width of the rows, as the attractors need it."""
     spans = [np.ptp(np.concatenate(view.attractors), axis=0) for view in views]
-    return [float(np.clip(max(span[up] / span[across] for span in spans), 0.4, 1.0)) for across, up in PLANES]
+    return [
+        float(np.clip(max(span[up] / span[across] for span in spans), 0.4, 1.0))
+        for across, up in PLANES
+    ]
 
 
-def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str) -> None:
+def _draw_view(
+    axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str
+) -> None:
     ways = [path[:, plane] for path in view.attractors]
     look: dict[str, Any] = {"colors": DEMONSTRATION, "linewidths": 0.7, "zorder": 2}
-    axes.add_collection(LineCollection(ways, label="attractor of a demonstration", gid=f"{gid}_attractors", **look))
+    axes.add_collection(
+        LineCollection(ways, label="attractor of a demonstration", gid=f"{gid}_attractors", **look)
+    )
     _draw_components(axes, view, plane, shades, f"{gid}_components")
-    dots: dict[str, Any] = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
-    axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
-    axes.plot(*view.releases[:, plane].T, "D", color=RELEASE, label="release", gid=f"{gid}_releases", zorder=3, **dots)
+    dots: dict[str, Any] = {
+        "linestyle": "none",
+        "markersize": 4,
+        "markeredgewidth": 0.6,
+        "markeredgecolor": BLACK,
+    }
+    axes.plot(
+        *view.means[:, plane].T,
+        "o",
+        color="white",
+        label="mean of a component",
+        gid=f"{gid}_means",
+        zorder=3,
+        **dots,
+    )
+    axes.plot(
+        *view.releases[:, plane].T,
+        "D",
+        color=RELEASE,
+        label="release",
+        gid=f"{gid}_releases",
+        zorder=3,
+        **dots,
+    )
     axes.set_aspect("equal", adjustable="datalim")
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.set_xlabel(f"{view.axes[plane[0]]} [m]")
     axes.set_ylabel(f"{view.axes[plane[1]]} [m]")
 
 
-def _draw_components(axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str) -> None:
+def _draw_components(
+    axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str
+) -> None:
     means, covariances = view.means[:, plane], view.covariances[:, plane][:, :, plane]
     sizes, angles = ellipse_axes(covariances, DEVIATIONS)
     colours = shades.to_rgba(view.times)
     inside = np.column_stack([colours[:, :3], np.full(len(colours), 0.15)])
-    look: dict[str, Any] = {"facecolors": inside, "edgecolors": colours, "linewidths": 1.2, "zorder": 2.5, "gid": gid}
+    look: dict[str, Any] = {
+        "facecolors": inside,
+        "edgecolors": colours,
+        "linewidths": 1.2,
+        "zorder": 2.5,
+        "gid": gid,
+    }
     look |= {"units": "xy", "offsets": means, "offset_transform": axes.transData}
     axes.add_collection(EllipseCollection(sizes[:, 0], sizes[:, 1], angles, **look), autolim=False)
     reach = DEVIATIONS * np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))

@@ -1,4 +1,6 @@
-"""Figure `landings`: where the balls came down on the plane of the rim, on the floor plan and relative to their baskets."""
+"""Figure `landings`: where the balls came down on the plane of the rim, on the floor plan and
+relative to their baskets.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,9 +35,13 @@ HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 
 
 def draw_landings(
-    throws: Sequence[ThrowResult], demonstrated: np.ndarray, folder: str | Path, rim_radius: float = RIM_RADIUS
+    throws: Sequence[ThrowResult],
+    demonstrated: np.ndarray,
+    folder: str | Path,
+    rim_radius: float = RIM_RADIUS,
 ) -> list[Path]:
-    """Write the figure; returns the paths. demonstrated (n, >= 2): baskets of the demonstrations [m].
+    """Write the figure; returns the paths. demonstrated (n, >= 2): baskets of the demonstrations
+    [m].
 
     throws: their results; rim_radius: of the baskets [m].
     """
@@ -44,16 +50,24 @@ def draw_landings(
 
 
 def landings_figure(
-    throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim_radius: float = RIM_RADIUS, narrow: bool = False
+    throws: Sequence[ThrowResult],
+    demonstrated: np.ndarray,
+    rim_radius: float = RIM_RADIUS,
+    narrow: bool = False,
 ) -> Figure:
-    """The figure itself, as `draw_landings` writes it; narrow: its panels stand one below the other.
+    """The figure itself, as `draw_landings` writes it; narrow: its panels stand one below the
+    other.
 
-    throws, demonstrated, rim_radius: as of `draw_landings`. ValueError if there is nothing to draw.
+    throws, demonstrated, rim_radius: as of `draw_landings`. ValueError if there is nothing to
+    draw.
     """
     demonstrated = np.asarray(demonstrated, dtype=float)
     demonstrated = demonstrated.reshape(-1, 3) if demonstrated.size == 0 else demonstrated
     if demonstrated.ndim != 2 or demonstrated.shape[1] < 2 or not np.isfinite(demonstrated).all():
-        raise ValueError(f"demonstrated baskets have shape {demonstrated.shape} or are not finite; they must be (n, 3) metres")
+        raise ValueError(
+            f"demonstrated baskets have shape {demonstrated.shape} or are not finite; they must be"
+            " (n, 3) metres"
+        )
     if not throws and not len(demonstrated):
         raise ValueError("no throws and no demonstrated baskets: there is nothing to draw")
     with house_style():
@@ -67,7 +81,9 @@ def landings_figure(
 
 
 def along_across(throw: ThrowResult) -> np.ndarray:
-    """Landing relative to the centre of the rim (2,) [m]: along the throw, + too far, and across it, + to the left."""
+    """Landing relative to the centre of the rim (2,) [m]: along the throw, + too far, and across
+    it, + to the left.
+    """
     forward = unit_along(throw.azimuth)
     if throw.landing is None:
         raise ValueError(f"nobody saw where the throw at {throw.target} landed: there is no miss")
@@ -75,7 +91,9 @@ def along_across(throw: ThrowResult) -> np.ndarray:
     return np.array([miss @ forward, miss @ [-forward[1], forward[0]]])
 
 
-def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarray, radius: float) -> None:
+def _draw_plan(
+    axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarray, radius: float
+) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, centre in enumerate(demonstrated, start=1):
         look: dict[str, Any] = {
@@ -86,23 +104,37 @@ def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarr
         }
         basket_from_above(axes, centre, radius, gid=f"demonstrated_{number}", **look)
     for number, throw in enumerate(throws, start=1):
-        look = {"facecolor": PALE, "edgecolor": BASKET, "label": "basket, thrown at" if number == 1 else None}
+        look = {
+            "facecolor": PALE,
+            "edgecolor": BASKET,
+            "label": "basket, thrown at" if number == 1 else None,
+        }
         basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
         beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
         axes.text(beyond[0], beyond[1], str(number), ha="center", va="center", bbox=HALO, zorder=4)
     seen = [throw for throw in throws if throw.seen]
-    _draw_points(axes, seen, np.array([throw.landing for throw in seen]).reshape(-1, 3)[:, :2], "plan")
+    _draw_points(
+        axes, seen, np.array([throw.landing for throw in seen]).reshape(-1, 3)[:, :2], "plan"
+    )
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set_xlabel("x, front of the arm [m]")
     axes.set_ylabel("y [m]")
-    axes.set_title(f"Floor plan: {len(demonstrated)} demonstrated baskets, {len(throws)} thrown at")
+    axes.set_title(
+        f"Floor plan: {len(demonstrated)} demonstrated baskets, {len(throws)} thrown at"
+    )
 
 
 def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) -> None:
     seen = [throw for throw in throws if throw.seen]
-    places = 100.0 * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)[:, ::-1] * [-1.0, 1.0]
-    basket_from_above(axes, np.zeros(2), radius_cm, gid="rim", facecolor=PALE, edgecolor=BASKET, linewidth=1.5)
+    places = (
+        100.0
+        * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)[:, ::-1]
+        * [-1.0, 1.0]
+    )
+    basket_from_above(
+        axes, np.zeros(2), radius_cm, gid="rim", facecolor=PALE, edgecolor=BASKET, linewidth=1.5
+    )
     axes.axhline(0.0, color=LIGHT, linewidth=0.8)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
     _draw_points(axes, seen, places, "relative")
@@ -111,17 +143,25 @@ def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) ->
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
     axes.set_xlabel("across the throw, + to the right [cm]")
     axes.set_ylabel("along the throw, + too far [cm]")
-    axes.set_title(f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{footer(throws)}")
+    axes.set_title(
+        f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{footer(throws)}"
+    )
 
 
-def _draw_middle(axes: Axes, seen: Sequence[ThrowResult], places: np.ndarray, radius_cm: float) -> None:
-    """Most landings again, larger, where they are a blob: within a quarter of the rim; places (n, 2) [cm]."""
+def _draw_middle(
+    axes: Axes, seen: Sequence[ThrowResult], places: np.ndarray, radius_cm: float
+) -> None:
+    """Most landings again, larger, where they are a blob: within a quarter of the rim; places (n,
+    2) [cm].
+    """
     if len(places) < 3:
         return
     half = float(np.ceil(1.3 * np.quantile(np.abs(places).max(axis=1), 0.9)))
     if half > radius_cm / 4.0:
         return
-    inset = zoomed_inset(axes, half, (0.66, 0.61, 0.32, 0.32))  # its title ends below that of the panel
+    inset = zoomed_inset(
+        axes, half, (0.66, 0.61, 0.32, 0.32)
+    )  # its title ends below that of the panel
     inset.axhline(0.0, color=LIGHT, linewidth=0.8)
     inset.axvline(0.0, color=LIGHT, linewidth=0.8)
     _draw_points(inset, seen, places, "middle")
@@ -134,5 +174,11 @@ def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, 
     ring: dict[str, Any] = {"color": SUCCESS, "markerfacecolor": "white", "markersize": 4.0}
     axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)
     axes.plot(
-        *places[~inside].T, "X", color=FAILURE, markersize=6.5, label="landing, out" if not inside.all() else None, gid=f"{gid}_out", **look
+        *places[~inside].T,
+        "X",
+        color=FAILURE,
+        markersize=6.5,
+        label="landing, out" if not inside.all() else None,
+        gid=f"{gid}_out",
+        **look,
     )

@@ -1,4 +1,6 @@
-"""Panels in rows and columns within margins that are fixed: room for so many lines of text, whatever they say."""
+"""Panels in rows and columns within margins that are fixed: room for so many lines of text,
+whatever they say.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ class FixedMargins(LayoutEngine):
 
     Attributes:
 
-    * bar: axes of the colour bar of all panels, None without one: above panels that stand in one column, else beside them.
+    * bar: axes of the colour bar of all panels, None without one: above panels that stand in one
+      column, else beside them.
     * legend_rows: rows of the legend below all panels.
     """
 
@@ -55,26 +58,43 @@ class FixedMargins(LayoutEngine):
         beside, above = (bar + BETWEEN, 0.0) if self._columns > 1 else (0.0, bar and bar + LINE)
         left, right = EDGE + TICKS_Y, width - EDGE - BETWEEN - beside
         bottom, top = EDGE + legend + TICKS_X, height - EDGE - headline - above - lines * LINE
-        is_shared = len(panels) > 1 and panels[1] in panels[0].get_shared_y_axes().get_siblings(panels[0])
+        is_shared = len(panels) > 1 and panels[1] in panels[0].get_shared_y_axes().get_siblings(
+            panels[0]
+        )
         across, up = BETWEEN + TICKS_Y * (not is_shared), BETWEEN + TICKS_X + lines * LINE
-        wspace, hspace = _space(right - left, across, self._columns), _space(top - bottom, up, self._rows)
-        fig.subplots_adjust(left / width, bottom / height, right / width, top / height, wspace, hspace)
+        wspace, hspace = (
+            _space(right - left, across, self._columns),
+            _space(top - bottom, up, self._rows),
+        )
+        fig.subplots_adjust(
+            left / width, bottom / height, right / width, top / height, wspace, hspace
+        )
         for axes in panels:
             axes.apply_aspect()
         if self.bar is not None:
             place = (left, height - EDGE - headline - TICKS_X - BAR, right - left, BAR)
             place = place if above else (right + BETWEEN, bottom, BAR, top - bottom)
-            self.bar.set_position((place[0] / width, place[1] / height, place[2] / width, place[3] / height))
+            self.bar.set_position(
+                (place[0] / width, place[1] / height, place[2] / width, place[3] / height)
+            )
 
     def _wrapped(self, panels: Sequence[Axes], width: float) -> int:
         """Give titles as many lines as their panels are wide; the most that one has."""
         room = 72.0 * (width / self._columns - EDGE - TICKS_Y)
         for axes in panels:
             letters = int(room / (LETTER * float(axes.title.get_fontsize())))
-            axes.set_title("\n".join(textwrap.fill(line, letters) for line in axes.get_title(loc="left").split("\n")), loc="left", y=1.0)
+            axes.set_title(
+                "\n".join(
+                    textwrap.fill(line, letters) for line in axes.get_title(loc="left").split("\n")
+                ),
+                loc="left",
+                y=1.0,
+            )
         return max(1 + axes.get_title(loc="left").count("\n") for axes in panels)
 
 
 def _space(inner: float, gap: float, count: int) -> float:
-    """A gap between panels as a share of their mean size, as matplotlib wants it. inner: of all panels with their gaps [inches]."""
+    """A gap between panels as a share of their mean size, as matplotlib wants it. inner: of all
+    panels with their gaps [inches].
+    """
     return gap * count / (inner - (count - 1) * gap)

@@ -1,4 +1,6 @@
-"""What was seen of one throw, guided or made by the arm itself, from one reset of the world to the next."""
+"""What was seen of one throw, guided or made by the arm itself, from one reset of the world to the
+next.
+"""
 
 from dataclasses import dataclass
 
@@ -10,7 +12,8 @@ SAME_BASKET = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Everything as it was recorded, in the frame of the world. Stamps are integer nanoseconds and increase.
+    """Everything as it was recorded, in the frame of the world. Stamps are integer nanoseconds and
+    increase.
 
     * hand_stamps, hand_position: (n,) [ns] and (n, 3) [m].
     * ball_stamps, ball_position: (m,) [ns] and (m, 3) [m].

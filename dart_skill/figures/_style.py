@@ -1,4 +1,6 @@
-"""How all figures look and how they are written: colours of `palette` for kinds, viridis for quantities, and files without a date."""
+"""How all figures look and how they are written: colours of `palette` for kinds, viridis for
+quantities, and files without a date.
+"""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -20,18 +22,26 @@ from dart_skill.common.files import new_file
 from dart_skill.common.palette import hexadecimal
 from dart_skill.figures._margins import FixedMargins
 
-BLACK, GREY, LIGHT, PALE = map(hexadecimal, (palette.BLACK, palette.GREY, palette.LIGHT, palette.PALE))
+BLACK, GREY, LIGHT, PALE = map(
+    hexadecimal, (palette.BLACK, palette.GREY, palette.LIGHT, palette.PALE)
+)
 BLUE, ORANGE, SKY, GREEN, VERMILION, PURPLE = map(
-    hexadecimal, (palette.BLUE, palette.ORANGE, palette.SKY, palette.GREEN, palette.VERMILION, palette.PURPLE)
+    hexadecimal,
+    (palette.BLUE, palette.ORANGE, palette.SKY, palette.GREEN, palette.VERMILION, palette.PURPLE),
 )
 """For what has no meaning of its own, such as methods that are compared."""
-BASKET, BALL, HAND, PLANNED = map(hexadecimal, (palette.BASKET, palette.BALL, palette.HAND, palette.PLANNED))
-ATTRACTOR, DEMONSTRATION, RELEASE = map(hexadecimal, (palette.ATTRACTOR, palette.DEMONSTRATION, palette.RELEASE))
+BASKET, BALL, HAND, PLANNED = map(
+    hexadecimal, (palette.BASKET, palette.BALL, palette.HAND, palette.PLANNED)
+)
+ATTRACTOR, DEMONSTRATION, RELEASE = map(
+    hexadecimal, (palette.ATTRACTOR, palette.DEMONSTRATION, palette.RELEASE)
+)
 GAUSSIAN, SUCCESS, FAILURE = map(hexadecimal, (palette.GAUSSIAN, palette.SUCCESS, palette.FAILURE))
 """For things."""
 PNG_DPI = 150
 NARROW = 4.6
-"""Width of a figure on a telephone [inches]: its letters are as large there as those of the text."""
+"""Width of a figure on a telephone [inches]: its letters are as large there as those of the text.
+"""
 LOOK = {
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -52,7 +62,9 @@ _in_force = False
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """The settings of this module instead of the user's, for as long as the block runs. A block within one changes nothing."""
+    """The settings of this module instead of the user's, for as long as the block runs. A block
+    within one changes nothing.
+    """
     global _in_force
     if _in_force:
         yield
@@ -71,14 +83,21 @@ def quantity_colours() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("quantity", shades)
 
 
-def panels(sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared: Any) -> tuple[Figure, list[Axes]]:
-    """A figure and its panels, each of a size (width, height) [inches]: side by side, or, for a narrow screen, one below the other.
+def panels(
+    sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared: Any
+) -> tuple[Figure, list[Axes]]:
+    """A figure and its panels, each of a size (width, height) [inches]: side by side, or, for a
+    narrow screen, one below the other.
 
     shared: what `subplots` of matplotlib takes.
     """
     widths, heights = zip(*sizes, strict=True)
     if narrow:
-        heights = tuple(height * min(1.0, NARROW / width) for width, height in sizes) if len(sizes) > 1 else heights
+        heights = (
+            tuple(height * min(1.0, NARROW / width) for width, height in sizes)
+            if len(sizes) > 1
+            else heights
+        )
         figure = Figure(figsize=(NARROW, sum(heights) + 0.6), layout=FixedMargins(len(sizes), 1))
         axes = figure.subplots(len(sizes), 1, squeeze=False, height_ratios=heights)
     else:
@@ -87,8 +106,16 @@ def panels(sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared:
     return figure, list(axes.ravel())
 
 
-def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int, narrow: bool = False) -> None:
-    """One legend of all panels; in two columns below a narrow figure. handles, labels: of its entries, as matplotlib has them."""
+def legend_below(
+    figure: Figure,
+    handles: Sequence[Any],
+    labels: Sequence[str],
+    columns: int,
+    narrow: bool = False,
+) -> None:
+    """One legend of all panels; in two columns below a narrow figure. handles, labels: of its
+    entries, as matplotlib has them.
+    """
     columns, layout = min(2, columns) if narrow else columns, figure.get_layout_engine()
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     if isinstance(layout, FixedMargins):
@@ -96,7 +123,8 @@ def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], 
 
 
 def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool) -> None:
-    """One colour bar for all panels of a figure: to the right of them, or, for a narrow screen, above them.
+    """One colour bar for all panels of a figure: to the right of them, or, for a narrow screen,
+    above them.
 
     figure: of `panels`; shades: its colours; label: what they stand for.
     """
@@ -104,11 +132,18 @@ def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool)
     assert isinstance(layout, FixedMargins)  # as `panels` makes it
     layout.bar = figure.add_axes((0.0, 0.0, 0.1, 0.1))
     side: Literal["right", "top"] = "top" if narrow else "right"
-    figure.colorbar(shades, cax=layout.bar, label=label, orientation="horizontal" if narrow else "vertical", ticklocation=side)
+    figure.colorbar(
+        shades,
+        cax=layout.bar,
+        label=label,
+        orientation="horizontal" if narrow else "vertical",
+        ticklocation=side,
+    )
 
 
 def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list[Path]:
-    """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their paths. figure: of matplotlib.
+    """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their
+    paths. figure: of matplotlib.
 
     drawn: what `svg_text` made of it; by default it is drawn here.
     """
@@ -124,15 +159,21 @@ def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list
 
 
 def _settle(figure: Figure) -> None:
-    """Lay a figure out once and for all: the solver of the layout differs in the last bit from run to run, and names of parts with it."""
+    """Lay a figure out once and for all: the solver of the layout differs in the last bit from run
+    to run, and names of parts with it.
+    """
     engine = figure.get_layout_engine()
     if engine is None:
         return
     engine.execute(figure)
-    if not isinstance(engine, FixedMargins) and any(axes.get_aspect() != "auto" for axes in figure.axes):
+    if not isinstance(engine, FixedMargins) and any(
+        axes.get_aspect() != "auto" for axes in figure.axes
+    ):
         engine.execute(figure)  # for their titles one pass may not find room
     positions = _positions(figure)
-    figure.set_layout_engine(None)  # "none" would leave a placeholder, for which every file is drawn twice
+    figure.set_layout_engine(
+        None
+    )  # "none" would leave a placeholder, for which every file is drawn twice
     for axes, position in zip(figure.axes, positions, strict=True):
         axes.set_position(position)
         if axes.get_aspect() != "auto":
@@ -140,8 +181,12 @@ def _settle(figure: Figure) -> None:
 
 
 def _positions(figure: Figure) -> np.ndarray:
-    """Left, bottom, width and height of all axes (n, 4) in fractions of the figure, to less than a pixel."""
-    return np.array([np.round(axes.get_position(original=True).bounds, 5) for axes in figure.axes]).reshape(-1, 4)
+    """Left, bottom, width and height of all axes (n, 4) in fractions of the figure, to less than a
+    pixel.
+    """
+    return np.array(
+        [np.round(axes.get_position(original=True).bounds, 5) for axes in figure.axes]
+    ).reshape(-1, 4)
 
 
 def svg_text(figure: Figure) -> str:
@@ -152,8 +197,11 @@ def svg_text(figure: Figure) -> str:
         return text.getvalue()
 
 
-def basket_from_above(axes: Axes, centre: np.ndarray | Sequence[float], radius: float, **look: Any) -> Circle:
-    """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the units of the axes.
+def basket_from_above(
+    axes: Axes, centre: np.ndarray | Sequence[float], radius: float, **look: Any
+) -> Circle:
+    """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the
+    units of the axes.
 
     look: of the circle, as matplotlib's patches take it.
     """
@@ -164,17 +212,31 @@ def basket_from_above(axes: Axes, centre: np.ndarray | Sequence[float], radius: 
     return circle
 
 
-def basket_from_the_side(axes: Axes, along: float, rim: float, radius: float, depth: float) -> None:
+def basket_from_the_side(
+    axes: Axes, along: float, rim: float, radius: float, depth: float
+) -> None:
     """A basket to scale, seen from the side: walls, floor and a thick rim."""
-    box = Rectangle((along - radius, rim - depth), 2 * radius, depth, facecolor=BASKET, alpha=0.15, edgecolor="none")
+    box = Rectangle(
+        (along - radius, rim - depth),
+        2 * radius,
+        depth,
+        facecolor=BASKET,
+        alpha=0.15,
+        edgecolor="none",
+    )
     axes.add_patch(box)
     walls = ([along - radius] * 2 + [along + radius] * 2, [rim, rim - depth, rim - depth, rim])
     axes.plot(*walls, color=BASKET, linewidth=1.2, gid="basket")
-    axes.plot([along - radius, along + radius], [rim, rim], color=BASKET, linewidth=2.2, label="basket")
+    axes.plot(
+        [along - radius, along + radius], [rim, rim], color=BASKET, linewidth=2.2, label="basket"
+    )
 
 
-def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float, **look: Any) -> Ellipse:
-    """Contour of a planar Gaussian, mean (2,) and covariance (2, 2), at so many standard deviations.
+def gaussian_ellipse(
+    mean: np.ndarray, covariance: np.ndarray, deviations: float, **look: Any
+) -> Ellipse:
+    """Contour of a planar Gaussian, mean (2,) and covariance (2, 2), at so many standard
+    deviations.
 
     look: of the ellipse, as matplotlib's patches take it.
     """
@@ -183,12 +245,15 @@ def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float
 
 
 def ellipse_axes(covariance: np.ndarray, deviations: float) -> tuple[np.ndarray, np.ndarray]:
-    """Diameters (..., 2) of the contours of planar Gaussians along their axes, and the angles (...,) [degrees] of the first of these.
+    """Diameters (..., 2) of the contours of planar Gaussians along their axes, and the angles
+    (...,) [degrees] of the first of these.
 
     covariance: (..., 2, 2); deviations: how many standard deviations away the contours are.
     """
     values, vectors = np.linalg.eigh(covariance)
-    return 2.0 * deviations * np.sqrt(np.maximum(values, 0.0)), np.degrees(np.arctan2(vectors[..., 1, 0], vectors[..., 0, 0]))
+    return 2.0 * deviations * np.sqrt(np.maximum(values, 0.0)), np.degrees(
+        np.arctan2(vectors[..., 1, 0], vectors[..., 0, 0])
+    )
 
 
 def unit_along(azimuth: float) -> np.ndarray:
@@ -202,16 +267,25 @@ def letter_panels(*panels: Axes) -> None:
         axes.set_title(f"({letter}) {axes.get_title(loc='left')}", loc="left")
 
 
-def zoomed_inset(axes: Axes, half_width: float, bounds: tuple[float, float, float, float], unit: str = "cm") -> Axes:
-    """A square about the middle of `axes`, so many units to either side, drawn larger in a corner of it; where hits are a blob.
+def zoomed_inset(
+    axes: Axes, half_width: float, bounds: tuple[float, float, float, float], unit: str = "cm"
+) -> Axes:
+    """A square about the middle of `axes`, so many units to either side, drawn larger in a corner
+    of it; where hits are a blob.
 
-    bounds: of the inset in fractions of the axes: left, bottom, width, height. The caller draws into it what it drew into the axes.
-    half_width: half the side of the square, in units of the axes.
+    bounds: of the inset in fractions of the axes: left, bottom, width, height. The caller draws
+    into it what it drew into the axes. half_width: half the side of the square, in units of the
+    axes.
     """
     inset = axes.inset_axes(bounds, xlim=(-half_width, half_width), ylim=(-half_width, half_width))
     inset.set(aspect="equal", facecolor="white", xticks=[], yticks=[])
     for spine in inset.spines.values():
         spine.set(visible=True, color=GREY)
     axes.indicate_inset_zoom(inset, edgecolor=GREY)
-    inset.set_title(f"the middle, \N{PLUS-MINUS SIGN}{half_width:g} {unit}", fontsize=8.5, color=GREY, loc="center")
+    inset.set_title(
+        f"the middle, \N{PLUS-MINUS SIGN}{half_width:g} {unit}",
+        fontsize=8.5,
+        color=GREY,
+        loc="center",
+    )
     return inset

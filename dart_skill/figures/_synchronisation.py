@@ -1,7 +1,9 @@
-"""Figure `synchronisation`: speed of the hand in all demonstrations before and after synchronisation, as thesis figure 8.11.
+"""Figure `synchronisation`: speed of the hand in all demonstrations before and after
+synchronisation, as thesis figure 8.11.
 
-Left, the recordings as they are, each on the clock since its first pose: the teacher turns the arm, pauses, throws. Right, the motion
-between the velocity thresholds (8.4.3), all demonstrations aligned on the release of the ball.
+Left, the recordings as they are, each on the clock since its first pose: the teacher turns the
+arm, pauses, throws. Right, the motion between the velocity thresholds (8.4.3), all demonstrations
+aligned on the release of the ball.
 """
 
 from collections.abc import Sequence
@@ -17,12 +19,26 @@ from matplotlib.figure import Figure
 
 from dart_skill.arm import wam_description
 from dart_skill.figures._recordings import Recording
-from dart_skill.figures._style import BLACK, GREY, colour_bar, house_style, legend_below, letter_panels, panels, quantity_colours, save
+from dart_skill.figures._style import (
+    BLACK,
+    GREY,
+    colour_bar,
+    house_style,
+    legend_below,
+    letter_panels,
+    panels,
+    quantity_colours,
+    save,
+)
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.skills.observation import THRESHOLDS, fit_release
 
-EVENTS = {"motion_start": ("o", "motion starts"), "release": ("D", "release"), "motion_stop": ("s", "motion stops")}
+EVENTS = {
+    "motion_start": ("o", "motion starts"),
+    "release": ("D", "release"),
+    "motion_stop": ("s", "motion stops"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +65,31 @@ class DemonstratedMotion:
 
     def __post_init__(self) -> None:
         if np.shape(self.time) != np.shape(self.speed) or len(self.time) < 2:
-            raise ValueError(f"{self.name}: time {np.shape(self.time)} and speed {np.shape(self.speed)} must both be (n,), n >= 2")
+            raise ValueError(
+                f"{self.name}: time {np.shape(self.time)} and speed {np.shape(self.speed)} must"
+                " both be (n,), n >= 2"
+            )
 
 
 def demonstrated_motions(
-    recordings: Sequence[Recording], demonstrations: Sequence[Demonstration], thresholds: VelocityThreshold = THRESHOLDS
+    recordings: Sequence[Recording],
+    demonstrations: Sequence[Demonstration],
+    thresholds: VelocityThreshold = THRESHOLDS,
 ) -> list[DemonstratedMotion]:
-    """The motion of each demonstration in the recording that it was cut from; ValueError names one that no recording holds."""
-    return [_motion(_recording_of(recordings, demonstration), demonstration, thresholds) for demonstration in demonstrations]
+    """The motion of each demonstration in the recording that it was cut from; ValueError names one
+    that no recording holds.
+    """
+    return [
+        _motion(_recording_of(recordings, demonstration), demonstration, thresholds)
+        for demonstration in demonstrations
+    ]
 
 
 def draw_synchronisation(
-    motions: Sequence[DemonstratedMotion], folder: str | Path, thresholds: VelocityThreshold = THRESHOLDS, name: str = "synchronisation"
+    motions: Sequence[DemonstratedMotion],
+    folder: str | Path,
+    thresholds: VelocityThreshold = THRESHOLDS,
+    name: str = "synchronisation",
 ) -> list[Path]:
     """Write the figure under a name; returns the paths. motions: of the demonstrations."""
     with house_style():
@@ -68,16 +97,21 @@ def draw_synchronisation(
 
 
 def synchronisation_figure(
-    motions: Sequence[DemonstratedMotion], narrow: bool = False, thresholds: VelocityThreshold = THRESHOLDS
+    motions: Sequence[DemonstratedMotion],
+    narrow: bool = False,
+    thresholds: VelocityThreshold = THRESHOLDS,
 ) -> Figure:
-    """The figure itself, as `draw_synchronisation` writes it; narrow: its panels stand one below the other.
+    """The figure itself, as `draw_synchronisation` writes it; narrow: its panels stand one below
+    the other.
 
     motions: of the demonstrations; ValueError if there are none.
     """
     if not motions:
         raise ValueError("no demonstrations: the figure of the synchronisation needs at least one")
     distances = [motion.distance for motion in motions]
-    shades = ScalarMappable(Normalize(min(distances) - 1e-6, max(distances) + 1e-6), quantity_colours())
+    shades = ScalarMappable(
+        Normalize(min(distances) - 1e-6, max(distances) + 1e-6), quantity_colours()
+    )
     with house_style():
         figure, (before, after) = panels([(5.25, 4.4), (5.25, 4.4)], narrow, sharey=True)
         for number, motion in enumerate(motions, start=1):
@@ -100,15 +134,22 @@ def _recording_of(recordings: Sequence[Recording], demonstration: Demonstration)
     for recording in recordings:
         if recording.start_ns <= demonstration.stamp_ns <= recording.stop_ns:
             return recording
-    raise ValueError(f"demonstration {demonstration.id} starts at {demonstration.stamp_ns} ns, where the bag holds no poses of the hand")
+    raise ValueError(
+        f"demonstration {demonstration.id} starts at {demonstration.stamp_ns} ns, where the bag"
+        " holds no poses of the hand"
+    )
 
 
-def _motion(recording: Recording, demonstration: Demonstration, thresholds: VelocityThreshold) -> DemonstratedMotion:
+def _motion(
+    recording: Recording, demonstration: Demonstration, thresholds: VelocityThreshold
+) -> DemonstratedMotion:
     d = demonstration
     time = (recording.hand_stamps - recording.start_ns) * 1e-9
     origin = (d.stamp_ns - recording.start_ns) * 1e-9
     ball_centre = wam_description().hand.ball_centre
-    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, ball_centre)
+    release = fit_release(
+        d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, ball_centre
+    )
     return DemonstratedMotion(
         name=d.id,
         distance=float(np.hypot(d.target[0], d.target[1])),
@@ -122,21 +163,56 @@ def _motion(recording: Recording, demonstration: Demonstration, thresholds: Velo
     )
 
 
-def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: float, gid: str, colour: Any) -> None:
-    axes.plot(motion.time[kept] - origin, motion.speed[kept], color=colour, linewidth=1.1, gid=f"{gid}_curve")
+def _curve(
+    axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: float, gid: str, colour: Any
+) -> None:
+    axes.plot(
+        motion.time[kept] - origin,
+        motion.speed[kept],
+        color=colour,
+        linewidth=1.1,
+        gid=f"{gid}_curve",
+    )
     for event, (marker, _) in EVENTS.items():
         instant = getattr(motion, event)
         place = (instant - origin, np.interp(instant, motion.time, motion.speed))
-        axes.plot(*place, marker, color=colour, markeredgecolor=BLACK, markersize=5, markeredgewidth=0.7, gid=f"{gid}_{event}")
+        axes.plot(
+            *place,
+            marker,
+            color=colour,
+            markeredgecolor=BLACK,
+            markersize=5,
+            markeredgewidth=0.7,
+            gid=f"{gid}_{event}",
+        )
 
 
-def _describe(axes: Axes, motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold, aligned: bool) -> None:
+def _describe(
+    axes: Axes, motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold, aligned: bool
+) -> None:
     for marker, name in EVENTS.values():
         axes.plot([], [], marker, color="white", markeredgecolor=BLACK, markersize=5.5, label=name)
-    axes.axhline(thresholds.start, color=BLACK, linestyle="--", linewidth=1.0, label=f"start threshold, {thresholds.start:g} m/s")
-    axes.axhline(thresholds.stop, color=GREY, linestyle=":", linewidth=1.3, label=f"stop threshold, {thresholds.stop:g} m/s")
-    starts = np.array([motion.motion_start - (motion.release if aligned else 0.0) for motion in motions])
-    axes.set_title(f"{'After' if aligned else 'Before'} synchronisation, n = {len(motions)}\nmotion starts at {_spread(starts)}")
+    axes.axhline(
+        thresholds.start,
+        color=BLACK,
+        linestyle="--",
+        linewidth=1.0,
+        label=f"start threshold, {thresholds.start:g} m/s",
+    )
+    axes.axhline(
+        thresholds.stop,
+        color=GREY,
+        linestyle=":",
+        linewidth=1.3,
+        label=f"stop threshold, {thresholds.stop:g} m/s",
+    )
+    starts = np.array(
+        [motion.motion_start - (motion.release if aligned else 0.0) for motion in motions]
+    )
+    axes.set_title(
+        f"{'After' if aligned else 'Before'} synchronisation, n = {len(motions)}\nmotion starts at"
+        f" {_spread(starts)}"
+    )
     axes.set_xlabel(f"time since the {'release' if aligned else 'start of the recording'} [s]")
     axes.set_ylim(bottom=0.0)
 

@@ -1,5 +1,6 @@
-"""Gaussian mixtures: algebra of Gaussians (thesis table 3.1), weighted EM (3.2.1), regression (3.2.2), number of
-components, split and merge (5.3), data spectroscopy (5.4), likelihood of weighted data (6.4).
+"""Gaussian mixtures: algebra of Gaussians (thesis table 3.1), weighted EM (3.2.1), regression
+(3.2.2), number of components, split and merge (5.3), data spectroscopy (5.4), likelihood of
+weighted data (6.4).
 """
 
 from dart_skill.mixture._estimator import GaussianMixtureEstimator, GaussianMixtureRegressor
@@ -23,14 +24,28 @@ from dart_skill.mixture._gaussian import (
     raise_to_floor,
     symmetric,
 )
-from dart_skill.mixture._mixture import EMEstimator, GaussianMixture, checked_priors, n_free_parameters
+from dart_skill.mixture._mixture import (
+    EMEstimator,
+    GaussianMixture,
+    checked_priors,
+    n_free_parameters,
+)
 from dart_skill.mixture._regression import Regression, regress, regress_each
-from dart_skill.mixture._selection import Selection, best_number, select_by_bic, select_by_cross_validation
+from dart_skill.mixture._selection import (
+    Selection,
+    best_number,
+    select_by_bic,
+    select_by_cross_validation,
+)
 from dart_skill.mixture._spectroscopy import Spectroscopy, automatic_bandwidth, data_spectroscopy
 from dart_skill.mixture._split_merge import Adapted, SplitMerge, adapt, split, split_and_merge
 from dart_skill.mixture._start import kmeans_start, sliced_start
 from dart_skill.mixture._sweep import DEAD_SHARE
-from dart_skill.mixture._weighted_likelihood import mean_log_likelihood, resampled_mean_log_likelihood, stochastic_universal_sampling
+from dart_skill.mixture._weighted_likelihood import (
+    mean_log_likelihood,
+    resampled_mean_log_likelihood,
+    stochastic_universal_sampling,
+)
 
 __all__ = [
     "Adapted",

@@ -1,9 +1,12 @@
-"""Mixture and regression with the interface of scikit-learn's estimators, which is not imported: only its conventions are kept.
+"""Mixture and regression with the interface of scikit-learn's estimators, which is not imported:
+only its conventions are kept.
 
-`GaussianMixture` is a mixture: it can be made from parameters, multiplied, conditioned and saved. These two are what
-pipelines, searches over parameters and cross-validation of scikit-learn take. They are thin: `mixture_` does the work.
+`GaussianMixture` is a mixture: it can be made from parameters, multiplied, conditioned and saved.
+These two are what pipelines, searches over parameters and cross-validation of scikit-learn take.
+They are thin: `mixture_` does the work.
 
-Names are those of scikit-learn (weights_, tol, random_state). (7.21) and the rest of this package say priors, tolerance and rng.
+Names are those of scikit-learn (weights_, tol, random_state). (7.21) and the rest of this package
+say priors, tolerance and rng.
 """
 
 from __future__ import annotations
@@ -21,7 +24,9 @@ from dart_skill.mixture._regression import Regression
 
 
 class _Estimator(HyperParameters):
-    """What both have in common: hyper-parameters of EM, checks of X, and what scikit-learn asks of an estimator."""
+    """What both have in common: hyper-parameters of EM, checks of X, and what scikit-learn asks of
+    an estimator.
+    """
 
     _estimator_type: str
 
@@ -38,10 +43,19 @@ class _Estimator(HyperParameters):
     ) -> None:
         self.n_components, self.covariance_floor = n_components, covariance_floor
         self.covariance_prior = covariance_prior
-        self.tol, self.max_iter, self.n_init, self.random_state = tol, max_iter, n_init, random_state
+        self.tol, self.max_iter, self.n_init, self.random_state = (
+            tol,
+            max_iter,
+            n_init,
+            random_state,
+        )
 
     def _fit_mixture(self, samples: np.ndarray, sample_weight: ArrayLike | None) -> None:
-        weights = as_weights(None if sample_weight is None else np.asarray(unmasked(sample_weight)), len(samples), "sample_weight")
+        weights = as_weights(
+            None if sample_weight is None else np.asarray(unmasked(sample_weight)),
+            len(samples),
+            "sample_weight",
+        )
         mixture = GaussianMixture(
             self.n_components,
             covariance_floor=self.covariance_floor,
@@ -50,7 +64,9 @@ class _Estimator(HyperParameters):
             n_starts=self.n_init,
             covariance_prior=self.covariance_prior,
         )
-        self.mixture_ = mixture.fit(as_learnable(samples, "X"), weights, rng=_generator(self.random_state))
+        self.mixture_ = mixture.fit(
+            as_learnable(samples, "X"), weights, rng=_generator(self.random_state)
+        )
 
     def _remember_columns(self, X: Any, table: np.ndarray) -> None:
         names = _names(X)
@@ -65,10 +81,21 @@ class _Estimator(HyperParameters):
         self._require_fitted()
         table, names = _as_table(X, "X"), _names(X)
         if table.shape[1] != self.n_features_in_:
-            expecting = f"{type(self).__name__} is expecting {self.n_features_in_} features as input"
-            raise ValueError(f"X has {table.shape[1]} features, but {expecting}; give the columns of the fit")
-        if names is not None and hasattr(self, "feature_names_in_") and names.tolist() != self.feature_names_in_.tolist():
-            raise ValueError(f"the columns of X are {names.tolist()}, and those of the fit were {self.feature_names_in_.tolist()}")
+            expecting = (
+                f"{type(self).__name__} is expecting {self.n_features_in_} features as input"
+            )
+            raise ValueError(
+                f"X has {table.shape[1]} features, but {expecting}; give the columns of the fit"
+            )
+        if (
+            names is not None
+            and hasattr(self, "feature_names_in_")
+            and names.tolist() != self.feature_names_in_.tolist()
+        ):
+            raise ValueError(
+                f"the columns of X are {names.tolist()}, and those of the fit were"
+                f" {self.feature_names_in_.tolist()}"
+            )
         return table
 
     def _require_fitted(self) -> None:
@@ -105,50 +132,64 @@ class _Estimator(HyperParameters):
         is_regressor = self._estimator_type == "regressor"
         return utils.Tags(
             estimator_type=self._estimator_type,
-            target_tags=utils.TargetTags(required=is_regressor, multi_output=is_regressor, two_d_labels=False),
+            target_tags=utils.TargetTags(
+                required=is_regressor, multi_output=is_regressor, two_d_labels=False
+            ),
             regressor_tags=utils.RegressorTags() if is_regressor else None,
         )
 
 
 class GaussianMixtureEstimator(_Estimator):
-    """`GaussianMixture` with the interface of scikit-learn's: full covariances, fitted by EM to X (n, d).
+    """`GaussianMixture` with the interface of scikit-learn's: full covariances, fitted by EM to X
+    (n, d).
 
     Parameters:
 
     * n_components: int, default 1. Number K of components at the start; a fit may end with fewer.
-    * covariance_floor: float, default 1e-6. Least variance of a component, relative to that of each column; scikit-learn's reg_covar
-      is absolute.
-    * tol: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more than this.
+    * covariance_floor: float, default 1e-6. Least variance of a component, relative to that of
+      each column; scikit-learn's reg_covar is absolute.
+    * tol: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more
+      than this.
     * max_iter: int, default 300. EM stops after so many iterations in any case.
-    * n_init: int, default 1. Number of runs with different random starts; the most likely result is kept.
-    * covariance_prior: float, default 0. For few samples: weight of a prior on the covariances, in samples; as of `GaussianMixture`.
+    * n_init: int, default 1. Number of runs with different random starts; the most likely result
+      is kept.
+    * covariance_prior: float, default 0. For few samples: weight of a prior on the covariances, in
+      samples; as of `GaussianMixture`.
     * random_state: None (another start each time), a seed, a numpy Generator or a RandomState.
 
     Attributes after `fit`:
 
     * mixture_: the fitted GaussianMixture, with products, conditions, marginals and `save`.
-    * weights_ (K,), means_ (K, d), covariances_ (K, d, d): its parameters; converged_, n_iter_: how EM ended.
+    * weights_ (K,), means_ (K, d), covariances_ (K, d, d): its parameters; converged_, n_iter_:
+      how EM ended.
     * lower_bound_: float, mean log-likelihood per sample; weighted.
     * n_features_in_: d. feature_names_in_: names of the columns, if X was a table that has them.
     """
 
     _estimator_type = "density_estimator"
 
-    def fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> GaussianMixtureEstimator:
+    def fit(
+        self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None
+    ) -> GaussianMixtureEstimator:
         """Fit to X (n, d); returns self.
 
         * y: not looked at, as in every estimator of scikit-learn without a target.
-        * sample_weight: (n,), default None: all count alike. A weight of two counts as two equal samples.
+        * sample_weight: (n,), default None: all count alike. A weight of two counts as two equal
+          samples.
 
         ValueError, as of `GaussianMixture.fit`.
         """
         table = _as_table(X, "X")
         self._fit_mixture(table, sample_weight)
         self._remember_columns(X, table)
-        self.lower_bound_ = self.mixture_.log_likelihood_ / float(as_weights(sample_weight, len(table), "sample_weight").sum())
+        self.lower_bound_ = self.mixture_.log_likelihood_ / float(
+            as_weights(sample_weight, len(table), "sample_weight").sum()
+        )
         return self
 
-    def fit_predict(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> np.ndarray:
+    def fit_predict(
+        self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None
+    ) -> np.ndarray:
         """`fit`, and the component of each of the samples (n,). X, y, sample_weight: as of `fit`."""
         return self.fit(X, y, sample_weight).predict(X)
 
@@ -172,10 +213,18 @@ class GaussianMixtureEstimator(_Estimator):
         table = self._checked(X)
         return self.mixture_.log_density(table)
 
-    def score(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> float:
-        """Mean log density of the samples X (n, d): higher is better. y: not looked at. sample_weight: (n,), default None: equal."""
+    def score(
+        self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None
+    ) -> float:
+        """Mean log density of the samples X (n, d): higher is better. y: not looked at.
+        sample_weight: (n,), default None: equal.
+        """
         log_density = self.score_samples(X)
-        return float(np.average(log_density, weights=as_weights(sample_weight, len(log_density), "sample_weight")))
+        return float(
+            np.average(
+                log_density, weights=as_weights(sample_weight, len(log_density), "sample_weight")
+            )
+        )
 
     def predict_proba(self, X: ArrayLike) -> np.ndarray:
         """(n, K) posterior probability of each component for samples X (n, d)."""
@@ -187,7 +236,9 @@ class GaussianMixtureEstimator(_Estimator):
         return self.predict_proba(X).argmax(axis=1)
 
     def sample(self, n_samples: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """Draws (n_samples, d), ordered by component, and the components (n_samples,) that they came from."""
+        """Draws (n_samples, d), ordered by component, and the components (n_samples,) that they
+        came from.
+        """
         self._require_fitted()
         rng, mixture = _generator(self.random_state), self.mixture_
         counts = rng.multinomial(n_samples, mixture.priors_)
@@ -208,22 +259,28 @@ class GaussianMixtureEstimator(_Estimator):
 
 
 class GaussianMixtureRegressor(_Estimator):
-    """Gaussian mixture regression (3.3) to (3.5) with the interface of scikit-learn's regressors: a mixture of X and y together.
+    """Gaussian mixture regression (3.3) to (3.5) with the interface of scikit-learn's regressors:
+    a mixture of X and y together.
 
     Parameters:
 
     * n_components: int, default 1. Number K of components at the start.
-    * covariance_floor, tol, max_iter, n_init, covariance_prior, random_state: as of `GaussianMixtureEstimator`.
+    * covariance_floor, tol, max_iter, n_init, covariance_prior, random_state: as of
+      `GaussianMixtureEstimator`.
 
     Attributes after `fit`:
 
-    * mixture_: the fitted GaussianMixture over the columns of X, then those of y; converged_, n_iter_: how EM ended.
-    * n_features_in_: the number of columns of X. feature_names_in_: their names, if X was a table that has them.
+    * mixture_: the fitted GaussianMixture over the columns of X, then those of y; converged_,
+      n_iter_: how EM ended.
+    * n_features_in_: the number of columns of X. feature_names_in_: their names, if X was a table
+      that has them.
     """
 
     _estimator_type = "regressor"
 
-    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> GaussianMixtureRegressor:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> GaussianMixtureRegressor:
         """Fit to inputs X (n, d) and outputs y, (n,) or (n, o); returns self.
 
         * sample_weight: (n,), default None: all count alike.
@@ -231,7 +288,10 @@ class GaussianMixtureRegressor(_Estimator):
         ValueError for values of another shape, and as of `GaussianMixture.fit`.
         """
         if y is None:
-            raise ValueError("requires y to be passed, but the target y is None; give the outputs that belong to X")
+            raise ValueError(
+                "requires y to be passed, but the target y is None; give the outputs that belong"
+                " to X"
+            )
         inputs, outputs = _as_table(X, "X"), _as_outputs(y)
         if len(inputs) != len(outputs):
             raise ValueError(f"X and y must be as long, got {len(inputs)} and {len(outputs)} rows")
@@ -239,14 +299,18 @@ class GaussianMixtureRegressor(_Estimator):
         self._remember_columns(X, inputs)
         self._flat = outputs.ndim == 1
         d = inputs.shape[1]
-        self._regression = Regression(self.mixture_, np.arange(d), np.arange(d, self.mixture_.n_dims))
+        self._regression = Regression(
+            self.mixture_, np.arange(d), np.arange(d, self.mixture_.n_dims)
+        )
         return self
 
     def predict(self, X: ArrayLike, return_std: bool = False, return_cov: bool = False) -> Any:
-        """Mean of the outputs for inputs X (n, d), in the shape of the y of the fit: (n,) or (n, o).
+        """Mean of the outputs for inputs X (n, d), in the shape of the y of the fit: (n,) or (n,
+        o).
 
         * return_std: with it a pair, the mean and the standard deviations of its shape.
-        * return_cov: with it a pair, the mean and the covariances (n, o, o) of the outputs; of each input by itself.
+        * return_cov: with it a pair, the mean and the covariances (n, o, o) of the outputs; of
+          each input by itself.
 
         ValueError if both are asked for.
         """
@@ -256,13 +320,16 @@ class GaussianMixtureRegressor(_Estimator):
         if not (return_std or return_cov):
             return self._shaped(self._regression.mean(table))
         mean, covariance = self._regression(table)
-        return self._shaped(mean), covariance if return_cov else self._shaped(np.sqrt(np.einsum("nii->ni", covariance)))
+        return self._shaped(mean), (
+            covariance if return_cov else self._shaped(np.sqrt(np.einsum("nii->ni", covariance)))
+        )
 
     def _shaped(self, outputs: np.ndarray) -> np.ndarray:
         return outputs[:, 0] if self._flat else outputs
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
-        """Coefficient of determination R^2 of `predict`, the mean over the outputs: 1 is best, 0 is no better than a constant.
+        """Coefficient of determination R^2 of `predict`, the mean over the outputs: 1 is best, 0
+        is no better than a constant.
 
         X (n, d), y: inputs, and outputs as of `fit`. sample_weight: (n,), default None: equal.
         """
@@ -270,7 +337,11 @@ class GaussianMixtureRegressor(_Estimator):
         weights = as_weights(sample_weight, len(given), "sample_weight")
         left = weights @ np.square(given - predicted)
         varies = weights @ np.square(given - np.average(given, axis=0, weights=weights))
-        shares = np.where(varies > 0, 1.0 - left / np.where(varies > 0, varies, 1.0), np.where(left > 0, 0.0, 1.0))
+        shares = np.where(
+            varies > 0,
+            1.0 - left / np.where(varies > 0, varies, 1.0),
+            np.where(left > 0, 0.0, 1.0),
+        )
         return float(np.mean(shares))
 
 
@@ -290,9 +361,14 @@ def _names(X: Any) -> np.ndarray | None:
 
 
 def _plain(value: Any, name: str) -> np.ndarray:
-    """An array of real numbers; ValueError for sparse and complex ones. Those words are what scikit-learn's own checks look for."""
+    """An array of real numbers; ValueError for sparse and complex ones. Those words are what
+    scikit-learn's own checks look for.
+    """
     if hasattr(value, "toarray"):
-        raise ValueError(f"{name} is sparse, and Sparse data was passed where dense data is required; use {name}.toarray()")
+        raise ValueError(
+            f"{name} is sparse, and Sparse data was passed where dense data is required; use"
+            f" {name}.toarray()"
+        )
     array = np.asarray(unmasked(value))
     if np.iscomplexobj(array):
         raise ValueError(f"Complex data not supported: {name} has complex numbers; give real ones")
@@ -304,12 +380,14 @@ def _as_table(X: Any, name: str) -> np.ndarray:
     array = _plain(X, name)
     if array.ndim < 2:
         raise ValueError(
-            f"{name} must have two dimensions (n, d), got shape {array.shape}. Reshape your data: reshape(-1, 1) for one column, "
-            "reshape(1, -1) for one sample"
+            f"{name} must have two dimensions (n, d), got shape {array.shape}. Reshape your data:"
+            " reshape(-1, 1) for one column, reshape(1, -1) for one sample"
         )
     for axis, what in enumerate(("sample(s)", "feature(s)")):
         if array.shape[axis] == 0:
-            raise ValueError(f"{name} has 0 {what} (shape={array.shape}) while a minimum of 1 is required.")
+            raise ValueError(
+                f"{name} has 0 {what} (shape={array.shape}) while a minimum of 1 is required."
+            )
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         what = "NaN" if np.isnan(array).any() else "infinity"
         raise ValueError(f"{name} contains {what}; remove or interpolate such values first")

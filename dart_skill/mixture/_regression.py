@@ -1,10 +1,12 @@
-"""Gaussian mixture regression: thesis (3.3) to (3.5), with the full covariance of the conditional mixture.
+"""Gaussian mixture regression: thesis (3.3) to (3.5), with the full covariance of the conditional
+mixture.
 
-The covariance is sum_k h_k (S_k + (m_k - m)(m_k - m)'). It includes the spread between the components. It is computed
-from differences, so that no digits are lost: from the deviations m_k - m, or, what is the same, from those of each pair,
-sum_(j<k) h_j h_k (m_j - m_k)(m_j - m_k)'. The responsibilities h_k are computed from log densities: far
-from the data they would otherwise be 0 / 0. There a query belongs to the component whose density falls most slowly.
-Queries are processed in slices that fit into the cache.
+The covariance is sum_k h_k (S_k + (m_k - m)(m_k - m)'). It includes the spread between the
+components. It is computed from differences, so that no digits are lost: from the deviations m_k -
+m, or, what is the same, from those of each pair, sum_(j<k) h_j h_k (m_j - m_k)(m_j - m_k)'. The
+responsibilities h_k are computed from log densities: far from the data they would otherwise be 0 /
+0. There a query belongs to the component whose density falls most slowly. Queries are processed in
+slices that fit into the cache.
 """
 
 from __future__ import annotations
@@ -35,8 +37,10 @@ SLICE = 1024
 class Conditionals(NamedTuple):
     """What K components say of o outputs, given i inputs.
 
-    * input_means (K, i), whiteners (K, i, i): L^-1 of the covariances L L' of the inputs; log_volumes (K,): log det L.
-    * lines (K, 1 + i, o): the outputs' mean at the inputs' mean, and its slopes; within (K, o, o): their covariance about it.
+    * input_means (K, i), whiteners (K, i, i): L^-1 of the covariances L L' of the inputs;
+      log_volumes (K,): log det L.
+    * lines (K, 1 + i, o): the outputs' mean at the inputs' mean, and its slopes; within (K, o, o):
+      their covariance about it.
     """
 
     input_means: np.ndarray
@@ -46,44 +50,61 @@ class Conditionals(NamedTuple):
     within: np.ndarray
 
     @classmethod
-    def of(cls, means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray) -> Conditionals:
-        """Conditionals of components with means (K, d) and covariances (K, d, d): the dimensions out (o,), given those of into (i,)."""
+    def of(
+        cls, means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray
+    ) -> Conditionals:
+        """Conditionals of components with means (K, d) and covariances (K, d, d): the dimensions
+        out (o,), given those of into (i,).
+        """
         k, i, o = len(means), len(into), len(out)
         parts = np.empty((k, i, i)), np.empty(k), np.empty((k, 1 + i, o)), np.empty((k, o, o))
         try:
             write_conditionals(means, covariances, into, out, *parts)
         except ValueError:
-            cholesky(covariances[:, into[:, None], into], "covariance of the inputs of component")  # says which one, and how flat it is
+            cholesky(
+                covariances[:, into[:, None], into], "covariance of the inputs of component"
+            )  # says which one, and how flat it is
             raise
         return cls(means.take(into, axis=1), *parts)
 
 
 class Regression:
-    """Gaussian mixture regression of some dimensions on others, prepared for many calls: (3.3) to (3.5).
+    """Gaussian mixture regression of some dimensions on others, prepared for many calls: (3.3) to
+    (3.5).
 
-    A call `regression(inputs)` with inputs (n, i) returns mean (n, o) and covariance (n, o, o) of the outputs. With one
-    input dimension, inputs (n,) are n queries.
+    A call `regression(inputs)` with inputs (n, i) returns mean (n, o) and covariance (n, o, o) of
+    the outputs. With one input dimension, inputs (n,) are n queries.
 
     Parameters:
 
     * mixture: GaussianMixture, fitted or made from parameters.
     * input_dims: i distinct column indices of the mixture, in any order.
-    * output_dims: o distinct column indices, none of them an input. Other columns may be left out of both.
+    * output_dims: o distinct column indices, none of them an input. Other columns may be left out
+      of both.
     """
 
     def __init__(self, mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike):
         into, out = _split(mixture.n_dims, input_dims, output_dims)
-        self._components = components = Conditionals.of(mixture.means_, mixture.covariances_, into, out)
+        self._components = components = Conditionals.of(
+            mixture.means_, mixture.covariances_, into, out
+        )
         self.n_inputs, self.n_outputs = len(into), len(out)
-        self._constants = np.log(mixture.priors_) - components.log_volumes - 0.5 * self.n_inputs * LOG_2PI
+        self._constants = (
+            np.log(mixture.priors_) - components.log_volumes - 0.5 * self.n_inputs * LOG_2PI
+        )
         # The pairs of many components are more terms than the deviations of few outputs.
         k = len(self._constants)
-        by_pairs = self.n_inputs == 1 and 3 * k * (k - 1) <= 2 * self.n_outputs * (self.n_outputs + 1)
+        by_pairs = self.n_inputs == 1 and 3 * k * (k - 1) <= 2 * self.n_outputs * (
+            self.n_outputs + 1
+        )
         self._moments = (_MomentsByPairs if by_pairs else _Moments)(components)
 
     def __call__(self, inputs: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         inputs = self._checked(inputs)
-        mean, covariance = np.empty((len(inputs), self.n_outputs)), np.empty((len(inputs), self.n_outputs, self.n_outputs))
+        mean, covariance = (
+            np.empty((len(inputs), self.n_outputs)),
+            np.empty((len(inputs), self.n_outputs, self.n_outputs)),
+        )
         for start in range(0, len(inputs), SLICE):
             span = slice(start, start + SLICE)
             shares = self._shares(inputs[span], start)
@@ -92,7 +113,9 @@ class Regression:
         return mean, covariance
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
-        """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call to the last bit. inputs: (n, i)."""
+        """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call
+        to the last bit. inputs: (n, i).
+        """
         inputs = self._checked(inputs)
         mean = np.empty((len(inputs), self.n_outputs))
         for start in range(0, len(inputs), SLICE):
@@ -105,18 +128,32 @@ class Regression:
         return self._shares(self._checked(inputs))
 
     def log_density(self, inputs: ArrayLike) -> np.ndarray:
-        """(n,) log density of the inputs alone: it is low for a query that is far from the demonstrations."""
+        """(n,) log density of the inputs alone: it is low for a query that is far from the
+        demonstrations.
+        """
         logs, top = self._logs(self._checked(inputs))
         return top + np.log(np.exp(logs, out=logs).sum(1))
 
     def _checked(self, inputs: ArrayLike) -> np.ndarray:
         given = inputs if isinstance(inputs, np.ndarray) else as_finite(inputs, "inputs")
-        return as_samples(given[:, None] if given.ndim == 1 and self.n_inputs == 1 else given, "inputs", self.n_inputs)
+        return as_samples(
+            given[:, None] if given.ndim == 1 and self.n_inputs == 1 else given,
+            "inputs",
+            self.n_inputs,
+        )
 
     def _logs(self, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Logs (n, K) of prior times density of the inputs (n, i), relative to the largest of each input, and the largest logs (n,)."""
-        components, logs, top = self._components, np.empty((len(inputs), len(self._constants))), np.empty(len(inputs))
-        write_logs(inputs, components.input_means, components.whiteners, self._constants, logs, top)
+        """Logs (n, K) of prior times density of the inputs (n, i), relative to the largest of each
+        input, and the largest logs (n,).
+        """
+        components, logs, top = (
+            self._components,
+            np.empty((len(inputs), len(self._constants))),
+            np.empty(len(inputs)),
+        )
+        write_logs(
+            inputs, components.input_means, components.whiteners, self._constants, logs, top
+        )
         if not top[top.argmin()] > -np.inf:  # nor if it is not a number
             require_near(top, inputs, "inputs", first_row)
         return logs, top
@@ -129,10 +166,16 @@ class Regression:
 
 
 class _Moments:
-    """Mean and covariance of the outputs by (3.4) and (3.5), with the spread from the deviations of the components' means."""
+    """Mean and covariance of the outputs by (3.4) and (3.5), with the spread from the deviations
+    of the components' means.
+    """
 
     def __init__(self, components: Conditionals) -> None:
-        self._input_means, self._lines, self._within = components.input_means, components.lines, components.within
+        self._input_means, self._lines, self._within = (
+            components.input_means,
+            components.lines,
+            components.within,
+        )
 
     def write_mean(self, inputs: np.ndarray, shares: np.ndarray, mean: np.ndarray) -> None:
         """Write the mean (n, o) for inputs (n, i) and shares (n, K)."""
@@ -141,7 +184,9 @@ class _Moments:
         write_lines(inputs, shares, self._input_means, terms)
         np.matmul(terms, lines, out=mean)
 
-    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray) -> None:
+    def write_covariance(
+        self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray
+    ) -> None:
         """Write the total covariance (n, o, o) for inputs (n, i) and shares (n, K)."""
         terms = np.empty((len(inputs), len(self._collector)))
         write_spread(inputs, shares, self._input_means, self._lines, terms)
@@ -149,18 +194,25 @@ class _Moments:
 
     @cached_property
     def _collector(self) -> np.ndarray:
-        """What makes the covariance of shares, and of the upper triangle of the spread between the components; a mean does without."""
-        return np.concatenate([self._within.reshape(len(self._within), -1), _unpacking(self._within.shape[1])])
+        """What makes the covariance of shares, and of the upper triangle of the spread between the
+        components; a mean does without.
+        """
+        return np.concatenate(
+            [self._within.reshape(len(self._within), -1), _unpacking(self._within.shape[1])]
+        )
 
 
 class _MomentsByPairs(_Moments):
-    """The same for one input. There the spread is a sum of products of two shares, times powers of the input; their coefficients depend on
-    the mixture only.
+    """The same for one input. There the spread is a sum of products of two shares, times powers of
+    the input; their coefficients depend on the mixture only.
 
-    A pair counts most in the middle between its centres. There its powers begin, so that none is large where it counts.
+    A pair counts most in the middle between its centres. There its powers begin, so that none is
+    large where it counts.
     """
 
-    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray) -> None:
+    def write_covariance(
+        self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray
+    ) -> None:
         middles, collector = self._of_pairs
         terms = np.empty((len(inputs), len(collector)))
         write_pairs(inputs, shares, middles, terms)
@@ -168,60 +220,85 @@ class _MomentsByPairs(_Moments):
 
     @cached_property
     def _of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Middle (p,) of each pair; and coefficients (K + 3 p, o o) in the covariance of shares, and of the products of two shares times
-        1, s and s s, with s from the middle.
+        """Middle (p,) of each pair; and coefficients (K + 3 p, o o) in the covariance of shares,
+        and of the products of two shares times 1, s and s s, with s from the middle.
         """
         k, _, o = self._lines.shape
         p = k * (k - 1) // 2
         middles, collector = np.empty(p), np.empty((k + 3 * p, o, o))
         collector[:k] = self._within
-        write_pair_matrices(self._input_means, self._lines, middles, collector[k:].reshape(3, p, o, o))
+        write_pair_matrices(
+            self._input_means, self._lines, middles, collector[k:].reshape(3, p, o, o)
+        )
         return middles, collector.reshape(len(collector), -1)
 
 
 @lru_cache(maxsize=64)
 def _unpacking(n_dims: int) -> np.ndarray:
-    """Zeros and ones (q, d d) that make a symmetric matrix of its upper triangle: a product with them is faster than copying."""
-    return np.equal.outer(np.arange(n_dims * (n_dims + 1) // 2), upper_triangle(n_dims)[1].ravel()).astype(float)
+    """Zeros and ones (q, d d) that make a symmetric matrix of its upper triangle: a product with
+    them is faster than copying.
+    """
+    return np.equal.outer(
+        np.arange(n_dims * (n_dims + 1) // 2), upper_triangle(n_dims)[1].ravel()
+    ).astype(float)
 
 
-def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """(3.3) to (3.5): mean (n, o) and covariance (n, o, o) of the output dimensions, given inputs (n, i).
+def regress(
+    mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """(3.3) to (3.5): mean (n, o) and covariance (n, o, o) of the output dimensions, given inputs
+    (n, i).
 
-    With one input dimension, inputs (n,) are n queries. For more than one call, prepare a `Regression`.
+    With one input dimension, inputs (n,) are n queries. For more than one call, prepare a
+    `Regression`.
 
     * mixture: over inputs and outputs.
-    * input_dims: indices (i,) of the dimensions of the mixture that are given, from 0, such as [0] for time.
+    * input_dims: indices (i,) of the dimensions of the mixture that are given, from 0, such as [0]
+      for time.
     * output_dims: those (o,) that are asked for, in the order of the result.
     """
     return Regression(mixture, input_dims, output_dims)(inputs)
 
 
 def regress_each(
-    priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, inputs: np.ndarray, input_dims: ArrayLike, output_dims: ArrayLike
+    priors: np.ndarray,
+    means: np.ndarray,
+    covariances: np.ndarray,
+    inputs: np.ndarray,
+    input_dims: ArrayLike,
+    output_dims: ArrayLike,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`regress` with a mixture of its own for each query: means (n, K, d), covariances (n, K, d, d), inputs (n, i); the priors (K,)
-    are common to all.
+    """`regress` with a mixture of its own for each query: means (n, K, d), covariances (n, K, d,
+    d), inputs (n, i); the priors (K,) are common to all.
 
-    input_dims, output_dims: indices (i,) and (o,) of the dimensions that are given and asked for, from 0.
+    input_dims, output_dims: indices (i,) and (o,) of the dimensions that are given and asked for,
+    from 0.
     """
     into, out = _split(means.shape[-1], input_dims, output_dims)
-    whiteners = np.linalg.inv(cholesky(covariances[..., into[:, None], into], "covariance of the inputs of component"))
+    whiteners = np.linalg.inv(
+        cholesky(covariances[..., into[:, None], into], "covariance of the inputs of component")
+    )
     log_volumes = np.log(np.diagonal(whiteners, axis1=-2, axis2=-1)).sum(-1)
     inputs = as_samples(inputs, "inputs", len(into))
     with np.errstate(over="ignore", invalid="ignore"):
         white = (whiteners @ (inputs[:, None] - means[..., into])[..., None])[..., 0]
-        shares, log_density = normalise_log(np.log(priors) + log_volumes - 0.5 * np.square(white).sum(-1))
+        shares, log_density = normalise_log(
+            np.log(priors) + log_volumes - 0.5 * np.square(white).sum(-1)
+        )
     require_near(log_density, inputs, "inputs")
     half = whiteners @ covariances[..., into[:, None], out]
     conditional = means[..., out] + (white[..., None, :] @ half)[..., 0, :]
     within = covariances[..., out[:, None], out] - np.swapaxes(half, -1, -2) @ half
     mean = np.einsum("nk,nko->no", shares, conditional)
     spread = (conditional - mean[:, None]) * np.sqrt(shares)[..., None]
-    return mean, symmetric(np.einsum("nk,nkop->nop", shares, within) + np.swapaxes(spread, 1, 2) @ spread)
+    return mean, symmetric(
+        np.einsum("nk,nkop->nop", shares, within) + np.swapaxes(spread, 1, 2) @ spread
+    )
 
 
-def _split(n_dims: int, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+def _split(
+    n_dims: int, input_dims: ArrayLike, output_dims: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
     into = as_dims(input_dims, n_dims, "input_dims")
     out = as_dims(output_dims, n_dims, "output_dims")
     both = sorted(set(into.tolist()) & set(out.tolist()))

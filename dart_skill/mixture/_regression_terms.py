@@ -1,8 +1,10 @@
-"""What Gaussian mixture regression does for each component, and for each query and component: (3.3) to (3.5).
+"""What Gaussian mixture regression does for each component, and for each query and component:
+(3.3) to (3.5).
 
-Covariances of the outputs are sums over terms that depend on the query, times matrices that do not. The terms of all queries are
-written here, and the sums are one product of matrices, which stays with NumPy, as the exponentials do. This module is compiled
-(docs/development.md): _regression_terms.pxd beside it has the types.
+Covariances of the outputs are sums over terms that depend on the query, times matrices that do
+not. The terms of all queries are written here, and the sums are one product of matrices, which
+stays with NumPy, as the exponentials do. This module is compiled (docs/development.md):
+_regression_terms.pxd beside it has the types.
 """
 
 import math
@@ -26,9 +28,11 @@ def write_conditionals(
 
     * means, covariances: (K, d) and (K, d, d), positive definite.
     * into, out: dimensions of the inputs (i,) and of the outputs (o,).
-    * whiteners: (K, i, i), L^-1 of the covariances L L' of the inputs; is written, as all that follow.
+    * whiteners: (K, i, i), L^-1 of the covariances L L' of the inputs; is written, as all that
+      follow.
     * log_volumes: (K,), log det L.
-    * lines: (K, 1 + i, o), means of the outputs at the means of the inputs, then their slopes over each input, S_ii^-1 S_io.
+    * lines: (K, 1 + i, o), means of the outputs at the means of the inputs, then their slopes over
+      each input, S_ii^-1 S_io.
     * within: (K, o, o), covariance of the outputs about these lines, S_oo - S_oi S_ii^-1 S_io.
 
     ValueError if a covariance of the inputs is not positive definite.
@@ -52,7 +56,9 @@ def write_conditionals(
                     within[k, a, b] -= half[i, a] * half[i, b]
 
 
-def _whiten_inputs(covariance: np.ndarray, into: np.ndarray, lower: np.ndarray, whitener: np.ndarray) -> float:
+def _whiten_inputs(
+    covariance: np.ndarray, into: np.ndarray, lower: np.ndarray, whitener: np.ndarray
+) -> float:
     """Write L and L^-1 of the covariance L L' of the inputs, (i, i) each, and return log det L."""
     for i in range(into.shape[0]):
         for j in range(i + 1):
@@ -66,7 +72,12 @@ def _whiten_inputs(covariance: np.ndarray, into: np.ndarray, lower: np.ndarray, 
 
 
 def write_logs(
-    inputs: np.ndarray, input_means: np.ndarray, whiteners: np.ndarray, constants: np.ndarray, logs: np.ndarray, top: np.ndarray
+    inputs: np.ndarray,
+    input_means: np.ndarray,
+    whiteners: np.ndarray,
+    constants: np.ndarray,
+    logs: np.ndarray,
+    top: np.ndarray,
 ) -> None:
     """Write the logs of prior times density of queries, relative to the largest of each query.
 
@@ -74,7 +85,8 @@ def write_logs(
     * input_means, whiteners: (K, i) and (K, i, i), as of `Conditionals`.
     * constants: (K,), the logs at the means.
     * logs: (n, K), are written.
-    * top: (n,), the largest logs, are written; not finite where a square overflows in all components, or is not a number in one.
+    * top: (n,), the largest logs, are written; not finite where a square overflows in all
+      components, or is not a number in one.
     """
     n_inputs, lowest = inputs.shape[1], -math.inf
     for n in range(inputs.shape[0]):
@@ -106,8 +118,11 @@ def normalise(shares: np.ndarray) -> None:
             shares[n, k] *= scale
 
 
-def write_lines(inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray, terms: np.ndarray) -> None:
-    """Write the terms of the mean (3.4): for each component its share, and that times the inputs from their mean.
+def write_lines(
+    inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray, terms: np.ndarray
+) -> None:
+    """Write the terms of the mean (3.4): for each component its share, and that times the inputs
+    from their mean.
 
     * inputs, shares: (n, i) and (n, K).
     * input_means: (K, i), of the components.
@@ -124,13 +139,18 @@ def write_lines(inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray,
                 place += 1
 
 
-def write_pair_matrices(input_means: np.ndarray, lines: np.ndarray, middles: np.ndarray, matrices: np.ndarray) -> None:
-    """Write what each pair of components adds to the covariance with one input: the outer square of the difference of their lines.
+def write_pair_matrices(
+    input_means: np.ndarray, lines: np.ndarray, middles: np.ndarray, matrices: np.ndarray
+) -> None:
+    """Write what each pair of components adds to the covariance with one input: the outer square
+    of the difference of their lines.
 
     * input_means: (K, 1), of the components.
     * lines: (K, 2, o), outputs of each component at its input's mean, and their slopes.
-    * middles: (p,), between the two means of each pair, are written; the pairs are (0, 1), (0, 2), ...
-    * matrices: (3, p, o, o), factors of 1, s and s s, with the input s from the middle, are written.
+    * middles: (p,), between the two means of each pair, are written; the pairs are (0, 1), (0, 2),
+      ...
+    * matrices: (3, p, o, o), factors of 1, s and s s, with the input s from the middle, are
+      written.
     """
     n_outputs, pair = lines.shape[2], 0
     constant, linear = np.empty(n_outputs), np.empty(n_outputs)
@@ -140,7 +160,9 @@ def write_pair_matrices(input_means: np.ndarray, lines: np.ndarray, middles: np.
             middles[pair] = input_means[j, 0] + half
             for a in range(n_outputs):
                 linear[a] = lines[k, 1, a] - lines[j, 1, a]
-                constant[a] = lines[k, 0, a] - lines[j, 0, a] - half * (lines[j, 1, a] + lines[k, 1, a])
+                constant[a] = (
+                    lines[k, 0, a] - lines[j, 0, a] - half * (lines[j, 1, a] + lines[k, 1, a])
+                )
             for a in range(n_outputs):
                 for b in range(n_outputs):
                     matrices[0, pair, a, b] = constant[a] * constant[b]
@@ -149,8 +171,11 @@ def write_pair_matrices(input_means: np.ndarray, lines: np.ndarray, middles: np.
             pair += 1
 
 
-def write_pairs(inputs: np.ndarray, shares: np.ndarray, middles: np.ndarray, terms: np.ndarray) -> None:
-    """Write the terms of the covariance with one input: shares, and the product of two shares times 1, s and s s.
+def write_pairs(
+    inputs: np.ndarray, shares: np.ndarray, middles: np.ndarray, terms: np.ndarray
+) -> None:
+    """Write the terms of the covariance with one input: shares, and the product of two shares
+    times 1, s and s s.
 
     * inputs, shares: (n, 1) and (n, K).
     * middles: (p,) of the pairs, as of `write_pair_matrices`.
@@ -169,18 +194,29 @@ def write_pairs(inputs: np.ndarray, shares: np.ndarray, middles: np.ndarray, ter
                 place += 1
 
 
-def write_spread(inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray, lines: np.ndarray, terms: np.ndarray) -> None:
-    """Write the terms of the covariance (3.5) with any number of inputs: shares, and the spread between the components.
+def write_spread(
+    inputs: np.ndarray,
+    shares: np.ndarray,
+    input_means: np.ndarray,
+    lines: np.ndarray,
+    terms: np.ndarray,
+) -> None:
+    """Write the terms of the covariance (3.5) with any number of inputs: shares, and the spread
+    between the components.
 
-    Means of the outputs are told from that of the component with the largest share. Far away there is no other, and nothing is left: of
-    means that are told from zero, rounding would be left.
+    Means of the outputs are told from that of the component with the largest share. Far away there
+    is no other, and nothing is left: of means that are told from zero, rounding would be left.
 
     * inputs, shares, input_means: as of `write_lines`.
     * lines: (K, 1 + i, o), outputs of each component at its inputs' mean, and their slopes.
     * terms: (n, K + q), are written; q = o (o + 1) / 2, the upper triangle by rows.
     """
     n_components, n_outputs = shares.shape[1], lines.shape[2]
-    apart, mean, spread = np.empty((n_components, n_outputs)), np.empty(n_outputs), np.empty(terms.shape[1] - n_components)
+    apart, mean, spread = (
+        np.empty((n_components, n_outputs)),
+        np.empty(n_outputs),
+        np.empty(terms.shape[1] - n_components),
+    )
     for n in range(shares.shape[0]):
         first = 0
         for k in range(1, n_components):
@@ -194,7 +230,10 @@ def write_spread(inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray
             for a in range(n_outputs):
                 apart[k, a] = lines[k, 0, a] - lines[first, 0, a]
             for i in range(inputs.shape[1]):
-                offset, its = inputs[n, i] - input_means[k, i], inputs[n, i] - input_means[first, i]
+                offset, its = (
+                    inputs[n, i] - input_means[k, i],
+                    inputs[n, i] - input_means[first, i],
+                )
                 for a in range(n_outputs):
                     apart[k, a] += lines[k, 1 + i, a] * offset - lines[first, 1 + i, a] * its
             for a in range(n_outputs):

@@ -1,8 +1,9 @@
-"""The small matrices of an iteration of EM: components from sums over the samples, and the coefficients of their log densities.
+"""The small matrices of an iteration of EM: components from sums over the samples, and the
+coefficients of their log densities.
 
-Both are about products of two entries of (1, z), with a sample z (d,). Of a symmetric matrix (1 + d, 1 + d) of them only the
-upper triangle is stored, by rows: q = (1 + d) (2 + d) / 2 numbers. This module is compiled (docs/development.md): _second_moments.pxd
-beside it has the types.
+Both are about products of two entries of (1, z), with a sample z (d,). Of a symmetric matrix (1 +
+d, 1 + d) of them only the upper triangle is stored, by rows: q = (1 + d) (2 + d) / 2 numbers. This
+module is compiled (docs/development.md): _second_moments.pxd beside it has the types.
 """
 
 import math
@@ -13,12 +14,20 @@ from dart_skill.common.small_matrices import invert_into
 from dart_skill.mixture._gaussian import LOG_2PI
 
 
-def write_components(sums: np.ndarray, means: np.ndarray, affine: np.ndarray, log_volumes: np.ndarray, precisions: np.ndarray) -> bool:
-    """Write the components whose counts have these sums, as of `Components`; False if a covariance is not positive definite.
+def write_components(
+    sums: np.ndarray,
+    means: np.ndarray,
+    affine: np.ndarray,
+    log_volumes: np.ndarray,
+    precisions: np.ndarray,
+) -> bool:
+    """Write the components whose counts have these sums, as of `Components`; False if a covariance
+    is not positive definite.
 
     The means of the products are [[1, mean'], [mean, S + mean mean']]. The covariance is S = L L'.
 
-    * sums: (P, K, q), of count times products of (1, z); the first of each is the sum of counts, and is above zero.
+    * sums: (P, K, q), of count times products of (1, z); the first of each is the sum of counts,
+      and is above zero.
     * means: (P, K, d), are written, as all that follow.
     * affine: (P, K, d, 1 + d), [-L^-1 mean, L^-1].
     * log_volumes: (P, K), log of sqrt(det(2 pi S)).
@@ -36,7 +45,9 @@ def write_components(sums: np.ndarray, means: np.ndarray, affine: np.ndarray, lo
 
 
 def _factor_moments(sums: np.ndarray, mean: np.ndarray, lower: np.ndarray) -> bool:
-    """Write the mean (d,), and the Cholesky factor of the covariance to the lower triangle (d, d); False if there is none."""
+    """Write the mean (d,), and the Cholesky factor of the covariance to the lower triangle (d, d);
+    False if there is none.
+    """
     d, mass, place = mean.shape[0], sums[0], mean.shape[0] + 1
     for i in range(d):
         mean[i] = sums[1 + i] / mass
@@ -64,7 +75,9 @@ def _log_diagonal(lower: np.ndarray) -> float:
 
 
 def _write_affine(mean: np.ndarray, lower: np.ndarray, affine: np.ndarray) -> float:
-    """Write [-L^-1 mean, L^-1] (d, 1 + d) of a lower triangle L (d, d), and return the sum of the squares of L^-1."""
+    """Write [-L^-1 mean, L^-1] (d, 1 + d) of a lower triangle L (d, d), and return the sum of the
+    squares of L^-1.
+    """
     d, squares = mean.shape[0], 0.0
     invert_into(lower, affine[:, 1:])
     for i in range(d):
@@ -86,13 +99,15 @@ def write_coefficients(
     columns: np.ndarray,
     coefficients: np.ndarray,
 ) -> None:
-    """Add the coefficients of the products of (1, z) in the log densities: those of log peak - |A (1, z)|^2 / 2.
+    """Add the coefficients of the products of (1, z) in the log densities: those of log peak - |A
+    (1, z)|^2 / 2.
 
     * affine, log_volumes: A (P, K, d, 1 + d) and (P, K), as `write_components` writes them.
     * log_volumes_of_blocks, least_peaks: (P,), as of `WhiteBlocks`.
     * highest: (K,), to which the peaks of all blocks are added, or their least ones.
     * columns: (P, q), of each product in the coefficients; blocks may have some in common.
-    * coefficients: (K, n) or more rows, to which these are added. Squares count half, mixed products twice half.
+    * coefficients: (K, n) or more rows, to which these are added. Squares count half, mixed
+      products twice half.
     """
     d = affine.shape[2]
     for k in range(affine.shape[1]):

@@ -1,6 +1,8 @@
-"""Number of components of a mixture, by the Bayesian information criterion or by cross-validation (thesis 3.2.2).
+"""Number of components of a mixture, by the Bayesian information criterion or by cross-validation
+(thesis 3.2.2).
 
-Both return the scores of all numbers that were tried. If they differ little, the number hardly matters.
+Both return the scores of all numbers that were tried. If they differ little, the number hardly
+matters.
 """
 
 from __future__ import annotations
@@ -40,18 +42,25 @@ class Selection:
     def simplest_within_error(self) -> int:
         """The smallest number whose score is within one standard error of the best."""
         lowest = self.scores.argmin()
-        return int(self.n_components[self.scores <= self.scores[lowest] + self.standard_errors[lowest]].min())
+        return int(
+            self.n_components[
+                self.scores <= self.scores[lowest] + self.standard_errors[lowest]
+            ].min()
+        )
 
 
 def best_number(candidates: Sequence[int], score: Callable[[int], float]) -> int:
-    """The number of components whose score is lowest, the first one of equals; ValueError if no score is finite.
+    """The number of components whose score is lowest, the first one of equals; ValueError if no
+    score is finite.
 
     candidates: numbers of components; score: gives that of one.
     """
     scores = np.array([score(candidate) for candidate in candidates], dtype=float)
     scores[~np.isfinite(scores)] = np.inf
     if np.isinf(scores).all():
-        raise ValueError(f"no model with {', '.join(map(str, candidates))} components can be scored")
+        raise ValueError(
+            f"no model with {', '.join(map(str, candidates))} components can be scored"
+        )
     return candidates[int(scores.argmin())]
 
 
@@ -63,9 +72,11 @@ def select_by_bic(
     rng: np.random.Generator,
     **options: Any,
 ) -> Selection:
-    """Fit a mixture with each number of components to samples (n, d) with weights (n,), and score it by BIC.
+    """Fit a mixture with each number of components to samples (n, d) with weights (n,), and score
+    it by BIC.
 
-    In the BIC the sum of the weights counts as the number of samples. options: hyper-parameters of `GaussianMixture`.
+    In the BIC the sum of the weights counts as the number of samples. options: hyper-parameters of
+    `GaussianMixture`.
     """
     candidates = _as_candidates(n_components)
     samples, weights = _with_weight(samples, weights)
@@ -84,27 +95,39 @@ def select_by_cross_validation(
     rng: np.random.Generator,
     **options: Any,
 ) -> Selection:
-    """Score each number of components by the weighted mean of the negative log density of samples that were left out.
+    """Score each number of components by the weighted mean of the negative log density of samples
+    that were left out.
 
-    groups (n,): samples with the same label are left out together; each sample is a group by default. Use the number
-    of the demonstration: otherwise the neighbours in time of a sample that is left out show the fit where it is. If
-    there are no more groups than n_folds, each group is left out once. options: hyper-parameters of `GaussianMixture`. n_folds: parts of
-    the samples that are left out in turn, default 5. ValueError for groups of another shape.
+    groups (n,): samples with the same label are left out together; each sample is a group by
+    default. Use the number of the demonstration: otherwise the neighbours in time of a sample that
+    is left out show the fit where it is. If there are no more groups than n_folds, each group is
+    left out once. options: hyper-parameters of `GaussianMixture`. n_folds: parts of the samples
+    that are left out in turn, default 5. ValueError for groups of another shape.
     """
     candidates, n_folds = _as_candidates(n_components), as_count(n_folds, "n_folds", 2)
     counted = as_weights(weights, len(as_samples(samples, "samples"))) > 0
     groups = np.arange(len(counted)) if groups is None else np.asarray(groups)
     if groups.shape != counted.shape:
-        raise ValueError(f"groups must have shape {counted.shape}, one label per sample, got {groups.shape}")
+        raise ValueError(
+            f"groups must have shape {counted.shape}, one label per sample, got {groups.shape}"
+        )
     samples, weights = _with_weight(samples, weights)
     folds = _folds(groups[counted], n_folds, rng)
     scores = np.array(
-        [[_left_out_score(samples, weights, folds == f, k, rng, options) for f in range(folds.max() + 1)] for k in candidates]
+        [
+            [
+                _left_out_score(samples, weights, folds == f, k, rng, options)
+                for f in range(folds.max() + 1)
+            ]
+            for k in candidates
+        ]
     )
     shares = np.bincount(folds, weights=weights) / weights.sum()
     means = scores @ shares
     errors = np.sqrt(np.square(scores - means[:, None]) @ shares / (len(shares) - 1))
-    best = GaussianMixture(int(candidates[means.argmin()]), **options).fit(samples, weights, rng=rng)
+    best = GaussianMixture(int(candidates[means.argmin()]), **options).fit(
+        samples, weights, rng=rng
+    )
     return Selection(candidates, means, errors, best)
 
 
@@ -125,12 +148,21 @@ def _folds(groups: np.ndarray, n_folds: int, rng: np.random.Generator) -> np.nda
     """Fold (n,) of each sample: the groups are distributed over the folds in random order."""
     labels, members = np.unique(groups, return_inverse=True)
     if len(labels) < 2:
-        raise ValueError("cross-validation needs at least two groups of samples with weight, got one")
+        raise ValueError(
+            "cross-validation needs at least two groups of samples with weight, got one"
+        )
     return (rng.permutation(len(labels)) % n_folds)[members.ravel()]
 
 
 def _left_out_score(
-    samples: np.ndarray, weights: np.ndarray, left_out: np.ndarray, n_components: int, rng: np.random.Generator, options: dict
+    samples: np.ndarray,
+    weights: np.ndarray,
+    left_out: np.ndarray,
+    n_components: int,
+    rng: np.random.Generator,
+    options: dict,
 ) -> float:
-    mixture = GaussianMixture(int(n_components), **options).fit(samples[~left_out], weights[~left_out], rng=rng)
+    mixture = GaussianMixture(int(n_components), **options).fit(
+        samples[~left_out], weights[~left_out], rng=rng
+    )
     return float(-np.average(mixture.log_density(samples[left_out]), weights=weights[left_out]))

@@ -1,9 +1,10 @@
 """Number of groups of weighted points, by data spectroscopy, DaSpec (thesis 5.3.2, (5.13)).
 
-T. Shi, M. Belkin and B. Yu, Data spectroscopy: eigenspaces of convolution operators and clustering, Annals of Statistics
-37, 2009. Each group has an eigenfunction of the Gaussian kernel that does not change its sign. A weight is a number of
-copies of a point. Then the kernel is sqrt(w_i) k(x_i, x_j) sqrt(w_j), and an eigenvector v of it belongs to the
-eigenfunction v / sqrt(w). Signs and labels are taken from the eigenfunction.
+T. Shi, M. Belkin and B. Yu, Data spectroscopy: eigenspaces of convolution operators and
+clustering, Annals of Statistics 37, 2009. Each group has an eigenfunction of the Gaussian kernel
+that does not change its sign. A weight is a number of copies of a point. Then the kernel is
+sqrt(w_i) k(x_i, x_j) sqrt(w_j), and an eigenvector v of it belongs to the eigenfunction v /
+sqrt(w). Signs and labels are taken from the eigenfunction.
 """
 
 from __future__ import annotations
@@ -52,20 +53,24 @@ def data_spectroscopy(
 ) -> Spectroscopy:
     """Groups among points (n, d) with weights (n,) of any scale, equal when None.
 
-    A point with weight zero does not change the groups; it gets the label of the group at its place.
+    A point with weight zero does not change the groups; it gets the label of the group at its
+    place.
 
     Parameters:
 
-    * bandwidth: float, omega of (5.13) in the units of the points; default None: `automatic_bandwidth`.
-    * core: float in (0, 1], default 0.99, and tolerance: float. Let s be the value that |f| does not exceed on the share
-      `core` of all weight, and t = tolerance s. An eigenfunction f does not change its sign if f > -t on at least the
-      share `core` of all weight, or f < t on it. The authors have core = 1. Then single points of little weight are
-      groups; 0.99 leaves them out. tolerance = None is the authors' 1 / n, with n points. For figure 5.5 it does
-      with reading="printed"; with "copies" the figure needs 0.1.
-    * counts: bool, default False. True: the weights are numbers of copies, so that n counts copies, and the result is
-      that of the copied points.
-    * reading: "copies" (default), as described above. "printed" takes (5.13) literally: the kernel is w_i k w_j, and its
-      eigenvectors give signs and labels. Then a weight of 2 is equal neither to two points nor to one.
+    * bandwidth: float, omega of (5.13) in the units of the points; default None:
+      `automatic_bandwidth`.
+    * core: float in (0, 1], default 0.99, and tolerance: float. Let s be the value that |f| does
+      not exceed on the share `core` of all weight, and t = tolerance s. An eigenfunction f does
+      not change its sign if f > -t on at least the share `core` of all weight, or f < t on it. The
+      authors have core = 1. Then single points of little weight are groups; 0.99 leaves them out.
+      tolerance = None is the authors' 1 / n, with n points. For figure 5.5 it does with
+      reading="printed"; with "copies" the figure needs 0.1.
+    * counts: bool, default False. True: the weights are numbers of copies, so that n counts
+      copies, and the result is that of the copied points.
+    * reading: "copies" (default), as described above. "printed" takes (5.13) literally: the kernel
+      is w_i k w_j, and its eigenvectors give signs and labels. Then a weight of 2 is equal neither
+      to two points nor to one.
 
     ValueError for a reading that there is not, or a core above 1.
     """
@@ -74,7 +79,11 @@ def data_spectroscopy(
     if reading not in READINGS:
         raise ValueError(f"reading must be one of {READINGS}, got {reading!r}")
     distances = _distances(points)
-    bandwidth = _bandwidth(distances, weights, points.shape[1]) if bandwidth is None else as_number(bandwidth, "bandwidth")
+    bandwidth = (
+        _bandwidth(distances, weights, points.shape[1])
+        if bandwidth is None
+        else as_number(bandwidth, "bandwidth")
+    )
     if tolerance is None:
         tolerance = 1.0 / float(weights.sum() if counts else np.count_nonzero(weights))
     tolerance, core = as_number(tolerance, "tolerance", strict=False), as_number(core, "core")
@@ -83,16 +92,22 @@ def data_spectroscopy(
     kernel = np.exp(-0.5 * np.square(distances / bandwidth))
     values, functions = _eigenfunctions(kernel, weights / weights.max(), reading)
     kept = _keep_their_sign(functions, weights, core, tolerance)
-    kept[0] |= not kept.any()  # the first has no change of sign, unless equal eigenvalues mix several eigenfunctions
+    kept[
+        0
+    ] |= (
+        not kept.any()
+    )  # the first has no change of sign, unless equal eigenvalues mix several eigenfunctions
     functions = functions[:, kept]
-    return Spectroscopy(np.abs(functions).argmax(axis=1), values[kept], functions, float(bandwidth))
+    return Spectroscopy(
+        np.abs(functions).argmax(axis=1), values[kept], functions, float(bandwidth)
+    )
 
 
 def automatic_bandwidth(points: ArrayLike, weights: ArrayLike | None = None) -> float:
     """Bandwidth for points (n, d) with weights (n,), as Shi, Belkin and Yu (2009) choose it.
 
-    For 95 % of the points, the radius that holds 95 % of the kernel's mass also holds at least the nearest 5 % of the
-    points. If all points are equal, the bandwidth is 1.
+    For 95 % of the points, the radius that holds 95 % of the kernel's mass also holds at least the
+    nearest 5 % of the points. If all points are equal, the bandwidth is 1.
     """
     points = as_learnable(points, "points")
     return _bandwidth(_distances(points), as_weights(weights, len(points)), points.shape[1])
@@ -103,15 +118,20 @@ def _bandwidth(distances: np.ndarray, weights: np.ndarray, n_dims: int) -> float
 
     near = _quantiles(distances, weights, NEAR)
     reach = _quantiles(near[None], weights, ALMOST_ALL)[0]
-    quantile = np.sqrt(2.0 * gammaincinv(n_dims / 2.0, ALMOST_ALL))  # of chi with n_dims degrees of freedom
+    quantile = np.sqrt(
+        2.0 * gammaincinv(n_dims / 2.0, ALMOST_ALL)
+    )  # of chi with n_dims degrees of freedom
     if reach == 0.0:
-        # Most points have 5 % of all weight at distance zero: take the least distance between different points instead.
+        # Most points have 5 % of all weight at distance zero: take the least distance between
+        # different points instead.
         reach = distances[distances > 0].min() if distances.any() else quantile
     return float(reach / quantile)
 
 
 def _quantiles(values: np.ndarray, weights: np.ndarray, level: float) -> np.ndarray:
-    """Weighted quantile (m,) of each row of values (m, n) with weights (n,): the least value at or below which this share lies."""
+    """Weighted quantile (m,) of each row of values (m, n) with weights (n,): the least value at or
+    below which this share lies.
+    """
     order = np.argsort(values, axis=1, kind="stable")
     reached = np.cumsum(weights[order], axis=1)
     place = (reached >= level * reached[:, -1:] * (1 - EXACT)).argmax(axis=1)
@@ -122,23 +142,32 @@ def _distances(points: np.ndarray) -> np.ndarray:
     return np.sqrt(np.square(points[:, None] - points[None]).sum(axis=2))
 
 
-def _eigenfunctions(kernel: np.ndarray, weights: np.ndarray, reading: str) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (m,), the largest first, and eigenfunctions (n, m), positive where their magnitude is largest."""
+def _eigenfunctions(
+    kernel: np.ndarray, weights: np.ndarray, reading: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (m,), the largest first, and eigenfunctions (n, m), positive where their
+    magnitude is largest.
+    """
     root = np.sqrt(weights) if reading == "copies" else weights
     values, vectors = np.linalg.eigh(root[:, None] * kernel * root)
     values, vectors = values[::-1], vectors[:, ::-1]
     certain = values > len(values) * np.finfo(float).eps * values[0]
     values, functions = values[certain], vectors[:, certain]
     if reading == "copies":
-        # v / sqrt(w) without the division, which fails for small weights: the kernel gives an eigenfunction at any point.
+        # v / sqrt(w) without the division, which fails for small weights: the kernel gives an
+        # eigenfunction at any point.
         functions = kernel @ (root[:, None] * functions) / values
     largest = np.abs(functions[weights > 0]).argmax(axis=0)
     signs = np.sign(functions[weights > 0][largest, np.arange(len(values))])
     return values, functions * signs
 
 
-def _keep_their_sign(functions: np.ndarray, weights: np.ndarray, core: float, tolerance: float) -> np.ndarray:
+def _keep_their_sign(
+    functions: np.ndarray, weights: np.ndarray, core: float, tolerance: float
+) -> np.ndarray:
     """Which (m,) of the functions (n, m) do not change their sign, within the tolerance."""
     limits = tolerance * _quantiles(np.abs(functions).T, weights, core)
     strays = (1.0 - core + EXACT) * weights.sum()
-    return (limits > 0) & (np.minimum(weights @ (functions < -limits), weights @ (functions > limits)) <= strays)
+    return (limits > 0) & (
+        np.minimum(weights @ (functions < -limits), weights @ (functions > limits)) <= strays
+    )

@@ -1,8 +1,10 @@
-"""Starts of EM: each sample is assigned to one component, as responsibilities (n, K) of zeros and ones.
+"""Starts of EM: each sample is assigned to one component, as responsibilities (n, K) of zeros and
+ones.
 
-There are two ways. k-means++ (D. Arthur and S. Vassilvitskii 2007) is refined by Lloyd's iteration: a new centre is
-drawn with a probability proportional to the weighted squared distance to the *nearest* centre so far, and the best of a
-few candidates is kept. Or the samples are divided into equal shares along one column.
+There are two ways. k-means++ (D. Arthur and S. Vassilvitskii 2007) is refined by Lloyd's
+iteration: a new centre is drawn with a probability proportional to the weighted squared distance
+to the *nearest* centre so far, and the best of a few candidates is kept. Or the samples are
+divided into equal shares along one column.
 """
 
 import numpy as np
@@ -26,13 +28,17 @@ def nearest_centre(samples: np.ndarray, centres: np.ndarray) -> np.ndarray:
 
 
 def draw(shares: np.ndarray, uniform: np.ndarray) -> np.ndarray:
-    """Indices drawn with probabilities proportional to shares (n,): their cumulative sum is inverted at `uniform` in [0, 1)."""
+    """Indices drawn with probabilities proportional to shares (n,): their cumulative sum is
+    inverted at `uniform` in [0, 1).
+    """
     cumulative = np.cumsum(shares)
     indices = np.searchsorted(cumulative, uniform * cumulative[-1], side="right")
     return np.minimum(indices, np.flatnonzero(shares)[-1])
 
 
-def plus_plus_centres(samples: np.ndarray, weights: np.ndarray, n_centres: int, rng: np.random.Generator) -> np.ndarray:
+def plus_plus_centres(
+    samples: np.ndarray, weights: np.ndarray, n_centres: int, rng: np.random.Generator
+) -> np.ndarray:
     """Centres (n_centres, d) by greedy k-means++; several samples may be equal."""
     n_candidates = 2 + int(np.log(n_centres))
     centres = samples[draw(weights, rng.random(1))]
@@ -47,13 +53,20 @@ def plus_plus_centres(samples: np.ndarray, weights: np.ndarray, n_centres: int, 
     return centres
 
 
-def refine_centres(samples: np.ndarray, weights: np.ndarray, centres: np.ndarray, max_iterations: int = 30) -> np.ndarray:
+def refine_centres(
+    samples: np.ndarray, weights: np.ndarray, centres: np.ndarray, max_iterations: int = 30
+) -> np.ndarray:
     """Labels (n,) after Lloyd's iteration; a centre that loses all samples stays where it is."""
-    labels, weighted = nearest_centre(samples, centres), np.ascontiguousarray((samples * weights[:, None]).T)
+    labels, weighted = (
+        nearest_centre(samples, centres),
+        np.ascontiguousarray((samples * weights[:, None]).T),
+    )
     for _ in range(max_iterations):
         mass = np.bincount(labels, weights, len(centres))
         sums = np.stack([np.bincount(labels, column, len(centres)) for column in weighted], axis=1)
-        centres = np.where(mass[:, None] > 0, sums / np.where(mass > 0, mass, 1.0)[:, None], centres)
+        centres = np.where(
+            mass[:, None] > 0, sums / np.where(mass > 0, mass, 1.0)[:, None], centres
+        )
         previous, labels = labels, nearest_centre(samples, centres)
         if (labels == previous).all():
             break
@@ -65,8 +78,12 @@ def one_hot(labels: np.ndarray, n_components: int) -> np.ndarray:
     return (labels[:, None] == np.arange(n_components)).astype(float)
 
 
-def kmeans_start(samples: np.ndarray, weights: np.ndarray, n_components: int, rng: np.random.Generator) -> np.ndarray:
-    """Responsibilities (n, K) from weighted k-means with a k-means++ start. samples: (n, d); n_components: K, at most n."""
+def kmeans_start(
+    samples: np.ndarray, weights: np.ndarray, n_components: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Responsibilities (n, K) from weighted k-means with a k-means++ start. samples: (n, d);
+    n_components: K, at most n.
+    """
     centres = plus_plus_centres(samples, weights, n_components, rng)
     return one_hot(refine_centres(samples, weights, centres), n_components)
 
@@ -74,9 +91,11 @@ def kmeans_start(samples: np.ndarray, weights: np.ndarray, n_components: int, rn
 def sliced_start(column: np.ndarray, weights: np.ndarray, n_components: int) -> np.ndarray:
     """Responsibilities (n, K) from K slices of equal weight along one column (n,), usually time.
 
-    Samples with equal values go into the same slice, so that the order of the samples does not matter. n_components: K.
+    Samples with equal values go into the same slice, so that the order of the samples does not
+    matter. n_components: K.
     """
-    # With an index NumPy sorts by merging, which takes a quarter of the time where each demonstration is in order already.
+    # With an index NumPy sorts by merging, which takes a quarter of the time where each
+    # demonstration is in order already.
     values, _, place = np.unique(column, return_index=True, return_inverse=True)
     mass = np.bincount(place.ravel(), weights=weights, minlength=len(values))
     middle = (np.cumsum(mass) - 0.5 * mass) / mass.sum()

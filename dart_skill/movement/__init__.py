@@ -1,12 +1,16 @@
-"""Movements: attractors, task frames, task-parameterised mixtures, DS-GMR, movement primitives, orientation and segmentation
-(thesis 7 and 8).
+"""Movements: attractors, task frames, task-parameterised mixtures, DS-GMR, movement primitives,
+orientation and segmentation (thesis 7 and 8).
 """
 
 from typing import TYPE_CHECKING
 
 from dart_skill.common.lazy import on_first_use
 from dart_skill.common.pace import PhaseRule
-from dart_skill.movement._attractor import attractor_from_motion, critical_damping, follow_attractor
+from dart_skill.movement._attractor import (
+    attractor_from_motion,
+    critical_damping,
+    follow_attractor,
+)
 from dart_skill.movement._differentiation import Motion, estimate_noise, smooth_derivatives
 from dart_skill.movement._frames import (
     MovingFrame,
@@ -41,11 +45,28 @@ from dart_skill.movement._segmentation import Segment, VelocityThreshold, segmen
 
 if TYPE_CHECKING:
     from dart_skill.movement._alignment import Fit, check_alignment
-    from dart_skill.movement._autonomous import AutonomousDSGMR, AutonomousPolicy, Moment, StateDriven, StateFrame
+    from dart_skill.movement._autonomous import (
+        AutonomousDSGMR,
+        AutonomousPolicy,
+        Moment,
+        StateDriven,
+        StateFrame,
+    )
     from dart_skill.movement._ds_gmr import DSGMR, Reproduction
-    from dart_skill.movement._locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
+    from dart_skill.movement._locality import (
+        WidthChoice,
+        choose_width,
+        gaussian_weights,
+        nearest_weights,
+    )
     from dart_skill.movement._patterns import Patterns, find_patterns, resampled
-    from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
+    from dart_skill.movement._primitives import (
+        DiscretePrimitive,
+        Execution,
+        PrimitiveState,
+        RhythmicPrimitive,
+        Trajectory,
+    )
     from dart_skill.movement._reactive import Reaction, ReactivePolicy
     from dart_skill.movement._springs import SpringMixture
     from dart_skill.movement._stiffness import (
@@ -66,10 +87,15 @@ else:
             "_ds_gmr": "DSGMR Reproduction",
             "_locality": "WidthChoice choose_width gaussian_weights nearest_weights",
             "_patterns": "Patterns find_patterns resampled",
-            "_primitives": "DiscretePrimitive Execution PrimitiveState RhythmicPrimitive Trajectory",
+            "_primitives": (
+                "DiscretePrimitive Execution PrimitiveState RhythmicPrimitive Trajectory"
+            ),
             "_reactive": "Reaction ReactivePolicy",
             "_springs": "SpringMixture",
-            "_stiffness": "attractor_with_gains critical_damping_matrix hold_to stable_gains stiffness_from_covariance",
+            "_stiffness": (
+                "attractor_with_gains critical_damping_matrix hold_to stable_gains"
+                " stiffness_from_covariance"
+            ),
             "_task_parameterised": "PartialFrame TaskParameterisedMixture",
             "_warping": "warped_distance",
         },

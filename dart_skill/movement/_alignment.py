@@ -1,9 +1,11 @@
-"""Whether demonstrations fit together: at each instant, each is compared with what the others predict for its task.
+"""Whether demonstrations fit together: at each instant, each is compared with what the others
+predict for its task.
 
-On the common clock each movement variable is regressed on the task over the other demonstrations. So a throw at a far
-basket is not taken for a bad one. With few demonstrations their median is used instead. The residual is judged relative
-to the residuals of all demonstrations. Medians are used throughout, so that bad demonstrations do not change the scale.
-First a constant lag is looked for: a demonstration that only starts late must be aligned, not left out.
+On the common clock each movement variable is regressed on the task over the other demonstrations.
+So a throw at a far basket is not taken for a bad one. With few demonstrations their median is used
+instead. The residual is judged relative to the residuals of all demonstrations. Medians are used
+throughout, so that bad demonstrations do not change the scale. First a constant lag is looked for:
+a demonstration that only starts late must be aligned, not left out.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ from dart_skill.movement._time import as_stamps
 
 N_INSTANTS = 100
 LEAST_FOR_REGRESSION = 3
-"""A regression on the task needs so many demonstrations per unknown; with fewer, the median of the others is the prediction."""
+"""A regression on the task needs so many demonstrations per unknown; with fewer, the median of the
+others is the prediction.
+"""
 
 
 @dataclass(frozen=True)
@@ -57,11 +61,14 @@ def check_alignment(
 
     * times: for each demonstration its stamps (n_i,) [s] on the common clock.
     * positions: for each demonstration its movement variables (n_i, d).
-    * tasks (n_demonstrations, q): what they were made for, such as the distance of the target; default None.
-    * largest_deviation: float, default 6. Largest deviation that fits, relative to the usual residual.
+    * tasks (n_demonstrations, q): what they were made for, such as the distance of the target;
+      default None.
+    * largest_deviation: float, default 6. Largest deviation that fits, relative to the usual
+      residual.
     * largest_lag: float, default 0.1 [s]. Largest lag that is accepted.
-    * tolerance: one number or one per variable (d,), default 0. The usual residual is taken to be at least this large, in
-      the unit of the variable. Without it, demonstrations that are almost equal would have a usual residual near zero.
+    * tolerance: one number or one per variable (d,), default 0. The usual residual is taken to be
+      at least this large, in the unit of the variable. Without it, demonstrations that are almost
+      equal would have a usual residual near zero.
 
     ValueError if tasks are missing, or the demonstrations have no time in common.
     """
@@ -70,31 +77,56 @@ def check_alignment(
     tasks = np.zeros((n, 0)) if tasks is None else as_samples(tasks, "tasks")
     if len(tasks) != n:
         raise ValueError(f"{n} demonstrations need as many tasks, got {len(tasks)}")
-    largest_deviation, largest_lag = as_number(largest_deviation, "largest_deviation"), as_number(largest_lag, "largest_lag")
+    largest_deviation, largest_lag = (
+        as_number(largest_deviation, "largest_deviation"),
+        as_number(largest_lag, "largest_lag"),
+    )
     first, last = max(clock[0] for clock in clocks), min(clock[-1] for clock in clocks)
     if last <= first:
-        raise ValueError(f"the demonstrations have no time in common: one starts at {first:g} s, another ends at {last:g} s")
+        raise ValueError(
+            f"the demonstrations have no time in common: one starts at {first:g} s, another ends"
+            f" at {last:g} s"
+        )
     grid = np.linspace(first, last, N_INSTANTS)
-    curves = np.stack([_resampled(clock, path, grid) for clock, path in zip(clocks, paths, strict=True)])
+    curves = np.stack(
+        [_resampled(clock, path, grid) for clock, path in zip(clocks, paths, strict=True)]
+    )
     scale = np.median(np.abs(curves - np.median(curves, axis=(0, 1))), axis=(0, 1))
     scale = np.where(scale > 0.0, scale, 1.0)
     curves, paths = curves / scale, [path / scale for path in paths]
     left_over = np.stack([curves[i] - _prediction(curves, tasks, i) for i in range(n)])
     usual = np.median(np.sqrt(np.mean(left_over**2, axis=1)), axis=0)
-    usual = np.maximum(usual, np.broadcast_to(as_finite(tolerance, "tolerance"), scale.shape) / scale)
+    usual = np.maximum(
+        usual, np.broadcast_to(as_finite(tolerance, "tolerance"), scale.shape) / scale
+    )
     usual = np.maximum(usual, 1e-9 * np.ptp(curves, axis=(0, 1)) + np.finfo(float).tiny)
     shifts = np.linspace(-4 * largest_lag, 4 * largest_lag, 81)
-    return [_judged(i, clocks, paths, curves, tasks, grid, usual, shifts, largest_deviation, largest_lag) for i in range(n)]
+    return [
+        _judged(
+            i, clocks, paths, curves, tasks, grid, usual, shifts, largest_deviation, largest_lag
+        )
+        for i in range(n)
+    ]
 
 
-def _checked(times: Sequence[ArrayLike], positions: Sequence[ArrayLike]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _checked(
+    times: Sequence[ArrayLike], positions: Sequence[ArrayLike]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
     if len(times) != len(positions) or len(times) < 4:
-        raise ValueError(f"at least 4 demonstrations with a clock each are needed, got {len(positions)} and {len(times)} clocks")
-    paths = [as_samples(path, f"positions of demonstration {i}") for i, path in enumerate(positions)]
+        raise ValueError(
+            f"at least 4 demonstrations with a clock each are needed, got {len(positions)} and"
+            f" {len(times)} clocks"
+        )
+    paths = [
+        as_samples(path, f"positions of demonstration {i}") for i, path in enumerate(positions)
+    ]
     clocks = [as_stamps(clock, len(path), 2) for clock, path in zip(times, paths, strict=True)]
     for i, path in enumerate(paths):
         if path.shape[1] != paths[0].shape[1]:
-            raise ValueError(f"demonstration {i} has {path.shape[1]} movement variables, the first has {paths[0].shape[1]}")
+            raise ValueError(
+                f"demonstration {i} has {path.shape[1]} movement variables, the first has"
+                f" {paths[0].shape[1]}"
+            )
     return clocks, paths
 
 
@@ -113,7 +145,9 @@ def _prediction(curves: np.ndarray, tasks: np.ndarray, i: int) -> np.ndarray:
 
 
 def _robust_intercept(design: np.ndarray, values: np.ndarray, rounds: int = 5) -> np.ndarray:
-    """Value at task zero of a linear fit that gives outlying rows less weight (iteratively reweighted, Cauchy weights)."""
+    """Value at task zero of a linear fit that gives outlying rows less weight (iteratively
+    reweighted, Cauchy weights).
+    """
     weights = np.ones(len(design))
     for _ in range(rounds):
         root = np.sqrt(weights)[:, None]
@@ -138,7 +172,11 @@ def _judged(
     wanted = _prediction(curves, tasks, i)
 
     def deviation(shift: float) -> float:
-        return float(np.sqrt(np.mean(((_resampled(clocks[i] - shift, paths[i], grid) - wanted) / usual) ** 2)))
+        return float(
+            np.sqrt(
+                np.mean(((_resampled(clocks[i] - shift, paths[i], grid) - wanted) / usual) ** 2)
+            )
+        )
 
     now, at = deviation(0.0), [deviation(shift) for shift in shifts]
     best = int(np.argmin(at))
@@ -146,7 +184,12 @@ def _judged(
     least = min(now, at[best])
     reason = ""
     if now > largest_deviation and abs(lag) > largest_lag and least < 0.5 * now:
-        reason = f"it is {abs(lag):.2f} s {'late' if lag > 0 else 'early'}: align it at another instant"
+        reason = (
+            f"it is {abs(lag):.2f} s {'late' if lag > 0 else 'early'}: align it at another instant"
+        )
     elif now > largest_deviation:
-        reason = f"it strays {now:.1f} times as far as usual from what the others predict (limit {largest_deviation:g}): leave it out"
+        reason = (
+            f"it strays {now:.1f} times as far as usual from what the others predict (limit"
+            f" {largest_deviation:g}): leave it out"
+        )
     return Fit(now, lag, least, reason)

@@ -1,5 +1,6 @@
-"""What `DSGMR` and `AutonomousDSGMR` have in common: the gains of (7.19), further inputs of the regression beside time, and a
-task-parameterised mixture that is fitted by EM or with one component in each interval of time.
+"""What `DSGMR` and `AutonomousDSGMR` have in common: the gains of (7.19), further inputs of the
+regression beside time, and a task-parameterised mixture that is fitted by EM or with one component
+in each interval of time.
 """
 
 from __future__ import annotations
@@ -41,10 +42,16 @@ class AttractorModel(MixtureModel):
         if partition not in PARTITIONS:
             raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
         self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
-        self.damping = critical_damping(self.stiffness) if damping is None else as_gains(damping, None, "damping", strict=False)
+        self.damping = (
+            critical_damping(self.stiffness)
+            if damping is None
+            else as_gains(damping, None, "damping", strict=False)
+        )
         self._given_damping = damping
         self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
-        self.overlap = None if overlap is None else as_number(overlap, "overlap", 1e-3, strict=False)
+        self.overlap = (
+            None if overlap is None else as_number(overlap, "overlap", 1e-3, strict=False)
+        )
         self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
         self.n_components = self._mixture.n_components
 
@@ -57,7 +64,9 @@ class AttractorModel(MixtureModel):
     ) -> None:
         """Fit the mixture to features (n_i, m) of each demonstration."""
         if self.partition == "time":
-            fitted = self._mixture.fit_in_time(samples, frames, weights, OVERLAP if self.overlap is None else self.overlap)
+            fitted = self._mixture.fit_in_time(
+                samples, frames, weights, OVERLAP if self.overlap is None else self.overlap
+            )
         elif self.overlap is None:
             fitted = self._mixture.fit(samples, frames, weights, rng=rng)
         else:
@@ -67,11 +76,16 @@ class AttractorModel(MixtureModel):
     def _with_outputs(self, mixture: TaskParameterisedMixture) -> TaskParameterisedMixture:
         """The mixture; ValueError if it has no columns besides time and the further inputs."""
         if mixture.n_dims < self.n_inputs + 2:
-            raise ValueError(f"{mixture.n_dims} columns are too few for time, {self.n_inputs} further inputs (n_inputs) and an attractor")
+            raise ValueError(
+                f"{mixture.n_dims} columns are too few for time, {self.n_inputs} further inputs"
+                " (n_inputs) and an attractor"
+            )
         return mixture
 
     def _from_arrays(self, arrays: Arrays) -> None:
-        mixture = TaskParameterisedMixture(self._mixture.n_components, n_shared=self._mixture.n_shared)
+        mixture = TaskParameterisedMixture(
+            self._mixture.n_components, n_shared=self._mixture.n_shared
+        )
         mixture._from_arrays(arrays)
         self.mixture_ = self._with_outputs(mixture)
 
@@ -87,7 +101,9 @@ class AttractorModel(MixtureModel):
         inputs = f" and {self.n_inputs} further inputs" if self.n_inputs else ""
         return f"{self._shown()}{d} movement variables{inputs}, {self.mixture_._fitted_to()}"
 
-    def _with_inputs(self, time: ArrayLike, inputs: ArrayLike | None, n: int | None = None) -> np.ndarray:
+    def _with_inputs(
+        self, time: ArrayLike, inputs: ArrayLike | None, n: int | None = None
+    ) -> np.ndarray:
         """Stamps (n,) and further inputs, (q,) or (n, q), as columns (n, 1 + q)."""
         time, q = as_stamps(time, n), self.n_inputs
         given = as_finite([] if inputs is None else inputs, "inputs")
@@ -95,7 +111,7 @@ class AttractorModel(MixtureModel):
             given = given[None]
         if given.shape not in ((q,), (len(time), q)):
             raise ValueError(
-                f"inputs beside time must have shape ({q},), or ({len(time)}, {q}) to change with it, got {given.shape}; "
-                "n_inputs says how many there are"
+                f"inputs beside time must have shape ({q},), or ({len(time)}, {q}) to change with"
+                f" it, got {given.shape}; n_inputs says how many there are"
             )
         return np.column_stack([time, np.broadcast_to(given, (len(time), q))])

@@ -1,24 +1,27 @@
 """Autonomous DS-GMR: the state of the robot drives the movement, not the clock (thesis chapter 9).
 
-An attractor y(x, x') that is regressed on the state alone can get stuck. Where the demonstrations rest before they move,
-it asks for no motion. Where a path comes near itself (wind-up and throw), it mixes both passes. Therefore the state acts
-through the phase s [s], the place of the robot along the movement. Regression of the mixture over [t, x, x', y] on t gives
-the state z(s) that belongs to a phase, with covariance R(s), and the attractor y(s). The state changes the phase by
+An attractor y(x, x') that is regressed on the state alone can get stuck. Where the demonstrations
+rest before they move, it asks for no motion. Where a path comes near itself (wind-up and throw),
+it mixes both passes. Therefore the state acts through the phase s [s], the place of the robot
+along the movement. Regression of the mixture over [t, x, x', y] on t gives the state z(s) that
+belongs to a phase, with covariance R(s), and the attractor y(s). The state changes the phase by
 
     s' = clip(1 + d / T, slowest, fastest),    d = z_s' R^-1 (z - z(s)) / (z_s' R^-1 z_s + 1 / w^2),    z_s = dz(s)/ds.
 
-d [s] is how far the state is ahead of the phase: it is the correction of an extended Kalman filter for s with standard
-deviation w. R contains the spread of the demonstrations and the uncertainty of the pace, so that a robot that is slow
-because it is held back is not taken to be at the end of the movement. Then (7.19) follows y(s).
+d [s] is how far the state is ahead of the phase: it is the correction of an extended Kalman filter
+for s with standard deviation w. R contains the spread of the demonstrations and the uncertainty of
+the pace, so that a robot that is slow because it is held back is not taken to be at the end of the
+movement. Then (7.19) follows y(s).
 
-The system has no clock. If the robot is held back, the movement waits. If it is pushed ahead, the movement skips a part.
-It reaches the goal from every start: since s' >= slowest > 0, s reaches its end in finite time; from then on y is
-constant, and (7.19) with a constant attractor is a stable linear system.
+The system has no clock. If the robot is held back, the movement waits. If it is pushed ahead, the
+movement skips a part. It reaches the goal from every start: since s' >= slowest > 0, s reaches its
+end in finite time; from then on y is constant, and (7.19) with a constant attractor is a stable
+linear system.
 
-The goal is where the demonstrations ended: their last positions are one Gaussian in each frame, and the product of these
-(7.21) is the goal in new frames. The regression at the mean duration is elsewhere, as some demonstrations have ended by
-then and others have not. A stretch of `SETTLING` after the last phase leads from there to the goal, so the course before is
-the regression's.
+The goal is where the demonstrations ended: their last positions are one Gaussian in each frame,
+and the product of these (7.21) is the goal in new frames. The regression at the mean duration is
+elsewhere, as some demonstrations have ended by then and others have not. A stretch of `SETTLING`
+after the last phase leads from there to the goal, so the course before is the regression's.
 """
 
 from __future__ import annotations
@@ -80,7 +83,8 @@ class AutonomousDSGMR(AttractorModel):
     * n_inputs, partition, overlap: as in `DSGMR`.
     * mixture_options: hyper-parameters of `TaskParameterisedMixture`.
 
-    Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, x, x', y], where u are the further inputs.
+    Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, x, x', y],
+    where u are the further inputs.
     """
 
     def __init__(
@@ -95,7 +99,15 @@ class AutonomousDSGMR(AttractorModel):
         overlap: float | None = None,
         **mixture_options: Any,
     ) -> None:
-        super().__init__(n_components, stiffness, damping, n_inputs=n_inputs, partition=partition, overlap=overlap, **mixture_options)
+        super().__init__(
+            n_components,
+            stiffness,
+            damping,
+            n_inputs=n_inputs,
+            partition=partition,
+            overlap=overlap,
+            **mixture_options,
+        )
         self.rule = rule or PhaseRule()
 
     def _plain_params(self) -> dict[str, Any]:
@@ -106,13 +118,21 @@ class AutonomousDSGMR(AttractorModel):
         return {**values, "rule": PhaseRule(**values["rule"])}
 
     def _to_arrays(self) -> Arrays:
-        last = {f"last.{name}": value for name, value in self._last._to_arrays().items()} if hasattr(self, "_last") else {}
+        last = (
+            {f"last.{name}": value for name, value in self._last._to_arrays().items()}
+            if hasattr(self, "_last")
+            else {}
+        )
         return {**super()._to_arrays(), **last, "ends": self._ends}
 
     def _from_arrays(self, arrays: Arrays) -> None:
         super()._from_arrays(arrays)
         self._ends = array_of(arrays, "ends", (2,))
-        last = {name.removeprefix("last."): value for name, value in arrays.items() if name.startswith("last.")}
+        last = {
+            name.removeprefix("last."): value
+            for name, value in arrays.items()
+            if name.startswith("last.")
+        }
         if last:
             self._last = TaskParameterisedMixture(1)
             self._last._from_arrays(last)
@@ -137,13 +157,16 @@ class AutonomousDSGMR(AttractorModel):
         Parameters:
 
         * times: for each demonstration its stamps (n_i,) [s].
-        * motions: for each demonstration position, velocity and acceleration (n_i, d), as `smooth_derivatives` returns them.
-          The acceleration may be missing if attractors are given.
-        * frames: for each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`; one that moves is a list with a
-          `MovingFrame` for each sample.
+        * motions: for each demonstration position, velocity and acceleration (n_i, d), as
+          `smooth_derivatives` returns them. The acceleration may be missing if attractors are
+          given.
+        * frames: for each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`; one
+          that moves is a list with a `MovingFrame` for each sample.
         * weights: as in `DSGMR.fit`.
-        * attractors: for each demonstration (n_i, d), default None: computed from the motions by (7.20).
-        * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None: there are none.
+        * attractors: for each demonstration (n_i, d), default None: computed from the motions by
+          (7.20).
+        * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None:
+          there are none.
         * rng: as in `DSGMR.fit`.
         """
         samples, lifted = self._encoded(times, motions, frames, attractors, inputs)
@@ -162,8 +185,12 @@ class AutonomousDSGMR(AttractorModel):
         attractors: Sequence[ArrayLike] | None = None,
         inputs: Sequence[ArrayLike] | None = None,
     ) -> float:
-        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is better."""
-        return self._fitted.bic(*self._encoded(times, motions, frames, attractors, inputs), weights)
+        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is
+        better.
+        """
+        return self._fitted.bic(
+            *self._encoded(times, motions, frames, attractors, inputs), weights
+        )
 
     def _encoded(
         self,
@@ -176,12 +203,16 @@ class AutonomousDSGMR(AttractorModel):
         """Features [t, u, x, x', y] of each demonstration, and its frames over them."""
         if not len(times) == len(motions) == len(frames):
             raise ValueError(
-                f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and {len(frames)}; each is a list with one "
-                "entry for each demonstration, also for a single one"
+                f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and"
+                f" {len(frames)}; each is a list with one entry for each demonstration, also for a"
+                " single one"
             )
         attractors = _one_each(attractors, len(times), "attractors")
         inputs = _one_each(inputs, len(times), "inputs")
-        samples = [self._features(times[i], motions[i], attractors[i], inputs[i]) for i in range(len(times))]
+        samples = [
+            self._features(times[i], motions[i], attractors[i], inputs[i])
+            for i in range(len(times))
+        ]
         return samples, [self._lifted(its_frames) for its_frames in frames]
 
     @classmethod
@@ -195,7 +226,8 @@ class AutonomousDSGMR(AttractorModel):
         *,
         n_inputs: int = 0,
     ) -> AutonomousDSGMR:
-        """The model whose mixture over [t, u, x, x', y] was fitted elsewhere; ends: first and last phase [s].
+        """The model whose mixture over [t, u, x, x', y] was fitted elsewhere; ends: first and last
+        phase [s].
 
         stiffness, damping, rule, n_inputs: as of the class.
         """
@@ -204,25 +236,47 @@ class AutonomousDSGMR(AttractorModel):
         return model
 
     def _features(
-        self, time: ArrayLike, motion: Sequence[ArrayLike] | np.ndarray, attractor: ArrayLike | None, inputs: ArrayLike | None
+        self,
+        time: ArrayLike,
+        motion: Sequence[ArrayLike] | np.ndarray,
+        attractor: ArrayLike | None,
+        inputs: ArrayLike | None,
     ) -> np.ndarray:
         """[t, u, x, x', y] (n, 1 + q + 3d)."""
         _require_motion(motion, 2 if attractor is not None else 3)
         if attractor is None:
             position, velocity, acceleration = motion
-            attractor = attractor_from_motion(position, velocity, acceleration, self.stiffness, self.damping)
+            attractor = attractor_from_motion(
+                position, velocity, acceleration, self.stiffness, self.damping
+            )
         attractor = as_samples(attractor, "attractor")
         position = as_samples(motion[0], "position", attractor.shape[1])
         velocity = as_samples(motion[1], "velocity", attractor.shape[1])
         if not len(position) == len(velocity) == len(attractor):
-            raise ValueError(f"position, velocity and attractor must be as long, got {len(position)}, {len(velocity)}, {len(attractor)}")
-        return np.column_stack([self._with_inputs(time, inputs, len(attractor)), position, velocity, attractor])
+            raise ValueError(
+                f"position, velocity and attractor must be as long, got {len(position)},"
+                f" {len(velocity)}, {len(attractor)}"
+            )
+        return np.column_stack(
+            [self._with_inputs(time, inputs, len(attractor)), position, velocity, attractor]
+        )
 
     def _lifted(self, frames: Sequence[StateFrame | Sequence[StateFrame]]) -> list:
-        return [self._lifted(one) if isinstance(one, Sequence) else None if one is None else lift(one, self.n_inputs) for one in frames]
+        return [
+            (
+                self._lifted(one)
+                if isinstance(one, Sequence)
+                else None
+                if one is None
+                else lift(one, self.n_inputs)
+            )
+            for one in frames
+        ]
 
     def product(self, frames: Sequence[StateFrame]) -> GaussianMixture:
-        """(7.21): the mixture over [t, u, x, x', y] in the world, for P new frames of the features [t, u, y]; None for a missing one."""
+        """(7.21): the mixture over [t, u, x, x', y] in the world, for P new frames of the features
+        [t, u, y]; None for a missing one.
+        """
         return self._fitted.product(self._lifted(frames))
 
     @property
@@ -232,9 +286,15 @@ class AutonomousDSGMR(AttractorModel):
         first, last = self._ends
         return float(first), float(last)
 
-    def moment(self, frames: Sequence[StateFrame], phase: float, inputs: ArrayLike | None = None) -> Moment:
-        """What belongs to one phase [s], in frames as they are now; inputs: the further inputs u (q,)."""
-        states, spreads, attractors = self._at_phases(frames, phase + SLOPE_STEP * np.array([-1.0, 0.0, 1.0]), inputs)
+    def moment(
+        self, frames: Sequence[StateFrame], phase: float, inputs: ArrayLike | None = None
+    ) -> Moment:
+        """What belongs to one phase [s], in frames as they are now; inputs: the further inputs u
+        (q,).
+        """
+        states, spreads, attractors = self._at_phases(
+            frames, phase + SLOPE_STEP * np.array([-1.0, 0.0, 1.0]), inputs
+        )
         slope = (states[2:] - states[:1]) / (2.0 * SLOPE_STEP)
         gain, _ = correction(states[1:2], spreads[1:2], slope, self.rule)
         return Moment(states[1], attractors[1], gain[0])
@@ -242,10 +302,14 @@ class AutonomousDSGMR(AttractorModel):
     def _at_phases(
         self, frames: Sequence[StateFrame], phases: np.ndarray, inputs: ArrayLike | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """States z(s) (n, 2d), their covariances R(s) (n, 2d, 2d) and attractors y(s) (n, d) at phases (n,)."""
+        """States z(s) (n, 2d), their covariances R(s) (n, 2d, 2d) and attractors y(s) (n, d) at
+        phases (n,).
+        """
         mixture, queries = self.product(frames), self._with_inputs(phases, inputs)
         n_inputs = queries.shape[1]
-        mean, covariance = regress(mixture, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims))
+        mean, covariance = regress(
+            mixture, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims)
+        )
         d = (mixture.n_dims - n_inputs) // 3
         return mean[:, : 2 * d], covariance[:, : 2 * d, : 2 * d], mean[:, 2 * d :]
 
@@ -263,11 +327,15 @@ class AutonomousDSGMR(AttractorModel):
         Parameters:
 
         * frames: P frames of the features [t, u, y]; None for a frame that is missing.
-        * resolution: int, default 400. Number of phases at which the policy is computed beforehand.
-        * phase: (n,) [s], equally spaced, default None: `resolution` of them, from the start to the end of the demonstrations.
-        * inputs: the further inputs u, (q,) or one row for each phase (n, q); default None: there are none.
-        * goal: (d,), where the movement ends. Default None: where the demonstrations ended (`goal`); but if `phase` is given,
-          or the mixture was fitted elsewhere, where the regression is at the last phase.
+        * resolution: int, default 400. Number of phases at which the policy is computed
+          beforehand.
+        * phase: (n,) [s], equally spaced, default None: `resolution` of them, from the start to
+          the end of the demonstrations.
+        * inputs: the further inputs u, (q,) or one row for each phase (n, q); default None: there
+          are none.
+        * goal: (d,), where the movement ends. Default None: where the demonstrations ended
+          (`goal`); but if `phase` is given, or the mixture was fitted elsewhere, where the
+          regression is at the last phase.
         """
         if goal is None and phase is None and hasattr(self, "_last"):
             goal = self.goal(frames, inputs)
@@ -282,21 +350,26 @@ class AutonomousDSGMR(AttractorModel):
         return AutonomousPolicy(phase, *course, self.stiffness, self.damping, self.rule)
 
     def goal(self, frames: Sequence[StateFrame], inputs: ArrayLike | None = None) -> np.ndarray:
-        """Where the demonstrations ended, as seen in P new frames (d,): the product (7.21) of the Gaussians of their last positions.
+        """Where the demonstrations ended, as seen in P new frames (d,): the product (7.21) of the
+        Gaussians of their last positions.
 
-        inputs: the further inputs u, (q,) or rows (n, q), of which the last counts; the ends are regressed on them. ValueError if
-        nothing was fitted, or elsewhere.
+        inputs: the further inputs u, (q,) or rows (n, q), of which the last counts; the ends are
+        regressed on them. ValueError if nothing was fitted, or elsewhere.
         """
         if not hasattr(self, "_last"):
             self._fitted  # noqa: B018 - or a ValueError that says so
             raise ValueError(
-                "the mixture of this model was fitted elsewhere, and the ends of its demonstrations are not known: give a goal"
+                "the mixture of this model was fitted elsewhere, and the ends of its"
+                " demonstrations are not known: give a goal"
             )
         product = self._last.product(self._lifted(frames))
         first, d = 1 + self.n_inputs, (product.n_dims - 1 - self.n_inputs) // 3
         if not self.n_inputs:
             return product.means_[0, first : first + d]
-        query = self._with_inputs(self.ends[1:], None if inputs is None else np.atleast_2d(as_finite(inputs, "inputs"))[-1])[:, 1:]
+        query = self._with_inputs(
+            self.ends[1:],
+            None if inputs is None else np.atleast_2d(as_finite(inputs, "inputs"))[-1],
+        )[:, 1:]
         return regress(product, query, np.arange(1, first), np.arange(first, first + d))[0][0]
 
     def reproduce(
@@ -322,11 +395,17 @@ class AutonomousDSGMR(AttractorModel):
 
 def _require_motion(motion: Sequence[ArrayLike] | np.ndarray, least: int) -> None:
     """ValueError unless a motion has its parts (n, d): `least` to 3 of them."""
-    shapes = [np.shape(part) for part in motion] if isinstance(motion, (Sequence, np.ndarray)) else []
+    shapes = (
+        [np.shape(part) for part in motion] if isinstance(motion, (Sequence, np.ndarray)) else []
+    )
     if least <= len(shapes) <= 3 and all(len(shape) == 2 for shape in shapes):
         return
     alike = len(set(shapes)) == 1 and len(shapes[0]) < 2
-    got = f"one array of shape {(len(shapes), *shapes[0])}" if alike else f"{len(shapes)} parts of shapes {shapes[:4]}"
+    got = (
+        f"one array of shape {(len(shapes), *shapes[0])}"
+        if alike
+        else f"{len(shapes)} parts of shapes {shapes[:4]}"
+    )
     parts = "position, velocity and acceleration" if least == 3 else "position and velocity"
     remedy = (
         "give the acceleration, or its attractor"
@@ -341,21 +420,34 @@ def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:
     if given is None:
         return [None] * n
     if len(given) != n:
-        raise ValueError(f"{name} has {len(given)} entries for {n} demonstrations; give one for each")
+        raise ValueError(
+            f"{name} has {len(given)} entries for {n} demonstrations; give one for each"
+        )
     return given
 
 
-def _gaussian_of_ends(samples: list[np.ndarray], frames: list[list], weights: Weights) -> TaskParameterisedMixture:
-    """One Gaussian in each frame of the last row of the features [t, u, x, x', y] (n_i, m) of each demonstration."""
-    last = [[one[-1:] if isinstance(one, list) else one for one in its_frames] for its_frames in frames]
+def _gaussian_of_ends(
+    samples: list[np.ndarray], frames: list[list], weights: Weights
+) -> TaskParameterisedMixture:
+    """One Gaussian in each frame of the last row of the features [t, u, x, x', y] (n_i, m) of each
+    demonstration.
+    """
+    last = [
+        [one[-1:] if isinstance(one, list) else one for one in its_frames] for its_frames in frames
+    ]
     heard = None if weights is None else [np.ravel(one)[-1:] for one in weights]
     return TaskParameterisedMixture(1).fit([rows[-1:] for rows in samples], last, heard)
 
 
 def _settled(
-    phase: np.ndarray, step: float, course: tuple[np.ndarray, np.ndarray, np.ndarray], goal: np.ndarray
+    phase: np.ndarray,
+    step: float,
+    course: tuple[np.ndarray, np.ndarray, np.ndarray],
+    goal: np.ndarray,
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Phases (n + k,) [s], states, their covariances and attractors: the course (n, ...) and then smoothly to rest at the goal (d,)."""
+    """Phases (n + k,) [s], states, their covariances and attractors: the course (n, ...) and then
+    smoothly to rest at the goal (d,).
+    """
     n_more = max(2, round(SETTLING / step))
     share = (np.arange(1, n_more + 1) / n_more)[:, None]
     share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
@@ -365,11 +457,18 @@ def _settled(
     attractors = np.vstack([attractors, attractors[-1] + share * (goal - attractors[-1])])
     attractors[-1] = goal
     spreads = np.concatenate([spreads, np.broadcast_to(spreads[-1], (n_more, *spreads.shape[1:]))])
-    return np.concatenate([phase, phase[-1] + step * np.arange(1, n_more + 1)]), (states, spreads, attractors)
+    return np.concatenate([phase, phase[-1] + step * np.arange(1, n_more + 1)]), (
+        states,
+        spreads,
+        attractors,
+    )
 
 
-def correction(state: np.ndarray, spread: np.ndarray, slope: np.ndarray, rule: PhaseRule) -> tuple[np.ndarray, np.ndarray]:
-    """Gain (n, 2d) with which a difference of the state says how far it is ahead [s], and the precision (n, 2d, 2d) of the state.
+def correction(
+    state: np.ndarray, spread: np.ndarray, slope: np.ndarray, rule: PhaseRule
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gain (n, 2d) with which a difference of the state says how far it is ahead [s], and the
+    precision (n, 2d, 2d) of the state.
 
     state, spread, slope: z(s) (n, 2d), R(s) (n, 2d, 2d) and z_s (n, 2d).
     """
@@ -377,12 +476,17 @@ def correction(state: np.ndarray, spread: np.ndarray, slope: np.ndarray, rule: P
     slower = np.hstack([np.zeros_like(state[:, :d]), UNKNOWN_PACE * state[:, d:]])
     precision = np.linalg.inv(spread + slower[:, :, None] * slower[:, None])
     weighted = np.einsum("nij,nj->ni", precision, slope)
-    return weighted / (np.einsum("ni,ni->n", weighted, slope) + rule.deviation**-2)[:, None], precision
+    return (
+        weighted / (np.einsum("ni,ni->n", weighted, slope) + rule.deviation**-2)[:, None],
+        precision,
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What belongs to one phase: state (2d,), position over velocity; attractor (d,); gain (2d,), as of `correction`."""
+    """What belongs to one phase: state (2d,), position over velocity; attractor (d,); gain (2d,),
+    as of `correction`.
+    """
 
     state: np.ndarray
     attractor: np.ndarray
@@ -392,7 +496,8 @@ class Moment:
 class AutonomousPolicy:
     """The policy for one situation, made by `AutonomousDSGMR.policy`.
 
-    `locate` finds the phase of a state, `advance` changes the phase over a step, and `attractor` gives y at a phase.
+    `locate` finds the phase of a state, `advance` changes the phase over a step, and `attractor`
+    gives y at a phase.
 
     Parameters:
 
@@ -417,7 +522,9 @@ class AutonomousPolicy:
         self.phase, self.state, self.attractors, self.rule = phase, state, attractors, rule
         d = attractors.shape[1]
         self._kp, self._kv = np.broadcast_to(stiffness, d), np.broadcast_to(damping, d)
-        self._gain, self._precision = correction(state, spread, np.gradient(state, phase, axis=0), rule)
+        self._gain, self._precision = correction(
+            state, spread, np.gradient(state, phase, axis=0), rule
+        )
 
     @property
     def goal(self) -> np.ndarray:
@@ -425,20 +532,30 @@ class AutonomousPolicy:
         return self.attractors[-1]
 
     def locate(self, position: ArrayLike, velocity: ArrayLike) -> float:
-        """Phase [s] whose state is nearest to position and velocity (d,), by Mahalanobis distance; the earliest of equals."""
+        """Phase [s] whose state is nearest to position and velocity (d,), by Mahalanobis distance;
+        the earliest of equals.
+        """
         error = self._as_state(position, velocity) - self.state
-        return float(self.phase[np.argmin(np.einsum("ni,nij,nj->n", error, self._precision, error))])
+        return float(
+            self.phase[np.argmin(np.einsum("ni,nij,nj->n", error, self._precision, error))]
+        )
 
-    def advance(self, phase: float, position: ArrayLike, velocity: ArrayLike, step: float) -> float:
+    def advance(
+        self, phase: float, position: ArrayLike, velocity: ArrayLike, step: float
+    ) -> float:
         """Phase [s] a `step` [s] later, for a robot with this position and velocity (d,)."""
         return self._advanced(phase, self._as_state(position, velocity), as_number(step, "step"))
 
     def attractor(self, phase: float) -> np.ndarray:
-        """Attractor (d,) at a phase [s]; constant before the start and after the end of the movement."""
+        """Attractor (d,) at a phase [s]; constant before the start and after the end of the
+        movement.
+        """
         return self._at(self.attractors, phase)
 
     def gain(self, phase: np.ndarray) -> np.ndarray:
-        """By how much a difference of the state (x, x') from that of the phase is ahead (n, 2d), at phases (n,) [s]."""
+        """By how much a difference of the state (x, x') from that of the phase is ahead (n, 2d),
+        at phases (n,) [s].
+        """
         return self._at(self._gain, np.asarray(phase, dtype=float))
 
     def acceleration(self, phase: float, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
@@ -448,14 +565,25 @@ class AutonomousPolicy:
         return self._kp * (self.attractor(phase) - state[:d]) - self._kv * state[d:]
 
     def run(
-        self, position0: ArrayLike, velocity0: ArrayLike, *, step: float = 0.002, duration: float, push: Push | None = None
+        self,
+        position0: ArrayLike,
+        velocity0: ArrayLike,
+        *,
+        step: float = 0.002,
+        duration: float,
+        push: Push | None = None,
     ) -> StateDriven:
-        """Movement of a unit mass (7.19) in place of the robot, from position0 and velocity0 (d,), for `duration` [s].
+        """Movement of a unit mass (7.19) in place of the robot, from position0 and velocity0 (d,),
+        for `duration` [s].
 
-        push: function of time, position and velocity that returns an acceleration (d,) from outside, in units of the
-        movement per s^2; it is constant over a step. Each step is exact for an attractor that is linear in between.
+        push: function of time, position and velocity that returns an acceleration (d,) from
+        outside, in units of the movement per s^2; it is constant over a step. Each step is exact
+        for an attractor that is linear in between.
         """
-        step, n_steps = as_number(step, "step"), round(as_number(duration, "duration") / as_number(step, "step"))
+        step, n_steps = (
+            as_number(step, "step"),
+            round(as_number(duration, "duration") / as_number(step, "step")),
+        )
         d = len(self._kp)
         states, phases = np.empty((n_steps + 1, 2 * d)), np.empty(n_steps + 1)
         states[0] = self._as_state(position0, velocity0)
@@ -464,18 +592,26 @@ class AutonomousPolicy:
         flow = _flow(step, self._kp, self._kv)
         for k in range(n_steps):
             if push is not None:
-                pushes[k] = as_vector(push(k * step, states[k, :d].copy(), states[k, d:].copy()), "push", d)
+                pushes[k] = as_vector(
+                    push(k * step, states[k, :d].copy(), states[k, d:].copy()), "push", d
+                )
             phases[k + 1] = self._advanced(phases[k], states[k], step)
-            now, later = (self.attractor(phase) + pushes[k] / self._kp for phase in phases[k : k + 2])
+            now, later = (
+                self.attractor(phase) + pushes[k] / self._kp for phase in phases[k : k + 2]
+            )
             states[k + 1] = flow(states[k], now, later)
         attractor = self._at(self.attractors, phases)
         position, velocity = states[:, :d], states[:, d:]
         acceleration = self._kp * (attractor - position) - self._kv * velocity + pushes
-        return StateDriven(step * np.arange(n_steps + 1), phases, attractor, position, velocity, acceleration)
+        return StateDriven(
+            step * np.arange(n_steps + 1), phases, attractor, position, velocity, acceleration
+        )
 
     def _as_state(self, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
         d = len(self._kp)
-        return np.concatenate([as_vector(position, "position", d), as_vector(velocity, "velocity", d)])
+        return np.concatenate(
+            [as_vector(position, "position", d), as_vector(velocity, "velocity", d)]
+        )
 
     def _advanced(self, phase: float, state: np.ndarray, step: float) -> float:
         ahead = float(self._at(self._gain, phase) @ (state - self._at(self.state, phase)))
@@ -483,19 +619,28 @@ class AutonomousPolicy:
 
     def _at(self, rows: np.ndarray, phase: float | np.ndarray) -> np.ndarray:
         """Rows (n, ...) interpolated at a phase, or at many."""
-        place = np.clip((phase - self.phase[0]) / (self.phase[1] - self.phase[0]), 0.0, len(rows) - 1.0)
+        place = np.clip(
+            (phase - self.phase[0]) / (self.phase[1] - self.phase[0]), 0.0, len(rows) - 1.0
+        )
         before = np.minimum(place.astype(int) if np.ndim(place) else int(place), len(rows) - 2)
         share = (place - before)[..., None] if np.ndim(place) else place - before
         return rows[before] + share * (rows[before + 1] - rows[before])
 
 
-def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
-    """A function for one exact step of (7.19): from state (2d,), attractor (d,) now and one step later, linear in between."""
+def _flow(
+    step: float, stiffness: np.ndarray, damping: np.ndarray
+) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+    """A function for one exact step of (7.19): from state (2d,), attractor (d,) now and one step
+    later, linear in between.
+    """
     d = len(stiffness)
     parts = [discretise(step, float(p), float(v)) for p, v in zip(stiffness, damping, strict=True)]
     units = np.stack([np.ones(d), np.sqrt(stiffness)])
     transition = np.stack([part[0] for part in parts])  # (d, 2, 2)
-    first, second = np.stack([part[1] for part in parts]).T, np.stack([part[2] for part in parts]).T  # (2, d)
+    first, second = (
+        np.stack([part[1] for part in parts]).T,
+        np.stack([part[2] for part in parts]).T,
+    )  # (2, d)
 
     def flow(state: np.ndarray, now: np.ndarray, later: np.ndarray) -> np.ndarray:
         scaled = state.reshape(2, d) / units
@@ -506,18 +651,27 @@ def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[
 
 
 def lift(frame: TaskFrame | MovingFrame, n_inputs: int = 0) -> TaskFrame:
-    """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y]: positions and attractors are shifted, velocities only turned.
-    One that moves shifts each of the three by its own.
+    """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y]: positions and attractors
+    are shifted, velocities only turned. One that moves shifts each of the three by its own.
 
     n_inputs: number of further inputs u after time.
     """
     first = 1 + n_inputs
     if isinstance(frame, MovingFrame):
         still, d = lift(frame.frame, n_inputs), len(frame.velocity)
-        return TaskFrame._made(still.A, np.concatenate([still.b[: first + d], frame.velocity, frame.attractor]))
+        return TaskFrame._made(
+            still.A, np.concatenate([still.b[: first + d], frame.velocity, frame.attractor])
+        )
     d, matrix, offset = frame.n_dims - first, frame.A, frame.b
-    if np.any(matrix[:first, first:]) or np.any(matrix[first:, :first]) or np.any(matrix[0, 1:first]):
-        raise ValueError("a frame that mixes time or inputs with movement variables has no velocities: let them pass through")
+    if (
+        np.any(matrix[:first, first:])
+        or np.any(matrix[first:, :first])
+        or np.any(matrix[0, 1:first])
+    ):
+        raise ValueError(
+            "a frame that mixes time or inputs with movement variables has no velocities: let them"
+            " pass through"
+        )
     lifted, moved = np.zeros((3 * d + first, 3 * d + first)), np.zeros(3 * d + first)
     lifted[:first, :first], moved[:first] = matrix[:first, :first], offset[:first]
     for block in range(3):

@@ -1,4 +1,6 @@
-"""Preparation of demonstrations for a movement primitive: checks, weights, and derivatives that were not recorded."""
+"""Preparation of demonstrations for a movement primitive: checks, weights, and derivatives that
+were not recorded.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,11 @@ from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.movement._differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 from dart_skill.movement._time import as_stamps
 
-# Clean samples are differentiated by the polynomial through so many of them: sixth order, fifth for accelerations at the ends.
+# Clean samples are differentiated by the polynomial through so many of them: sixth order, fifth
+# for accelerations at the ends.
 STENCIL = 7
-# If differences would make more noise than this share of the acceleration, the samples are smoothed instead.
+# If differences would make more noise than this share of the acceleration, the samples are
+# smoothed instead.
 NOISE_SHARE = 0.02
 
 
@@ -37,7 +41,8 @@ def as_demonstrations(
 ) -> list[Demonstration]:
     """Checked demonstrations, without those of weight zero.
 
-    The input is one demonstration, time (n,) and position (n, d), or sequences with an entry for each demonstration.
+    The input is one demonstration, time (n,) and position (n, d), or sequences with an entry for
+    each demonstration.
     """
     noise = None if noise is None else as_finite(noise, "noise")
     if noise is not None and noise.min(initial=0.0) < 0:
@@ -45,7 +50,9 @@ def as_demonstrations(
     if are_several(position):
         demonstrations = _as_several(time, position, velocity, acceleration, weights, noise)
     else:
-        demonstrations = [_as_demonstration(time, position, velocity, acceleration, weights, noise, "")]
+        demonstrations = [
+            _as_demonstration(time, position, velocity, acceleration, weights, noise, "")
+        ]
     counting = [demonstration for demonstration in demonstrations if demonstration.weights.any()]
     if not counting:
         raise ValueError("weights are all zero; at least one sample must count")
@@ -66,7 +73,12 @@ def _as_several(
     weights: ArrayLike | None,
     noise: np.ndarray | None,
 ) -> list[Demonstration]:
-    named = [("time", time), ("velocity", velocity), ("acceleration", acceleration), ("weights", weights)]
+    named = [
+        ("time", time),
+        ("velocity", velocity),
+        ("acceleration", acceleration),
+        ("weights", weights),
+    ]
     columns = [_per_demonstration(name, value, len(position)) for name, value in named]
     several = [
         _as_demonstration(t, x, v, a, w, noise, f" of demonstration {index}")
@@ -74,7 +86,9 @@ def _as_several(
     ]
     widths = {demonstration.motion.position.shape[1] for demonstration in several}
     if len(widths) > 1:
-        raise ValueError(f"demonstrations must have the same number of columns, got {sorted(widths)}")
+        raise ValueError(
+            f"demonstrations must have the same number of columns, got {sorted(widths)}"
+        )
     return several
 
 
@@ -82,7 +96,9 @@ def are_several(position: ArrayLike) -> TypeGuard[Sequence[ArrayLike]]:
     if isinstance(position, np.ndarray):
         return position.ndim == 3 and len(position) > 0
     try:
-        return isinstance(position, (list, tuple)) and len(position) > 0 and np.ndim(position[0]) == 2
+        return (
+            isinstance(position, (list, tuple)) and len(position) > 0 and np.ndim(position[0]) == 2
+        )
     except ValueError:  # ragged: left for the check of one demonstration to name
         return False
 
@@ -114,20 +130,26 @@ def _as_demonstration(
     acceleration = _like_position(acceleration, shape, f"acceleration{place}")
     elapsed: np.ndarray = time - time[0]
     motion = complete(elapsed, position, velocity, acceleration, noise)
-    return Demonstration(elapsed, motion, _as_sample_weights(weights, len(elapsed), f"weights{place}"))
+    return Demonstration(
+        elapsed, motion, _as_sample_weights(weights, len(elapsed), f"weights{place}")
+    )
 
 
 def _as_sample_weights(weights: ArrayLike | None, n_samples: int, name: str) -> np.ndarray:
     """One weight for the demonstration or one per sample, as (n_samples,)."""
     weights = as_finite(1.0 if weights is None else weights, name)
     if weights.shape not in ((), (n_samples,)):
-        raise ValueError(f"{name} must be one number or one per sample ({n_samples}), got shape {weights.shape}")
+        raise ValueError(
+            f"{name} must be one number or one per sample ({n_samples}), got shape {weights.shape}"
+        )
     if weights.min() < 0:
         raise ValueError(f"{name} must not be negative, got {weights.min():g}")
     return np.broadcast_to(weights, n_samples)
 
 
-def _like_position(value: ArrayLike | None, shape: tuple[int, int], name: str) -> np.ndarray | None:
+def _like_position(
+    value: ArrayLike | None, shape: tuple[int, int], name: str
+) -> np.ndarray | None:
     if value is None:
         return None
     value = as_samples(value, name)
@@ -145,15 +167,22 @@ def complete(
 ) -> Motion:
     """Motion (n, d) in which missing derivatives are computed.
 
-    A recorded velocity is differentiated by differences. Positions alone are differentiated by differences if they are
-    clean (noise is 0, or is estimated to be negligible), otherwise by `smooth_derivatives`.
+    A recorded velocity is differentiated by differences. Positions alone are differentiated by
+    differences if they are clean (noise is 0, or is estimated to be negligible), otherwise by
+    `smooth_derivatives`.
     """
     if velocity is not None:
-        return Motion(position, velocity, difference(time, velocity)[0] if acceleration is None else acceleration)
+        return Motion(
+            position,
+            velocity,
+            difference(time, velocity)[0] if acceleration is None else acceleration,
+        )
     slope, curvature = difference(time, position)
     motion = Motion(position, slope, curvature)
     if noise is None or np.any(noise):
-        if len(time) >= MIN_SAMPLES and (noise is not None or _noise_matters(time, position, curvature)):
+        if len(time) >= MIN_SAMPLES and (
+            noise is not None or _noise_matters(time, position, curvature)
+        ):
             motion = smooth_derivatives(time, position, noise=noise)
     return motion if acceleration is None else motion._replace(acceleration=acceleration)
 
@@ -162,14 +191,20 @@ def _noise_matters(time: np.ndarray, position: np.ndarray, acceleration: np.ndar
     """Whether the noise, estimated from sixth differences, would be visible in the acceleration."""
     contrast = np.diff(position - position[0], 6, axis=0)
     interval = (time[-1] - time[0]) / (len(time) - 1)
-    # Differencing a sample twice with seven points multiplies independent noise by about 3.3 per interval squared.
+    # Differencing a sample twice with seven points multiplies independent noise by about 3.3 per
+    # interval squared.
     visible = NOISE_SHARE * np.sqrt(np.mean(np.square(acceleration))) * interval**2 / 3.3
-    # The noise is the median of the sizes, in units of that of normal noise: whether it is larger, a count says in a fraction of the time.
-    return 2 * np.count_nonzero(np.abs(contrast) > 0.6745 * np.sqrt(924.0) * visible) > contrast.size
+    # The noise is the median of the sizes, in units of that of normal noise: whether it is larger,
+    # a count says in a fraction of the time.
+    return (
+        2 * np.count_nonzero(np.abs(contrast) > 0.6745 * np.sqrt(924.0) * visible) > contrast.size
+    )
 
 
 def difference(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivative (n, d) of samples (n, d), from the polynomial through the nearest seven of them."""
+    """First and second derivative (n, d) of samples (n, d), from the polynomial through the
+    nearest seven of them.
+    """
     n = len(time)
     width = min(STENCIL, n)
     interval = (time[-1] - time[0]) / (n - 1)
@@ -180,12 +215,16 @@ def difference(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.nd
     else:
         first = np.clip(np.arange(n) - width // 2, 0, n - width)
         windows = first[:, None] + np.arange(width)
-        derivatives = np.einsum("nwk,nwd->knd", _stencil(stamps[windows] - stamps[:, None]), samples[windows])
+        derivatives = np.einsum(
+            "nwk,nwd->knd", _stencil(stamps[windows] - stamps[:, None]), samples[windows]
+        )
     return derivatives[0] / interval, derivatives[1] / interval**2
 
 
 def _difference_evenly(samples: np.ndarray, width: int) -> np.ndarray:
-    """First and second derivative (2, n, d), per step, of equally spaced samples: one stencil inside, others at the ends."""
+    """First and second derivative (2, n, d), per step, of equally spaced samples: one stencil
+    inside, others at the ends.
+    """
     stencils = _even_stencils(width)
     head = width // 2
     tail = width - 1 - head
@@ -193,22 +232,33 @@ def _difference_evenly(samples: np.ndarray, width: int) -> np.ndarray:
     inside = derivatives[:, head : len(samples) - tail]
     term = np.empty_like(inside)
     for j in range(width):
-        inside += np.multiply(stencils[head, j][:, None, None], samples[j : len(samples) - width + 1 + j], out=term)
+        inside += np.multiply(
+            stencils[head, j][:, None, None], samples[j : len(samples) - width + 1 + j], out=term
+        )
     np.einsum("nwk,wd->knd", stencils[:head], samples[:width], out=derivatives[:, :head])
-    np.einsum("nwk,wd->knd", stencils[width - tail :], samples[-width:], out=derivatives[:, len(samples) - tail :])
+    np.einsum(
+        "nwk,wd->knd",
+        stencils[width - tail :],
+        samples[-width:],
+        out=derivatives[:, len(samples) - tail :],
+    )
     return derivatives
 
 
 @lru_cache(maxsize=STENCIL)
 def _even_stencils(width: int) -> np.ndarray:
-    """Weights (width, width, 2) of as many equally spaced samples for the derivatives at each of them."""
+    """Weights (width, width, 2) of as many equally spaced samples for the derivatives at each of
+    them.
+    """
     stencils = _stencil(np.arange(width) - np.arange(width)[:, None])
     stencils.flags.writeable = False
     return stencils
 
 
 def _stencil(offsets: np.ndarray) -> np.ndarray:
-    """Weights (n, width, 2) of samples at offsets (n, width) for the first and second derivative at offset zero."""
+    """Weights (n, width, 2) of samples at offsets (n, width) for the first and second derivative
+    at offset zero.
+    """
     width = offsets.shape[1]
     powers = np.moveaxis(np.stack([offsets**k for k in range(width)]).astype(float), 0, 1)
     wanted = np.zeros((width, 2))

@@ -1,9 +1,10 @@
 """Position, velocity and acceleration from noisy samples: a smoothing spline of degree 5.
 
-The spline minimises  sum_i (x(t_i) - x_i)^2 / sigma^2 + lambda * integral x'''(t)^2 dt  over quintic splines with a knot at
-every second stamp. So gaps and irregular stamps need no special treatment. lambda minimises the unbiased estimate of the
-risk, RSS + 2 sigma^2 trace(H) (Mallows; Craven and Wahba 1978), for the noise sigma that is given or estimated. Without
-noise the fit is plain least squares, and exact on polynomials up to degree 5.
+The spline minimises  sum_i (x(t_i) - x_i)^2 / sigma^2 + lambda * integral x'''(t)^2 dt  over
+quintic splines with a knot at every second stamp. So gaps and irregular stamps need no special
+treatment. lambda minimises the unbiased estimate of the risk, RSS + 2 sigma^2 trace(H) (Mallows;
+Craven and Wahba 1978), for the noise sigma that is given or estimated. Without noise the fit is
+plain least squares, and exact on polynomials up to degree 5.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
 MIN_SAMPLES = 8
-# The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear in the number of windows.
+# The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear
+# in the number of windows.
 RISK_WINDOW = 300
 # Median of the absolute value of a normal variable of unit variance.
 NORMAL_MEDIAN = 0.6744897501960817
-# Stamps, in units of their mean interval, are rounded to so many decimals: the rest is rounding of the clock.
+# Stamps, in units of their mean interval, are rounded to so many decimals: the rest is rounding of
+# the clock.
 DECIMALS = 10
 # lambda in units of the mean sample interval, per unit of noise variance.
 LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
@@ -52,10 +55,11 @@ def smooth_derivatives(
 
     * time (n,): stamps [s], increasing, possibly irregular.
     * samples (n, d).
-    * noise: standard deviation of the samples in their unit. One number (default None: estimated) if the columns are
-      coordinates of one vector: they are smoothed alike, so that a rotation of the axes rotates the result. One number per
-      column (d,) if the columns have different units.
-    * at (m,): stamps of the result, within those of the samples; default None: those of the samples.
+    * noise: standard deviation of the samples in their unit. One number (default None: estimated)
+      if the columns are coordinates of one vector: they are smoothed alike, so that a rotation of
+      the axes rotates the result. One number per column (d,) if the columns have different units.
+    * at (m,): stamps of the result, within those of the samples; default None: those of the
+      samples.
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
@@ -65,7 +69,8 @@ def smooth_derivatives(
     stamps = (time - time[0]) / interval
     smoother = _smoother_at(stamps)
     basis = smoother.basis
-    # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned and would disturb it.
+    # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned
+    # and would disturb it.
     trend = smoother.trend(samples)
     rest, penalties = samples - trend, np.zeros(samples.shape[1])
     if levels.any():
@@ -73,34 +78,50 @@ def smooth_derivatives(
         for group in groups:
             if levels[group.start] > 0:
                 penalties[group] = _best_penalty(risk[:, group])
-    coefficients = basis.fit(basis.sums(trend), np.zeros_like(penalties)) + basis.fit(basis.sums(rest), penalties)
+    coefficients = basis.fit(basis.sums(trend), np.zeros_like(penalties)) + basis.fit(
+        basis.sums(rest), penalties
+    )
     points = (at - time[0]) / interval
-    return Motion(*(basis.evaluate(coefficients, points, order) / interval**order for order in range(3)))
+    return Motion(
+        *(basis.evaluate(coefficients, points, order) / interval**order for order in range(3))
+    )
 
 
 def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
     slack = 1e-9 * (time[-1] - time[0])
     if len(at) == 0 or at.min() < time[0] - slack or at.max() > time[-1] + slack:
         span = f"{at.min()} to {at.max()}" if len(at) else "nothing"
-        raise ValueError(f"at spans {span}, the samples only {time[0]} to {time[-1]}; a spline cannot extrapolate")
+        raise ValueError(
+            f"at spans {span}, the samples only {time[0]} to {time[-1]}; a spline cannot"
+            " extrapolate"
+        )
     return np.clip(at, time[0], time[-1])
 
 
-def _noise_levels(time: np.ndarray, samples: np.ndarray, noise: ArrayLike | None) -> tuple[np.ndarray, list[slice]]:
+def _noise_levels(
+    time: np.ndarray, samples: np.ndarray, noise: ArrayLike | None
+) -> tuple[np.ndarray, list[slice]]:
     """Noise per column (d,) and the groups of columns that share one penalty."""
     n_dims = samples.shape[1]
     level = estimate_noise(time, samples) if noise is None else as_finite(noise, "noise")
     if level.shape not in ((), (n_dims,)) or level.min() < 0:
-        raise ValueError(f"noise must be one number or one per column ({n_dims}), not negative, got {level.tolist()}")
-    groups = [slice(0, n_dims)] if level.ndim == 0 else [slice(dim, dim + 1) for dim in range(n_dims)]
+        raise ValueError(
+            f"noise must be one number or one per column ({n_dims}), not negative, got"
+            f" {level.tolist()}"
+        )
+    groups = (
+        [slice(0, n_dims)] if level.ndim == 0 else [slice(dim, dim + 1) for dim in range(n_dims)]
+    )
     return np.broadcast_to(level, n_dims), groups
 
 
 def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) -> np.ndarray:
-    """Standard deviation of the noise in samples (n, d) at stamps (n,): one for all columns, a 0-d array, or one for each, (d,).
+    """Standard deviation of the noise in samples (n, d) at stamps (n,): one for all columns, a 0-d
+    array, or one for each, (d,).
 
-    It comes from combinations of seven neighbours that are zero on polynomials of degree 5 (divided differences, scaled to
-    unit norm): these contain only noise. Their median absolute value is not disturbed by a few bad samples.
+    It comes from combinations of seven neighbours that are zero on polynomials of degree 5
+    (divided differences, scaled to unit norm): these contain only noise. Their median absolute
+    value is not disturbed by a few bad samples.
 
     * time: [s].
     * samples: in any unit.
@@ -109,36 +130,51 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) 
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
     noise = contrasts(time, samples)
-    return np.array([np.median(column) for column in noise] if apart else np.median(noise)) / NORMAL_MEDIAN
+    return (
+        np.array([np.median(column) for column in noise] if apart else np.median(noise))
+        / NORMAL_MEDIAN
+    )
 
 
 class _Smoother:
-    """The part of the penalised least squares fit that depends on the stamps only, and not on the samples."""
+    """The part of the penalised least squares fit that depends on the stamps only, and not on the
+    samples.
+    """
 
     def __init__(self, stamps: np.ndarray):
         self.basis = _QuinticBasis(stamps)
         self._trends = _quadratics(stamps)
 
     def trend(self, samples: np.ndarray) -> np.ndarray:
-        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty does not act on them."""
+        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty
+        does not act on them.
+        """
         return self._trends @ (self._trends.T @ samples)
 
     @cached_property
     def _windows(self) -> list[_RiskWindow]:
         stamps = self.basis.stamps
         n_windows = max(1, round(len(stamps) / RISK_WINDOW))
-        return [_RiskWindow(self.basis if n_windows == 1 else _QuinticBasis(part)) for part in np.array_split(stamps, n_windows)]
+        return [
+            _RiskWindow(self.basis if n_windows == 1 else _QuinticBasis(part))
+            for part in np.array_split(stamps, n_windows)
+        ]
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
-        """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up to a constant."""
+        """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up
+        to a constant.
+        """
         parts = np.array_split(samples, len(self._windows))
-        return np.sum([window.risk(part) for window, part in zip(self._windows, parts, strict=True)], axis=0)
+        return np.sum(
+            [window.risk(part) for window, part in zip(self._windows, parts, strict=True)], axis=0
+        )
 
 
 def _smoother_at(stamps: np.ndarray) -> _Smoother:
     """The smoother for stamps in units of their mean interval.
 
-    Short series with equal stamps share one, since the demonstrations of one camera system are often sampled alike.
+    Short series with equal stamps share one, since the demonstrations of one camera system are
+    often sampled alike.
     """
     stamps = np.round(stamps, DECIMALS)
     return _shared_smoother(stamps.tobytes()) if len(stamps) <= RISK_WINDOW else _Smoother(stamps)
@@ -150,7 +186,9 @@ def _shared_smoother(stamps: bytes) -> _Smoother:
 
 
 def _best_penalty(risk: np.ndarray) -> float:
-    """The lambda with the least risk (n_penalties, d), summed over the columns, which are smoothed alike."""
+    """The lambda with the least risk (n_penalties, d), summed over the columns, which are smoothed
+    alike.
+    """
     return float(10.0 ** LOG_PENALTIES[risk.sum(axis=1).argmin()])
 
 
@@ -168,21 +206,28 @@ class _RiskWindow:
         self._left, self._trace = np.square(1.0 - kept), kept.sum(axis=1)[:, None]
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
-        """Residual sum of squares plus twice the trace of the smoother, up to constants: (n_penalties, d)."""
+        """Residual sum of squares plus twice the trace of the smoother, up to constants:
+        (n_penalties, d).
+        """
         projected = self._project @ (samples - self._trends @ (self._trends.T @ samples))
         return self._left @ np.square(projected) + 2.0 * self._trace
 
 
 def _quadratics(stamps: np.ndarray) -> np.ndarray:
     """Orthonormal quadratic polynomials (n, 3) at stamps (n,)."""
-    return np.linalg.qr(np.polynomial.legendre.legvander(2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2))[0]
+    return np.linalg.qr(
+        np.polynomial.legendre.legvander(
+            2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2
+        )
+    )[0]
 
 
 class _QuinticBasis:
-    """B-splines of degree 5 with a knot at every second stamp. SciPy is imported here, as what only segments needs none of it.
+    """B-splines of degree 5 with a knot at every second stamp. SciPy is imported here, as what
+    only segments needs none of it.
 
-    design: their values at the stamps (n, m), the matrix B. gram, roughness: B'B, and the integral of the squared third derivative (m, m).
-    All are sparse.
+    design: their values at the stamps (n, m), the matrix B. gram, roughness: B'B, and the integral
+    of the squared third derivative (m, m). All are sparse.
     """
 
     def __init__(self, stamps: np.ndarray):
@@ -190,13 +235,17 @@ class _QuinticBasis:
 
         self.stamps = stamps
         inner = stamps[2:-2:2] if len(stamps) >= 12 else stamps[:0]
-        self.knots = np.concatenate([np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)])
+        self.knots = np.concatenate(
+            [np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)]
+        )
         self.design = BSpline.design_matrix(stamps, self.knots, DEGREE)
         self.gram = self.design.T @ self.design
         self.roughness = self._roughness()
 
     def _roughness(self) -> Any:
-        """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two quadratics."""
+        """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two
+        quadratics.
+        """
         from scipy.interpolate import BSpline
         from scipy.sparse import diags
 
@@ -217,22 +266,32 @@ class _QuinticBasis:
         return self.design.T @ samples
 
     def fit(self, sums: np.ndarray, penalties: np.ndarray) -> np.ndarray:
-        """Coefficients (m, d) of the penalised least squares fit, with penalties (d,), to samples with these sums (m, d)."""
+        """Coefficients (m, d) of the penalised least squares fit, with penalties (d,), to samples
+        with these sums (m, d).
+        """
         from scipy.linalg import solveh_banded
 
         found = np.empty_like(sums)
         for penalty in np.unique(penalties):
             columns = penalties == penalty
             matrix = self.gram + penalty * self.roughness
-            bands = [np.append(matrix.diagonal(-k), np.zeros(k)) for k in range(min(DEGREE + 1, len(sums)))]
+            bands = [
+                np.append(matrix.diagonal(-k), np.zeros(k))
+                for k in range(min(DEGREE + 1, len(sums)))
+            ]
             try:
                 found[:, columns] = solveh_banded(np.array(bands), sums[:, columns], lower=True)
             except np.linalg.LinAlgError as error:
-                raise ValueError(f"the stamps do not determine the smoothing spline ({error}); drop stamps that nearly repeat") from error
+                raise ValueError(
+                    f"the stamps do not determine the smoothing spline ({error}); drop stamps that"
+                    " nearly repeat"
+                ) from error
         return found
 
     def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
-        """Derivative of the given order (n, d) of a spline with coefficients (m, d) at stamps (n,)."""
+        """Derivative of the given order (n, d) of a spline with coefficients (m, d) at stamps
+        (n,).
+        """
         from scipy.interpolate import BSpline
 
         return BSpline(self.knots, coefficients, DEGREE)(stamps, nu=order)

@@ -13,23 +13,27 @@ from dart_skill.movement._forcing import REGRESSIONS, gaussian_kernels
 from dart_skill.movement._goal_path import BlendAttractor, blend
 from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState
 
-# A forcing term without the factor z fades to zero within this share of the duration after the end.
+# A forcing term without the factor z fades to zero within this share of the duration after the
+# end.
 RELEASE = 0.25
 MAX_DECAY = 100.0
 
 
 class DiscretePrimitive(Primitive):
-    """Point attractor: a movement from a start to a goal, in d dimensions that share the phase z ((7.6)-(7.13)).
+    """Point attractor: a movement from a start to a goal, in d dimensions that share the phase z
+    ((7.6)-(7.13)).
 
     Parameters; the module `primitives` explains the options:
 
     * n_basis: int, default 50. Number of kernels of (7.11).
-    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per duration squared; the damping is critical.
+    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per duration squared; the damping
+      is critical.
     * canonical_decay: float, default 4.6. alpha_z of (7.6); z is exp(-alpha_z) at the end.
     * phase_scaled: bool, default False. True: f is multiplied by z, so that it fades.
     * goal_path: "smooth" (default) or "fixed" as in (7.8).
-    * regression: "joint" (default), "local" as in (7.13), or "path". The first two fit accelerations. "path" then finds the weights and the
-      speed at the start for which the movement itself is nearest to the positions; for demonstrations whose start is noisy.
+    * regression: "joint" (default), "local" as in (7.13), or "path". The first two fit
+      accelerations. "path" then finds the weights and the speed at the start for which the
+      movement itself is nearest to the positions; for demonstrations whose start is noisy.
 
     Attributes after `fit`; all but the first are means over the demonstrations:
 
@@ -51,14 +55,27 @@ class DiscretePrimitive(Primitive):
         goal_path: str = "smooth",
         regression: str = "joint",
     ):
-        n_basis, decay = as_count(n_basis, "n_basis", 2), as_number(canonical_decay, "canonical_decay")
+        n_basis, decay = (
+            as_count(n_basis, "n_basis", 2),
+            as_number(canonical_decay, "canonical_decay"),
+        )
         if decay > MAX_DECAY:
-            raise ValueError(f"canonical_decay must be at most {MAX_DECAY:g}, got {decay:g}: z would vanish before the end")
+            raise ValueError(
+                f"canonical_decay must be at most {MAX_DECAY:g}, got {decay:g}: z would vanish"
+                " before the end"
+            )
         if goal_path not in ("smooth", "fixed"):
             raise ValueError(f"goal_path must be 'smooth' or 'fixed', got {goal_path!r}")
         if regression not in (*REGRESSIONS, "path"):
-            raise ValueError(f"regression must be one of {[*REGRESSIONS, 'path']}, got {regression!r}")
-        super().__init__(gaussian_kernels(n_basis, decay), n_basis, stiffness, "joint" if regression == "path" else regression)
+            raise ValueError(
+                f"regression must be one of {[*REGRESSIONS, 'path']}, got {regression!r}"
+            )
+        super().__init__(
+            gaussian_kernels(n_basis, decay),
+            n_basis,
+            stiffness,
+            "joint" if regression == "path" else regression,
+        )
         self.regression = regression
         self.canonical_decay, self.phase_scaled, self.goal_path = decay, phase_scaled, goal_path
         self._smooth_path = BlendAttractor(self.stiffness, self._damping)
@@ -73,12 +90,14 @@ class DiscretePrimitive(Primitive):
         weights: ArrayLike | None = None,
         noise: float | None = None,
     ) -> DiscretePrimitive:
-        """Learn from one demonstration, time (n,) [s], n >= 2, and position (n, d), or from sequences of several.
+        """Learn from one demonstration, time (n,) [s], n >= 2, and position (n, d), or from
+        sequences of several.
 
-        Velocity and acceleration (n, d) that are not given are computed: by differences if the samples are clean, by
-        `smooth_derivatives` if they are noisy.
+        Velocity and acceleration (n, d) that are not given are computed: by differences if the
+        samples are clean, by `smooth_derivatives` if they are noisy.
 
-        * weights: one number per sample (n,), default 1; for several demonstrations one number, or one per sample, for each.
+        * weights: one number per sample (n,), default 1; for several demonstrations one number, or
+          one per sample, for each.
         * noise: standard deviation of the positions, in their unit; estimated when None.
 
         ValueError if a value is not finite, time does not increase, or a shape is wrong.
@@ -87,39 +106,62 @@ class DiscretePrimitive(Primitive):
         durations = np.array([demo.time[-1] for demo in demonstrations])
         starts = np.array([demo.motion.position[0] for demo in demonstrations])
         goals = np.array([demo.motion.position[-1] for demo in demonstrations])
-        speeds = np.array([demo.motion.velocity[0] for demo in demonstrations]) * durations[:, None]
+        speeds = (
+            np.array([demo.motion.velocity[0] for demo in demonstrations]) * durations[:, None]
+        )
         self._learn(demonstrations, starts, goals, durations)
         if self.regression == "path":
             speeds += self._approach_paths(demonstrations, starts, goals, speeds)
         share = shares(demonstrations)
-        self.start_, self.goal_, self.duration_ = share @ starts, share @ goals, float(share @ durations)
+        self.start_, self.goal_, self.duration_ = (
+            share @ starts,
+            share @ goals,
+            float(share @ durations),
+        )
         self.start_velocity_ = share @ speeds / self.duration_
         return self
 
-    def _approach_paths(self, demonstrations: list[Demonstration], starts: np.ndarray, goals: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-        """Change the weights so that the movements are nearest to the positions shown; returns the change (d,) of the speeds at the start.
+    def _approach_paths(
+        self,
+        demonstrations: list[Demonstration],
+        starts: np.ndarray,
+        goals: np.ndarray,
+        speeds: np.ndarray,
+    ) -> np.ndarray:
+        """Change the weights so that the movements are nearest to the positions shown; returns the
+        change (d,) of the speeds at the start.
 
-        The movement is linear in weights and speed, so that is one least-squares problem. starts, goals (m, d); speeds (m, d), by progress.
+        The movement is linear in weights and speed, so that is one least-squares problem. starts,
+        goals (m, d); speeds (m, d), by progress.
         """
         rows, rest = [], []
         for demo, start, goal, speed in zip(demonstrations, starts, goals, speeds, strict=True):
             duration, root = demo.time[-1], np.sqrt(demo.weights)[:, None]
-            state = self._begin(Execution(start, goal, np.ones(len(start)), duration), start, speed / duration, 0.0)
+            state = self._begin(
+                Execution(start, goal, np.ones(len(start)), duration), start, speed / duration, 0.0
+            )
             rows.append(root * self._responses(demo.time / duration))
             rest.append(root * (demo.motion.position - self.open_loop(demo.time, state).position))
         equations = np.concatenate(rows)
         sizes = np.linalg.norm(equations, axis=0)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        change = np.linalg.lstsq(equations / sizes, np.concatenate(rest), rcond=None)[0] / sizes[:, None]
+        change = (
+            np.linalg.lstsq(equations / sizes, np.concatenate(rest), rcond=None)[0]
+            / sizes[:, None]
+        )
         self.weights_ = self.weights_ + change[:-1]
         return np.asarray(change[-1])
 
     def _responses(self, progress: np.ndarray) -> np.ndarray:
-        """Movement (n, n_basis + 1) that each kernel alone makes from rest, and that a speed of 1 at the start makes; progress (n,)."""
+        """Movement (n, n_basis + 1) that each kernel alone makes from rest, and that a speed of 1
+        at the start makes; progress (n,).
+        """
         each, n = copy(self), self.n_basis
         each.weights_ = np.eye(n)
         rest = np.zeros(n)
-        moved = each._follow(each._begin(Execution(rest, rest, np.ones(n), 1.0), rest, rest, 0.0), progress, None)[0]
+        moved = each._follow(
+            each._begin(Execution(rest, rest, np.ones(n), 1.0), rest, rest, 0.0), progress, None
+        )[0]
         return np.column_stack([moved, progress * np.exp(-self._frequency * progress)])
 
     def begin(
@@ -133,13 +175,17 @@ class DiscretePrimitive(Primitive):
     ) -> PrimitiveState:
         """State at the start of the movement, for `open_loop` and `step`.
 
-        start, goal and velocity (d,) and duration [s] are those of the demonstrations unless given. amplitude, one number
-        or (d,), is A of (7.8): it scales the forcing term, that is all of the movement but the way from start to goal.
+        start, goal and velocity (d,) and duration [s] are those of the demonstrations unless
+        given. amplitude, one number or (d,), is A of (7.8): it scales the forcing term, that is
+        all of the movement but the way from start to goal.
         """
         self._fitted()
         duration = self.duration_ if duration is None else as_number(duration, "duration")
         amplitude = self._as_amplitude(amplitude)
-        start, goal = self._as_dims(start, "start", self.start_), self._as_dims(goal, "goal", self.goal_)
+        start, goal = (
+            self._as_dims(start, "start", self.start_),
+            self._as_dims(goal, "goal", self.goal_),
+        )
         demonstrated = amplitude * self.start_velocity_ * (self.duration_ / duration)
         velocity = self._as_dims(velocity, "velocity", demonstrated)
         return self._begin(Execution(start, goal, amplitude, duration), start, velocity, 0.0)
@@ -160,11 +206,13 @@ class DiscretePrimitive(Primitive):
 
         * goal (d,), duration [s], amplitude: new values from now on; None for no change.
         * coupling (d,): C of (7.5), an acceleration during this step, for example of a push.
-        * tracking_error (d,): actual minus planned position. It slows the movement down to the share
-          1 / (1 + |error|^2 / tolerance^2) of its pace, so that the movement waits for a robot that is held.
+        * tracking_error (d,): actual minus planned position. It slows the movement down to the
+          share 1 / (1 + |error|^2 / tolerance^2) of its pace, so that the movement waits for a
+          robot that is held.
         * tolerance: the error that halves the pace, in the unit of the position.
 
-        To continue from a measured position or velocity: `dataclasses.replace(state, position=...)`.
+        To continue from a measured position or velocity: `dataclasses.replace(state,
+        position=...)`.
         """
         state = self._with_wishes(state, goal, duration, amplitude, ("goal", "duration"))
         return self._advance(state, dt, coupling, tracking_error, tolerance)

@@ -1,8 +1,8 @@
-"""DS-GMR: a task-parameterised mixture of attractor trajectories, retrieved by regression on time and executed as a
-spring-damper (thesis 7.5).
+"""DS-GMR: a task-parameterised mixture of attractor trajectories, retrieved by regression on time
+and executed as a spring-damper (thesis 7.5).
 
-Demonstrations become attractors by (7.20). The attractors are encoded by (7.21), retrieved by (3.4) and (3.5), and
-followed by (7.19).
+Demonstrations become attractors by (7.20). The attractors are encoded by (7.21), retrieved by
+(3.4) and (3.5), and followed by (7.19).
 """
 
 from __future__ import annotations
@@ -49,8 +49,9 @@ class Reproduction:
 class DSGMR(AttractorModel):
     """Movement primitive over d movement variables that is driven by a clock.
 
-    The features are [t, u, y], with m = 1 + q + d columns: time, q further inputs such as the distance of a target, and the
-    attractor. Within a component the attractor is a linear function of time and the further inputs.
+    The features are [t, u, y], with m = 1 + q + d columns: time, q further inputs such as the
+    distance of a target, and the attractor. Within a component the attractor is a linear function
+    of time and the further inputs.
 
     Parameters:
 
@@ -58,22 +59,29 @@ class DSGMR(AttractorModel):
     * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
     * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp). kv of (7.19).
     * n_inputs: int, default 0. q, the number of further inputs.
-    * partition: "em" or "time", default "em". EM finds which samples belong to a component, or each component has its own
-      interval of time.
-    * overlap: float, default None. Standard deviation of a component in time, relative to its interval. For partition "time" the default
-      is 0.7. For "em" it is what EM finds; a number makes `TaskParameterisedMixture.fit_around` follow EM: smoother attractors, and no
-      component that belongs to a few demonstrations.
-    * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only covariance_floor and
-      covariance_prior are used.
+    * partition: "em" or "time", default "em". EM finds which samples belong to a component, or
+      each component has its own interval of time.
+    * overlap: float, default None. Standard deviation of a component in time, relative to its
+      interval. For partition "time" the default is 0.7. For "em" it is what EM finds; a number
+      makes `TaskParameterisedMixture.fit_around` follow EM: smoother attractors, and no component
+      that belongs to a few demonstrations.
+    * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only
+      covariance_floor and covariance_prior are used.
 
     Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, y].
     """
 
     @classmethod
     def from_mixture(
-        cls, mixture: TaskParameterisedMixture, stiffness: ArrayLike = 200.0, damping: ArrayLike | None = None, n_inputs: int = 0
+        cls,
+        mixture: TaskParameterisedMixture,
+        stiffness: ArrayLike = 200.0,
+        damping: ArrayLike | None = None,
+        n_inputs: int = 0,
     ) -> DSGMR:
-        """Model around a mixture that is already fitted. stiffness, damping, n_inputs: as of the class."""
+        """Model around a mixture that is already fitted. stiffness, damping, n_inputs: as of the
+        class.
+        """
         model = cls(len(mixture.priors_), stiffness, damping, n_inputs=n_inputs)
         model._mixture = model.mixture_ = model._with_outputs(mixture)
         return model
@@ -88,29 +96,44 @@ class DSGMR(AttractorModel):
         inputs: ArrayLike | None = None,
         faults: str = "say",
     ) -> np.ndarray:
-        """Features [t, u, y] (n, m) of one demonstration, from noisy movement variables: the attractor is computed by (7.20).
+        """Features [t, u, y] (n, m) of one demonstration, from noisy movement variables: the
+        attractor is computed by (7.20).
 
         Parameters:
 
         * time: stamps (k,) of the samples [s].
         * positions: movement variables (k, d).
-        * noise: standard deviation of the samples, as in `smooth_derivatives`; default None: estimated.
+        * noise: standard deviation of the samples, as in `smooth_derivatives`; default None:
+          estimated.
         * at: stamps (n,) of the features [s], default None: those of the samples.
         * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
-        * faults: "say" (default), a warning says which repeats and jumps `find_faults` finds, and the samples are taken as they are;
-          "refuse", a ValueError says so; "thin", samples that repeat are left out first (`without_repeats`), and features are at the
-          stamps that remain; "keep", nobody looks.
+        * faults: "say" (default), a warning says which repeats and jumps `find_faults` finds, and
+          the samples are taken as they are; "refuse", a ValueError says so; "thin", samples that
+          repeat are left out first (`without_repeats`), and features are at the stamps that
+          remain; "keep", nobody looks.
         """
         if faults == "say":
             if found := _faults_of(time, positions):
-                warnings.warn(f"{found} (faults='thin' or 'refuse' of encode, or retimed; 'keep' says nothing)", stacklevel=2)
+                warnings.warn(
+                    f"{found} (faults='thin' or 'refuse' of encode, or retimed; 'keep' says"
+                    " nothing)",
+                    stacklevel=2,
+                )
         elif faults != "keep":
             time, positions = _faultless(time, positions, faults)
         motion = smooth_derivatives(time, positions, noise=noise, at=at)
-        return self.features(time if at is None else at, attractor_from_motion(*motion, self.stiffness, self.damping), inputs)
+        return self.features(
+            time if at is None else at,
+            attractor_from_motion(*motion, self.stiffness, self.damping),
+            inputs,
+        )
 
-    def features(self, time: ArrayLike, attractor: ArrayLike, inputs: ArrayLike | None = None) -> np.ndarray:
-        """Features [t, u, y] (n, m) of an attractor (n, d) that was computed before, at stamps (n,) [s]; inputs as in `encode`."""
+    def features(
+        self, time: ArrayLike, attractor: ArrayLike, inputs: ArrayLike | None = None
+    ) -> np.ndarray:
+        """Features [t, u, y] (n, m) of an attractor (n, d) that was computed before, at stamps
+        (n,) [s]; inputs as in `encode`.
+        """
         attractor = as_samples(attractor, "attractor")
         return np.column_stack([self._with_inputs(time, inputs, len(attractor)), attractor])
 
@@ -126,38 +149,58 @@ class DSGMR(AttractorModel):
 
         Parameters:
 
-        * attractors: for each demonstration its features [t, u, y] (n_i, m), from `encode` or `features`.
-        * frames: for each demonstration P task frames of these features, as in `TaskParameterisedMixture.fit`.
-        * weights: for each demonstration one number or one per sample (n_i,): how much it counts (8.4.2). Default None: all
-          count alike.
+        * attractors: for each demonstration its features [t, u, y] (n_i, m), from `encode` or
+          `features`.
+        * frames: for each demonstration P task frames of these features, as in
+          `TaskParameterisedMixture.fit`.
+        * weights: for each demonstration one number or one per sample (n_i,): how much it counts
+          (8.4.2). Default None: all count alike.
         * rng: random generator, only needed for the hyper-parameter start="kmeans".
         """
         self._learn(attractors, frames, weights, rng)
         return self
 
-    def bic(self, attractors: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]], weights: Weights = None) -> float:
-        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is better."""
+    def bic(
+        self,
+        attractors: Sequence[ArrayLike],
+        frames: Sequence[Sequence[FrameCourse]],
+        weights: Weights = None,
+    ) -> float:
+        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is
+        better.
+        """
         return self._fitted.bic(attractors, frames, weights)
 
     def product(self, frames: Sequence[Frame | None]) -> GaussianMixture:
-        """(7.21): the mixture over [t, u, y] in the world, for P new frames; None for a missing one."""
+        """(7.21): the mixture over [t, u, y] in the world, for P new frames; None for a missing
+        one.
+        """
         return self._fitted.product(frames)
 
     def retrieve(
-        self, frames: Sequence[FrameCourse], time: ArrayLike, inputs: ArrayLike | None = None, *, covariance: bool = True
+        self,
+        frames: Sequence[FrameCourse],
+        time: ArrayLike,
+        inputs: ArrayLike | None = None,
+        *,
+        covariance: bool = True,
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Mean (n, d) and covariance (n, d, d) of the attractor in new frames, by (3.4) and (3.5).
 
         Parameters:
 
-        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing frame is None.
+        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing
+          frame is None.
         * time: stamps (n,) [s].
         * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
-        * covariance: bool, default True. If False, None is returned in its place, which saves time.
+        * covariance: bool, default True. If False, None is returned in its place, which saves
+          time.
         """
         mixture, queries = self._fitted, self._with_inputs(time, inputs)
         n_inputs = queries.shape[1]
-        return mixture.regress(frames, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims), covariance)
+        return mixture.regress(
+            frames, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims), covariance
+        )
 
     def variations(
         self,
@@ -169,10 +212,12 @@ class DSGMR(AttractorModel):
         *,
         smoothness: float | None = None,
     ) -> np.ndarray:
-        """Attractors (n, T, d) that vary as the demonstrations did, and keep what these had in common (7.5.2).
+        """Attractors (n, T, d) that vary as the demonstrations did, and keep what these had in
+        common (7.5.2).
 
-        At each stamp they are distributed as `retrieve` says: normally, with its mean and its covariance. From stamp to stamp they vary
-        smoothly: the deviations, in units of that covariance, are a Gaussian process with the kernel exp(-(t - t')^2 / (2 l^2)).
+        At each stamp they are distributed as `retrieve` says: normally, with its mean and its
+        covariance. From stamp to stamp they vary smoothly: the deviations, in units of that
+        covariance, are a Gaussian process with the kernel exp(-(t - t')^2 / (2 l^2)).
 
         Parameters:
 
@@ -211,29 +256,46 @@ class DSGMR(AttractorModel):
         * frames, inputs, covariance: as in `retrieve`.
         * time: equally spaced stamps (n,) [s], n >= 2.
         * position0, velocity0: state (d,) at the first stamp.
-        * push: acceleration (n, d) from outside, in units of the movement per s^2, linear between the stamps; default None: none.
-        * step: float [s], default None: computed from the stamps. Give it if it is known exactly: stamps such as
-          `start + step * arange(n)` are rounded, so that their differences are not exactly `step`.
+        * push: acceleration (n, d) from outside, in units of the movement per s^2, linear between
+          the stamps; default None: none.
+        * step: float [s], default None: computed from the stamps. Give it if it is known exactly:
+          stamps such as `start + step * arange(n)` are rounded, so that their differences are not
+          exactly `step`.
         """
         time = as_stamps(time, minimum=2)
         attractor, spread = self.retrieve(frames, time, inputs, covariance=covariance)
-        motion = follow_attractor(self._pulled(attractor, push), step_of(time, step), position0, velocity0, self.stiffness, self.damping)
+        motion = follow_attractor(
+            self._pulled(attractor, push),
+            step_of(time, step),
+            position0,
+            velocity0,
+            self.stiffness,
+            self.damping,
+        )
         return Reproduction(time, attractor, spread, *motion)
 
     def _pulled(self, attractor: np.ndarray, push: ArrayLike | None) -> np.ndarray:
-        """The attractor (n, d) that has the effect of this one and the push together: the push shifts it by push / kp."""
+        """The attractor (n, d) that has the effect of this one and the push together: the push
+        shifts it by push / kp.
+        """
         if push is None:
             return attractor
         push = as_samples(push, "push", attractor.shape[1])
         if len(push) != len(attractor):
-            raise ValueError(f"push must have {len(attractor)} rows, one per stamp, got {len(push)}")
+            raise ValueError(
+                f"push must have {len(attractor)} rows, one per stamp, got {len(push)}"
+            )
         return attractor + push / self.stiffness
 
 
 def _faultless(time: ArrayLike, positions: ArrayLike, faults: str) -> tuple[ArrayLike, ArrayLike]:
-    """Stamps and samples without repeats if `faults` is "thin"; ValueError if repeats or jumps are left, or `faults` is not known."""
+    """Stamps and samples without repeats if `faults` is "thin"; ValueError if repeats or jumps are
+    left, or `faults` is not known.
+    """
     if faults not in ("refuse", "thin"):
-        raise ValueError(f"faults must be one of ('say', 'refuse', 'thin', 'keep'), got {faults!r}")
+        raise ValueError(
+            f"faults must be one of ('say', 'refuse', 'thin', 'keep'), got {faults!r}"
+        )
     if faults == "thin":
         time, positions = without_repeats(time, positions)
     if found := _faults_of(time, positions):
@@ -242,7 +304,9 @@ def _faultless(time: ArrayLike, positions: ArrayLike, faults: str) -> tuple[Arra
 
 
 def _faults_of(time: ArrayLike, positions: ArrayLike) -> str:
-    """What makes samples unfit to be differentiated, in words; empty if nothing does. Quantisation is but noise of a known size."""
+    """What makes samples unfit to be differentiated, in words; empty if nothing does. Quantisation
+    is but noise of a known size.
+    """
     found = replace(find_faults(time, positions), quantum=()).reasons
     return "the samples cannot be differentiated: " + "; ".join(found) if found else ""
 
@@ -253,8 +317,12 @@ def _roots(covariance: np.ndarray) -> np.ndarray:
     return np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(variance, 0.0)), axes)
 
 
-def _smooth_normal(time: np.ndarray, length: float, shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """Samples (*shape, T) of a Gaussian process of mean 0 and variance 1 at stamps (T,), with a squared-exponential kernel of a length."""
+def _smooth_normal(
+    time: np.ndarray, length: float, shape: tuple[int, ...], rng: np.random.Generator
+) -> np.ndarray:
+    """Samples (*shape, T) of a Gaussian process of mean 0 and variance 1 at stamps (T,), with a
+    squared-exponential kernel of a length.
+    """
     kernel = np.exp(-0.5 * np.square((time[:, None] - time) / length))
     variance, axes = np.linalg.eigh(kernel)
     kept = variance > variance[-1] * len(time) * np.finfo(float).eps  # the rest is rounding
@@ -270,5 +338,8 @@ def step_of(time: np.ndarray, given: float | None) -> float:
         return measured
     step = as_number(given, "step")
     if abs(step - measured) > SAME_STEP * step:
-        raise ValueError(f"step is {step:g} s, but the stamps are {measured:g} s apart; leave it out, or give such stamps")
+        raise ValueError(
+            f"step is {step:g} s, but the stamps are {measured:g} s apart; leave it out, or give"
+            " such stamps"
+        )
     return step

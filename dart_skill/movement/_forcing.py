@@ -1,8 +1,9 @@
-"""The learned part of a movement primitive: normalised kernels over the phase, (7.11), and the regression that
-finds their weights, (7.12) and (7.13).
+"""The learned part of a movement primitive: normalised kernels over the phase, (7.11), and the
+regression that finds their weights, (7.12) and (7.13).
 
-Progress s is time in units of the duration (or period): s = 0 at the start, 1 at the end. With it the canonical system
-(7.6) has a closed form: z = exp(-decay s) solves z' = -tau decay z, and the angle 2 pi s solves z' = tau omega.
+Progress s is time in units of the duration (or period): s = 0 at the start, 1 at the end. With it
+the canonical system (7.6) has a closed form: z = exp(-decay s) solves z' = -tau decay z, and the
+angle 2 pi s solves z' = tau omega.
 """
 
 from functools import lru_cache
@@ -11,8 +12,9 @@ import numpy as np
 
 # Value of a kernel at its neighbour's centre.
 OVERLAP = 0.5
-# Regularisation of the joint regression, relative to the mean weight of a kernel: the first draws the weights of neighbours
-# together where no sample separates them, the second, weaker still, draws all weights to zero.
+# Regularisation of the joint regression, relative to the mean weight of a kernel: the first draws
+# the weights of neighbours together where no sample separates them, the second, weaker still,
+# draws all weights to zero.
 NEIGHBOUR_PENALTY, SIZE_PENALTY = 1e-8, 1e-11
 
 
@@ -26,7 +28,10 @@ class GaussianKernels:
         self.widths = np.append(spacing, spacing[-1]) / np.sqrt(-np.log(OVERLAP))
         self.tie, self.penalty = _ties(np.diff(np.eye(n_basis), axis=0))
         # -(z - c)^2 / h^2 in powers of z, so that all exponents are one matrix product.
-        self._exponents = np.stack([-np.square(self.centres), 2.0 * self.centres, -np.ones(n_basis)]) / self.widths**2
+        self._exponents = (
+            np.stack([-np.square(self.centres), 2.0 * self.centres, -np.ones(n_basis)])
+            / self.widths**2
+        )
 
     def phase(self, progress: np.ndarray) -> np.ndarray:
         """z (7.6) at progress (n,)."""
@@ -37,13 +42,17 @@ class GaussianKernels:
         phase = self.phase(progress)
         exponent = _rows(phase, phase * phase) @ self._exponents
         if progress.max(initial=0.0) > 1.0:
-            # Beyond the last centre all kernels would underflow; relative to the last kernel they do not.
-            exponent += np.square(np.maximum(self.centres[-1] - phase, 0.0) / self.widths[-1])[:, None]
+            # Beyond the last centre all kernels would underflow; relative to the last kernel they
+            # do not.
+            exponent += np.square(np.maximum(self.centres[-1] - phase, 0.0) / self.widths[-1])[
+                :, None
+            ]
         return np.exp(exponent, out=exponent)
 
 
 class PeriodicKernels:
-    """Kernels exp(2 (cos(z - c) - 1) / h^2) of the angle z, periodic (Ijspeert et al. 2013, equation 2.8).
+    """Kernels exp(2 (cos(z - c) - 1) / h^2) of the angle z, periodic (Ijspeert et al. 2013,
+    equation 2.8).
 
     Near their centre they equal the Gaussians of (7.11).
     """
@@ -53,7 +62,9 @@ class PeriodicKernels:
         self.widths = np.full(n_basis, 2.0 * np.sin(np.pi / n_basis) / np.sqrt(-np.log(OVERLAP)))
         self.tie, self.penalty = _ties(np.eye(n_basis) - np.roll(np.eye(n_basis), 1, axis=0))
         # Coefficients of cos(z - c) - 1 with respect to 1, cos z and sin z.
-        self._exponents = np.stack([-np.ones(n_basis), np.cos(self.centres), np.sin(self.centres)]) * (2.0 / self.widths**2)
+        self._exponents = np.stack(
+            [-np.ones(n_basis), np.cos(self.centres), np.sin(self.centres)]
+        ) * (2.0 / self.widths**2)
 
     def phase(self, progress: np.ndarray) -> np.ndarray:
         """Angle z (7.6) at progress (n,), within one turn."""
@@ -71,18 +82,24 @@ Kernels = GaussianKernels | PeriodicKernels
 
 @lru_cache(maxsize=64)
 def gaussian_kernels(n_basis: int, decay: float) -> GaussianKernels:
-    """The same for all primitives that have these, as they never change: making them takes a tenth of the time of learning."""
+    """The same for all primitives that have these, as they never change: making them takes a tenth
+    of the time of learning.
+    """
     return GaussianKernels(n_basis, decay)
 
 
 def _ties(neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix of the squares of differences (m, n_basis), and the penalties of the joint regression, both (n_basis, n_basis)."""
+    """The matrix of the squares of differences (m, n_basis), and the penalties of the joint
+    regression, both (n_basis, n_basis).
+    """
     tie = neighbours.T @ neighbours
     return tie, NEIGHBOUR_PENALTY * tie + SIZE_PENALTY * np.eye(len(tie))
 
 
 def _rows(second: np.ndarray, third: np.ndarray) -> np.ndarray:
-    """Columns 1, second and third as one array (n, 3); np.stack would be too slow for online steps."""
+    """Columns 1, second and third as one array (n, 3); np.stack would be too slow for online
+    steps.
+    """
     columns = np.empty((3, len(second)))
     columns[0], columns[1], columns[2] = 1.0, second, third
     return columns.T
@@ -99,11 +116,13 @@ def transformation(raw: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return (raw @ weights) / raw.sum(axis=1, keepdims=True)
 
 
-def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, kernels: Kernels) -> np.ndarray:
+def regress_locally(
+    psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, kernels: Kernels
+) -> np.ndarray:
     """(7.13): each kernel by itself fits gate * theta to the targets (n, d).
 
-    The samples are weighted by psi and by their own weights (n,). The weight of a kernel that no sample reaches is
-    interpolated between its neighbours.
+    The samples are weighted by psi and by their own weights (n,). The weight of a kernel that no
+    sample reaches is interpolated between its neighbours.
     """
     weighted = psi * (weights * gate)[:, None]
     evidence = gate @ weighted
@@ -112,16 +131,21 @@ def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weigh
     theta[reached] = (weighted.T @ target)[reached] / evidence[reached, None]
     if not reached.all():
         tie = kernels.tie
-        theta[~reached] = np.linalg.lstsq(tie[~reached][:, ~reached], -tie[~reached][:, reached] @ theta[reached], rcond=None)[0]
+        theta[~reached] = np.linalg.lstsq(
+            tie[~reached][:, ~reached], -tie[~reached][:, reached] @ theta[reached], rcond=None
+        )[0]
     return theta
 
 
-def regress_jointly(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, kernels: Kernels) -> np.ndarray:
+def regress_jointly(
+    psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, kernels: Kernels
+) -> np.ndarray:
     """All kernels together fit (7.10) to the targets (n, d), by weighted least squares.
 
-    (7.13) fits each kernel as if it were alone, although neighbours overlap and add up. That is the first Jacobi step
-    towards this solution (the normal matrix is replaced by its row sums). It smooths the movement by a kernel's width. psi is
-    overwritten: a second array of its size would take longer to get from the system than to compute.
+    (7.13) fits each kernel as if it were alone, although neighbours overlap and add up. That is
+    the first Jacobi step towards this solution (the normal matrix is replaced by its row sums). It
+    smooths the movement by a kernel's width. psi is overwritten: a second array of its size would
+    take longer to get from the system than to compute.
     """
     share = np.sqrt(weights)
     features = np.multiply(psi, (share * gate)[:, None], out=psi)

@@ -1,8 +1,10 @@
-"""What task frames see of samples; and products of the Gaussians that they see, mapped into the world: (7.21).
+"""What task frames see of samples; and products of the Gaussians that they see, mapped into the
+world: (7.21).
 
-A frame (A, b) whose Gaussian has the mean mu and the covariance L L' says of a point x of the world that L^-1 A^-1 (x - b) has
-the mean L^-1 mu and the covariance one. What all frames say is one least-squares problem in x - about, where `about` is the middle of
-the mapped means. It is solved by Householder's QR, so that no condition number is squared. This module is compiled
+A frame (A, b) whose Gaussian has the mean mu and the covariance L L' says of a point x of the
+world that L^-1 A^-1 (x - b) has the mean L^-1 mu and the covariance one. What all frames say is
+one least-squares problem in x - about, where `about` is the middle of the mapped means. It is
+solved by Householder's QR, so that no condition number is squared. This module is compiled
 (docs/development.md): _frame_products.pxd beside it has the types.
 """
 
@@ -12,11 +14,14 @@ import numpy as np
 
 from dart_skill.common.small_matrices import invert_into
 
-# A direction of the world counts as seen when the frames tell it apart from the others by this share at least.
+# A direction of the world counts as seen when the frames tell it apart from the others by this
+# share at least.
 LEAST_PIVOT = 1e-12
 
 
-def write_seen(world: np.ndarray, inverses: np.ndarray, b: np.ndarray, place: np.ndarray, columns: np.ndarray) -> None:
+def write_seen(
+    world: np.ndarray, inverses: np.ndarray, b: np.ndarray, place: np.ndarray, columns: np.ndarray
+) -> None:
     """Write samples as a frame sees them, A^-1 (x - b).
 
     * world: (n, m), the samples.
@@ -44,7 +49,8 @@ class FrameProducts:
 
     * means: (P, K, m), as the frames see them; zero in directions that a frame does not see.
     * whiteners: (P, K, m, m), L^-1; zero in such directions.
-    * n_shared: so many features, the first, are asked of one frame only, and the others from all frames given these.
+    * n_shared: so many features, the first, are asked of one frame only, and the others from all
+      frames given these.
     """
 
     def __init__(self, means: np.ndarray, whiteners: np.ndarray, n_shared: int):
@@ -54,8 +60,17 @@ class FrameProducts:
         # The equations of one component lie in columns, the right side comes last.
         self._equations = np.empty((m + 1, n_frames * m))
 
-    def write(self, A: np.ndarray, inverses: np.ndarray, b: np.ndarray, seen: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> int:
-        """Write the products at n moments, and return the first feature that the frames do not tell from others, or m.
+    def write(
+        self,
+        A: np.ndarray,
+        inverses: np.ndarray,
+        b: np.ndarray,
+        seen: np.ndarray,
+        mean: np.ndarray,
+        covariance: np.ndarray,
+    ) -> int:
+        """Write the products at n moments, and return the first feature that the frames do not
+        tell from others, or m.
 
         * A, inverses, b: (n, P, m, m), (n, P, m, m) and (n, P, m), as of `Situation`.
         * seen: (n, P), 0 for a missing frame; at least one of each moment is there.
@@ -74,7 +89,9 @@ class FrameProducts:
         return undetermined
 
     def _find_middle(self, A: np.ndarray, b: np.ndarray, seen: np.ndarray, k: int) -> None:
-        """The mean of component k as the frames map it to the world, averaged over those that are there."""
+        """The mean of component k as the frames map it to the world, averaged over those that are
+        there.
+        """
         n_seen = 0
         for p in range(seen.shape[0]):
             n_seen += seen[p]
@@ -88,10 +105,12 @@ class FrameProducts:
             self._about[i] = total / n_seen
 
     def _make_triangle(self, inverses: np.ndarray, b: np.ndarray, seen: np.ndarray, k: int) -> int:
-        """As many equations as features, of component k: a triangle, if shared features are the last unknowns.
+        """As many equations as features, of component k: a triangle, if shared features are the
+        last unknowns.
 
-        Whiteners are lower triangles, so the first rows of a frame are of the shared features alone, and the others say what the rest is
-        given them. Returns the first feature that is not determined, or m.
+        Whiteners are lower triangles, so the first rows of a frame are of the shared features
+        alone, and the others say what the rest is given them. Returns the first feature that is
+        not determined, or m.
         """
         m, n_shared, n_rows, first_frame = self._about.shape[0], self._n_shared, 0, -1
         n_others = m - n_shared
@@ -111,8 +130,12 @@ class FrameProducts:
         _reflect(self._equations, n_others, m, m)
         return m
 
-    def _put_equation(self, inverses: np.ndarray, b: np.ndarray, p: int, k: int, i: int, row: int) -> None:
-        """Row i of what frame p says of component k, as one of the equations. Shared features come behind the others."""
+    def _put_equation(
+        self, inverses: np.ndarray, b: np.ndarray, p: int, k: int, i: int, row: int
+    ) -> None:
+        """Row i of what frame p says of component k, as one of the equations. Shared features come
+        behind the others.
+        """
         m = self._about.shape[0]
         right = 0.0
         for j in range(i + 1):
@@ -149,9 +172,11 @@ class FrameProducts:
 
 
 def _reflect(columns: np.ndarray, first: int, stop: int, n_rows: int) -> None:
-    """Householder's reflections of rows from `first` to n_rows, so that columns from `first` to `stop` end at their diagonal.
+    """Householder's reflections of rows from `first` to n_rows, so that columns from `first` to
+    `stop` end at their diagonal.
 
-    columns (c, r): of the matrix, the last is the right side; is overwritten. What would be zero below the diagonal is not.
+    columns (c, r): of the matrix, the last is the right side; is overwritten. What would be zero
+    below the diagonal is not.
     """
     for j in range(first, stop):
         square = 0.0

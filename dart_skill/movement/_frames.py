@@ -1,9 +1,11 @@
-"""Task frames, world = A local + b (thesis 7.5.2), and the frames of chapter 8 for features t, x, y, z, alpha, beta.
+"""Task frames, world = A local + b (thesis 7.5.2), and the frames of chapter 8 for features t, x,
+y, z, alpha, beta.
 
-The constructors of these frames take `n_angles`, the number of angle columns after the position: 2 by default, 0 for the
-features t, x, y, z of (8.1). For the frames of the thesis, (8.1) to (8.3), alpha and beta must be relative to the axes of
-the world: `features(..., azimuth=0)`. The azimuth frames turn with the target. For them alpha and beta must be relative
-to axes turned by the same azimuth: `features(..., azimuth=azimuth)`. Then a throw to another side is the same throw.
+The constructors of these frames take `n_angles`, the number of angle columns after the position: 2
+by default, 0 for the features t, x, y, z of (8.1). For the frames of the thesis, (8.1) to (8.3),
+alpha and beta must be relative to the axes of the world: `features(..., azimuth=0)`. The azimuth
+frames turn with the target. For them alpha and beta must be relative to axes turned by the same
+azimuth: `features(..., azimuth=azimuth)`. Then a throw to another side is the same throw.
 """
 
 from __future__ import annotations
@@ -59,10 +61,17 @@ class TaskFrame:
         return self._made(self.A, as_vector(origin, "origin", len(self.A)))
 
     def with_input(self, column: int) -> TaskFrame:
-        """The frame with one more input, which passes through. column: where it stands, in front of the column that was there."""
+        """The frame with one more input, which passes through. column: where it stands, in front
+        of the column that was there.
+        """
         m, n = column, self.n_dims + 1
         A, b = np.zeros((n, n)), np.zeros(n)
-        A[:m, :m], A[:m, m + 1 :], A[m + 1 :, :m], A[m + 1 :, m + 1 :] = self.A[:m, :m], self.A[:m, m:], self.A[m:, :m], self.A[m:, m:]
+        A[:m, :m], A[:m, m + 1 :], A[m + 1 :, :m], A[m + 1 :, m + 1 :] = (
+            self.A[:m, :m],
+            self.A[:m, m:],
+            self.A[m:, :m],
+            self.A[m:, m:],
+        )
         A[m, m] = 1.0
         b[:m], b[m + 1 :] = self.b[:m], self.b[m:]
         return self._made(A, b)
@@ -77,22 +86,26 @@ class TaskFrame:
 
 
 def _condition_is_above(limit: float, matrix: np.ndarray) -> bool:
-    """Whether a matrix (m, m) of unit rows has a larger condition number. It is below 2 / |det| (Guggenheimer, Edelman and Johnson 1995),
-    which takes a quarter of the time of the singular values and settles it for all frames in practice.
+    """Whether a matrix (m, m) of unit rows has a larger condition number. It is below 2 / |det|
+    (Guggenheimer, Edelman and Johnson 1995), which takes a quarter of the time of the singular
+    values and settles it for all frames in practice.
     """
     return abs(np.linalg.det(matrix)) < 2.0 / limit and bool(np.linalg.cond(matrix) > limit)
 
 
 @dataclass(frozen=True, eq=False)
 class MovingFrame:
-    """A task frame over [t, u, y] at one instant of its own motion. What moves with it is seen at rest.
+    """A task frame over [t, u, y] at one instant of its own motion. What moves with it is seen at
+    rest.
 
     Parameters:
 
-    * frame: TaskFrame, its axes A, and b with the position (d,) of its origin in the last d features.
+    * frame: TaskFrame, its axes A, and b with the position (d,) of its origin in the last d
+      features.
     * velocity: (d,), of the origin, in the units of the movement per s.
-    * attractor: (d,), the attractor of the origin's own motion by (7.20), for the gains of the model. Since (7.20) is linear, an attractor
-      that is seen from there is the attractor of the motion relative to the frame.
+    * attractor: (d,), the attractor of the origin's own motion by (7.20), for the gains of the
+      model. Since (7.20) is linear, an attractor that is seen from there is the attractor of the
+      motion relative to the frame.
     """
 
     frame: TaskFrame
@@ -100,18 +113,28 @@ class MovingFrame:
     attractor: np.ndarray
 
     def __post_init__(self) -> None:
-        velocity, attractor = as_vector(self.velocity, "velocity"), as_vector(self.attractor, "attractor")
+        velocity, attractor = (
+            as_vector(self.velocity, "velocity"),
+            as_vector(self.attractor, "attractor"),
+        )
         if not len(velocity) == len(attractor) < self.frame.n_dims:
-            raise ValueError(f"velocity and attractor have {len(velocity)} and {len(attractor)} entries, the frame {self.frame.n_dims}")
+            raise ValueError(
+                f"velocity and attractor have {len(velocity)} and {len(attractor)} entries, the"
+                f" frame {self.frame.n_dims}"
+            )
         object.__setattr__(self, "velocity", velocity)
         object.__setattr__(self, "attractor", attractor)
 
 
 def _frame(axes: np.ndarray, position: np.ndarray, angles: np.ndarray) -> TaskFrame:
-    """Frame that leaves time as it is, has the axes (3, 3), a rotation, at `position` (3,), and adds `angles` to the angle columns."""
+    """Frame that leaves time as it is, has the axes (3, 3), a rotation, at `position` (3,), and
+    adds `angles` to the angle columns.
+    """
     matrix = np.eye(4 + len(angles))
     matrix[1:4, 1:4] = axes
-    return TaskFrame._made(matrix, np.concatenate([[0.0], position, angles]))  # turns are invertible
+    return TaskFrame._made(
+        matrix, np.concatenate([[0.0], position, angles])
+    )  # turns are invertible
 
 
 def turn_matrix(azimuth: float) -> np.ndarray:
@@ -122,15 +145,21 @@ def turn_matrix(azimuth: float) -> np.ndarray:
 
 
 def azimuth_of(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> float:
-    """Azimuth, radians, of a target (3,) about the vertical through the origin (3,). ValueError for a target on the vertical."""
+    """Azimuth, radians, of a target (3,) about the vertical through the origin (3,). ValueError
+    for a target on the vertical.
+    """
     x, y, _ = as_vector(target, "target", 3) - as_vector(origin, "origin", 3)
     if np.hypot(x, y) < 1e-9:
-        raise ValueError(f"target {np.asarray(target).tolist()} lies on the vertical through the origin, it has no azimuth")
+        raise ValueError(
+            f"target {np.asarray(target).tolist()} lies on the vertical through the origin, it has"
+            " no azimuth"
+        )
     return float(np.arctan2(y, x))
 
 
 def pointing_axes(direction: ArrayLike) -> np.ndarray:
-    """Rotation (3, 3) whose first column is the direction (3,) and whose second column is horizontal.
+    """Rotation (3, 3) whose first column is the direction (3,) and whose second column is
+    horizontal.
 
     It turns continuously with the direction.
     """
@@ -147,26 +176,49 @@ def base_frame(n_angles: int = 2) -> TaskFrame:
 
 
 def start_frame(start: ArrayLike, n_angles: int = 2) -> TaskFrame:
-    """(8.3): world axes at the starting position (3,). start: the position; n_angles: of the features, after the position."""
-    return _frame(np.eye(3), as_vector(start, "start", 3), np.zeros(as_count(n_angles, "n_angles", 0)))
+    """(8.3): world axes at the starting position (3,). start: the position; n_angles: of the
+    features, after the position.
+    """
+    return _frame(
+        np.eye(3), as_vector(start, "start", 3), np.zeros(as_count(n_angles, "n_angles", 0))
+    )
 
 
-def target_frame(target: ArrayLike, pointing: ArrayLike = (0.0, 0.0), origin: ArrayLike = (0.0, 0.0, 0.0)) -> TaskFrame:
-    """(8.1) and (8.2), second frame: at the target (3,), first axis from the origin to the target, second axis horizontal.
+def target_frame(
+    target: ArrayLike, pointing: ArrayLike = (0.0, 0.0), origin: ArrayLike = (0.0, 0.0, 0.0)
+) -> TaskFrame:
+    """(8.1) and (8.2), second frame: at the target (3,), first axis from the origin to the target,
+    second axis horizontal.
 
-    pointing (2,) [rad]: Target_alpha and Target_beta, see `pointing_at`; () for features without angles.
+    pointing (2,) [rad]: Target_alpha and Target_beta, see `pointing_at`; () for features without
+    angles.
     """
     target = as_vector(target, "target", 3)
-    return _frame(pointing_axes(target - as_vector(origin, "origin", 3)), target, as_vector(pointing, "pointing"))
+    return _frame(
+        pointing_axes(target - as_vector(origin, "origin", 3)),
+        target,
+        as_vector(pointing, "pointing"),
+    )
 
 
-def azimuth_frame(azimuth: float, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2) -> TaskFrame:
-    """Frame at the origin (3,), turned about z by an azimuth [rad]; time and angles are not transformed."""
-    return _frame(turn_matrix(azimuth), as_vector(origin, "origin", 3), np.zeros(as_count(n_angles, "n_angles", 0)))
+def azimuth_frame(
+    azimuth: float, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2
+) -> TaskFrame:
+    """Frame at the origin (3,), turned about z by an azimuth [rad]; time and angles are not
+    transformed.
+    """
+    return _frame(
+        turn_matrix(azimuth),
+        as_vector(origin, "origin", 3),
+        np.zeros(as_count(n_angles, "n_angles", 0)),
+    )
 
 
-def azimuth_target_frame(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2) -> TaskFrame:
-    """Frame at the target (3,), turned about z by the target's azimuth as seen from the origin (3,).
+def azimuth_target_frame(
+    target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2
+) -> TaskFrame:
+    """Frame at the target (3,), turned about z by the target's azimuth as seen from the origin
+    (3,).
 
     Time and angles are not transformed.
     """
@@ -174,7 +226,8 @@ def azimuth_target_frame(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0),
 
 
 def pointing_at(target: ArrayLike, position: ArrayLike, azimuth: float = 0.0) -> np.ndarray:
-    """Target_alpha and Target_beta of (8.2): angles (2,) [rad] of the direction from a position (3,) to the target (3,).
+    """Target_alpha and Target_beta of (8.2): angles (2,) [rad] of the direction from a position
+    (3,) to the target (3,).
 
     They are relative to axes turned by the azimuth [rad].
     """
@@ -182,17 +235,25 @@ def pointing_at(target: ArrayLike, position: ArrayLike, azimuth: float = 0.0) ->
     return pointing_angles((direction @ turn_matrix(azimuth))[None])[0]
 
 
-def features(time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azimuth: float = 0.0) -> np.ndarray:
-    """Features t, x, y, z, alpha, beta (n, 6) of hand poses in the world: stamps (n,), positions (n, 3), quaternions (n, 4).
+def features(
+    time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azimuth: float = 0.0
+) -> np.ndarray:
+    """Features t, x, y, z, alpha, beta (n, 6) of hand poses in the world: stamps (n,), positions
+    (n, 3), quaternions (n, 4).
 
-    Positions stay in the world. The angles are relative to axes turned by the azimuth [rad]. A frame that is used with
-    these features must have the same azimuth. The roll is
-    `angles_from_quaternions(turn_about_z(quaternions, -azimuth))[:, 2]`. ValueError if these are not equally many.
+    Positions stay in the world. The angles are relative to axes turned by the azimuth [rad]. A
+    frame that is used with these features must have the same azimuth. The roll is
+    `angles_from_quaternions(turn_about_z(quaternions, -azimuth))[:, 2]`. ValueError if these are
+    not equally many.
     """
     positions = as_samples(positions, "positions", 3)
     time = as_stamps(time, len(positions))
     azimuth = float(as_finite(azimuth, "azimuth", 0))
-    angles = angles_from_quaternions(turn_about_z(as_samples(quaternions, "quaternions", 4), -azimuth))
+    angles = angles_from_quaternions(
+        turn_about_z(as_samples(quaternions, "quaternions", 4), -azimuth)
+    )
     if len(angles) != len(positions):
-        raise ValueError(f"one quaternion per position is needed, got {len(angles)} for {len(positions)}")
+        raise ValueError(
+            f"one quaternion per position is needed, got {len(angles)} for {len(positions)}"
+        )
     return np.column_stack([time, positions, angles[:, :2]])

@@ -1,4 +1,5 @@
-"""How the goal of a discrete primitive moves: a smooth path from start to goal, and its attractor (7.20).
+"""How the goal of a discrete primitive moves: a smooth path from start to goal, and its attractor
+(7.20).
 
 A spring-damper that is pulled by this attractor follows the path.
 """
@@ -9,9 +10,11 @@ import numpy as np
 
 Number = TypeVar("Number", float, np.ndarray)
 
-# The blend is s^5 times this polynomial, lowest power first: its first four derivatives are zero at s = 0 and s = 1.
+# The blend is s^5 times this polynomial, lowest power first: its first four derivatives are zero
+# at s = 0 and s = 1.
 BLEND = [126.0, -420.0, 540.0, -315.0, 70.0]
-# For up to so many values, Python numbers are faster than arrays; an online step needs three values.
+# For up to so many values, Python numbers are faster than arrays; an online step needs three
+# values.
 FEW = 5
 
 
@@ -39,7 +42,12 @@ class BlendAttractor:
 
     def __call__(self, progress: np.ndarray) -> np.ndarray:
         if len(progress) <= FEW:
-            return np.array([_polynomial(min(max(s, 0.0), 1.0), 3, self._coefficients) for s in progress.tolist()])
+            return np.array(
+                [
+                    _polynomial(min(max(s, 0.0), 1.0), 3, self._coefficients)
+                    for s in progress.tolist()
+                ]
+            )
         return _polynomial(np.clip(progress, 0.0, 1.0), 3, self._coefficients)
 
 

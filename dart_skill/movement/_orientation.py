@@ -1,12 +1,13 @@
-"""Orientation of the hand as angle of attack alpha, side slip beta and roll (thesis 8.4.1), and the
-quaternion algebra around it.
+"""Orientation of the hand as angle of attack alpha, side slip beta and roll (thesis 8.4.1), and
+the quaternion algebra around it.
 
 In a task frame (x towards the target, y horizontally left, z up) the hand's z axis points along
     d = (cos(beta) cos(alpha), sin(beta), cos(beta) sin(alpha)),
-so alpha is the elevation in the throwing plane: 0 towards the target, 90 degrees straight up, more than that if the hand
-points backwards. beta is the deviation to the left. The whole rotation is
+so alpha is the elevation in the throwing plane: 0 towards the target, 90 degrees straight up, more
+than that if the hand points backwards. beta is the deviation to the left. The whole rotation is
     R = R_y(-alpha) R_z(beta) R_x(roll) R_y(90 deg).
-Its last factor turns the hand's z axis to x. So the identity quaternion has alpha = 90 degrees and beta = roll = 0. If
+Its last factor turns the hand's z axis to x. So the identity quaternion has alpha = 90 degrees and
+beta = roll = 0. If
 |beta| < 90 degrees, the three angles are unique but for full turns of alpha and roll, and they vary continuously.
 Quaternions are rows x, y, z, w; angles are in radians.
 """
@@ -19,7 +20,14 @@ from numpy.typing import ArrayLike
 from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.common.quaternions import CONJUGATE, product, to_vectors
 from dart_skill.common.quaternions import matrices as matrices_of
-from dart_skill.common.rotations import hand_angles, least_length, of_hand_angles, of_matrices, turned, unwrap
+from dart_skill.common.rotations import (
+    hand_angles,
+    least_length,
+    of_hand_angles,
+    of_matrices,
+    turned,
+    unwrap,
+)
 from dart_skill.movement._time import as_stamps
 
 
@@ -33,12 +41,17 @@ def _unit(quaternions: np.ndarray) -> np.ndarray:
     unit = np.empty_like(quaternions)
     if least_length(quaternions, unit) < 1e-6:
         lengths = np.linalg.norm(quaternions, axis=1)
-        raise ValueError(f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no orientation")
+        raise ValueError(
+            f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no"
+            " orientation"
+        )
     return unit
 
 
 def make_continuous(quaternions: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4) with signs such that neighbours have a non-negative dot product; the first keeps its sign."""
+    """Unit quaternions (n, 4) with signs such that neighbours have a non-negative dot product; the
+    first keeps its sign.
+    """
     return _continuous(as_samples(quaternions, "quaternions", 4))
 
 
@@ -51,13 +64,17 @@ def _continuous(quaternions: np.ndarray) -> np.ndarray:
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
-    """Hamilton products (n, 4) of unit quaternions (n, 4): the rotation by `right`, then by `left`.
+    """Hamilton products (n, 4) of unit quaternions (n, 4): the rotation by `right`, then by
+    `left`.
 
-    One of them may have one row, which is then used for all rows of the other. ValueError if these are not equally many.
+    One of them may have one row, which is then used for all rows of the other. ValueError if these
+    are not equally many.
     """
     left, right = normalise(left), normalise(right)
     if len(left) != len(right) and 1 not in (len(left), len(right)):
-        raise ValueError(f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one")
+        raise ValueError(
+            f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one"
+        )
     return product(left, right)
 
 
@@ -67,13 +84,17 @@ def conjugate(quaternions: ArrayLike) -> np.ndarray:
 
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
-    """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of the other.
+    """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of
+    the other.
 
     ValueError if these are not equally many.
     """
     quaternions, vectors = normalise(quaternions), as_samples(vectors, "vectors", 3)
     if len(quaternions) != len(vectors) and 1 not in (len(quaternions), len(vectors)):
-        raise ValueError(f"cannot rotate {len(vectors)} vectors by {len(quaternions)} quaternions; give equally many, or one")
+        raise ValueError(
+            f"cannot rotate {len(vectors)} vectors by {len(quaternions)} quaternions; give equally"
+            " many, or one"
+        )
     return turned(quaternions, vectors)
 
 
@@ -93,7 +114,9 @@ def from_matrices(matrices: ArrayLike) -> np.ndarray:
     error = np.abs(matrices @ np.swapaxes(matrices, 1, 2) - np.eye(3)).max(axis=(1, 2))
     wrong = (error > 1e-6) | (np.linalg.det(matrices) < 0)
     if wrong.any():
-        raise ValueError(f"matrix {int(wrong.argmax())} is not a rotation (orthogonal with determinant 1)")
+        raise ValueError(
+            f"matrix {int(wrong.argmax())} is not a rotation (orthogonal with determinant 1)"
+        )
     return make_continuous(of_matrices(matrices))
 
 
@@ -103,11 +126,15 @@ def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
     -azimuth turns from the world into a task frame, +azimuth back. quaternions: (n, 4).
     """
     half = 0.5 * float(as_finite(angle, "angle", 0))
-    return product(_unit(np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])), normalise(quaternions))
+    return product(
+        _unit(np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])), normalise(quaternions)
+    )
 
 
 def pointing_angles(directions: ArrayLike) -> np.ndarray:
-    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length. ValueError for a direction of length zero."""
+    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length. ValueError for a
+    direction of length zero.
+    """
     directions = as_samples(directions, "directions", 3)
     lengths = np.linalg.norm(directions, axis=1)
     if lengths.min() == 0:
@@ -117,21 +144,28 @@ def pointing_angles(directions: ArrayLike) -> np.ndarray:
 
 
 def pointing_directions(angles: ArrayLike) -> np.ndarray:
-    """Unit vectors (n, 3) of angles whose first two columns are alpha and beta. ValueError for fewer columns."""
+    """Unit vectors (n, 3) of angles whose first two columns are alpha and beta. ValueError for
+    fewer columns.
+    """
     angles = as_samples(angles, "angles")
     if angles.shape[1] < 2:
         raise ValueError(f"angles must have columns alpha and beta, got shape {angles.shape}")
     alpha, beta = angles[:, 0], angles[:, 1]
-    return np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1)
+    return np.stack(
+        [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1
+    )
 
 
-def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 2, roll_near: float = 0.0) -> np.ndarray:
+def angles_from_quaternions(
+    quaternions: ArrayLike, alpha_near: float = np.pi / 2, roll_near: float = 0.0
+) -> np.ndarray:
     """Angles alpha, beta, roll (n, 3) [rad] of hand orientations (n, 4) in the task frame.
 
-    alpha and roll have no jumps along the sequence. The first alpha is within half a turn of `alpha_near`, the first roll
-    within half a turn of `roll_near`. So with the default all demonstrations get the same branch, even if the hand starts
-    pointing backwards and below the horizontal (alpha up to 270 degrees). Near |beta| = 90 degrees alpha and roll are
-    ill-defined. quaternions: (n, 4).
+    alpha and roll have no jumps along the sequence. The first alpha is within half a turn of
+    `alpha_near`, the first roll within half a turn of `roll_near`. So with the default all
+    demonstrations get the same branch, even if the hand starts pointing backwards and below the
+    horizontal (alpha up to 270 degrees). Near |beta| = 90 degrees alpha and roll are ill-defined.
+    quaternions: (n, 4).
     """
     angles = hand_angles(normalise(quaternions))
     unwrap(angles[:, 0], alpha_near)
@@ -140,7 +174,8 @@ def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 
 
 
 def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4) in the task frame, with signs as in `make_continuous`, from alpha, beta, roll (n, 3) [rad].
+    """Unit quaternions (n, 4) in the task frame, with signs as in `make_continuous`, from alpha,
+    beta, roll (n, 3) [rad].
 
     angles: alpha, beta, roll.
     """
@@ -148,14 +183,18 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
 
 
 def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
-    """Angular velocity (n, 3) [rad/s] of orientations (n, 4) at increasing stamps (n,) [s], in the frame of the orientations.
+    """Angular velocity (n, 3) [rad/s] of orientations (n, 4) at increasing stamps (n,) [s], in the
+    frame of the orientations.
 
-    The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the stamps. This is exact for
-    a constant rate, and of second order otherwise. Neighbours must be less than half a turn apart. quaternions: (n, 4).
+    The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the
+    stamps. This is exact for a constant rate, and of second order otherwise. Neighbours must be
+    less than half a turn apart. quaternions: (n, 4).
     """
     quaternions = normalise(quaternions)
     time = as_stamps(time, len(quaternions), 2)
-    rates = to_vectors(product(quaternions[1:], quaternions[:-1] * CONJUGATE)) / np.diff(time)[:, None]
+    rates = (
+        to_vectors(product(quaternions[1:], quaternions[:-1] * CONJUGATE)) / np.diff(time)[:, None]
+    )
     if len(rates) == 1:
         return np.repeat(rates, 2, axis=0)
     middles = 0.5 * (time[1:] + time[:-1])

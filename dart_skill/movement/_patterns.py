@@ -1,12 +1,16 @@
-"""Whether demonstrations show one pattern or several: a throw over the shoulder and one from below make no mean that anybody showed.
+"""Whether demonstrations show one pattern or several: a throw over the shoulder and one from below
+make no mean that anybody showed.
 
-The distance of two demonstrations is the mean one along their best alignment. Average linkage groups them. The number of groups is the one
-with the largest mean silhouette (Rousseeuw 1987): how much nearer the own group is than the next one, as a share, from -1 to 1. Groups
-are patterns if it is above 0.71, where Kaufman and Rousseeuw (Finding Groups in Data, 1990) speak of a strong structure, and if they are
-three times as far apart as they are wide (Dunn 1974). Else the demonstrations vary, and are one pattern.
+The distance of two demonstrations is the mean one along their best alignment. Average linkage
+groups them. The number of groups is the one with the largest mean silhouette (Rousseeuw 1987): how
+much nearer the own group is than the next one, as a share, from -1 to 1. Groups are patterns if it
+is above 0.71, where Kaufman and Rousseeuw (Finding Groups in Data, 1990) speak of a strong
+structure, and if they are three times as far apart as they are wide (Dunn 1974). Else the
+demonstrations vary, and are one pattern.
 
-How often one pattern is taken for several: of 400 draws from a Gaussian in one dimension, the worst case, 8.2 % for 4 demonstrations,
-2.5 % for 7, none for 10; in two dimensions 2.0 % for 4, none for 5. The silhouette alone would be wrong in 14, 22 and 26 %.
+How often one pattern is taken for several: of 400 draws from a Gaussian in one dimension, the
+worst case, 8.2 % for 4 demonstrations, 2.5 % for 7, none for 10; in two dimensions 2.0 % for 4,
+none for 5. The silhouette alone would be wrong in 14, 22 and 26 %.
 """
 
 from __future__ import annotations
@@ -31,8 +35,10 @@ class Patterns:
     """The patterns among demonstrations, in the order in which they were first shown.
 
     * labels (n,): pattern of each demonstration.
-    * silhouette: mean of the demonstrations for these patterns, from -1 to 1; of one pattern the best that two or more would have.
-    * separation: least distance between demonstrations of two patterns, in parts of the largest within one; of one pattern as above.
+    * silhouette: mean of the demonstrations for these patterns, from -1 to 1; of one pattern the
+      best that two or more would have.
+    * separation: least distance between demonstrations of two patterns, in parts of the largest
+      within one; of one pattern as above.
     * starts (n, d): where the demonstrations begin.
     """
 
@@ -56,34 +62,61 @@ class Patterns:
         """As "2 patterns: demonstrations 0, 1 and 4; 2 and 3", or "one pattern"."""
         if len(self.groups) == 1:
             return "one pattern"
-        return f"{len(self.groups)} patterns: demonstrations {'; '.join(_listed(group) for group in self.groups)}"
+        return (
+            f"{len(self.groups)} patterns: demonstrations"
+            f" {'; '.join(_listed(group) for group in self.groups)}"
+        )
 
 
-def find_patterns(positions: Sequence[ArrayLike], *, least_silhouette: float = STRONG, least_separation: float = APART) -> Patterns:
-    """The patterns among at least 4 demonstrations, in frames in which those of one pattern look alike.
+def find_patterns(
+    positions: Sequence[ArrayLike],
+    *,
+    least_silhouette: float = STRONG,
+    least_separation: float = APART,
+) -> Patterns:
+    """The patterns among at least 4 demonstrations, in frames in which those of one pattern look
+    alike.
 
-    Of three, none would have a silhouette that is large enough: one stands alone, and counts 0. A pattern may have a single demonstration.
+    Of three, none would have a silhouette that is large enough: one stands alone, and counts 0. A
+    pattern may have a single demonstration.
 
     Parameters:
 
-    * positions: for each demonstration its movement variables (n_i, d), in units that may be compared.
+    * positions: for each demonstration its movement variables (n_i, d), in units that may be
+      compared.
     * least_silhouette: float, default 0.71. Least mean silhouette of several patterns.
-    * least_separation: float, default 3. Least distance between two patterns, in parts of the largest within one.
+    * least_separation: float, default 3. Least distance between two patterns, in parts of the
+      largest within one.
 
     ValueError for fewer demonstrations, or a least value of 0 or less.
     """
     if len(positions) < 4:
-        raise ValueError(f"patterns are looked for among at least 4 demonstrations, got {len(positions)}")
-    least, apart = as_number(least_silhouette, "least_silhouette"), as_number(least_separation, "least_separation")
-    paths = [as_samples(path, f"positions of demonstration {i}") for i, path in enumerate(positions)]
+        raise ValueError(
+            f"patterns are looked for among at least 4 demonstrations, got {len(positions)}"
+        )
+    least, apart = (
+        as_number(least_silhouette, "least_silhouette"),
+        as_number(least_separation, "least_separation"),
+    )
+    paths = [
+        as_samples(path, f"positions of demonstration {i}") for i, path in enumerate(positions)
+    ]
     for i, path in enumerate(paths):
         if path.shape[1] != paths[0].shape[1]:
-            raise ValueError(f"demonstration {i} has {path.shape[1]} movement variables, the first has {paths[0].shape[1]}")
+            raise ValueError(
+                f"demonstration {i} has {path.shape[1]} movement variables, the first has"
+                f" {paths[0].shape[1]}"
+            )
     distances = mean_warped_distances([resampled(path, N_SAMPLES) for path in paths])
     labels, found = _best_groups(distances)
     between = separation(distances, labels)
     several = found > least and between > apart
-    return Patterns(labels if several else np.zeros_like(labels), found, between, np.array([path[0] for path in paths]))
+    return Patterns(
+        labels if several else np.zeros_like(labels),
+        found,
+        between,
+        np.array([path[0] for path in paths]),
+    )
 
 
 def resampled(path: np.ndarray, n: int) -> np.ndarray:
@@ -93,7 +126,9 @@ def resampled(path: np.ndarray, n: int) -> np.ndarray:
 
 
 def _best_groups(distances: np.ndarray) -> tuple[np.ndarray, float]:
-    """Labels (n,), and their mean silhouette, of the number of groups for which it is largest; distances (n, n)."""
+    """Labels (n,), and their mean silhouette, of the number of groups for which it is largest;
+    distances (n, n).
+    """
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 
@@ -108,9 +143,11 @@ def _best_groups(distances: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def silhouette(distances: np.ndarray, labels: np.ndarray) -> float:
-    """Mean over the points of (b - a) / max(a, b), with the mean distances a to the own group and b to the nearest other one.
+    """Mean over the points of (b - a) / max(a, b), with the mean distances a to the own group and
+    b to the nearest other one.
 
-    A point alone in its group counts 0, and so does one for which all are the same (Rousseeuw 1987).
+    A point alone in its group counts 0, and so does one for which all are the same (Rousseeuw
+    1987).
 
     * distances: (n, n).
     * labels: (n,), from 0 on, of at least two groups.
@@ -122,11 +159,14 @@ def silhouette(distances: np.ndarray, labels: np.ndarray) -> float:
     other = np.where(own, np.inf, sums / sizes).min(axis=1)
     largest = np.maximum(within, other)
     counts = (sizes[labels] > 1) & (largest > 0.0)
-    return float(np.mean(np.where(counts, (other - within) / np.where(largest > 0.0, largest, 1.0), 0.0)))
+    return float(
+        np.mean(np.where(counts, (other - within) / np.where(largest > 0.0, largest, 1.0), 0.0))
+    )
 
 
 def separation(distances: np.ndarray, labels: np.ndarray) -> float:
-    """Least distance between two groups in parts of the largest within one (Dunn 1974); inf if no group has any width, 0 of a single group.
+    """Least distance between two groups in parts of the largest within one (Dunn 1974); inf if no
+    group has any width, 0 of a single group.
 
     * distances: (n, n).
     * labels: (n,).

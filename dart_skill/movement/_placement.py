@@ -1,7 +1,9 @@
-"""Where the task frames are during the samples: one place for a demonstration or one for each sample; a frame may be missing.
+"""Where the task frames are during the samples: one place for a demonstration or one for each
+sample; a frame may be missing.
 
-A frame (A, b) sees a point x of the world at A^-1 (x - b) (thesis 7.5.2). If A (m, d) has fewer columns than rows, the
-frame sees d of the m directions, and the pseudo-inverse takes the place of the inverse.
+A frame (A, b) sees a point x of the world at A^-1 (x - b) (thesis 7.5.2). If A (m, d) has fewer
+columns than rows, the frame sees d of the m directions, and the pseudo-inverse takes the place of
+the inverse.
 """
 
 from __future__ import annotations
@@ -20,11 +22,13 @@ from dart_skill.movement._frames import TaskFrame
 
 @dataclass(frozen=True, eq=False)
 class PartialFrame:
-    """Task frame that sees only d directions of the m features. It says nothing about the other directions.
+    """Task frame that sees only d directions of the m features. It says nothing about the other
+    directions.
 
     Parameters:
 
-    * A (m, d): independent columns, the directions that it sees. The first feature is time here, too.
+    * A (m, d): independent columns, the directions that it sees. The first feature is time here,
+      too.
     * b (m,): origin of the frame in the world.
     """
 
@@ -35,7 +39,10 @@ class PartialFrame:
         matrix = as_samples(self.A, "A")
         lengths = np.linalg.norm(matrix, axis=0)
         if lengths.min() == 0 or np.linalg.matrix_rank(matrix / lengths) < matrix.shape[1]:
-            raise ValueError(f"A must have independent columns, as many as it has rows at most, got {matrix.tolist()}")
+            raise ValueError(
+                "A must have independent columns, as many as it has rows at most, got"
+                f" {matrix.tolist()}"
+            )
         object.__setattr__(self, "A", matrix)
         object.__setattr__(self, "b", as_vector(self.b, "b", len(matrix)))
 
@@ -47,26 +54,34 @@ class PartialFrame:
 
 Frame = TaskFrame | PartialFrame
 FrameCourse = Frame | Sequence[Frame | None] | None
-"""A frame during a demonstration: one for the whole of it, or one for each sample; None where it is missing."""
+"""A frame during a demonstration: one for the whole of it, or one for each sample; None where it
+is missing.
+"""
 Samples = Sequence[ArrayLike]
 """(n_i, m) of each demonstration."""
 Frames = Sequence[Sequence[FrameCourse]]
 """P frames for each demonstration."""
 Weights = Sequence[ArrayLike] | np.ndarray | None
-"""One number for each demonstration, or one array (n_i,) for each; None if all samples count alike."""
+"""One number for each demonstration, or one array (n_i,) for each; None if all samples count
+alike.
+"""
 
 
 def invert(matrices: np.ndarray) -> np.ndarray:
     """Inverses (s, d, m) of matrices (s, m, d), pseudo-inverses if d < m."""
-    return np.linalg.inv(matrices) if matrices.shape[1] == matrices.shape[2] else np.linalg.pinv(matrices)
+    return (
+        np.linalg.inv(matrices)
+        if matrices.shape[1] == matrices.shape[2]
+        else np.linalg.pinv(matrices)
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
     """One task frame during all n samples.
 
-    A (s, m, d) and b (s, m): its s different places; place (n,): index of the place for each sample, -1 where the frame is
-    missing.
+    A (s, m, d) and b (s, m): its s different places; place (n,): index of the place for each
+    sample, -1 where the frame is missing.
     """
 
     A: np.ndarray
@@ -100,7 +115,9 @@ class Placement:
         return columns.T
 
     def see_variance(self, variance: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Variances (d,) in the frame from variances (m,) of independent columns in the world, the mean over samples with weights (n,)."""
+        """Variances (d,) in the frame from variances (m,) of independent columns in the world, the
+        mean over samples with weights (n,).
+        """
         # The first is of samples that the frame does not see.
         shares = np.bincount(self.place + 1, weights, 1 + len(self.A))[1:]
         return shares @ (np.square(self.inverses) @ variance) / shares.sum()
@@ -110,8 +127,8 @@ class Placement:
 class Situation:
     """P task frames at n moments.
 
-    A (n, P, m, m), inverses (n, P, m, m), b (n, P, m); seen (n, P): whether the frame is present. Entries are zero for
-    directions that a frame does not see, and for a missing frame.
+    A (n, P, m, m), inverses (n, P, m, m), b (n, P, m); seen (n, P): whether the frame is present.
+    Entries are zero for directions that a frame does not see, and for a missing frame.
     """
 
     A: np.ndarray
@@ -120,19 +137,35 @@ class Situation:
     seen: np.ndarray
 
     @classmethod
-    def of(cls, courses: Sequence[FrameCourse], n: int, n_features: int, n_dims: Sequence[int]) -> Situation:
-        """The situation of P frames at n moments. Frame p must see n_dims[p] directions; at least one frame must be present."""
+    def of(
+        cls, courses: Sequence[FrameCourse], n: int, n_features: int, n_dims: Sequence[int]
+    ) -> Situation:
+        """The situation of P frames at n moments. Frame p must see n_dims[p] directions; at least
+        one frame must be present.
+        """
         _require_count(courses, len(n_dims), "the new situation")
         still = [course for course in courses if isinstance(course, TaskFrame)]
-        if n == 1 and len(still) == len(courses) and {len(frame.b) for frame in still} | set(n_dims) == {n_features}:
+        if (
+            n == 1
+            and len(still) == len(courses)
+            and {len(frame.b) for frame in still} | set(n_dims) == {n_features}
+        ):
             return cls._at_rest(still)
         shape, m = (n, len(n_dims)), n_features
-        situation = cls(np.zeros((*shape, m, m)), np.zeros((*shape, m, m)), np.zeros((*shape, m)), np.zeros(shape, dtype=bool))
+        situation = cls(
+            np.zeros((*shape, m, m)),
+            np.zeros((*shape, m, m)),
+            np.zeros((*shape, m)),
+            np.zeros(shape, dtype=bool),
+        )
         for j, (course, d) in enumerate(zip(courses, n_dims, strict=True)):
             situation._put(j, _as_frames(course, n, f"task frame {j} of the new situation", m), d)
         there = situation.seen.any(1)
         if not there.all():
-            raise ValueError(f"all task frames are missing at moment {int(there.argmin())} of the new situation; give one at least")
+            raise ValueError(
+                f"all task frames are missing at moment {int(there.argmin())} of the new"
+                " situation; give one at least"
+            )
         situation._invert(n_dims)
         return situation
 
@@ -167,7 +200,8 @@ class Situation:
 class TaskSamples:
     """Samples of all demonstrations in one array, with their task frames.
 
-    world (n, m): the samples; placements: of each of the P frames; lengths: number of samples of each demonstration.
+    world (n, m): the samples; placements: of each of the P frames; lengths: number of samples of
+    each demonstration.
     """
 
     world: np.ndarray
@@ -175,20 +209,35 @@ class TaskSamples:
     lengths: list[int]
 
     @classmethod
-    def of(cls, samples: Samples, frames: Frames, n_dims: Sequence[int] | None = None) -> TaskSamples:
-        """From samples (n_i, m) and P frames for each demonstration, checked; n_dims (P,): number of directions of each frame."""
+    def of(
+        cls, samples: Samples, frames: Frames, n_dims: Sequence[int] | None = None
+    ) -> TaskSamples:
+        """From samples (n_i, m) and P frames for each demonstration, checked; n_dims (P,): number
+        of directions of each frame.
+        """
         if len(samples) == 0 or len(samples) != len(frames):
-            raise ValueError(f"one list of frames per demonstration is needed, got {len(frames)} for {len(samples)}")
-        worlds = [as_learnable(one, f"samples of demonstration {i}") for i, one in enumerate(samples)]
+            raise ValueError(
+                f"one list of frames per demonstration is needed, got {len(frames)} for"
+                f" {len(samples)}"
+            )
+        worlds = [
+            as_learnable(one, f"samples of demonstration {i}") for i, one in enumerate(samples)
+        ]
         for i, world in enumerate(worlds):
             if world.shape[1] != worlds[0].shape[1]:
-                raise ValueError(f"demonstration {i} has {world.shape[1]} columns, the first has {worlds[0].shape[1]}")
+                raise ValueError(
+                    f"demonstration {i} has {world.shape[1]} columns, the first has"
+                    f" {worlds[0].shape[1]}"
+                )
         lengths = [len(world) for world in worlds]
         placements = _as_placements(frames, lengths, worlds[0].shape[1], n_dims)
         unseen = ~np.any([placement.seen for placement in placements], axis=0)
         if unseen.any():
             i, row = _locate(int(unseen.argmax()), lengths)
-            raise ValueError(f"sample {row} of demonstration {i} is seen by no task frame; leave it out or give a frame")
+            raise ValueError(
+                f"sample {row} of demonstration {i} is seen by no task frame; leave it out or give"
+                " a frame"
+            )
         return cls(np.concatenate(worlds), placements, lengths)
 
     def only(self, kept: np.ndarray) -> TaskSamples:
@@ -200,7 +249,10 @@ class TaskSamples:
         few = TaskSamples(self.world[kept], [one.only(kept) for one in self.placements], lengths)
         for j, placement in enumerate(few.placements):
             if not placement.seen.any():
-                raise ValueError(f"task frame {j} is missing from every sample with weight; leave it out of all demonstrations")
+                raise ValueError(
+                    f"task frame {j} is missing from every sample with weight; leave it out of all"
+                    " demonstrations"
+                )
         return few
 
     @cached_property
@@ -219,16 +271,23 @@ def _locate(sample: int, lengths: list[int]) -> tuple[int, int]:
     return i, sample - sum(lengths[:i])
 
 
-def _as_placements(frames: Frames, lengths: list[int], n_features: int, n_dims: Sequence[int] | None) -> list[Placement]:
+def _as_placements(
+    frames: Frames, lengths: list[int], n_features: int, n_dims: Sequence[int] | None
+) -> list[Placement]:
     """Placement of each of the P frames; lengths: number of samples of each demonstration."""
     n_frames = len(frames[0]) if n_dims is None else len(n_dims)
     for i, its_frames in enumerate(frames):
         _require_count(its_frames, n_frames, f"demonstration {i}")
     wanted: Sequence[int | None] = [None] * n_frames if n_dims is None else n_dims
-    return [_as_placement(j, [its_frames[j] for its_frames in frames], lengths, n_features, wanted[j]) for j in range(n_frames)]
+    return [
+        _as_placement(j, [its_frames[j] for its_frames in frames], lengths, n_features, wanted[j])
+        for j in range(n_frames)
+    ]
 
 
-def _as_placement(j: int, courses: list[FrameCourse], lengths: list[int], n_features: int, n_dims: int | None) -> Placement:
+def _as_placement(
+    j: int, courses: list[FrameCourse], lengths: list[int], n_features: int, n_dims: int | None
+) -> Placement:
     frames: list[Frame] = []
     places: list[int] = []
     repeats: list[int] = []
@@ -250,16 +309,22 @@ def _as_placement(j: int, courses: list[FrameCourse], lengths: list[int], n_feat
 
 def _require_count(frames: Sequence[FrameCourse], n_frames: int, name: str) -> None:
     if len(frames) != n_frames or n_frames == 0:
-        raise ValueError(f"{name} has {len(frames)} task frames, expected {n_frames or 'at least 1'}")
+        raise ValueError(
+            f"{name} has {len(frames)} task frames, expected {n_frames or 'at least 1'}"
+        )
 
 
 def _require_dims(j: int, found: set[int]) -> None:
     if len(found) > 1:
-        raise ValueError(f"task frame {j} must see as many directions everywhere, got {sorted(found)}")
+        raise ValueError(
+            f"task frame {j} must see as many directions everywhere, got {sorted(found)}"
+        )
 
 
 def _as_frames(course: FrameCourse, length: int, name: str, n_features: int) -> list[Frame | None]:
-    """The frame as a list: one entry if it is given once for all samples, else `length` entries, one for each."""
+    """The frame as a list: one entry if it is given once for all samples, else `length` entries,
+    one for each.
+    """
     frames = list(course) if isinstance(course, Sequence) else [course]
     if isinstance(course, Sequence) and len(frames) != length:
         raise ValueError(f"{name} is given for {len(frames)} samples, there are {length}")
@@ -267,7 +332,11 @@ def _as_frames(course: FrameCourse, length: int, name: str, n_features: int) -> 
         if frame is None:
             continue
         if not isinstance(frame, Frame):
-            raise ValueError(f"{name} must be a TaskFrame, a PartialFrame or None, got {type(frame).__name__}")
+            raise ValueError(
+                f"{name} must be a TaskFrame, a PartialFrame or None, got {type(frame).__name__}"
+            )
         if len(frame.b) != n_features:
-            raise ValueError(f"{name} has {len(frame.b)} dimensions, the samples have {n_features}")
+            raise ValueError(
+                f"{name} has {len(frame.b)} dimensions, the samples have {n_features}"
+            )
     return frames

@@ -1,7 +1,8 @@
 """The common base of discrete and rhythmic movement primitives.
 
-It has the spring-damper (7.8), (7.9), driven by goal and forcing term, its integration, and the regression on
-demonstrations. The module `primitives` has the equations, and says where the defaults differ from them.
+It has the spring-damper (7.8), (7.9), driven by goal and forcing term, its integration, and the
+regression on demonstrations. The module `primitives` has the equations, and says where the
+defaults differ from them.
 """
 
 from __future__ import annotations
@@ -17,13 +18,20 @@ from numpy.typing import ArrayLike
 from dart_skill.common.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
 from dart_skill.movement._differentiation import Motion
-from dart_skill.movement._forcing import REGRESSIONS, Kernels, normalised, regress_jointly, transformation
+from dart_skill.movement._forcing import (
+    REGRESSIONS,
+    Kernels,
+    normalised,
+    regress_jointly,
+    transformation,
+)
 from dart_skill.movement._recursion import one_step
 from dart_skill.movement._runge_kutta import Steps, divide, gains_of_equal_steps, integrate
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
 
-# A tracking error slows a movement down to this share of its pace at least. At zero it could not continue.
+# A tracking error slows a movement down to this share of its pace at least. At zero it could not
+# continue.
 MIN_SHARE = 1e-9
 # Steps whose drive is worked out at once, which takes hardly longer than that of one.
 AHEAD = 64
@@ -52,11 +60,13 @@ class Execution(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """What drives the steps after the first one of several that are equally long, as long as nobody wishes for something else.
+    """What drives the steps after the first one of several that are equally long, as long as
+    nobody wishes for something else.
 
     * weights, wanted: of the movement, and what it shall be: these very objects.
     * made, steps: progress of a step, and its stages.
-    * progress: at the beginning of each step; drives (n, 2 m + 1, d): at the stages of each. Empty as long as there was only one such step.
+    * progress: at the beginning of each step; drives (n, 2 m + 1, d): at the stages of each. Empty
+      as long as there was only one such step.
     """
 
     weights: np.ndarray
@@ -80,10 +90,13 @@ class PrimitiveState:
     """State of a movement at one instant.
 
     * position, velocity, acceleration (d,).
-    * progress: time since the start in units of the duration; for rhythmic movements the share of the period, in [0, 1).
-    * pace: progress per second [1/s]; goal, amplitude (d,). All three approach the wanted values smoothly.
+    * progress: time since the start in units of the duration; for rhythmic movements the share of
+      the period, in [0, 1).
+    * pace: progress per second [1/s]; goal, amplitude (d,). All three approach the wanted values
+      smoothly.
     * wanted: the wanted start, goal, amplitude and duration.
-    * ahead, next_ahead: what drives the next steps, as far as it has been worked out, and which of them is the next one.
+    * ahead, next_ahead: what drives the next steps, as far as it has been worked out, and which of
+      them is the next one.
     """
 
     position: np.ndarray
@@ -99,7 +112,9 @@ class PrimitiveState:
 
 
 class Clock(NamedTuple):
-    """Progress since a state, the pace at that time, and its change per second: numbers, or columns (n, 1); no change: None."""
+    """Progress since a state, the pace at that time, and its change per second: numbers, or
+    columns (n, 1); no change: None.
+    """
 
     made: float | np.ndarray
     pace: float | np.ndarray
@@ -112,8 +127,8 @@ AnyPrimitive = TypeVar("AnyPrimitive", bound="Primitive")
 class Primitive(SavedModel):
     """Base of both kinds. A subclass has `fit`, `begin` and `step`.
 
-    Its method `_gate` gives the factor by which f fades. Its method `_goal_path` gives the position of g between start (0)
-    and goal (1).
+    Its method `_gate` gives the factor by which f fades. Its method `_goal_path` gives the
+    position of g between start (0) and goal (1).
     """
 
     weights_: np.ndarray
@@ -122,13 +137,16 @@ class Primitive(SavedModel):
 
     def __init__(self, kernels: Kernels, n_basis: int, stiffness: float, regression: str) -> None:
         if regression not in REGRESSIONS:
-            raise ValueError(f"regression must be one of {sorted(REGRESSIONS)}, got {regression!r}")
+            raise ValueError(
+                f"regression must be one of {sorted(REGRESSIONS)}, got {regression!r}"
+            )
         self.n_basis, self.regression = n_basis, regression
         self.stiffness = as_number(stiffness, "stiffness")
         self._frequency = float(np.sqrt(self.stiffness))
         self._damping = 2.0 * self._frequency
         self._kernels = kernels
-        # Longer steps are subdivided, to at most half a time constant of the spring and half the distance of two kernels.
+        # Longer steps are subdivided, to at most half a time constant of the spring and half the
+        # distance of two kernels.
         self._max_step = 0.5 / max(self._frequency, n_basis)
 
     def begin(self) -> PrimitiveState:
@@ -152,35 +170,48 @@ class Primitive(SavedModel):
         return self._fitted().weights_.ravel().copy()
 
     def with_parameters(self: AnyPrimitive, parameters: ArrayLike) -> AnyPrimitive:
-        """A copy of this primitive with other parameters (n_basis * d,); for the search of (7.14)-(7.17)."""
+        """A copy of this primitive with other parameters (n_basis * d,); for the search of
+        (7.14)-(7.17).
+        """
         other = copy(self._fitted())
-        other.weights_ = as_vector(parameters, "parameters", self.weights_.size).reshape(self.weights_.shape)
+        other.weights_ = as_vector(parameters, "parameters", self.weights_.size).reshape(
+            self.weights_.shape
+        )
         return other
 
     def activations(self, progress: ArrayLike) -> np.ndarray:
-        """phi of (7.14), (n, n_basis), at progress (n,), which is time / duration: activations @ weights_ is f (7.10).
+        """phi of (7.14), (n, n_basis), at progress (n,), which is time / duration: activations @
+        weights_ is f (7.10).
 
         Each row holds the kernels (7.11), which sum to one, times the factor by which f fades.
         """
         progress = as_vector(progress, "progress")
         if progress.min(initial=0.0) < 0:
-            raise ValueError(f"progress must be at least 0, the start of the movement, got {progress.min():g}")
+            raise ValueError(
+                f"progress must be at least 0, the start of the movement, got {progress.min():g}"
+            )
         return normalised(self._kernels.raw(progress)) * self._gate(progress)[:, None]
 
     def open_loop(self, times: ArrayLike, state: PrimitiveState | None = None) -> Trajectory:
-        """The movement without disturbance from a state of `begin` or `step`; as demonstrated when None.
+        """The movement without disturbance from a state of `begin` or `step`; as demonstrated when
+        None.
 
-        times: stamps (n,) [s], the first of which is the time of the state; or one number, a step [s], for one duration (or
-        period).
+        times: stamps (n,) [s], the first of which is the time of the state; or one number, a step
+        [s], for one duration (or period).
         """
         state = self.begin() if state is None else self._as_state(state)
         stamps = self._as_times(times, state.wanted.duration)
         clock = self._clock(state, (stamps - stamps[0])[:, None], 1.0)
-        return Trajectory(stamps, *_timed(clock, *self._follow(state, np.asarray(clock.made)[:, 0], None)))
+        return Trajectory(
+            stamps, *_timed(clock, *self._follow(state, np.asarray(clock.made)[:, 0], None))
+        )
 
     def _to_arrays(self) -> Arrays:
         self._fitted()
-        return {"weights": self.weights_, **{name: np.array(getattr(self, f"{name}_")) for name in self._LEARNED}}
+        return {
+            "weights": self.weights_,
+            **{name: np.array(getattr(self, f"{name}_")) for name in self._LEARNED},
+        }
 
     def _from_arrays(self, arrays: Arrays) -> None:
         weights = array_of(arrays, "weights", (self.n_basis, None))
@@ -191,14 +222,24 @@ class Primitive(SavedModel):
         self.weights_ = weights
 
     def _fitted_to(self) -> str:
-        return f"{self._shown()}{self.n_dims} movement variables, {self.n_basis} kernels" if hasattr(self, "weights_") else ""
+        return (
+            f"{self._shown()}{self.n_dims} movement variables, {self.n_basis} kernels"
+            if hasattr(self, "weights_")
+            else ""
+        )
 
     def _fitted(self: AnyPrimitive) -> AnyPrimitive:
         if not hasattr(self, "weights_"):
             raise ValueError(f"this {type(self).__name__} holds no weights yet; call fit first")
         return self
 
-    def _learn(self, demonstrations: list[Demonstration], starts: np.ndarray, goals: np.ndarray, durations: np.ndarray) -> None:
+    def _learn(
+        self,
+        demonstrations: list[Demonstration],
+        starts: np.ndarray,
+        goals: np.ndarray,
+        durations: np.ndarray,
+    ) -> None:
         """Weights from all demonstrations by (7.12), then (7.13) or its joint form."""
         self.n_demonstrations_ = len(demonstrations)
         executions = list(zip(demonstrations, starts, goals, durations, strict=True))
@@ -209,23 +250,43 @@ class Primitive(SavedModel):
         regress = REGRESSIONS.get(self.regression, regress_jointly)
         self.weights_ = regress(psi, self._gate(progress), target, weights, self._kernels)
 
-    def _reference(self, demonstration: Demonstration, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
-        """f_ref (n, d) of (7.12), with A = 1: the drive that the spring-damper needs to move as demonstrated."""
+    def _reference(
+        self, demonstration: Demonstration, start: np.ndarray, goal: np.ndarray, duration: float
+    ) -> np.ndarray:
+        """f_ref (n, d) of (7.12), with A = 1: the drive that the spring-damper needs to move as
+        demonstrated.
+        """
         position, velocity, acceleration = demonstration.motion
-        pull = self._goal_path(demonstration.time / duration)[:, None] * (goal - start) - (position - start)
-        return acceleration * duration**2 + self._damping * duration * velocity - self.stiffness * pull
+        pull = self._goal_path(demonstration.time / duration)[:, None] * (goal - start) - (
+            position - start
+        )
+        return (
+            acceleration * duration**2
+            + self._damping * duration * velocity
+            - self.stiffness * pull
+        )
 
     def _transformation(self, progress: np.ndarray) -> np.ndarray:
         """f (n, d) of (7.10) at progress (n,)."""
-        return self._gate(progress)[:, None] * transformation(self._kernels.raw(progress), self.weights_)
+        return self._gate(progress)[:, None] * transformation(
+            self._kernels.raw(progress), self.weights_
+        )
 
-    def _begin(self, wanted: Execution, position: np.ndarray, velocity: np.ndarray, progress: float) -> PrimitiveState:
+    def _begin(
+        self, wanted: Execution, position: np.ndarray, velocity: np.ndarray, progress: float
+    ) -> PrimitiveState:
         at_rest, pace = np.zeros(len(position)), 1.0 / wanted.duration
-        state = PrimitiveState(position, velocity, at_rest, progress, pace, wanted.goal, wanted.amplitude, wanted)
+        state = PrimitiveState(
+            position, velocity, at_rest, progress, pace, wanted.goal, wanted.amplitude, wanted
+        )
         return self._after(state, 0.0, 1.0, None)
 
-    def _after(self, state: PrimitiveState, dt: float, share: float, push: np.ndarray | None) -> PrimitiveState:
-        """The state dt seconds later, with a share of the wanted pace and a push, an acceleration (d,)."""
+    def _after(
+        self, state: PrimitiveState, dt: float, share: float, push: np.ndarray | None
+    ) -> PrimitiveState:
+        """The state dt seconds later, with a share of the wanted pace and a push, an acceleration
+        (d,).
+        """
         clock = self._clock(state, dt, share)
         made = float(clock.made)
         steps, drive, ahead, number = self._drive_of_step(state, made)
@@ -233,22 +294,40 @@ class Primitive(SavedModel):
         motion = _timed(clock, position[-1], slope[-1], curvature[-1])
         goal, amplitude = self._settled(state, made)
         progress = self._wrapped(state.progress + made)
-        return PrimitiveState(*motion, progress, float(clock.pace), goal, amplitude, state.wanted, ahead, number)
+        return PrimitiveState(
+            *motion, progress, float(clock.pace), goal, amplitude, state.wanted, ahead, number
+        )
 
-    def _drive_of_step(self, state: PrimitiveState, made: float) -> tuple[Steps, np.ndarray, Ahead | None, int]:
-        """Stages of one step and the drive there (2 m + 1, d), and what is known of the next steps then, as a state has it.
+    def _drive_of_step(
+        self, state: PrimitiveState, made: float
+    ) -> tuple[Steps, np.ndarray, Ahead | None, int]:
+        """Stages of one step and the drive there (2 m + 1, d), and what is known of the next steps
+        then, as a state has it.
 
-        From the second of several equal steps of an undisturbed movement on, the drive is worked out for many of them.
+        From the second of several equal steps of an undisturbed movement on, the drive is worked
+        out for many of them.
         """
         ahead, number = state.ahead, state.next_ahead
         if ahead is None or not ahead.holds(self.weights_, state, made):
             steps = divide(np.array([0.0, made]) if made else np.zeros(1), self._max_step)
             drive = self._drive(state, state.progress, steps.stages)
-            return steps, drive, Ahead(self.weights_, state.wanted, made, steps, [], drive) if made and _settled(state) else None, 0
+            return (
+                steps,
+                drive,
+                (
+                    Ahead(self.weights_, state.wanted, made, steps, [], drive)
+                    if made and _settled(state)
+                    else None
+                ),
+                0,
+            )
         if not ahead.has(number, state.progress):
             progress, number = self._progress_of_steps(state.progress, made), 0
             stages = (np.array(progress)[:, None] + ahead.steps.stages).ravel()
-            ahead = ahead._replace(progress=progress, drives=self._drive(state, 0.0, stages).reshape(len(progress), -1, self.n_dims))
+            ahead = ahead._replace(
+                progress=progress,
+                drives=self._drive(state, 0.0, stages).reshape(len(progress), -1, self.n_dims),
+            )
         return ahead.steps, ahead.drives[number], ahead, number + 1
 
     def _progress_of_steps(self, progress: float, made: float) -> list[float]:
@@ -264,17 +343,29 @@ class Primitive(SavedModel):
         if state.pace == wanted:
             return Clock(wanted * elapsed, wanted, None)
         excess = (state.pace - wanted) * _exp(-rate * elapsed)
-        return Clock(wanted * elapsed + (state.pace - wanted - excess) / rate, wanted + excess, -rate * excess)
+        return Clock(
+            wanted * elapsed + (state.pace - wanted - excess) / rate,
+            wanted + excess,
+            -rate * excess,
+        )
 
-    def _follow(self, state: PrimitiveState, made: np.ndarray, push: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x, dx/ds and d2x/ds2 (n, d) of (7.8) and (7.9) at the progress `made` (n,) since the state."""
+    def _follow(
+        self, state: PrimitiveState, made: np.ndarray, push: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x, dx/ds and d2x/ds2 (n, d) of (7.8) and (7.9) at the progress `made` (n,) since the
+        state.
+        """
         steps = divide(made, self._max_step)
         return self._moved(state, steps, self._drive(state, state.progress, steps.stages), push)
 
     def _drive(self, state: PrimitiveState, progress: float, stages: np.ndarray) -> np.ndarray:
-        """What pulls at the movement (n, d), goal and forcing term, at stages (n,) since the state, which are at `progress` and more."""
+        """What pulls at the movement (n, d), goal and forcing term, at stages (n,) since the
+        state, which are at `progress` and more.
+        """
         goal, amplitude = self._settled(state, stages[:, None])
-        drive = self._goal_path(progress + stages)[:, None] * (self.stiffness * (goal - state.wanted.start))
+        drive = self._goal_path(progress + stages)[:, None] * (
+            self.stiffness * (goal - state.wanted.start)
+        )
         drive += amplitude * self._transformation(progress + stages)
         return drive
 
@@ -291,31 +382,51 @@ class Primitive(SavedModel):
             return one_step(*gains, self.stiffness, self._damping, position, slope, start, drive)
         begin = np.array([state.position - start, state.velocity / state.pace])
         position, slope = integrate(steps, self.stiffness, self._damping, begin, drive)
-        curvature = drive[:: 2 * steps.per_node] - self.stiffness * position - self._damping * slope
+        curvature = (
+            drive[:: 2 * steps.per_node] - self.stiffness * position - self._damping * slope
+        )
         return start + position, slope, curvature
 
-    def _settled(self, state: PrimitiveState, made: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _settled(
+        self, state: PrimitiveState, made: float | np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Goal and amplitude after the progress `made`; both approach the wanted ones."""
         wanted = state.wanted
         if _settled(state):
             return wanted.goal, wanted.amplitude
         lag = _exp(-self._frequency * made)
-        return wanted.goal + lag * (state.goal - wanted.goal), wanted.amplitude + lag * (state.amplitude - wanted.amplitude)
+        return wanted.goal + lag * (state.goal - wanted.goal), wanted.amplitude + lag * (
+            state.amplitude - wanted.amplitude
+        )
 
     def _advance(
-        self, state: PrimitiveState, dt: float, coupling: ArrayLike | None, tracking_error: ArrayLike | None, tolerance: float
+        self,
+        state: PrimitiveState,
+        dt: float,
+        coupling: ArrayLike | None,
+        tracking_error: ArrayLike | None,
+        tolerance: float,
     ) -> PrimitiveState:
         push = None if coupling is None else as_vector(coupling, "coupling", self.n_dims)
         share = 1.0
         if tracking_error is not None:
-            error = math.hypot(*as_vector(tracking_error, "tracking_error", self.n_dims)) / as_number(tolerance, "tolerance")
+            error = math.hypot(
+                *as_vector(tracking_error, "tracking_error", self.n_dims)
+            ) / as_number(tolerance, "tolerance")
             share = max(1.0 / (1.0 + error * error), MIN_SHARE)
         return self._after(state, as_number(dt, "dt"), share, push)
 
     def _with_wishes(
-        self, state: PrimitiveState, goal: ArrayLike | None, duration: float | None, amplitude: ArrayLike | None, names: tuple[str, str]
+        self,
+        state: PrimitiveState,
+        goal: ArrayLike | None,
+        duration: float | None,
+        amplitude: ArrayLike | None,
+        names: tuple[str, str],
     ) -> PrimitiveState:
-        """The state with new wanted values from now on; names: of goal and duration, for error messages."""
+        """The state with new wanted values from now on; names: of goal and duration, for error
+        messages.
+        """
         wanted = self._as_state(state).wanted
         if goal is None and duration is None and amplitude is None:
             return state
@@ -330,13 +441,19 @@ class Primitive(SavedModel):
     def _as_state(self, state: PrimitiveState) -> PrimitiveState:
         n_dims = self.n_dims
         if not (_is_vector(state.position, n_dims) and _is_vector(state.velocity, n_dims)):
-            raise ValueError(f"state must hold {n_dims} finite positions and velocities; take it from `begin` or a former step")
+            raise ValueError(
+                f"state must hold {n_dims} finite positions and velocities; take it from `begin`"
+                " or a former step"
+            )
         return state
 
     def _as_amplitude(self, amplitude: ArrayLike) -> np.ndarray:
         amplitude = as_finite(amplitude, "amplitude")
         if amplitude.shape not in ((), (self.n_dims,)):
-            raise ValueError(f"amplitude must be one number or one per dimension ({self.n_dims}), got shape {amplitude.shape}")
+            raise ValueError(
+                f"amplitude must be one number or one per dimension ({self.n_dims}), got shape"
+                f" {amplitude.shape}"
+            )
         return np.broadcast_to(amplitude, self.n_dims)
 
     def _as_dims(self, value: ArrayLike | None, name: str, default: np.ndarray) -> np.ndarray:
@@ -354,7 +471,11 @@ class Primitive(SavedModel):
 def _timed(clock: Clock, position: np.ndarray, slope: np.ndarray, curvature: np.ndarray) -> Motion:
     """Motion in seconds from a path and its derivatives by progress."""
     acceleration = clock.pace**2 * curvature
-    return Motion(position, clock.pace * slope, acceleration if clock.change is None else acceleration + clock.change * slope)
+    return Motion(
+        position,
+        clock.pace * slope,
+        acceleration if clock.change is None else acceleration + clock.change * slope,
+    )
 
 
 def _settled(state: PrimitiveState) -> bool:
@@ -363,8 +484,12 @@ def _settled(state: PrimitiveState) -> bool:
 
 
 def _is_vector(value: np.ndarray, size: int) -> bool:
-    """Whether it is (size,) and finite; for the few numbers of an online step a sum finds that out fastest."""
-    return np.shape(value) == (size,) and (math.isfinite(sum(np.asarray(value).tolist())) or bool(np.isfinite(value).all()))
+    """Whether it is (size,) and finite; for the few numbers of an online step a sum finds that out
+    fastest.
+    """
+    return np.shape(value) == (size,) and (
+        math.isfinite(sum(np.asarray(value).tolist())) or bool(np.isfinite(value).all())
+    )
 
 
 def _exp(value: float | np.ndarray) -> float | np.ndarray:

@@ -1,4 +1,6 @@
-"""An autonomous DS-GMR that is asked while the robot moves: at every step, with the state and the frames of now (thesis chapter 9)."""
+"""An autonomous DS-GMR that is asked while the robot moves: at every step, with the state and the
+frames of now (thesis chapter 9).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from dart_skill.movement._autonomous import AutonomousDSGMR, Moment, StateFrame
 
 
 class Reaction(NamedTuple):
-    """phase [s] and its rate, which is 1 at the pace that was shown; moment: what belongs to the phase in the frames of now."""
+    """phase [s] and its rate, which is 1 at the pace that was shown; moment: what belongs to the
+    phase in the frames of now.
+    """
 
     phase: float
     rate: float
@@ -33,14 +37,22 @@ class ReactivePolicy:
 
     @property
     def is_over(self) -> bool:
-        """Whether the end of what was shown is reached: the attractor stays where it is, in its frames."""
+        """Whether the end of what was shown is reached: the attractor stays where it is, in its
+        frames.
+        """
         return self.phase >= self._end
 
-    def react(self, frames: Sequence[StateFrame], position: ArrayLike, velocity: ArrayLike, step: float) -> Reaction:
-        """The phase after a step [s], for a robot with this position and velocity (d,); frames: as they are now."""
+    def react(
+        self, frames: Sequence[StateFrame], position: ArrayLike, velocity: ArrayLike, step: float
+    ) -> Reaction:
+        """The phase after a step [s], for a robot with this position and velocity (d,); frames: as
+        they are now.
+        """
         moment, rule = self._model.moment(frames, self.phase, self._inputs), self._model.rule
         d = len(moment.attractor)
-        state = np.concatenate([as_vector(position, "position", d), as_vector(velocity, "velocity", d)])
+        state = np.concatenate(
+            [as_vector(position, "position", d), as_vector(velocity, "velocity", d)]
+        )
         rate = rule.rate(float(moment.gain @ (state - moment.state)))
         self.phase = min(self.phase + rate * as_number(step, "step", strict=False), self._end)
         return Reaction(self.phase, rate, moment)

@@ -1,4 +1,6 @@
-"""Linear recursions of position and velocity over equal steps: what a spring-damper does that is driven from stamp to stamp."""
+"""Linear recursions of position and velocity over equal steps: what a spring-damper does that is
+driven from stamp to stamp.
+"""
 
 import numpy as np
 
@@ -15,7 +17,13 @@ def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
     return states.swapaxes(0, 1)
 
 
-def respond(transition: np.ndarray, now: np.ndarray, later: np.ndarray, attractor: np.ndarray, start: np.ndarray) -> np.ndarray:
+def respond(
+    transition: np.ndarray,
+    now: np.ndarray,
+    later: np.ndarray,
+    attractor: np.ndarray,
+    start: np.ndarray,
+) -> np.ndarray:
     """s (2, n, d) with s[:, k] = F s[:, k - 1] + g0 y[k - 1] + g1 y[k], and s[:, 0] = start.
 
     * transition, now, later: F (2, 2), g0 (2,) and g1 (2,).
@@ -36,7 +44,8 @@ def one_step(
     start: np.ndarray,
     drive: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """x, x' and x'' (2, d) of x'' = u - stiffness (x - start) - damping x' before and after one step of integration.
+    """x, x' and x'' (2, d) of x'' = u - stiffness (x - start) - damping x' before and after one
+    step of integration.
 
     * transition, kicks: R (2, 2) and [g0, g1, g2] (2, 3) of the step (`step_gains`).
     * stiffness, damping: of the spring-damper.

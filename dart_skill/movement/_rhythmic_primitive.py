@@ -17,12 +17,14 @@ CYCLE_STEPS = 200
 
 
 class RhythmicPrimitive(Primitive):
-    """Limit cycle: a movement that repeats about a baseline, in d dimensions that share the phase angle.
+    """Limit cycle: a movement that repeats about a baseline, in d dimensions that share the phase
+    angle.
 
     Parameters:
 
     * n_basis: int, default 50. Number of kernels.
-    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per period squared; the damping is critical.
+    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per period squared; the damping is
+      critical.
     * regression: "joint" (default) or "local" as in (7.13).
 
     Attributes after `fit`:
@@ -49,33 +51,54 @@ class RhythmicPrimitive(Primitive):
         weights: ArrayLike | None = None,
         noise: float | None = None,
     ) -> RhythmicPrimitive:
-        """Learn as `DiscretePrimitive.fit` does; the phase is zero at the first sample of each demonstration.
+        """Learn as `DiscretePrimitive.fit` does; the phase is zero at the first sample of each
+        demonstration.
 
-        period [s]: when None it is estimated from each demonstration, which must then span about two periods. ValueError
-        also if a demonstration does not repeat. position, velocity, acceleration, weights, noise: as of `DiscretePrimitive.fit`.
+        period [s]: when None it is estimated from each demonstration, which must then span about
+        two periods. ValueError also if a demonstration does not repeat. position, velocity,
+        acceleration, weights, noise: as of `DiscretePrimitive.fit`.
         """
         demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
         tracks = [(demo.time, demo.motion.position) for demo in demonstrations]
-        periods = np.array([estimate_period(*track) if period is None else as_period(period, *track) for track in tracks])
-        baselines = np.array([mean_over_periods(*track, each) for track, each in zip(tracks, periods, strict=True)])
+        periods = np.array(
+            [
+                estimate_period(*track) if period is None else as_period(period, *track)
+                for track in tracks
+            ]
+        )
+        baselines = np.array(
+            [mean_over_periods(*track, each) for track, each in zip(tracks, periods, strict=True)]
+        )
         self._learn(demonstrations, baselines, baselines, periods)
         share = shares(demonstrations)
         self.baseline_, self.period_ = share @ baselines, float(share @ periods)
         return self
 
     def limit_cycle(
-        self, phase: float = 0.0, *, baseline: ArrayLike | None = None, period: float | None = None, amplitude: ArrayLike = 1.0
+        self,
+        phase: float = 0.0,
+        *,
+        baseline: ArrayLike | None = None,
+        period: float | None = None,
+        amplitude: ArrayLike = 1.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Position and velocity (d,) on the limit cycle at a phase in units of the period.
 
-        It is the state that is the same again after one period. baseline, amplitude: of the cycle; None for the baseline that was learned.
+        It is the state that is the same again after one period. baseline, amplitude: of the cycle;
+        None for the baseline that was learned.
         """
         wanted = self._execution(baseline, period, amplitude)
         n_steps = CYCLE_STEPS + 2 * int(np.ceil(1.0 / self._max_step))
         steps = divide(np.linspace(0.0, 1.0, n_steps + 1), 1.0)
-        drive = wanted.amplitude * self._transformation(float(as_finite(phase, "phase", 0)) + steps.stages)
-        driven = integrate(steps, self.stiffness, self._damping, np.zeros((2, self.n_dims)), drive)[:, -1]
-        carried = integrate(steps, self.stiffness, self._damping, np.eye(2), np.zeros((len(drive), 2)))[:, -1]
+        drive = wanted.amplitude * self._transformation(
+            float(as_finite(phase, "phase", 0)) + steps.stages
+        )
+        driven = integrate(
+            steps, self.stiffness, self._damping, np.zeros((2, self.n_dims)), drive
+        )[:, -1]
+        carried = integrate(
+            steps, self.stiffness, self._damping, np.eye(2), np.zeros((len(drive), 2))
+        )[:, -1]
         position, slope = np.linalg.solve(np.eye(2) - carried, driven)
         return wanted.goal + position, slope / wanted.duration
 
@@ -91,12 +114,20 @@ class RhythmicPrimitive(Primitive):
     ) -> PrimitiveState:
         """State at a phase in units of the period, for `open_loop` and `step`.
 
-        start and velocity (d,) are those of the limit cycle unless given. baseline (d,) and period [s] are those of the
-        demonstrations unless given. amplitude, one number or (d,), scales the movement about its baseline.
+        start and velocity (d,) are those of the limit cycle unless given. baseline (d,) and period
+        [s] are those of the demonstrations unless given. amplitude, one number or (d,), scales the
+        movement about its baseline.
         """
-        position, speed = self.limit_cycle(phase, baseline=baseline, period=period, amplitude=amplitude)
-        start, velocity = self._as_dims(start, "start", position), self._as_dims(velocity, "velocity", speed)
-        return self._begin(self._execution(baseline, period, amplitude), start, velocity, self._wrapped(phase))
+        position, speed = self.limit_cycle(
+            phase, baseline=baseline, period=period, amplitude=amplitude
+        )
+        start, velocity = (
+            self._as_dims(start, "start", position),
+            self._as_dims(velocity, "velocity", speed),
+        )
+        return self._begin(
+            self._execution(baseline, period, amplitude), start, velocity, self._wrapped(phase)
+        )
 
     def step(
         self,
@@ -110,14 +141,23 @@ class RhythmicPrimitive(Primitive):
         tracking_error: ArrayLike | None = None,
         tolerance: float = 0.03,
     ) -> PrimitiveState:
-        """State dt seconds later; arguments as in `DiscretePrimitive.step`. progress stays within one period."""
+        """State dt seconds later; arguments as in `DiscretePrimitive.step`. progress stays within
+        one period.
+        """
         state = self._with_wishes(state, baseline, period, amplitude, ("baseline", "period"))
         return self._advance(state, dt, coupling, tracking_error, tolerance)
 
-    def _execution(self, baseline: ArrayLike | None, period: float | None, amplitude: ArrayLike) -> Execution:
+    def _execution(
+        self, baseline: ArrayLike | None, period: float | None, amplitude: ArrayLike
+    ) -> Execution:
         self._fitted()
         baseline = self._as_dims(baseline, "baseline", self.baseline_)
-        return Execution(baseline, baseline, self._as_amplitude(amplitude), self.period_ if period is None else as_number(period, "period"))
+        return Execution(
+            baseline,
+            baseline,
+            self._as_amplitude(amplitude),
+            self.period_ if period is None else as_number(period, "period"),
+        )
 
     def _wrapped(self, progress: float) -> float:
         return float(np.mod(progress, 1.0))

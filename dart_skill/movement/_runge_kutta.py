@@ -1,7 +1,8 @@
-"""Classical Runge-Kutta steps of x'' = stiffness (u(s) - x) - damping x' with a drive that is known beforehand.
+"""Classical Runge-Kutta steps of x'' = stiffness (u(s) - x) - damping x' with a drive that is
+known beforehand.
 
-The system is linear. So the four evaluations of a step become one equation,
-x+ = R x + g0 u(s) + g1 u(s + h/2) + g2 u(s + h), with matrices that depend on h only. The result is the same, and all
+The system is linear. So the four evaluations of a step become one equation, x+ = R x + g0 u(s) +
+g1 u(s + h/2) + g2 u(s + h), with matrices that depend on h only. The result is the same, and all
 steps can be computed at once.
 """
 
@@ -17,8 +18,8 @@ from dart_skill.movement._recursion import recur
 class Steps(NamedTuple):
     """m steps of integration.
 
-    stages (2 m + 1,): ends and middles of the steps; length: one number, or (m,) if they differ; per_node: number of
-    steps from one node to the next.
+    stages (2 m + 1,): ends and middles of the steps; length: one number, or (m,) if they differ;
+    per_node: number of steps from one node to the next.
     """
 
     stages: np.ndarray
@@ -27,14 +28,18 @@ class Steps(NamedTuple):
 
 
 def divide(nodes: np.ndarray, longest: float) -> Steps:
-    """Steps from node to node (n,), with so many steps between two nodes that none is longer than `longest`."""
+    """Steps from node to node (n,), with so many steps between two nodes that none is longer than
+    `longest`.
+    """
     if len(nodes) == 1:
         return Steps(nodes, longest, 1)
     gaps = nodes[1:] - nodes[:-1]
     longest_gap = float(gaps.max())
     per_node = max(1, math.ceil(longest_gap / longest - 1e-9))
     if len(gaps) == 1:
-        return Steps(nodes[0] + longest_gap * _fractions(per_node), longest_gap / per_node, per_node)
+        return Steps(
+            nodes[0] + longest_gap * _fractions(per_node), longest_gap / per_node, per_node
+        )
     length = gaps / per_node
     even = longest_gap - gaps.min() <= 1e-9 * longest_gap
     stages = np.append(nodes[:-1, None] + gaps[:, None] * _fractions(per_node)[:-1], nodes[-1])
@@ -48,7 +53,9 @@ def _fractions(per_node: int) -> np.ndarray:
 
 
 class StepGains(NamedTuple):
-    """R (..., 2, 2) and [g0, g1, g2] (..., 2, 3) on a state of position and velocity, for accelerations as drive."""
+    """R (..., 2, 2) and [g0, g1, g2] (..., 2, 3) on a state of position and velocity, for
+    accelerations as drive.
+    """
 
     transition: np.ndarray
     kicks: np.ndarray
@@ -61,7 +68,11 @@ def step_gains(length: float | np.ndarray, stiffness: float, damping: float) -> 
     a2 = a @ a
     a3 = a2 @ a
     eye = np.eye(2)
-    first, middle, last = eye + a + a2 / 2.0 + a3 / 4.0, 4.0 * eye + 2.0 * a + a2 / 2.0, np.broadcast_to(eye, a.shape)
+    first, middle, last = (
+        eye + a + a2 / 2.0 + a3 / 4.0,
+        4.0 * eye + 2.0 * a + a2 / 2.0,
+        np.broadcast_to(eye, a.shape),
+    )
     # The drive is an acceleration: it enters through the second column.
     kicks = h / 6.0 * np.stack([first[..., 1], middle[..., 1], last[..., 1]], axis=-1)
     return StepGains(eye + a + a2 / 2.0 + a3 / 6.0 + a2 @ a2 / 24.0, kicks)
@@ -71,13 +82,17 @@ def step_gains(length: float | np.ndarray, stiffness: float, damping: float) -> 
 gains_of_equal_steps = lru_cache(maxsize=64)(step_gains)
 
 
-def integrate(steps: Steps, stiffness: float, damping: float, state: np.ndarray, drive: np.ndarray) -> np.ndarray:
+def integrate(
+    steps: Steps, stiffness: float, damping: float, state: np.ndarray, drive: np.ndarray
+) -> np.ndarray:
     """Position and velocity (2, n, d) at the n nodes.
 
     state (2, d): position and velocity at the first node; drive (2 m + 1, d): at the stages.
     """
     if isinstance(steps.length, float):
-        states = _integrate_equal(gains_of_equal_steps(steps.length, stiffness, damping), state, drive)
+        states = _integrate_equal(
+            gains_of_equal_steps(steps.length, stiffness, damping), state, drive
+        )
     else:
         states = _integrate_unequal(step_gains(steps.length, stiffness, damping), state, drive)
     return states[:, :: steps.per_node]

@@ -1,7 +1,9 @@
-"""Movement models on disk: hyper-parameters and what was fitted in one NumPy archive without pickle, to the last bit.
+"""Movement models on disk: hyper-parameters and what was fitted in one NumPy archive without
+pickle, to the last bit.
 
-A file says which model it holds, and a version, which changes when older files cannot be read as they are any more. What follows
-from the rest (kernels, whiteners) is computed again. A skill on disk is another thing: it holds demonstrations, and learns them again.
+A file says which model it holds, and a version, which changes when older files cannot be read as
+they are any more. What follows from the rest (kernels, whiteners) is computed again. A skill on
+disk is another thing: it holds demonstrations, and learns them again.
 """
 
 from __future__ import annotations
@@ -29,32 +31,55 @@ class SavedModel(HyperParameters):
     n_demonstrations_: int
 
     def save(self, path: str | Path) -> None:
-        """Write the fitted model to `path`, which must not exist; it is there whole, or not at all.
+        """Write the fitted model to `path`, which must not exist; it is there whole, or not at
+        all.
 
         ValueError before a fit, FileExistsError, or FileNotFoundError if there is no such folder.
         """
         content: dict[str, Any] = dict(self._to_arrays())
-        about = json.dumps({"parameters": self._plain_params(), "n_demonstrations": getattr(self, "n_demonstrations_", 0)})
+        about = json.dumps(
+            {
+                "parameters": self._plain_params(),
+                "n_demonstrations": getattr(self, "n_demonstrations_", 0),
+            }
+        )
         if not Path(path).parent.is_dir():
             raise FileNotFoundError(f"there is no folder {Path(path).parent} to save a model in")
         with new_file(path) as file:
-            np.savez(file, format=np.array(f"dart_skill {type(self).__name__} {VERSION}"), about=np.array(about), **content)
+            np.savez(
+                file,
+                format=np.array(f"dart_skill {type(self).__name__} {VERSION}"),
+                about=np.array(about),
+                **content,
+            )
 
     @classmethod
     def load(cls: type[AnySaved], path: str | Path) -> AnySaved:
-        """The model that `save` wrote, to the last bit. ValueError if the file is damaged, of another model or of another version."""
+        """The model that `save` wrote, to the last bit. ValueError if the file is damaged, of
+        another model or of another version.
+        """
         with open_file(path) as file:
             try:
                 arrays = read_arrays(file)
                 _check_format(str(arrays.pop("format")), cls.__name__)
                 about = json.loads(str(arrays.pop("about")))
                 model = cls(**cls._from_plain(about["parameters"]))
-                model._from_arrays({name: as_finite(value, name) for name, value in arrays.items()})
+                model._from_arrays(
+                    {name: as_finite(value, name) for name, value in arrays.items()}
+                )
                 if about["n_demonstrations"]:
-                    model.n_demonstrations_ = as_count(about["n_demonstrations"], "n_demonstrations")
+                    model.n_demonstrations_ = as_count(
+                        about["n_demonstrations"], "n_demonstrations"
+                    )
             except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
-                missing = f"it has no {error}" if isinstance(error, KeyError) else str(error) or type(error).__name__
-                raise ValueError(f"{path} holds no {cls.__name__} that can be read: {missing}".splitlines()[0]) from error
+                missing = (
+                    f"it has no {error}"
+                    if isinstance(error, KeyError)
+                    else str(error) or type(error).__name__
+                )
+                raise ValueError(
+                    f"{path} holds no {cls.__name__} that can be read: {missing}".splitlines()[0]
+                ) from error
         return model
 
     def _to_arrays(self) -> Arrays:
@@ -67,7 +92,10 @@ class SavedModel(HyperParameters):
 
     def _plain_params(self) -> dict[str, Any]:
         """The hyper-parameters as JSON has them: numbers come back to the last bit."""
-        return {name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value for name, value in self.get_params().items()}
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+            for name, value in self.get_params().items()
+        }
 
     @classmethod
     def _from_plain(cls, values: dict[str, Any]) -> dict[str, Any]:
@@ -80,7 +108,9 @@ class SavedModel(HyperParameters):
 
 
 class MixtureModel(SavedModel):
-    """Base of models that fit a mixture: its hyper-parameters are theirs, too, and what it learned is what they save."""
+    """Base of models that fit a mixture: its hyper-parameters are theirs, too, and what it learned
+    is what they save.
+    """
 
     _MIXTURE: type[SavedModel]
     _mixture: Any
@@ -93,7 +123,9 @@ class MixtureModel(SavedModel):
         return {**super()._parameters(), **cls._MIXTURE._parameters()}
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The hyper-parameters by name, with those of the mixture, as the constructor takes them. deep: for scikit-learn."""
+        """The hyper-parameters by name, with those of the mixture, as the constructor takes them.
+        deep: for scikit-learn.
+        """
         known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
         return {name: known[name] for name in self._parameters()}
 
@@ -108,10 +140,16 @@ class MixtureModel(SavedModel):
 
 
 def array_of(arrays: Arrays, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """An array of a file; ValueError unless it has the shape, in which None stands for any number of at least one."""
+    """An array of a file; ValueError unless it has the shape, in which None stands for any number
+    of at least one.
+    """
     found = arrays[name]
-    if found.ndim != len(shape) or not all(n == m or (m is None and n > 0) for n, m in zip(found.shape, shape, strict=True)):
-        raise ValueError(f"its {name} have the shape {found.shape}, and not {str(shape).replace('None', 'n')}")
+    if found.ndim != len(shape) or not all(
+        n == m or (m is None and n > 0) for n, m in zip(found.shape, shape, strict=True)
+    ):
+        raise ValueError(
+            f"its {name} have the shape {found.shape}, and not {str(shape).replace('None', 'n')}"
+        )
     return found
 
 
@@ -123,4 +161,7 @@ def _check_format(found: str, kind: str) -> None:
     if name != kind:
         raise ValueError(f"it holds a {name[:100]}: read it with {name[:100]}.load")
     if version != str(VERSION):
-        raise ValueError(f"it has version {version[:20]}, and this dart_skill reads version {VERSION}: fit the model again")
+        raise ValueError(
+            f"it has version {version[:20]}, and this dart_skill reads version {VERSION}: fit the"
+            " model again"
+        )

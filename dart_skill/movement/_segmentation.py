@@ -1,8 +1,10 @@
-"""Finding the motion in a recording by thresholds on the magnitude of the velocity (thesis 8.4.3, figure 8.11).
+"""Finding the motion in a recording by thresholds on the magnitude of the velocity (thesis 8.4.3,
+figure 8.11).
 
-Positions come at about 100 Hz, with noise, irregular stamps and gaps. The velocity along each axis is the median of the
-slopes between all pairs of samples in a window (Theil-Sen). It needs no equal spacing, and a single bad sample does not
-change it. The window is so wide that the noise, which is told from the samples, stays well below the thresholds.
+Positions come at about 100 Hz, with noise, irregular stamps and gaps. The velocity along each axis
+is the median of the slopes between all pairs of samples in a window (Theil-Sen). It needs no equal
+spacing, and a single bad sample does not change it. The window is so wide that the noise, which is
+told from the samples, stays well below the thresholds.
 """
 
 from __future__ import annotations
@@ -23,27 +25,38 @@ QUIET = 0.3
 BUNCHED = 0.3
 """Share of the mean step that the usual one is at least, unless stamps come in bursts."""
 MOST_BESIDE, MOST_PAIRS = 60, 10**8
-"""Samples before and after one, and pairs of all, over which slopes are taken at most, so that a wrong rate costs no time."""
+"""Samples before and after one, and pairs of all, over which slopes are taken at most, so that a
+wrong rate costs no time.
+"""
 
 
 def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.ndarray:
-    """Magnitude (n,) of the velocity of positions (n, d) at stamps (n,) [s], from the samples within a window [s]."""
+    """Magnitude (n,) of the velocity of positions (n, d) at stamps (n,) [s], from the samples
+    within a window [s].
+    """
     positions = as_samples(positions, "positions")
     time = as_stamps(time, len(positions), 3)
     half = max(1, round(as_number(window, "window") / _usual_step(time, window)) // 2)
-    half = min(half, (len(time) - 1) // 2, MOST_BESIDE, max(10, math.isqrt(MOST_PAIRS // len(time))))
+    half = min(
+        half, (len(time) - 1) // 2, MOST_BESIDE, max(10, math.isqrt(MOST_PAIRS // len(time)))
+    )
     index = np.arange(len(time))[:, None] + np.arange(-half, half + 1)
     inside = (index >= 0) & (index < len(time))
     first, second = np.triu_indices(2 * half + 1, 1)
     index = np.clip(index, 0, len(time) - 1)
     steps = time[index[:, second]] - time[index[:, first]]
     steps = np.where(inside[:, first] & inside[:, second], steps, np.nan)
-    velocity = [np.nanmedian((axis[index[:, second]] - axis[index[:, first]]) / steps, axis=1) for axis in positions.T]
+    velocity = [
+        np.nanmedian((axis[index[:, second]] - axis[index[:, first]]) / steps, axis=1)
+        for axis in positions.T
+    ]
     return np.linalg.norm(velocity, axis=0)
 
 
 def _usual_step(time: np.ndarray, window: float) -> float:
-    """The usual step of stamps (n,) [s]; of stamps in bursts not that within a burst, of which a window [s] has no such number."""
+    """The usual step of stamps (n,) [s]; of stamps in bursts not that within a burst, of which a
+    window [s] has no such number.
+    """
     steps = np.diff(time)
     short = steps[steps <= window]
     return max(float(np.median(steps)), BUNCHED * float(np.mean(short)) if len(short) else 0.0)
@@ -55,7 +68,8 @@ class Segment:
 
     * motion_start, motion_stop [s]: crossings of the thresholds, interpolated between samples.
     * start, stop [s]: the same with run-up and settling time, within the recording.
-    * first, last: indices of the first and last sample from start to stop; `samples` is the slice of them.
+    * first, last: indices of the first and last sample from start to stop; `samples` is the slice
+      of them.
     * peak_speed [m/s].
     * largest_gap [s]: longest time between neighbouring samples from start to stop.
     """
@@ -94,11 +108,12 @@ class VelocityThreshold:
     * start: float, default 0.3 [m/s]. A motion starts where the speed rises above it.
     * stop: float, default 0.1 [m/s]. A motion stops where the speed falls below it.
     * min_duration: float, default 0.2 [s]. Shorter motions are ignored.
-    * max_pause: float, default 0.15 [s]. A shorter rest does not end a motion, such as the turn between wind-up and throw.
+    * max_pause: float, default 0.15 [s]. A shorter rest does not end a motion, such as the turn
+      between wind-up and throw.
     * run_up: float, default 0.1 [s]. Margin before the start.
     * settle: float, default 0.1 [s]. Margin after the stop.
-    * window: float, default 0.07 [s]. The speed is estimated from the samples within it; within a wider one if they are noisier than
-      those of motion capture, see `window_for`.
+    * window: float, default 0.07 [s]. The speed is estimated from the samples within it; within a
+      wider one if they are noisier than those of motion capture, see `window_for`.
     """
 
     start: float = 0.3
@@ -115,13 +130,19 @@ class VelocityThreshold:
         for name in ("min_duration", "max_pause", "run_up", "settle"):
             as_number(getattr(self, name), name, strict=False)
         if self.stop > self.start:
-            raise ValueError(f"stop threshold {self.stop:g} m/s is above the start threshold {self.start:g} m/s; lower it")
+            raise ValueError(
+                f"stop threshold {self.stop:g} m/s is above the start threshold {self.start:g}"
+                " m/s; lower it"
+            )
 
-    def segment(self, time: ArrayLike, positions: ArrayLike, instant: float | None = None) -> list[Segment]:
+    def segment(
+        self, time: ArrayLike, positions: ArrayLike, instant: float | None = None
+    ) -> list[Segment]:
         """Motions in positions (n, d) [m] at stamps (n,) [s], in order.
 
-        instant: of which the motion is wanted [s]: where it lies in one that is over, the last one need not be. ValueError if nothing
-        moved, or if the last motion does not stop within the recording.
+        instant: of which the motion is wanted [s]: where it lies in one that is over, the last one
+        need not be. ValueError if nothing moved, or if the last motion does not stop within the
+        recording.
         """
         positions = as_samples(positions, "positions")
         time = as_stamps(time, len(positions), 3)
@@ -135,17 +156,25 @@ class VelocityThreshold:
         return speed(time, positions, self.window_for(time, positions))
 
     def window_for(self, time: np.ndarray, positions: np.ndarray) -> float:
-        """The window [s] for positions (n, d) at stamps (n,): wider than `window` only where the noise asks for it.
+        """The window [s] for positions (n, d) at stamps (n,): wider than `window` only where the
+        noise asks for it.
 
-        The slope of a line through samples every T, with noise sigma, within a window w has the variance 12 sigma^2 T / w^3.
+        The slope of a line through samples every T, with noise sigma, within a window w has the
+        variance 12 sigma^2 T / w^3.
         """
         if len(time) < MIN_SAMPLES:
             return self.window
         noise, interval = float(estimate_noise(time, positions)), float(np.median(np.diff(time)))
-        return max(self.window, float(np.cbrt(12.0 * interval * (noise / (QUIET * self.stop)) ** 2)))
+        return max(
+            self.window, float(np.cbrt(12.0 * interval * (noise / (QUIET * self.stop)) ** 2))
+        )
 
-    def _spans(self, time: np.ndarray, speeds: np.ndarray, instant: float | None) -> list[tuple[int, int]]:
-        """For each motion, indices of the first sample above `start` and of the first one below `stop` after it."""
+    def _spans(
+        self, time: np.ndarray, speeds: np.ndarray, instant: float | None
+    ) -> list[tuple[int, int]]:
+        """For each motion, indices of the first sample above `start` and of the first one below
+        `stop` after it.
+        """
         spans = self._merge(time, _hysteresis(speeds, self.start, self.stop))
         spans = [(begin, end) for begin, end in spans if begin > 0]
         over = [(begin, end) for begin, end in spans if end < len(time)]
@@ -153,12 +182,14 @@ class VelocityThreshold:
             spans = over
         if spans and spans[-1][1] == len(time):
             raise ValueError(
-                f"the motion that starts at {time[spans[-1][0]]:.3f} s never falls below {self.stop:g} m/s "
-                f"before the recording ends at {time[-1]:.3f} s "
-                f"(peak speed {speeds[spans[-1][0] :].max():.3g} m/s, last {speeds[-1]:.3g} m/s); "
-                "record longer or raise the stop threshold"
+                f"the motion that starts at {time[spans[-1][0]]:.3f} s never falls below"
+                f" {self.stop:g} m/s before the recording ends at {time[-1]:.3f} s (peak speed"
+                f" {speeds[spans[-1][0] :].max():.3g} m/s, last {speeds[-1]:.3g} m/s); record"
+                " longer or raise the stop threshold"
             )
-        return [(begin, end) for begin, end in spans if time[end] - time[begin] >= self.min_duration]
+        return [
+            (begin, end) for begin, end in spans if time[end] - time[begin] >= self.min_duration
+        ]
 
     def _merge(self, time: np.ndarray, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Spans, in which those that are less than max_pause apart are joined."""
@@ -174,9 +205,15 @@ class VelocityThreshold:
         if spans:
             return
         peak = int(speeds.argmax())
-        seen = f"peak speed {speeds[peak]:.3g} m/s at {time[peak]:.3f} s, start threshold {self.start:g} m/s"
+        seen = (
+            f"peak speed {speeds[peak]:.3g} m/s at {time[peak]:.3f} s, start threshold"
+            f" {self.start:g} m/s"
+        )
         if speeds[peak] <= self.start:
-            raise ValueError(f"nothing moved between {time[0]:.3f} and {time[-1]:.3f} s: {seen}; lower the threshold or check the tracking")
+            raise ValueError(
+                f"nothing moved between {time[0]:.3f} and {time[-1]:.3f} s: {seen}; lower the"
+                " threshold or check the tracking"
+            )
         raise ValueError(
             f"no motion that starts after the first sample lasts {self.min_duration:g} s: {seen}; "
             "start recording earlier or lower min_duration"
@@ -185,8 +222,14 @@ class VelocityThreshold:
     def _segment(self, time: np.ndarray, speeds: np.ndarray, begin: int, end: int) -> Segment:
         motion_start = _crossing(time, speeds, begin, self.start)
         motion_stop = _crossing(time, speeds, end, self.stop)
-        start, stop = max(motion_start - self.run_up, time[0]), min(motion_stop + self.settle, time[-1])
-        first, last = int(np.searchsorted(time, start)), int(np.searchsorted(time, stop, side="right")) - 1
+        start, stop = (
+            max(motion_start - self.run_up, time[0]),
+            min(motion_stop + self.settle, time[-1]),
+        )
+        first, last = (
+            int(np.searchsorted(time, start)),
+            int(np.searchsorted(time, stop, side="right")) - 1,
+        )
         return Segment(
             motion_start,
             motion_stop,
@@ -200,7 +243,9 @@ class VelocityThreshold:
 
 
 def _hysteresis(speeds: np.ndarray, start: float, stop: float) -> list[tuple[int, int]]:
-    """Spans [begin, end) from a sample above `start` to the first one after it below `stop`; end = n if there is none."""
+    """Spans [begin, end) from a sample above `start` to the first one after it below `stop`; end =
+    n if there is none.
+    """
     events = np.where(speeds > start, 1, np.where(speeds < stop, -1, 0))
     decided = np.flatnonzero(events)
     turns = decided[np.flatnonzero(np.diff(events[decided], prepend=-1))]

@@ -1,7 +1,8 @@
-"""A mass that is pulled by several springs at once, each with a centre and a stiffness of its own: (7.18).
+"""A mass that is pulled by several springs at once, each with a centre and a stiffness of its own:
+(7.18).
 
-`DSGMR` keeps the stiffness constant and moves the attractor (7.19). Here the attractors rest, and the springs take turns. `attractor` is
-the moving attractor of (7.19) that pulls as they do.
+`DSGMR` keeps the stiffness constant and moves the attractor (7.19). Here the attractors rest, and
+the springs take turns. `attractor` is the moving attractor of (7.19) that pulls as they do.
 """
 
 from __future__ import annotations
@@ -47,7 +48,10 @@ class SpringMixture:
     def __post_init__(self) -> None:
         centres = as_samples(self.centres, "centres")
         if self.timing.n_dims != 1 or len(self.timing.priors_) != len(centres):
-            raise ValueError(f"timing must be a mixture of {len(centres)} components over time alone, as many as there are centres")
+            raise ValueError(
+                f"timing must be a mixture of {len(centres)} components over time alone, as many"
+                " as there are centres"
+            )
         stiffness = as_covariances(self.stiffness, "stiffness", (*centres.shape, centres.shape[1]))
         if (least := float(np.linalg.eigvalsh(stiffness).min())) <= 0.0:
             raise ValueError(f"stiffness has the eigenvalue {least:.3g}; all must be positive")
@@ -69,18 +73,23 @@ class SpringMixture:
     ) -> SpringMixture:
         """Springs that move a mass as it was seen to move.
 
-        EM on time and the attractors of (7.20) finds which spring pulls when. Centres and stiffness are then the weighted least squares
-        of x'' + kv x' = sum_i h_i K_i (mu_i - x), which is linear in K_i and K_i mu_i.
+        EM on time and the attractors of (7.20) finds which spring pulls when. Centres and
+        stiffness are then the weighted least squares of x'' + kv x' = sum_i h_i K_i (mu_i - x),
+        which is linear in K_i and K_i mu_i.
 
         Parameters:
 
         * time: stamps (n_i,) [s] of each demonstration.
-        * motions: position, velocity and acceleration (n_i, d) of each, as `smooth_derivatives` gives them.
+        * motions: position, velocity and acceleration (n_i, d) of each, as `smooth_derivatives`
+          gives them.
         * n_components: K.
-        * stiffness: kp of (7.20) [1/s^2], default 200. Where the demonstrations do not tell the stiffness, it is this one.
+        * stiffness: kp of (7.20) [1/s^2], default 200. Where the demonstrations do not tell the
+          stiffness, it is this one.
         * damping: kv [1/s], default None: critical for `stiffness`.
-        * bounds: least and largest eigenvalue of each K_i [1/s^2], default None: a tenth and ten times `stiffness`.
-        * timing: which spring pulls when, a mixture of K components over time, if that is known; default None: EM finds it.
+        * bounds: least and largest eigenvalue of each K_i [1/s^2], default None: a tenth and ten
+          times `stiffness`.
+        * timing: which spring pulls when, a mixture of K components over time, if that is known;
+          default None: EM finds it.
 
         ValueError if there are none, or not equally many; or for bounds that are none.
         """
@@ -88,13 +97,27 @@ class SpringMixture:
         kv = 2.0 * np.sqrt(kp) if damping is None else as_number(damping, "damping", strict=False)
         least, most = (0.1 * kp, 10.0 * kp) if bounds is None else bounds
         if not 0.0 < least <= most:
-            raise ValueError(f"bounds are {bounds}: give the least and the largest stiffness, both above 0")
+            raise ValueError(
+                f"bounds are {bounds}: give the least and the largest stiffness, both above 0"
+            )
         if len(time) != len(motions) or not motions:
-            raise ValueError(f"{len(time)} arrays of stamps for {len(motions)} motions: give one for each, and at least one")
-        clock = np.concatenate([as_stamps(stamps, len(motion.position)) for stamps, motion in zip(time, motions, strict=True)])
-        position, velocity, acceleration = (np.concatenate(parts) for parts in zip(*motions, strict=True))
+            raise ValueError(
+                f"{len(time)} arrays of stamps for {len(motions)} motions: give one for each, and"
+                " at least one"
+            )
+        clock = np.concatenate(
+            [
+                as_stamps(stamps, len(motion.position))
+                for stamps, motion in zip(time, motions, strict=True)
+            ]
+        )
+        position, velocity, acceleration = (
+            np.concatenate(parts) for parts in zip(*motions, strict=True)
+        )
         if timing is None:
-            timing = _found_timing(time, [attractor_from_motion(*motion, kp, kv) for motion in motions], n_components)
+            timing = _found_timing(
+                time, [attractor_from_motion(*motion, kp, kv) for motion in motions], n_components
+            )
         shares, pull = timing.responsibilities(clock[:, None]), acceleration + kv * velocity
         gains = _bounded(_gains(shares, position, pull, kp), least, most)
         return cls(timing, _centres(shares, position, pull, gains), gains, kv)
@@ -107,26 +130,38 @@ class SpringMixture:
         shares = np.exp(log_density - log_density.max(axis=1, keepdims=True))
         return shares / shares.sum(axis=1, keepdims=True)
 
-    def acceleration(self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
-        """(7.18): acceleration (n, d) of a unit mass at position and velocity (n, d), at stamps (n,) [s]."""
-        position, velocity = self._samples(position, "position"), self._samples(velocity, "velocity")
+    def acceleration(
+        self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike
+    ) -> np.ndarray:
+        """(7.18): acceleration (n, d) of a unit mass at position and velocity (n, d), at stamps
+        (n,) [s].
+        """
+        position, velocity = (
+            self._samples(position, "position"),
+            self._samples(velocity, "velocity"),
+        )
         return self._pull(time, position) - self.damping * velocity
 
     def attractor(self, time: ArrayLike, position: ArrayLike, stiffness: float) -> np.ndarray:
-        """The attractor (n, d) of (7.19), with this constant stiffness [1/s^2] and the same damping, that pulls a mass at position (n, d)
-        as all springs do. time: (n,) [s].
+        """The attractor (n, d) of (7.19), with this constant stiffness [1/s^2] and the same
+        damping, that pulls a mass at position (n, d) as all springs do. time: (n,) [s].
         """
         position = self._samples(position, "position")
         return position + self._pull(time, position) / as_number(stiffness, "stiffness")
 
     def follow(self, time: ArrayLike, position0: ArrayLike, velocity0: ArrayLike) -> Motion:
-        """Motion (n, d) of a unit mass at stamps (n,) [s], from the state (d,) at the first one; integrated by an explicit Runge-Kutta
-        method of order 8 (DOP853 of scipy). position0, velocity0: the state at the first stamp.
+        """Motion (n, d) of a unit mass at stamps (n,) [s], from the state (d,) at the first one;
+        integrated by an explicit Runge-Kutta method of order 8 (DOP853 of scipy). position0,
+        velocity0: the state at the first stamp.
         """
-        from scipy.integrate import solve_ivp  # a lesson of throws needs none, and would wait for it
+        from scipy.integrate import (
+            solve_ivp,
+        )  # a lesson of throws needs none, and would wait for it
 
         stamps, d = as_stamps(time, minimum=2), self.centres.shape[1]
-        start = np.concatenate([as_vector(position0, "position0", d), as_vector(velocity0, "velocity0", d)])
+        start = np.concatenate(
+            [as_vector(position0, "position0", d), as_vector(velocity0, "velocity0", d)]
+        )
 
         def slope(now: float, state: np.ndarray) -> np.ndarray:
             pull = self._pull([now], state[None, :d])[0]
@@ -134,13 +169,24 @@ class SpringMixture:
 
         ends = (float(stamps[0]), float(stamps[-1]))
         step = float(np.sqrt(self.timing.covariances_.min()))  # no spring is stepped over
-        solved = solve_ivp(slope, ends, start, "DOP853", t_eval=stamps, rtol=TOLERANCE, atol=TOLERANCE, max_step=step)
+        solved = solve_ivp(
+            slope,
+            ends,
+            start,
+            "DOP853",
+            t_eval=stamps,
+            rtol=TOLERANCE,
+            atol=TOLERANCE,
+            max_step=step,
+        )
         position, velocity = solved.y[:d].T, solved.y[d:].T
         return Motion(position, velocity, self.acceleration(stamps, position, velocity))
 
     def _pull(self, time: ArrayLike, position: np.ndarray) -> np.ndarray:
         shares = self.activations(time)
-        gains = (shares @ self.stiffness.reshape(len(self.centres), -1)).reshape(-1, *self.stiffness.shape[1:])
+        gains = (shares @ self.stiffness.reshape(len(self.centres), -1)).reshape(
+            -1, *self.stiffness.shape[1:]
+        )
         return shares @ self._forces - (gains @ position[:, :, None])[:, :, 0]
 
     @cached_property
@@ -152,27 +198,38 @@ class SpringMixture:
         return as_samples(value, name, self.centres.shape[1])
 
 
-def _found_timing(time: Sequence[ArrayLike], attractors: Sequence[np.ndarray], n_components: int) -> GaussianMixture:
-    """Mixture over time, of one that EM fits to time and attractors (n_i, d); it starts with equal intervals of time."""
-    samples = [np.column_stack([stamps, attractor]) for stamps, attractor in zip(time, attractors, strict=True)]
+def _found_timing(
+    time: Sequence[ArrayLike], attractors: Sequence[np.ndarray], n_components: int
+) -> GaussianMixture:
+    """Mixture over time, of one that EM fits to time and attractors (n_i, d); it starts with equal
+    intervals of time.
+    """
+    samples = [
+        np.column_stack([stamps, attractor])
+        for stamps, attractor in zip(time, attractors, strict=True)
+    ]
     whole = TaskFrame(np.eye(samples[0].shape[1]), np.zeros(samples[0].shape[1]))
     fitted = TaskParameterisedMixture(n_components).fit(samples, [[whole]] * len(samples))
     return fitted.product([whole]).marginal([0])
 
 
 def _gains(shares: np.ndarray, position: np.ndarray, pull: np.ndarray, usual: float) -> np.ndarray:
-    """K_i (K, d, d), symmetric: least squares of the pull (n, d) with shares (n, K), as deviations from the usual gain, which are 0 where
-    nothing tells them.
+    """K_i (K, d, d), symmetric: least squares of the pull (n, d) with shares (n, K), as deviations
+    from the usual gain, which are 0 where nothing tells them.
     """
     (n, k), d = shares.shape, position.shape[1]
     middle = np.average(position, axis=0)
     rows, columns = np.triu_indices(d)
     entries = np.zeros((len(rows), d, d))
-    entries[np.arange(len(rows)), rows, columns] = entries[np.arange(len(rows)), columns, rows] = 1.0
+    entries[np.arange(len(rows)), rows, columns] = entries[np.arange(len(rows)), columns, rows] = (
+        1.0
+    )
     by_gain = -np.einsum("nk,eij,nj->nike", shares, entries, position - middle).reshape(n * d, -1)
     by_force = np.einsum("nk,ij->nikj", shares, np.eye(d)).reshape(n * d, -1)
     m = by_gain.shape[1]
-    prior = np.sqrt(WEIGHT_OF_PRIOR * np.square(by_gain).sum(axis=0).mean()) * np.eye(m, m + by_force.shape[1])
+    prior = np.sqrt(WEIGHT_OF_PRIOR * np.square(by_gain).sum(axis=0).mean()) * np.eye(
+        m, m + by_force.shape[1]
+    )
     unexplained = (pull + usual * (position - middle)).ravel()
     design = np.vstack([np.hstack([by_gain, by_force]), prior])
     found = np.linalg.lstsq(design, np.concatenate([unexplained, np.zeros(m)]), rcond=None)[0]
@@ -180,12 +237,16 @@ def _gains(shares: np.ndarray, position: np.ndarray, pull: np.ndarray, usual: fl
 
 
 def _bounded(gains: np.ndarray, least: float, most: float) -> np.ndarray:
-    """The nearest symmetric matrices (K, d, d), in the Frobenius norm, with eigenvalues within bounds."""
+    """The nearest symmetric matrices (K, d, d), in the Frobenius norm, with eigenvalues within
+    bounds.
+    """
     values, axes = np.linalg.eigh(gains)
     return np.einsum("kij,kj,klj->kil", axes, np.clip(values, least, most), axes)
 
 
-def _centres(shares: np.ndarray, position: np.ndarray, pull: np.ndarray, gains: np.ndarray) -> np.ndarray:
+def _centres(
+    shares: np.ndarray, position: np.ndarray, pull: np.ndarray, gains: np.ndarray
+) -> np.ndarray:
     """mu_i (K, d) for given gains: least squares of the forces K_i mu_i (K, d)."""
     resisted = np.einsum("nk,kij,nj->ni", shares, gains, position)
     forces = np.linalg.lstsq(shares, pull + resisted, rcond=None)[0]

@@ -1,13 +1,14 @@
 """Task-parameterised Gaussian mixture: thesis 7.5.2 and (7.21).
 
-Every demonstration is seen from P frames at once. EM shares the responsibilities between the frames (the
-density of a component is the product over frames, as in the tensor mixture of Calinon), so component k means
-the same part of the motion in each of them. For new frames each component is the product of its Gaussians
-mapped into the world.
+Every demonstration is seen from P frames at once. EM shares the responsibilities between the
+frames (the density of a component is the product over frames, as in the tensor mixture of
+Calinon), so component k means the same part of the motion in each of them. For new frames each
+component is the product of its Gaussians mapped into the world.
 
-A frame (A, b) sees a point x of the world at C (x - b) with C = A^-1. It may move from sample to sample, be missing for a
-while or altogether, or see only some directions (`PartialFrame`); time, the first feature, is part of what every
-frame sees. A frame that is missing is no factor of the product, in learning as in (7.21).
+A frame (A, b) sees a point x of the world at C (x - b) with C = A^-1. It may move from sample to
+sample, be missing for a while or altogether, or see only some directions (`PartialFrame`); time,
+the first feature, is part of what every frame sees. A frame that is missing is no factor of the
+product, in learning as in (7.21).
 """
 
 from __future__ import annotations
@@ -17,7 +18,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_covariances, as_finite, as_number, as_samples, as_weights
+from dart_skill.common.checks import (
+    as_count,
+    as_covariances,
+    as_finite,
+    as_number,
+    as_samples,
+    as_weights,
+)
 from dart_skill.mixture import (
     DEAD_SHARE,
     EMEstimator,
@@ -40,19 +48,28 @@ from dart_skill.mixture import (
 )
 from dart_skill.movement._frame_products import FrameProducts
 from dart_skill.movement._frames import TaskFrame
-from dart_skill.movement._placement import FrameCourse, Frames, PartialFrame, Samples, Situation, TaskSamples, Weights
+from dart_skill.movement._placement import (
+    FrameCourse,
+    Frames,
+    PartialFrame,
+    Samples,
+    Situation,
+    TaskSamples,
+    Weights,
+)
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 
 __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 
 STARTS = ("time", "kmeans")
-# A column of a frame counts as no narrower than this share of what world deviations could put there.
+# A column of a frame counts as no narrower than this share of what world deviations could put
+# there.
 LEAST_SHARE = 1e-2
 
 
 def as_sample_weights(weights: Weights, lengths: list[int]) -> np.ndarray:
-    """Weights of all samples in a row, from None, one number per demonstration, or one array (n_i,) per
-    demonstration.
+    """Weights of all samples in a row, from None, one number per demonstration, or one array
+    (n_i,) per demonstration.
     """
     if weights is None:
         return np.ones(sum(lengths))
@@ -64,20 +81,26 @@ def as_sample_weights(weights: Weights, lengths: list[int]) -> np.ndarray:
     ]
     for i, (one, n) in enumerate(zip(full, lengths, strict=True)):
         if len(one) != n:
-            raise ValueError(f"weights of demonstration {i} has length {len(one)}, its samples {n}")
+            raise ValueError(
+                f"weights of demonstration {i} has length {len(one)}, its samples {n}"
+            )
     return as_weights(np.concatenate(full), sum(lengths))
 
 
 def least_scales(taught: TaskSamples, weights: np.ndarray) -> list[np.ndarray]:
-    """Per frame (d_p,), least scales of the columns: a share of the deviations of the samples in the world, carried into the
-    frame without regard to their direction.
+    """Per frame (d_p,), least scales of the columns: a share of the deviations of the samples in
+    the world, carried into the frame without regard to their direction.
 
-    A floor that comes from these keeps a component usable that is flat in one frame (static attractors at the
-    target): turned into the world, the floor must stand out from the rounding errors of the other columns.
+    A floor that comes from these keeps a component usable that is flat in one frame (static
+    attractors at the target): turned into the world, the floor must stand out from the rounding
+    errors of the other columns.
     """
     share = weights / weights.sum()
     variance = share @ np.square(taught.world - share @ taught.world)
-    return [LEAST_SHARE * np.sqrt(placement.see_variance(variance, weights)) for placement in taught.placements]
+    return [
+        LEAST_SHARE * np.sqrt(placement.see_variance(variance, weights))
+        for placement in taught.placements
+    ]
 
 
 def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
@@ -92,22 +115,25 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
     """Mixture of K components in P task frames over m features, of which column 0 is time.
 
     * n_components, covariance_floor, tolerance, max_iterations, n_starts: as of `EMEstimator`.
-    * start: "time" cuts the samples into K slices of equal weight along column 0 of the first frame that sees them, and needs no generator;
-      "kmeans" clusters the samples as seen from all frames.
-    * n_shared: default 0. So many features, time and what else all frames pass through, count once in the product. With 0 it is (7.21) as
-      it stands: P frames give P densities of the time, so a component is narrower in time by the root of P than it was learned, and what is
-      retrieved changes abruptly from one to the next. Where they count once, the frames' regressions are multiplied, and responsibilities
-      of components are those of one frame.
-    * covariance_prior: default 0, no prior. For few samples, as of `GaussianMixture`: in each frame each covariance is averaged with one
-      that says that all columns vary alike and are not correlated, and this one counts as so many samples (inverse Wishart, Fraley and
-      Raftery 2007). The number of columns is a good weight where demonstrations are two or three.
+    * start: "time" cuts the samples into K slices of equal weight along column 0 of the first
+      frame that sees them, and needs no generator; "kmeans" clusters the samples as seen from all
+      frames.
+    * n_shared: default 0. So many features, time and what else all frames pass through, count once
+      in the product. With 0 it is (7.21) as it stands: P frames give P densities of the time, so a
+      component is narrower in time by the root of P than it was learned, and what is retrieved
+      changes abruptly from one to the next. Where they count once, the frames' regressions are
+      multiplied, and responsibilities of components are those of one frame.
+    * covariance_prior: default 0, no prior. For few samples, as of `GaussianMixture`: in each
+      frame each covariance is averaged with one that says that all columns vary alike and are not
+      correlated, and this one counts as so many samples (inverse Wishart, Fraley and Raftery
+      2007). The number of columns is a good weight where demonstrations are two or three.
 
-    Fitted attributes: priors_ (K,), means_ (P, K, m), covariances_ (P, K, m, m), log_likelihood_ (summed over samples and frames),
-    n_iterations_, converged_. Where frames see different numbers of directions, means_ and covariances_ are lists of P arrays (K, d_p) and
-    (K, d_p, d_p).
+    Fitted attributes: priors_ (K,), means_ (P, K, m), covariances_ (P, K, m, m), log_likelihood_
+    (summed over samples and frames), n_iterations_, converged_. Where frames see different numbers
+    of directions, means_ and covariances_ are lists of P arrays (K, d_p) and (K, d_p, d_p).
 
-    Frames are given as P entries per demonstration: a TaskFrame or PartialFrame, a list of them with one for each sample, or None, in the
-    list too, where the frame is missing.
+    Frames are given as P entries per demonstration: a TaskFrame or PartialFrame, a list of them
+    with one for each sample, or None, in the list too, where the frame is missing.
     """
 
     def __init__(
@@ -125,7 +151,9 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         if start not in STARTS:
             raise ValueError(f"start must be one of {STARTS}, got {start!r}")
         if start == "time" and n_starts != 1:
-            raise ValueError(f"start 'time' is always the same; n_starts {n_starts} needs start='kmeans'")
+            raise ValueError(
+                f"start 'time' is always the same; n_starts {n_starts} needs start='kmeans'"
+            )
         super().__init__(
             n_components,
             covariance_floor=covariance_floor,
@@ -139,18 +167,28 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
 
     @classmethod
     def from_parameters(
-        cls, priors: ArrayLike, means: Sequence[ArrayLike], covariances: Sequence[ArrayLike], n_shared: int = 0
+        cls,
+        priors: ArrayLike,
+        means: Sequence[ArrayLike],
+        covariances: Sequence[ArrayLike],
+        n_shared: int = 0,
     ) -> TaskParameterisedMixture:
-        """Mixture with priors (K,), and per frame means (K, d_p) and positive definite covariances (K, d_p, d_p). The
-        features are as many as the largest d_p. n_shared: as of the class. ValueError for other shapes or values.
+        """Mixture with priors (K,), and per frame means (K, d_p) and positive definite covariances
+        (K, d_p, d_p). The features are as many as the largest d_p. n_shared: as of the class.
+        ValueError for other shapes or values.
         """
         priors, n_components = checked_priors(priors), len(priors)
         if len(means) == 0 or len(means) != len(covariances):
-            raise ValueError(f"means and covariances must be given for each of P >= 1 frames, got {len(means)} and {len(covariances)}")
+            raise ValueError(
+                f"means and covariances must be given for each of P >= 1 frames, got {len(means)}"
+                f" and {len(covariances)}"
+            )
         centres = [as_samples(mean, f"means of frame {j}") for j, mean in enumerate(means)]
         for j, mean in enumerate(centres):
             if len(mean) != n_components:
-                raise ValueError(f"means of frame {j} must have shape ({n_components}, d), got {mean.shape}")
+                raise ValueError(
+                    f"means of frame {j} must have shape ({n_components}, d), got {mean.shape}"
+                )
         spreads = [
             as_covariances(one, f"covariances of frame {j}", (*mean.shape, mean.shape[1]))
             for j, (one, mean) in enumerate(zip(covariances, centres, strict=True))
@@ -165,10 +203,14 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         # Filled up with zeros where a frame sees fewer directions: an equation 0 = 0 says nothing.
         self._padded_means = np.zeros((n_frames, n_components, n_features))
         self._whiteners = np.zeros((n_frames, n_components, n_features, n_features))
-        for j, (mean, covariance) in enumerate(zip(parameters.means, parameters.covariances, strict=True)):
+        for j, (mean, covariance) in enumerate(
+            zip(parameters.means, parameters.covariances, strict=True)
+        ):
             d = mean.shape[1]
             self._padded_means[j, :, :d] = mean
-            self._whiteners[j, :, :d, :d] = np.linalg.inv(cholesky(covariance, f"frame {j}: covariance of component"))
+            self._whiteners[j, :, :d, :d] = np.linalg.inv(
+                cholesky(covariance, f"frame {j}: covariance of component")
+            )
         alike = len({mean.shape[1] for mean in parameters.means}) == 1
         self.means_ = np.stack(parameters.means) if alike else parameters.means
         self.covariances_ = np.stack(parameters.covariances) if alike else parameters.covariances
@@ -182,17 +224,26 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
 
     def _from_arrays(self, arrays: Arrays) -> None:
         priors = array_of(arrays, "priors", (None,))
-        n_frames = len({name.split(".")[1] for name in arrays if name.startswith(("means.", "covariances."))})
+        n_frames = len(
+            {name.split(".")[1] for name in arrays if name.startswith(("means.", "covariances."))}
+        )
         checked_priors(priors)
         means = [array_of(arrays, f"means.{j}", (len(priors), None)) for j in range(n_frames)]
-        covariances = [array_of(arrays, f"covariances.{j}", (*mean.shape, mean.shape[1])) for j, mean in enumerate(means)]
+        covariances = [
+            array_of(arrays, f"covariances.{j}", (*mean.shape, mean.shape[1]))
+            for j, mean in enumerate(means)
+        ]
         n_features = int(array_of(arrays, "n_features", ()))
         if not means or max(mean.shape[1] for mean in means) > n_features:
             raise ValueError(f"its {n_frames} frames do not fit {n_features} features")
         self._set(Parameters(priors, means, covariances), n_features)
 
     def _fitted_to(self) -> str:
-        return f"{len(self.priors_)} components in {self.n_frames} task frames" if hasattr(self, "priors_") else ""
+        return (
+            f"{len(self.priors_)} components in {self.n_frames} task frames"
+            if hasattr(self, "priors_")
+            else ""
+        )
 
     @property
     def n_frames(self) -> int:
@@ -218,23 +269,34 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         *,
         rng: np.random.Generator | None = None,
     ) -> TaskParameterisedMixture:
-        """EM on demonstrations (n_i, m) in the world with P frames each; weights per demonstration, per
-        sample (a list of arrays), or None. ValueError if rng is missing where centres are drawn.
+        """EM on demonstrations (n_i, m) in the world with P frames each; weights per
+        demonstration, per sample (a list of arrays), or None. ValueError if rng is missing where
+        centres are drawn.
         """
         return self._fit(*_with_weight(samples, frames, weights), rng)
 
-    def _fit(self, taught: TaskSamples, weights: np.ndarray, rng: np.random.Generator | None) -> TaskParameterisedMixture:
+    def _fit(
+        self, taught: TaskSamples, weights: np.ndarray, rng: np.random.Generator | None
+    ) -> TaskParameterisedMixture:
         if self.start == "kmeans" and rng is None:
-            raise ValueError("start='kmeans' draws random centres: pass rng=numpy.random.default_rng(seed)")
+            raise ValueError(
+                "start='kmeans' draws random centres: pass rng=numpy.random.default_rng(seed)"
+            )
         blocks = taught.blocks
-        fitted = self._run(blocks, weights, self._starter(shared_time(blocks), rng), least_scales(taught, weights))
+        fitted = self._run(
+            blocks, weights, self._starter(shared_time(blocks), rng), least_scales(taught, weights)
+        )
         self._set(fitted, taught.world.shape[1])
         return self
 
-    def _starter(self, time: np.ndarray, rng: np.random.Generator | None) -> Callable[[list[np.ndarray], np.ndarray], np.ndarray]:
+    def _starter(
+        self, time: np.ndarray, rng: np.random.Generator | None
+    ) -> Callable[[list[np.ndarray], np.ndarray], np.ndarray]:
         if self.start == "kmeans":
             assert rng is not None  # or `fit` would have complained
-            return lambda blocks, weights: kmeans_start(np.nan_to_num(np.hstack(blocks)), weights, self.n_components, rng)
+            return lambda blocks, weights: kmeans_start(
+                np.nan_to_num(np.hstack(blocks)), weights, self.n_components, rng
+            )
         return lambda blocks, weights: sliced_start(time, weights, self.n_components)
 
     def fit_in_time(
@@ -244,25 +306,34 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         weights: Weights = None,
         overlap: float = 0.7,
     ) -> TaskParameterisedMixture:
-        """Components at equal intervals of time whose responsibilities depend on time alone: one weighted M step.
+        """Components at equal intervals of time whose responsibilities depend on time alone: one
+        weighted M step.
 
-        No component can settle on a few demonstrations, as EM lets it when other inputs than time vary from one to
-        the next, and there is no local optimum. overlap: standard deviation of a component in units of the interval.
-        A component in a gap of the stamps, which nothing belongs to, is dropped. samples: (n_i, m) of each demonstration.
+        No component can settle on a few demonstrations, as EM lets it when other inputs than time
+        vary from one to the next, and there is no local optimum. overlap: standard deviation of a
+        component in units of the interval. A component in a gap of the stamps, which nothing
+        belongs to, is dropped. samples: (n_i, m) of each demonstration.
         """
         taught, weights = _with_weight(samples, frames, weights)
         overlap = as_number(overlap, "overlap", 1e-3, strict=False)
-        return self._maximise(taught, weights, self._counts_in_time(shared_time(taught.blocks), overlap))
+        return self._maximise(
+            taught, weights, self._counts_in_time(shared_time(taught.blocks), overlap)
+        )
 
-    def fit_around(self, samples: Samples, frames: Frames, weights: Weights = None, overlap: float = 0.7) -> TaskParameterisedMixture:
-        """Each component of a fitted mixture fitted anew to what lies around its time, in all demonstrations: one weighted M step.
+    def fit_around(
+        self, samples: Samples, frames: Frames, weights: Weights = None, overlap: float = 0.7
+    ) -> TaskParameterisedMixture:
+        """Each component of a fitted mixture fitted anew to what lies around its time, in all
+        demonstrations: one weighted M step.
 
-        EM divides time as the movement asks for, but its components hardly overlap, so that what is retrieved changes abruptly from one to
-        the next, and it may give one to a few demonstrations. Here responsibilities are those of Gaussians over time alone, at the times
+        EM divides time as the movement asks for, but its components hardly overlap, so that what
+        is retrieved changes abruptly from one to the next, and it may give one to a few
+        demonstrations. Here responsibilities are those of Gaussians over time alone, at the times
         that EM found, and wider.
 
-        samples, frames, weights: as in `fit`. overlap: standard deviation of a component in time, in units of the share of all time that
-        EM gave to it, its prior. So components that shared a time are not wide each.
+        samples, frames, weights: as in `fit`. overlap: standard deviation of a component in time,
+        in units of the share of all time that EM gave to it, its prior. So components that shared
+        a time are not wide each.
         """
         return self._fit_around(*_with_weight(samples, frames, weights), overlap)
 
@@ -282,19 +353,40 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         taught, weights = _with_weight(samples, frames, weights)
         return self._fit(taught, weights, rng)._fit_around(taught, weights, overlap)
 
-    def _fit_around(self, taught: TaskSamples, weights: np.ndarray, overlap: float) -> TaskParameterisedMixture:
+    def _fit_around(
+        self, taught: TaskSamples, weights: np.ndarray, overlap: float
+    ) -> TaskParameterisedMixture:
         time = shared_time(taught.blocks)
-        deviations = as_number(overlap, "overlap", 1e-3, strict=False) * self.priors_ * (time.max() - time.min())
+        deviations = (
+            as_number(overlap, "overlap", 1e-3, strict=False)
+            * self.priors_
+            * (time.max() - time.min())
+        )
         off = (time[:, None] - self.means_[0][:, 0]) / deviations  # time is the same in all frames
-        return self._maximise(taught, weights, normalise_log(-0.5 * np.square(off) - np.log(deviations))[0])
+        return self._maximise(
+            taught, weights, normalise_log(-0.5 * np.square(off) - np.log(deviations))[0]
+        )
 
-    def _maximise(self, taught: TaskSamples, weights: np.ndarray, responsibilities: np.ndarray) -> TaskParameterisedMixture:
+    def _maximise(
+        self, taught: TaskSamples, weights: np.ndarray, responsibilities: np.ndarray
+    ) -> TaskParameterisedMixture:
         """One M step from responsibilities (n, K); components that nothing belongs to are dropped."""
         blocks, counts = taught.blocks, responsibilities * weights[:, None]
         counts = counts[:, counts.sum(0) > DEAD_SHARE * weights.mean()]
-        scales = [column_scales(*one) for one in zip(blocks, [weights] * len(blocks), least_scales(taught, weights), strict=True)]
-        scaled = [(block - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
-        found = with_prior(maximisation(scaled, counts, self.covariance_floor), masses_of(scaled, counts), self.covariance_prior)
+        scales = [
+            column_scales(*one)
+            for one in zip(
+                blocks, [weights] * len(blocks), least_scales(taught, weights), strict=True
+            )
+        ]
+        scaled = [
+            (block - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)
+        ]
+        found = with_prior(
+            maximisation(scaled, counts, self.covariance_floor),
+            masses_of(scaled, counts),
+            self.covariance_prior,
+        )
         self._set(in_units(found, scales), taught.world.shape[1])
         return self
 
@@ -302,7 +394,10 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         """Responsibilities (n, K) of Gaussian windows in the middle of K equal intervals."""
         interval = (time.max() - time.min()) / self.n_components
         if interval <= 0:
-            raise ValueError(f"all samples have the time {time[0]:g}, there are no intervals; use fit, or give time in column 0")
+            raise ValueError(
+                f"all samples have the time {time[0]:g}, there are no intervals; use fit, or give"
+                " time in column 0"
+            )
         centres = time.min() + interval * (0.5 + np.arange(self.n_components))
         return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
 
@@ -310,12 +405,15 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         """Per demonstration, (n_i, K) posterior probability of each component.
 
         * samples: (n_i, m) of each demonstration.
-        * frames: for each demonstration its P task frames; one that moves is a list with a frame for each sample.
+        * frames: for each demonstration its P task frames; one that moves is a list with a frame
+          for each sample.
         """
         return self._per_demonstration(samples, frames, 0)
 
     def log_density(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
-        """Per demonstration, (n_i,) log of the mixture density, a product over the frames that see the sample."""
+        """Per demonstration, (n_i,) log of the mixture density, a product over the frames that see
+        the sample.
+        """
         return self._per_demonstration(samples, frames, 1)
 
     def _per_demonstration(self, samples: Samples, frames: Frames, which: int) -> list[np.ndarray]:
@@ -326,7 +424,11 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
     @property
     def n_parameters(self) -> int:
         """Free parameters, for model selection."""
-        return len(self.priors_) - 1 + sum(n_free_parameters(len(self.priors_), d) for d in self._dims_of_frames)
+        return (
+            len(self.priors_)
+            - 1
+            + sum(n_free_parameters(len(self.priors_), d) for d in self._dims_of_frames)
+        )
 
     def bic(
         self,
@@ -334,16 +436,22 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         frames: Frames,
         weights: Weights = None,
     ) -> float:
-        """Bayesian information criterion, lower is better; the sum of the weights counts as sample number.
+        """Bayesian information criterion, lower is better; the sum of the weights counts as sample
+        number.
 
         samples, frames: as of `responsibilities`.
         """
         log_density = self.log_density(samples, frames)
         weights = as_sample_weights(weights, [len(one) for one in log_density])
-        return float(-2.0 * weights @ np.concatenate(log_density) + self.n_parameters * np.log(weights.sum()))
+        return float(
+            -2.0 * weights @ np.concatenate(log_density)
+            + self.n_parameters * np.log(weights.sum())
+        )
 
     def product(self, frames: Sequence[TaskFrame | PartialFrame | None]) -> GaussianMixture:
-        """(7.21): the mixture in the world for new frames, P of them; None leaves a frame out of the product."""
+        """(7.21): the mixture in the world for new frames, P of them; None leaves a frame out of
+        the product.
+        """
         mean, covariance = self._products(self._situation(frames, 1))
         return GaussianMixture._made(self.priors_, mean[0], covariance[0])
 
@@ -355,9 +463,10 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         output_dims: ArrayLike,
         covariance: bool = True,
     ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Mean (n, o) and covariance (n, o, o) of the output features in new frames, given inputs (n, i) of the input
-        features, as `mixture.regress`; a frame that moves is given by a list with one for each of the inputs. If covariance
-        is False, None is returned in its place, which saves time.
+        """Mean (n, o) and covariance (n, o, o) of the output features in new frames, given inputs
+        (n, i) of the input features, as `mixture.regress`; a frame that moves is given by a list
+        with one for each of the inputs. If covariance is False, None is returned in its place,
+        which saves time.
         """
         still = [course for course in frames if not isinstance(course, Sequence)]
         if len(still) == len(frames):
@@ -381,13 +490,25 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
             np.empty((n, k, m)),
             np.empty((n, k, m, m)),
         )
-        feature = products.write(situation.A, situation.inverses, situation.b, situation.seen.view(np.uint8), mean, covariance)
+        feature = products.write(
+            situation.A,
+            situation.inverses,
+            situation.b,
+            situation.seen.view(np.uint8),
+            mean,
+            covariance,
+        )
         if feature < m:
-            raise ValueError(f"the task frames that are there do not tell feature {feature} of the world; give a frame that sees it")
+            raise ValueError(
+                f"the task frames that are there do not tell feature {feature} of the world; give"
+                " a frame that sees it"
+            )
         return mean, covariance
 
 
-def _with_weight(samples: Samples, frames: Frames, weights: Weights) -> tuple[TaskSamples, np.ndarray]:
+def _with_weight(
+    samples: Samples, frames: Frames, weights: Weights
+) -> tuple[TaskSamples, np.ndarray]:
     """The samples that have weight, and their weights."""
     taught = TaskSamples.of(samples, frames)
     weights = as_sample_weights(weights, taught.lengths)
@@ -395,12 +516,22 @@ def _with_weight(samples: Samples, frames: Frames, weights: Weights) -> tuple[Ta
 
 
 def _require_shared(situation: Situation, n_shared: int) -> None:
-    """ValueError unless all frames that are there pass the first features through, and leave them out of the others."""
+    """ValueError unless all frames that are there pass the first features through, and leave them
+    out of the others.
+    """
     m = situation.A.shape[-1]
     if n_shared >= m:
-        raise ValueError(f"n_shared is {n_shared}: of {m} features at least one must be left that frames see differently")
-    A, b = situation.A[situation.seen], situation.b[situation.seen]
-    if (A[:, :n_shared] != np.eye(m)[:n_shared]).any() or A[:, n_shared:, :n_shared].any() or b[:, :n_shared].any():
         raise ValueError(
-            f"a task frame changes one of the first {n_shared} features, which all shall pass through; take a smaller n_shared"
+            f"n_shared is {n_shared}: of {m} features at least one must be left that frames see"
+            " differently"
+        )
+    A, b = situation.A[situation.seen], situation.b[situation.seen]
+    if (
+        (A[:, :n_shared] != np.eye(m)[:n_shared]).any()
+        or A[:, n_shared:, :n_shared].any()
+        or b[:, :n_shared].any()
+    ):
+        raise ValueError(
+            f"a task frame changes one of the first {n_shared} features, which all shall pass"
+            " through; take a smaller n_shared"
         )

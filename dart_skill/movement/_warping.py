@@ -11,7 +11,8 @@ from dart_skill.common.checks import as_samples, floats
 
 
 def warped_distance(first: ArrayLike, second: ArrayLike) -> tuple[float, int]:
-    """Least sum of distances over monotone alignments of two paths, and how many pairs of samples that alignment has.
+    """Least sum of distances over monotone alignments of two paths, and how many pairs of samples
+    that alignment has.
 
     D(i, j) = |a_i - b_j| + min(D(i-1, j), D(i, j-1), D(i-1, j-1)).
 
@@ -25,17 +26,23 @@ def warped_distance(first: ArrayLike, second: ArrayLike) -> tuple[float, int]:
 
 
 def mean_warped_distances(paths: Sequence[np.ndarray]) -> np.ndarray:
-    """Mean distance of any two of N paths along their best alignment (N, N). paths: (n, d) each, of the same length."""
+    """Mean distance of any two of N paths along their best alignment (N, N). paths: (n, d) each,
+    of the same length.
+    """
     stacked = floats(paths)
     rows, columns = np.triu_indices(len(stacked), 1)
-    totals, pairs = _aligned(np.linalg.norm(stacked[rows, :, None] - stacked[columns, None], axis=3))
+    totals, pairs = _aligned(
+        np.linalg.norm(stacked[rows, :, None] - stacked[columns, None], axis=3)
+    )
     distances = np.zeros((len(stacked), len(stacked)))
     distances[rows, columns] = distances[columns, rows] = totals / pairs
     return distances
 
 
 def _aligned(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """D(n, m), and the number of pairs, of the best alignment (N,) for N matrices of distances (N, n, m); one antidiagonal at a time."""
+    """D(n, m), and the number of pairs, of the best alignment (N,) for N matrices of distances (N,
+    n, m); one antidiagonal at a time.
+    """
     count, n, m = distances.shape
     total = np.full((count, n + 1, m + 1), np.inf)
     total[:, 0, 0] = 0.0

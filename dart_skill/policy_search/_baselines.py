@@ -1,6 +1,7 @@
 """Baselines for the multi-optima search, with the same `ask` and `tell`.
 
-The cross-entropy method, PoWER with random restarts, Monte-Carlo search, and CMA-ES through the package `cma`.
+The cross-entropy method, PoWER with random restarts, Monte-Carlo search, and CMA-ES through the
+package `cma`.
 
     search = CrossEntropy(aim, spread, rng=rng)
     for trial in search.trials(3000):
@@ -20,14 +21,30 @@ from numpy.typing import ArrayLike
 from dart_skill.common.checks import as_count, as_number, as_vector
 from dart_skill.policy_search._policy import GaussianPolicy, as_spread
 from dart_skill.policy_search._power import LARGEST, SMALLEST, PoWER, population
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, as_json, read_returns, restored_generator
+from dart_skill.policy_search._search import (
+    Search,
+    Settings,
+    Told,
+    Trial,
+    as_json,
+    read_returns,
+    restored_generator,
+)
 from dart_skill.policy_search._weights import among_best
 
 
 class VectorSearch(Search):
-    """Common base of the baselines: parameters (d,), a first guess and its `spread`, and one return of any sign per trial."""
+    """Common base of the baselines: parameters (d,), a first guess and its `spread`, and one
+    return of any sign per trial.
+    """
 
-    def __init__(self, parameters: ArrayLike, spread: ArrayLike, settings: Settings, rng: np.random.Generator):
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        spread: ArrayLike,
+        settings: Settings,
+        rng: np.random.Generator,
+    ):
         start = as_vector(parameters, "parameters")
         if start.size == 0:
             raise ValueError("parameters is empty; a search needs at least one")
@@ -49,14 +66,18 @@ class VectorSearch(Search):
 
 
 def _settings(batch: int, best: int, latest: int, minimum_exploration: float = 0.0) -> Settings:
-    return Settings("constant", "rank", batch, best, latest, minimum_exploration, (SMALLEST, LARGEST))
+    return Settings(
+        "constant", "rank", batch, best, latest, minimum_exploration, (SMALLEST, LARGEST)
+    )
 
 
 class CrossEntropy(VectorSearch):
-    """Cross-entropy method: after every `batch` returns the Gaussian gets mean and covariance of the `best` M of them.
+    """Cross-entropy method: after every `batch` returns the Gaussian gets mean and covariance of
+    the `best` M of them.
 
-    P. T. de Boer et al., A tutorial on the cross-entropy method, Annals of OR 134, 2005. Noise: I. Szita and A. Loerincz,
-    Learning Tetris using the noisy cross-entropy method, Neural Computation 18, 2006.
+    P. T. de Boer et al., A tutorial on the cross-entropy method, Annals of OR 134, 2005. Noise: I.
+    Szita and A. Loerincz, Learning Tetris using the noisy cross-entropy method, Neural Computation
+    18, 2006.
 
     Parameters:
 
@@ -65,9 +86,10 @@ class CrossEntropy(VectorSearch):
     * rng: numpy Generator.
     * batch: int, number of returns between updates; default None: 10 + 5 d.
     * best: int, M; default None: batch / 4.
-    * smoothing: float in (0, 1], default 1. Share of the way to the new mean and covariance that one update goes.
-    * minimum_exploration: float, default 0.03. Standard deviation of the noise that is added to the covariance, relative to
-      `spread`; without it the method stops learning.
+    * smoothing: float in (0, 1], default 1. Share of the way to the new mean and covariance that
+      one update goes.
+    * minimum_exploration: float, default 0.03. Standard deviation of the noise that is added to
+      the covariance, relative to `spread`; without it the method stops learning.
     """
 
     def __init__(
@@ -83,7 +105,9 @@ class CrossEntropy(VectorSearch):
     ):
         batch = 10 + 5 * np.size(parameters) if batch is None else as_count(batch, "batch", 2)
         best = max(batch // 4, 1) if best is None else as_count(best, "best")
-        super().__init__(parameters, spread, _settings(batch, best, batch, minimum_exploration), rng)
+        super().__init__(
+            parameters, spread, _settings(batch, best, batch, minimum_exploration), rng
+        )
         self._smoothing = as_number(smoothing, "smoothing")
         if self._smoothing > 1:
             raise ValueError(f"smoothing must be at most 1, got {smoothing:g}")
@@ -111,10 +135,16 @@ class CrossEntropy(VectorSearch):
         returns = np.array([trial.outcome for trial in told])
         if returns.min() == returns.max():
             return False
-        weights, points, policy = among_best(returns, self.settings.best) / self.settings.best, self._relative(told), self._policy
+        weights, points, policy = (
+            among_best(returns, self.settings.best) / self.settings.best,
+            self._relative(told),
+            self._policy,
+        )
         mean = weights @ points
         deviations = (points - mean) * np.sqrt(weights)[:, None]
-        covariance = self._smoothing * deviations.T @ deviations + (1 - self._smoothing) * policy._shape()
+        covariance = (
+            self._smoothing * deviations.T @ deviations + (1 - self._smoothing) * policy._shape()
+        )
         policy.mean = policy.mean + self._smoothing * (mean - policy.mean)
         policy._set_covariance(covariance, np.ones(self._start.size, dtype=bool))
         return True
@@ -123,7 +153,9 @@ class CrossEntropy(VectorSearch):
         return {**self._policy.state(), "smoothing": self._smoothing}
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> CrossEntropy:
+    def _from_policy_state(
+        cls, state: dict, settings: Settings, rng: np.random.Generator
+    ) -> CrossEntropy:
         search = cls(
             state["start"],
             state["scale"],
@@ -140,15 +172,18 @@ class CrossEntropy(VectorSearch):
 class RandomRestarts(PoWER):
     """PoWER that restarts at random places.
 
-    The result of a finished run is kept with the mean return of its last batch. `parameters` is the best of these results
-    and of the present run. A result is not tried again. So where returns change, its value may be out of date.
+    The result of a finished run is kept with the mean return of its last batch. `parameters` is
+    the best of these results and of the present run. A result is not tried again. So where returns
+    change, its value may be out of date.
 
     Parameters:
 
     * parameters (d,), spread, rng: as in `PoWER`.
-    * restart_below: float, default 0.05. A run ends when its exploration, relative to `spread`, is below this.
+    * restart_below: float, default 0.05. A run ends when its exploration, relative to `spread`, is
+      below this.
     * longest_run: int, default 500. A run ends at the first update after so many returns.
-    * reach: float, default 1. A new run starts at a place from a Gaussian about `parameters` with `reach` times `spread`.
+    * reach: float, default 1. A new run starts at a place from a Gaussian about `parameters` with
+      `reach` times `spread`.
     * options: the other options of `PoWER`.
     """
 
@@ -166,7 +201,10 @@ class RandomRestarts(PoWER):
         super().__init__(parameters, spread, rng=rng, **options)
         self._origin = self._policy.start.copy()
         self._restart_below = as_number(restart_below, "restart_below", strict=False)
-        self._longest_run, self._reach = as_count(longest_run, "longest_run"), as_number(reach, "reach")
+        self._longest_run, self._reach = (
+            as_count(longest_run, "longest_run"),
+            as_number(reach, "reach"),
+        )
         self._runs, self._began, self._present_return = 0, 0, -np.inf
         self._found: list[tuple[np.ndarray, float]] = []
 
@@ -174,7 +212,9 @@ class RandomRestarts(PoWER):
     def optima(self) -> tuple[np.ndarray, np.ndarray]:
         """Results (n, d) of the finished runs, and the mean returns (n,) of their last batches."""
         places = [place for place, _ in self._found]
-        return np.reshape(places, (-1, self._origin.size)), np.array([value for _, value in self._found])
+        return np.reshape(places, (-1, self._origin.size)), np.array(
+            [value for _, value in self._found]
+        )
 
     @property
     def parameters(self) -> np.ndarray:
@@ -189,18 +229,29 @@ class RandomRestarts(PoWER):
         return np.append(noise, self._runs), tried
 
     def _update(self, told: list[Told]) -> bool:
-        ours = [Told(one.number, one.noise[:-1], one.tried, one.outcome) for one in told if one.noise[-1] == self._runs]
+        ours = [
+            Told(one.number, one.noise[:-1], one.tried, one.outcome)
+            for one in told
+            if one.noise[-1] == self._runs
+        ]
         changed = len(ours) >= self.settings.best and super()._update(ours)
         if changed:
-            self._present_return = float(np.mean([one.outcome for one in ours[-self.settings.batch :]]))
-        if self._policy.longest < self._restart_below or self.n_told - self._began >= self._longest_run:
+            self._present_return = float(
+                np.mean([one.outcome for one in ours[-self.settings.batch :]])
+            )
+        if (
+            self._policy.longest < self._restart_below
+            or self.n_told - self._began >= self._longest_run
+        ):
             self._restart()
         return changed
 
     def _restart(self) -> None:
         if np.isfinite(self._present_return):
             self._found.append((self._policy.parameters, self._present_return))
-        start = self._origin + self._reach * self._policy.scale * self._rng.standard_normal(self._origin.size)
+        start = self._origin + self._reach * self._policy.scale * self._rng.standard_normal(
+            self._origin.size
+        )
         self._policy = GaussianPolicy(start, self._policy.scale, self.settings, diagonal=False)
         self._runs, self._began, self._present_return = self._runs + 1, self.n_told, -np.inf
 
@@ -215,7 +266,9 @@ class RandomRestarts(PoWER):
         }
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> RandomRestarts:
+    def _from_policy_state(
+        cls, state: dict, settings: Settings, rng: np.random.Generator
+    ) -> RandomRestarts:
         search = super()._from_policy_state(state, settings, rng)
         search._origin = np.array(state["origin"], dtype=float)
         search._restart_below, search._longest_run, search._reach = state["restarts"]
@@ -226,17 +279,20 @@ class RandomRestarts(PoWER):
 
 
 class MonteCarlo(VectorSearch):
-    """Monte-Carlo search: uniform trials. It does not learn where to try, so it shows what this learning is worth.
+    """Monte-Carlo search: uniform trials. It does not learn where to try, so it shows what this
+    learning is worth.
 
-    The neighbourhood of a trial is the M nearest of the `latest` S trials, itself included, with distances in units of
-    `spread`. The best guess is the middle of the neighbourhood with the highest mean return.
+    The neighbourhood of a trial is the M nearest of the `latest` S trials, itself included, with
+    distances in units of `spread`. The best guess is the middle of the neighbourhood with the
+    highest mean return.
 
     Parameters:
 
     * parameters (d,): middle of the trials.
     * spread: one number or (d,), the unit of distances.
     * rng: numpy Generator.
-    * reach: float, default 2. Trials are uniform within `reach` times `spread` of `parameters`, along each parameter.
+    * reach: float, default 2. Trials are uniform within `reach` times `spread` of `parameters`,
+      along each parameter.
     * batch: int, default 25. The best neighbourhood is looked for after so many returns.
     * best: int, default 15. M.
     * latest: int, default 500. S.
@@ -274,7 +330,9 @@ class MonteCarlo(VectorSearch):
     def _update(self, told: list[Told]) -> bool:
         points, returns = self._relative(told), np.array([trial.outcome for trial in told])
         squares = np.square(points).sum(axis=1)
-        near = np.argsort(squares[:, None] - 2 * points @ points.T + squares, axis=1, kind="stable")[:, : self.settings.best]
+        near = np.argsort(
+            squares[:, None] - 2 * points @ points.T + squares, axis=1, kind="stable"
+        )[:, : self.settings.best]
         means = returns[near].mean(axis=1)
         best = int(means.argmax())
         self._mean, self.neighbourhood_return = points[near[best]].mean(axis=0), float(means[best])
@@ -282,11 +340,23 @@ class MonteCarlo(VectorSearch):
 
     def _policy_state(self) -> dict:
         value = self.neighbourhood_return if np.isfinite(self.neighbourhood_return) else None
-        return {**super()._policy_state(), "reach": self._reach, "mean": self._mean.tolist(), "neighbourhood_return": value}
+        return {
+            **super()._policy_state(),
+            "reach": self._reach,
+            "mean": self._mean.tolist(),
+            "neighbourhood_return": value,
+        }
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> MonteCarlo:
-        options = {"batch": settings.batch, "best": settings.best, "latest": settings.latest, "reach": state["reach"]}
+    def _from_policy_state(
+        cls, state: dict, settings: Settings, rng: np.random.Generator
+    ) -> MonteCarlo:
+        options = {
+            "batch": settings.batch,
+            "best": settings.best,
+            "latest": settings.latest,
+            "reach": state["reach"],
+        }
         search = cls(state["start"], state["scale"], rng=rng, **options)
         search._mean = np.array(state["mean"], dtype=float)
         value = state["neighbourhood_return"]
@@ -297,8 +367,8 @@ class MonteCarlo(VectorSearch):
 class CMAES(VectorSearch):
     """CMA-ES of the package `cma` (pip install cma), with its own defaults.
 
-    A saved search contains its start and all returns. `load` repeats the search from these, and needs the same version of
-    `cma`.
+    A saved search contains its start and all returns. `load` repeats the search from these, and
+    needs the same version of `cma`.
 
     Parameters:
 
@@ -306,8 +376,8 @@ class CMAES(VectorSearch):
     * spread: one number or (d,). Standard deviations of the first trials.
     * rng: numpy Generator.
     * batch: int, the population; default None: 4 + 3 log d.
-    * minimum_exploration: float, default 0 as in `cma`. Least standard deviation of any parameter, relative to `spread`.
-      With 0 the search stops learning once it has converged.
+    * minimum_exploration: float, default 0 as in `cma`. Least standard deviation of any parameter,
+      relative to `spread`. With 0 the search stops learning once it has converged.
     """
 
     def __init__(
@@ -328,11 +398,18 @@ class CMAES(VectorSearch):
     def _begin(self) -> None:
         self._first_state = self._rng.bit_generator.state
         self._history: list[list[Any]] = []
-        options = {"popsize": self.settings.batch, "verbose": -9, "seed": np.nan, "minstd": self.settings.minimum_exploration}
+        options = {
+            "popsize": self.settings.batch,
+            "verbose": -9,
+            "seed": np.nan,
+            "minstd": self.settings.minimum_exploration,
+        }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about plots, and one dimension
             draw = {"randn": lambda *shape: self._rng.standard_normal(shape)}
-            self._strategy = _cma().CMAEvolutionStrategy(np.zeros(self._start.size), 1.0, {**options, **draw})
+            self._strategy = _cma().CMAEvolutionStrategy(
+                np.zeros(self._start.size), 1.0, {**options, **draw}
+            )
 
     @property
     def parameters(self) -> np.ndarray:
@@ -354,12 +431,24 @@ class CMAES(VectorSearch):
         return True
 
     def _policy_state(self) -> dict:
-        return {**super()._policy_state(), "first_state": as_json(self._first_state), "history": list(self._history)}
+        return {
+            **super()._policy_state(),
+            "first_state": as_json(self._first_state),
+            "history": list(self._history),
+        }
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> CMAES:
+    def _from_policy_state(
+        cls, state: dict, settings: Settings, rng: np.random.Generator
+    ) -> CMAES:
         minimum = settings.minimum_exploration
-        search = cls(state["start"], state["scale"], rng=rng, batch=settings.batch, minimum_exploration=minimum)
+        search = cls(
+            state["start"],
+            state["scale"],
+            rng=rng,
+            batch=settings.batch,
+            minimum_exploration=minimum,
+        )
         search._rng = restored_generator(state["first_state"])
         search._begin()
         search._history = list(state["history"])
@@ -368,17 +457,25 @@ class CMAES(VectorSearch):
     def _restore(self, state: dict) -> None:
         super()._restore(state)
         asked = self._go_again()
-        known = [*((number, noise) for number, (noise, _) in self._open.items()), *((one.number, one.noise) for one in self._told)]
+        known = [
+            *((number, noise) for number, (noise, _) in self._open.items()),
+            *((one.number, one.noise) for one in self._told),
+        ]
         same = all(np.array_equal(asked[number], noise) for number, noise in known)
         if not same or as_json(self._rng.bit_generator.state) != state["generator"]:
-            raise ValueError("the returns since lead elsewhere now: this search was saved with another version of cma; install that one")
+            raise ValueError(
+                "the returns since lead elsewhere now: this search was saved with another version"
+                " of cma; install that one"
+            )
 
     def _go_again(self) -> list[np.ndarray]:
         """Repeat all asks and tells of the history; returns what was asked."""
         asked: list[np.ndarray] = []
         for n_asked, numbers, returns in self._history:
             asked.extend(self._draw()[0] for _ in range(n_asked - len(asked)))
-            self._strategy.tell([asked[number] for number in numbers], [-value for value in returns])
+            self._strategy.tell(
+                [asked[number] for number in numbers], [-value for value in returns]
+            )
         asked.extend(self._draw()[0] for _ in range(self.n_asked - len(asked)))
         return asked
 
@@ -389,4 +486,7 @@ def _cma() -> ModuleType:
             warnings.simplefilter("ignore")  # about plots
             return importlib.import_module("cma")
     except ImportError as error:
-        raise ImportError("CMAES needs the package cma: pip install cma, or take CrossEntropy, which needs nothing") from error
+        raise ImportError(
+            "CMAES needs the package cma: pip install cma, or take CrossEntropy, which needs"
+            " nothing"
+        ) from error

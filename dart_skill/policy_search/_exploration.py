@@ -1,6 +1,8 @@
-"""Size of the exploration: the noise of section 5.2.1 that is added to the covariance (5.2), and an automatic size.
+"""Size of the exploration: the noise of section 5.2.1 that is added to the covariance (5.2), and
+an automatic size.
 
-Everything here is in units of the spread at the start of the search, so "1" is that spread in each parameter.
+Everything here is in units of the spread at the start of the search, so "1" is that spread in each
+parameter.
 """
 
 from __future__ import annotations
@@ -11,12 +13,15 @@ EXPLORATIONS = ("automatic", "constant", "proportional", "fixed")
 
 
 def with_constant_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
-    """Figure 5.2, Sigma_0 = minimum^2 I: the same for all eigenvalues (d,). variances: the eigenvalues."""
+    """Figure 5.2, Sigma_0 = minimum^2 I: the same for all eigenvalues (d,). variances: the
+    eigenvalues.
+    """
     return variances + minimum**2
 
 
 def with_proportional_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
-    """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the eigenvalues (d,); the shape is kept.
+    """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the
+    eigenvalues (d,); the shape is kept.
 
     variances: the eigenvalues; minimum: standard deviation of Sigma_0.
     """
@@ -29,14 +34,16 @@ NOISE = {"constant": with_constant_noise, "proportional": with_proportional_nois
 
 
 class PathLength:
-    """Size and shape of exploration from the path of recent updates (n,), each in units of the standard deviations.
+    """Size and shape of exploration from the path of recent updates (n,), each in units of the
+    standard deviations.
 
-    If updates point in the same direction, the path is longer than by chance, and the size grows. If they cancel, the path
-    is shorter, and the size shrinks. The shape is also stretched along the path. This is the rule of CMA-ES, with the
-    constants of N. Hansen, The CMA evolution strategy: a tutorial, 2016 (arXiv:1604.00772). For `diagonal` covariances the
-    rates are higher (R. Ros and N. Hansen, A simple modification in CMA-ES, PPSN X, 2008). PoWER can use this rule because
-    (5.1) is the same weighted average (F. Stulp and O. Sigaud, Path integral policy improvement with covariance matrix
-    adaptation, ICML 2012).
+    If updates point in the same direction, the path is longer than by chance, and the size grows.
+    If they cancel, the path is shorter, and the size shrinks. The shape is also stretched along
+    the path. This is the rule of CMA-ES, with the constants of N. Hansen, The CMA evolution
+    strategy: a tutorial, 2016 (arXiv:1604.00772). For `diagonal` covariances the rates are higher
+    (R. Ros and N. Hansen, A simple modification in CMA-ES, PPSN X, 2008). PoWER can use this rule
+    because (5.1) is the same weighted average (F. Stulp and O. Sigaud, Path integral policy
+    improvement with covariance matrix adaptation, ICML 2012).
     """
 
     def __init__(self, n: int, diagonal: bool):
@@ -44,11 +51,15 @@ class PathLength:
         self.shape_path: np.ndarray = np.zeros(n)
         self.diagonal = diagonal
 
-    def advance(self, step: np.ndarray, moved: np.ndarray, effective: float, known: np.ndarray) -> float:
-        """Factor for the size after a step (n,), which is N(0, I) distributed if all trials are equally good.
+    def advance(
+        self, step: np.ndarray, moved: np.ndarray, effective: float, known: np.ndarray
+    ) -> float:
+        """Factor for the size after a step (n,), which is N(0, I) distributed if all trials are
+        equally good.
 
-        moved (n,): the step multiplied by the root of the shape. effective: effective number of trials, 1 / sum of the
-        squared weights. known (n,): mask of the parameters about which the returns say something.
+        moved (n,): the step multiplied by the root of the shape. effective: effective number of
+        trials, 1 / sum of the squared weights. known (n,): mask of the parameters about which the
+        returns say something.
         """
         n = int(known.sum())
         rate = (effective + 2) / (n + effective + 5)
@@ -60,7 +71,8 @@ class PathLength:
         return float(np.exp(rate / damping * (np.linalg.norm(self.path[known]) / expected - 1)))
 
     def shape_rates(self, effective: float) -> tuple[float, float]:
-        """Learning rates of the shape: for the path, and for the weighted covariance of the trials (5.2).
+        """Learning rates of the shape: for the path, and for the weighted covariance of the trials
+        (5.2).
 
         effective: number of trials that count.
         """

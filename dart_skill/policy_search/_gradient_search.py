@@ -1,18 +1,22 @@
-"""Policy gradients (thesis 4.2) as searches: what PoWER was proposed against. They need a learning rate.
+"""Policy gradients (thesis 4.2) as searches: what PoWER was proposed against. They need a learning
+rate.
 
-The policy is N(mean, diag(sigma^2)), each parameter with a standard deviation of its own. What is learned, theta (p,), is
-mean and log sigma in units of the spread at the start. A trial is mean + sigma eps with noise eps ~ N(0, I), so
+The policy is N(mean, diag(sigma^2)), each parameter with a standard deviation of its own. What is
+learned, theta (p,), is mean and log sigma in units of the spread at the start. A trial is mean +
+sigma eps with noise eps ~ N(0, I), so
 
     scores    d log p / d mean = eps / sigma,    d log p / d log sigma = eps^2 - 1                                          (G4)
     F = diag(1 / sigma^2, 2)                                                                                                (G5)
 
-The direction D is the gradient (G1) or the natural gradient (G3). With a learning rate a the step is one of
+The direction D is the gradient (G1) or the natural gradient (G3). With a learning rate a the step
+is one of
 
     "normalised"    a D / sqrt(D' F D)    a KL divergence of about a^2 / 2, in whatever unit the return is                  (G6)
     "plain"         a D                   with a in the unit of theta^2 per return for (G1), and one per return for (G3)    (G7)
 
-A step of constant length is that of N. Kohl and P. Stone, Policy gradient reinforcement learning for fast quadrupedal
-locomotion, ICRA 2004; its length is measured as by J. Bagnell and J. Schneider, Covariant policy search, IJCAI 2003.
+A step of constant length is that of N. Kohl and P. Stone, Policy gradient reinforcement learning
+for fast quadrupedal locomotion, ICRA 2004; its length is measured as by J. Bagnell and J.
+Schneider, Covariant policy search, IJCAI 2003.
 
     search = Reinforce(parameters, spread, rng=rng)
     for trial in search.trials(3000):
@@ -40,7 +44,9 @@ AnyGradientSearch = TypeVar("AnyGradientSearch", bound="GradientSearch")
 
 
 class GradientSearch(VectorSearch):
-    """Common base: the policy, its scores, and steps along the direction that a subclass estimates."""
+    """Common base: the policy, its scores, and steps along the direction that a subclass
+    estimates.
+    """
 
     def __init__(
         self,
@@ -54,16 +60,27 @@ class GradientSearch(VectorSearch):
         batch: int | None = None,
         limits: tuple[float, float] = (SMALLEST, LARGEST),
     ):
-        for name, value, choices in (("exploration", exploration, EXPLORATIONS), ("step", step, STEPS)):
+        for name, value, choices in (
+            ("exploration", exploration, EXPLORATIONS),
+            ("step", step, STEPS),
+        ):
             if value not in choices:
                 raise ValueError(f"{name} must be one of {choices}, got {value!r}")
         self._learning_rate, self._step = as_number(learning_rate, "learning_rate"), step
         p = np.size(parameters) * (2 if exploration == "automatic" else 1)
         batch = 2 * (p + 1) if batch is None else as_count(batch, "batch")
         if batch < self._least(p):
-            raise ValueError(f"batch is {batch}, but {p} elements of a gradient need at least {self._least(p)} trials: raise it")
+            raise ValueError(
+                f"batch is {batch}, but {p} elements of a gradient need at least {self._least(p)}"
+                " trials: raise it"
+            )
         low, high = as_vector(limits, "limits", 2).tolist()
-        super().__init__(parameters, spread, Settings(exploration, "rank", batch, batch, batch, 0.0, (low, high)), rng)
+        super().__init__(
+            parameters,
+            spread,
+            Settings(exploration, "rank", batch, batch, batch, 0.0, (low, high)),
+            rng,
+        )
         self._mean, self._sigma = np.zeros(self._start.size), np.ones(self._start.size)
 
     @staticmethod
@@ -72,8 +89,12 @@ class GradientSearch(VectorSearch):
         """Least number of trials from which p elements of a gradient can be estimated."""
 
     @abstractmethod
-    def _direction(self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray) -> np.ndarray:
-        """Direction (p,) of the step from scores (n, p), returns (n,) and the diagonal (p,) of the Fisher information."""
+    def _direction(
+        self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray
+    ) -> np.ndarray:
+        """Direction (p,) of the step from scores (n, p), returns (n,) and the diagonal (p,) of the
+        Fisher information.
+        """
 
     @property
     def parameters(self) -> np.ndarray:
@@ -100,7 +121,9 @@ class GradientSearch(VectorSearch):
             return False
         if self._step == "normalised":
             returns = returns / np.abs(returns).max()  # so that no square overflows
-        fisher = np.concatenate([1 / self._sigma**2, np.full(self._start.size, 2.0)])[: self._n_elements]  # (G5)
+        fisher = np.concatenate([1 / self._sigma**2, np.full(self._start.size, 2.0)])[
+            : self._n_elements
+        ]  # (G5)
         scores = self._scores(np.array([trial.noise for trial in told]))
         with np.errstate(over="ignore", invalid="ignore"):  # `_go` refuses what comes of it
             direction = self._direction(scores, returns, fisher)
@@ -112,7 +135,9 @@ class GradientSearch(VectorSearch):
         return self._start.size * (2 if self.settings.exploration == "automatic" else 1)
 
     def _scores(self, noise: np.ndarray) -> np.ndarray:
-        """(G4): (n, p) from the noise (n, d). A trial that was asked before the last update counts with its noise of then."""
+        """(G4): (n, p) from the noise (n, d). A trial that was asked before the last update counts
+        with its noise of then.
+        """
         return np.hstack([noise / self._sigma, noise**2 - 1])[:, : self._n_elements]
 
     def _length(self, direction: np.ndarray, fisher: np.ndarray) -> float:
@@ -120,19 +145,32 @@ class GradientSearch(VectorSearch):
         if self._step == "plain":
             return self._learning_rate
         size = np.abs(direction).max()
-        return self._learning_rate / (size * np.sqrt(fisher @ (direction / size) ** 2)) if size > 0 else 0.0
+        return (
+            self._learning_rate / (size * np.sqrt(fisher @ (direction / size) ** 2))
+            if size > 0
+            else 0.0
+        )
 
     def _go(self, step: np.ndarray) -> bool:
         d, (low, high) = self._start.size, self.settings.limits
         mean = self._mean + step[:d]
         if not np.isfinite(step).all() or not np.isfinite(self._start + self._scale * mean).all():
-            worst = f"the step of update {self.n_updates} is {step.tolist()} with learning_rate {self._learning_rate:g}"
-            raise ValueError(f"{worst}, and leaves all numbers: lower it for returns of this size, or choose step 'normalised'")
+            worst = (
+                f"the step of update {self.n_updates} is {step.tolist()} with learning_rate"
+                f" {self._learning_rate:g}"
+            )
+            raise ValueError(
+                f"{worst}, and leaves all numbers: lower it for returns of this size, or choose"
+                " step 'normalised'"
+            )
         self._mean = mean
         if len(step) > d:
-            # No step changes log sigma by more than the distance of the limits, so exp does not overflow.
+            # No step changes log sigma by more than the distance of the limits, so exp does not
+            # overflow.
             reach = np.log(high / low)
-            self._sigma = np.clip(self._sigma * np.exp(np.clip(step[d:], -reach, reach)), low, high)
+            self._sigma = np.clip(
+                self._sigma * np.exp(np.clip(step[d:], -reach, reach)), low, high
+            )
         return bool(step.any())
 
     def _options(self) -> dict:
@@ -143,18 +181,26 @@ class GradientSearch(VectorSearch):
         return {**super()._policy_state(), **policy, "options": self._options()}
 
     @classmethod
-    def _from_policy_state(cls: type[AnyGradientSearch], state: dict, settings: Settings, rng: np.random.Generator) -> AnyGradientSearch:
-        known: dict[str, Any] = {"exploration": settings.exploration, "batch": settings.batch, "limits": settings.limits}
+    def _from_policy_state(
+        cls: type[AnyGradientSearch], state: dict, settings: Settings, rng: np.random.Generator
+    ) -> AnyGradientSearch:
+        known: dict[str, Any] = {
+            "exploration": settings.exploration,
+            "batch": settings.batch,
+            "limits": settings.limits,
+        }
         search = cls(state["start"], state["scale"], rng=rng, **known, **state["options"])
-        search._mean, search._sigma = (np.array(state[name], dtype=float) for name in ("mean", "sigma"))
+        search._mean, search._sigma = (
+            np.array(state[name], dtype=float) for name in ("mean", "sigma")
+        )
         return search
 
 
 class Reinforce(GradientSearch):
     """Episodic REINFORCE (G1) with the optimal baseline (G2) of each element of the gradient.
 
-    The gradient depends on the units of theta, and its variance grows as the exploration shrinks. docs/learning.md
-    shows what this costs; benchmarks/power.py --gradients measures it.
+    The gradient depends on the units of theta, and its variance grows as the exploration shrinks.
+    docs/learning.md shows what this costs; benchmarks/power.py --gradients measures it.
 
     Parameters:
 
@@ -163,11 +209,12 @@ class Reinforce(GradientSearch):
     * rng: numpy Generator.
     * learning_rate: float, default 0.3. a of (G6) and (G7).
     * step: "normalised" (default) or "plain".
-    * exploration: "automatic" (default) learns log sigma by the same gradient; "fixed" keeps sigma.
-    * batch: int, number of returns between updates, each of which is used once; default None: 2 (p + 1), p = 2 d, or d
-      with "fixed". At least 2.
-    * limits (2,): smallest and largest sigma, relative to `spread`; default 1e-8 and 1e4. Without a floor the exploration
-      may vanish before the search has arrived.
+    * exploration: "automatic" (default) learns log sigma by the same gradient; "fixed" keeps
+      sigma.
+    * batch: int, number of returns between updates, each of which is used once; default None: 2 (p
+      + 1), p = 2 d, or d with "fixed". At least 2.
+    * limits (2,): smallest and largest sigma, relative to `spread`; default 1e-8 and 1e4. Without
+      a floor the exploration may vanish before the search has arrived.
 
     `tell` raises ValueError when a plain step leaves all numbers.
     """
@@ -176,7 +223,9 @@ class Reinforce(GradientSearch):
     def _least(p: int) -> int:
         return 2
 
-    def _direction(self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray) -> np.ndarray:
+    def _direction(
+        self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray
+    ) -> np.ndarray:
         return reinforce_gradient(scores, returns)
 
 
@@ -207,14 +256,23 @@ class EpisodicNaturalActorCritic(GradientSearch):
     ):
         self._ridge = as_number(ridge, "ridge", strict=False)
         super().__init__(
-            parameters, spread, rng=rng, learning_rate=learning_rate, step=step, exploration=exploration, batch=batch, limits=limits
+            parameters,
+            spread,
+            rng=rng,
+            learning_rate=learning_rate,
+            step=step,
+            exploration=exploration,
+            batch=batch,
+            limits=limits,
         )
 
     @staticmethod
     def _least(p: int) -> int:
         return p + 1
 
-    def _direction(self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray) -> np.ndarray:
+    def _direction(
+        self, scores: np.ndarray, returns: np.ndarray, fisher: np.ndarray
+    ) -> np.ndarray:
         return natural_gradient(scores, returns, np.diag(fisher), self._ridge)[0]
 
     def _options(self) -> dict:

@@ -1,9 +1,11 @@
-"""Multi-optima search: PoWER with a mixture of Gaussians that finds its number of components (thesis 5.3).
+"""Multi-optima search: PoWER with a mixture of Gaussians that finds its number of components
+(thesis 5.3).
 
-Each component is a local guess with a covariance of its own for exploration. Its prior is the probability that a trial is
-drawn from it. The trials are shared among the components by their responsibilities (5.3)-(5.6). A component is split where
-two explain the rewarded trials much better than one. Two components are merged where one explains them as well
-(5.7)-(5.12). Or the number of components is set by data spectroscopy (5.13).
+Each component is a local guess with a covariance of its own for exploration. Its prior is the
+probability that a trial is drawn from it. The trials are shared among the components by their
+responsibilities (5.3)-(5.6). A component is split where two explain the rewarded trials much
+better than one. Two components are merged where one explains them as well (5.7)-(5.12). Or the
+number of components is set by data spectroscopy (5.13).
 
     search = MixturePoWER(aim, spread, rng=rng)
     for trial in search.trials(3000):
@@ -37,7 +39,9 @@ CHOICES = {
 }
 EXPLORATIONS = ("constant", "proportional", "automatic")
 SURER = SplitMerge(split_threshold=0.3, merge_threshold=0.05, refine=2)
-"""With "automatic": components on one hill, each far smaller than the hill, do not overlap, so splits need more and mergers less."""
+"""With "automatic": components on one hill, each far smaller than the hill, do not overlap, so
+splits need more and mergers less.
+"""
 
 
 @dataclass(frozen=True)
@@ -46,22 +50,26 @@ class Readings:
 
     Parameters:
 
-    * best_of: which M best trials count for a component. "component" (default): those with the largest return times
-      responsibility. "own": the best of those that it is most responsible for. "all": the best of all trials.
-    * structure: what sets the number of components. "split_and_merge" (default) with `rule`; "spectroscopy" with a kernel
-      of `bandwidth`; "fixed".
+    * best_of: which M best trials count for a component. "component" (default): those with the
+      largest return times responsibility. "own": the best of those that it is most responsible
+      for. "all": the best of all trials.
+    * structure: what sets the number of components. "split_and_merge" (default) with `rule`;
+      "spectroscopy" with a kernel of `bandwidth`; "fixed".
     * check_every: int, default 10. The number of components is checked after so many returns.
     * most: int, default 12. Largest number of components.
     * judged_on: trials on which it is checked, the "latest" S or the "best" of (5.3) (default).
     * judged_by: weight of these trials, their "return" (default) or "equal".
-    * draw: a trial is drawn from a component with its "prior" (default), or from each with "equal" probability.
-    * guess: `parameters` is the mean of the component with the highest "return" (default) or the largest "prior".
+    * draw: a trial is drawn from a component with its "prior" (default), or from each with "equal"
+      probability.
+    * guess: `parameters` is the mean of the component with the highest "return" (default) or the
+      largest "prior".
     * bandwidth: float, in units of the spread; default None: `automatic_bandwidth`.
     * rule: SplitMerge, default with refine = 2.
 
-    The readings were measured in the dart experiment of 6.3: returns are expected scores, the spread of the player falls
-    from 75 to 16 mm in 3000 iterations, the first Gaussian is on the bull with 75 mm, Sigma_0 = (7.5 mm)^2, 20 seeds. The
-    columns are the number of components at the end, the regret per throw, and the regret of `parameters`.
+    The readings were measured in the dart experiment of 6.3: returns are expected scores, the
+    spread of the player falls from 75 to 16 mm in 3000 iterations, the first Gaussian is on the
+    bull with 75 mm, Sigma_0 = (7.5 mm)^2, 20 seeds. The columns are the number of components at
+    the end, the regret per throw, and the regret of `parameters`.
 
         as default          3.1  0.51  0.09        best_of "own"          1.0  0.25  0.02
         refine = 0          1.4  0.28  0.02        best_of "all"          1.0  0.21  0.01
@@ -75,11 +83,12 @@ class Readings:
         Sigma_0 = 15 mm     2.6  0.88  0.11        weighting "rank"       1.0  0.21  0.01
         PoWER               1.0  0.21  0.01        PoWER, 2.25 mm         1.0  0.04  0.01
 
-    The defaults give the three components of figure 6.3 and are closest to the text ("with M samples for each component").
-    The three components appear within 100 trials, while the exploration is wide, and hardly change later. By then they have
-    shrunk to Sigma_0 and are far from each other, so they neither split nor merge. No reading earns more than PoWER with
-    the same Sigma_0. The reasons: components on lower hills get their share of the trials, and the hills that are found
-    while the board looks smooth are not those that matter at the end.
+    The defaults give the three components of figure 6.3 and are closest to the text ("with M
+    samples for each component"). The three components appear within 100 trials, while the
+    exploration is wide, and hardly change later. By then they have shrunk to Sigma_0 and are far
+    from each other, so they neither split nor merge. No reading earns more than PoWER with the
+    same Sigma_0. The reasons: components on lower hills get their share of the trials, and the
+    hills that are found while the board looks smooth are not those that matter at the end.
     """
 
     best_of: str = "component"
@@ -106,30 +115,36 @@ class Readings:
 
 
 class MixturePoWER(Search):
-    """Search for several optima among parameters (d,), with a Gaussian mixture that begins as one Gaussian (thesis 5.3).
+    """Search for several optima among parameters (d,), with a Gaussian mixture that begins as one
+    Gaussian (thesis 5.3).
 
-    An update (5.3)-(5.6) comes after every `batch` returns, from the `best` M of the `latest` S trials, as soon as there
-    are M.
+    An update (5.3)-(5.6) comes after every `batch` returns, from the `best` M of the `latest` S
+    trials, as soon as there are M.
 
     Parameters:
 
     * parameters (d,): mean of the first Gaussian.
     * spread: one number or (d,). Standard deviations of the first Gaussian.
     * rng: numpy Generator.
-    * exploration: "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in total, in proportion to the
-      eigenvalues. "automatic": every component chooses its own size, as `PoWER` does. It learns from the trials that were
-      drawn from it, each once; its prior and the number of components still come from all of the `latest` trials.
-    * weighting: "returns" (default), "rank" or "exponential", see `return_weights`. "returns" takes the text literally, and
-      needs returns of at least 0. With the others the best trials have so much weight that in darts one component takes all.
-    * batch: int, number of returns between updates; default None: 1. With "automatic", number of its own trials after which
-      a component takes a step from the better half of them; default then 2 (4 + 3 log d). Half as many find fewer hills.
+    * exploration: "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in
+      total, in proportion to the eigenvalues. "automatic": every component chooses its own size,
+      as `PoWER` does. It learns from the trials that were drawn from it, each once; its prior and
+      the number of components still come from all of the `latest` trials.
+    * weighting: "returns" (default), "rank" or "exponential", see `return_weights`. "returns"
+      takes the text literally, and needs returns of at least 0. With the others the best trials
+      have so much weight that in darts one component takes all.
+    * batch: int, number of returns between updates; default None: 1. With "automatic", number of
+      its own trials after which a component takes a step from the better half of them; default
+      then 2 (4 + 3 log d). Half as many find fewer hills.
     * best: int, default 15. M.
     * latest: int, default 150. S; both as in 6.3.
-    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, which "automatic" does without. A hill
-      that moves farther than a few times this within S trials is lost.
-    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default None as in `PoWER`.
-    * readings: Readings, what the thesis leaves open; default None: its defaults, with "automatic" a split from a gain of 0.3
-      and a merger up to a loss of 0.05.
+    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, which
+      "automatic" does without. A hill that moves farther than a few times this within S trials is
+      lost.
+    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default
+      None as in `PoWER`.
+    * readings: Readings, what the thesis leaves open; default None: its defaults, with "automatic"
+      a split from a gain of 0.3 and a merger up to a loss of 0.05.
     """
 
     def __init__(
@@ -151,19 +166,33 @@ class MixturePoWER(Search):
         if start.size == 0:
             raise ValueError("parameters is empty; a search needs at least one")
         if exploration not in EXPLORATIONS:
-            raise ValueError(f"exploration must be one of {EXPLORATIONS}, got {exploration!r}; a mixture learns its covariances")
+            raise ValueError(
+                f"exploration must be one of {EXPLORATIONS}, got {exploration!r}; a mixture learns"
+                " its covariances"
+            )
         if not isinstance(readings, (Readings, type(None))):
-            raise ValueError(f"readings must be a Readings, got {type(readings).__name__}: Readings(...) with what you choose")
+            raise ValueError(
+                f"readings must be a Readings, got {type(readings).__name__}: Readings(...) with"
+                " what you choose"
+            )
         automatic = exploration == "automatic"
         if batch is None:
             batch = 2 * population(start.size) if automatic else 1
         noise = "constant" if automatic else exploration
-        settings = with_defaults(start.size, noise, weighting, batch, best, latest, minimum_exploration, limits, latest)
+        settings = with_defaults(
+            start.size, noise, weighting, batch, best, latest, minimum_exploration, limits, latest
+        )
         settings = replace(settings, exploration=exploration)
         super().__init__(settings, rng)
         self.readings = readings or (Readings(rule=SURER) if automatic else Readings())
-        self._policy = (SizedMixture if automatic else MixturePolicy)(start, as_spread(spread, start.shape), settings)
-        least = max(self.readings.rule.covariance_floor, settings.limits[0] ** 2, 0.0 if automatic else settings.minimum_exploration**2)
+        self._policy = (SizedMixture if automatic else MixturePolicy)(
+            start, as_spread(spread, start.shape), settings
+        )
+        least = max(
+            self.readings.rule.covariance_floor,
+            settings.limits[0] ** 2,
+            0.0 if automatic else settings.minimum_exploration**2,
+        )
         self._rule = replace(self.readings.rule, covariance_floor=least)
         self._checked = 0
 
@@ -178,12 +207,16 @@ class MixturePoWER(Search):
 
     @property
     def component_returns(self) -> np.ndarray:
-        """Mean return (K,) of the latest trials, weighted by each component's responsibilities; zeros before the first update."""
+        """Mean return (K,) of the latest trials, weighted by each component's responsibilities;
+        zeros before the first update.
+        """
         return self._policy.returns.copy()
 
     @property
     def parameters(self) -> np.ndarray:
-        """Mean (d,) of the component with the highest return; with guess = "prior", of the one with the largest prior."""
+        """Mean (d,) of the component with the highest return; with guess = "prior", of the one
+        with the largest prior.
+        """
         policy = self._policy
         best = (policy.returns if self.readings.guess == "return" else policy.priors).argmax()
         return policy.start + policy.scale * policy.means[best]
@@ -194,7 +227,11 @@ class MixturePoWER(Search):
         return float(np.sqrt(self._policy.variances.max()))
 
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
-        ends = np.cumsum(self._policy.priors) if self.readings.draw == "prior" else np.arange(1.0, self.n_components + 1)
+        ends = (
+            np.cumsum(self._policy.priors)
+            if self.readings.draw == "prior"
+            else np.arange(1.0, self.n_components + 1)
+        )
         component = int(np.searchsorted(ends, self._rng.random() * ends[-1], side="right"))
         noise = self._rng.standard_normal(self._policy.start.size)
         tried = self._policy.draw(component, noise)
@@ -213,8 +250,11 @@ class MixturePoWER(Search):
             return super()._learn()
         last = self._told[-1]
         moved = self._policy.learn(int(last.noise[-1]), replace(last, noise=last.noise[:-1]))
-        # Priors and structure come from all of the latest trials, after every return as with the other explorations.
-        shared = len(self._told) >= self.settings.best and self._update(sorted(self._told, key=lambda told: told.number))
+        # Priors and structure come from all of the latest trials, after every return as with the
+        # other explorations.
+        shared = len(self._told) >= self.settings.best and self._update(
+            sorted(self._told, key=lambda told: told.number)
+        )
         self.n_updates += moved or shared
         return moved or shared
 
@@ -240,45 +280,79 @@ class MixturePoWER(Search):
         else:
             ranked = np.broadcast_to(returns, shared.shape)
             if self.readings.best_of == "own":
-                ranked = np.where(shared.argmax(axis=0) == np.arange(len(shared))[:, None], ranked, -np.inf)
-        best = len(returns) - 1 - np.argsort(-ranked[:, ::-1], axis=1, kind="stable")[:, : self.settings.best]
+                ranked = np.where(
+                    shared.argmax(axis=0) == np.arange(len(shared))[:, None], ranked, -np.inf
+                )
+        best = (
+            len(returns)
+            - 1
+            - np.argsort(-ranked[:, ::-1], axis=1, kind="stable")[:, : self.settings.best]
+        )
         kept = np.zeros_like(shared)
         np.put_along_axis(kept, best, np.take_along_axis(shared, best, axis=1), axis=1)
         return np.where(np.isneginf(ranked), 0.0, kept)
 
-    def _judged(self, points: np.ndarray, weights: np.ndarray, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _judged(
+        self, points: np.ndarray, weights: np.ndarray, shared: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, d) and weights (n,) on which the number of components is checked."""
         if self.readings.judged_on == "best":
             weights = shared.sum(axis=0)
         counted = weights > 0
         weights = weights[counted]
-        return points[counted], weights if self.readings.judged_by == "return" else np.ones(len(weights))
+        return points[counted], (
+            weights if self.readings.judged_by == "return" else np.ones(len(weights))
+        )
 
     def _adapt(self, points: np.ndarray, weights: np.ndarray) -> None:
         policy = self._policy
         if self.readings.structure == "split_and_merge":
             adapted = adapt(policy.components, points, weights, self._rule, self.readings.most)
             if adapted.split is not None or adapted.merged is not None:
-                policy.replace(*adapted.components, noisy=False, origins=origins(self.n_components, adapted.split, adapted.merged))
+                policy.replace(
+                    *adapted.components,
+                    noisy=False,
+                    origins=origins(self.n_components, adapted.split, adapted.merged),
+                )
         elif self.readings.structure == "spectroscopy":
             groups = data_spectroscopy(points, weights, bandwidth=self.readings.bandwidth)
             if groups.n_groups != self.n_components and groups.n_groups <= self.readings.most:
-                policy.replace(*grouped(points, weights, groups.labels), noisy=True, origins=[None] * groups.n_groups)
+                policy.replace(
+                    *grouped(points, weights, groups.labels),
+                    noisy=True,
+                    origins=[None] * groups.n_groups,
+                )
 
     def _policy_state(self) -> dict:
-        return {**self._policy.state(), "readings": asdict(self.readings), "checked": self._checked}
+        return {
+            **self._policy.state(),
+            "readings": asdict(self.readings),
+            "checked": self._checked,
+        }
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> MixturePoWER:
+    def _from_policy_state(
+        cls, state: dict, settings: Settings, rng: np.random.Generator
+    ) -> MixturePoWER:
         readings = {**state["readings"], "rule": SplitMerge(**state["readings"]["rule"])}
-        search = cls(state["start"], state["scale"], rng=rng, readings=Readings(**readings), **vars(settings))
+        search = cls(
+            state["start"],
+            state["scale"],
+            rng=rng,
+            readings=Readings(**readings),
+            **vars(settings),
+        )
         search._policy.restore(state)
         search._checked = state["checked"]
         return search
 
 
-def origins(n_components: int, split: int | None, merged: tuple[int, int] | None) -> list[int | None]:
-    """Which of the components each one was before a split and a merger, None for a new one. Indices as in `Adaptation`."""
+def origins(
+    n_components: int, split: int | None, merged: tuple[int, int] | None
+) -> list[int | None]:
+    """Which of the components each one was before a split and a merger, None for a new one.
+    Indices as in `Adaptation`.
+    """
     before: list[int | None] = list(range(n_components))
     if split is not None:
         before[split] = None
@@ -289,11 +363,19 @@ def origins(n_components: int, split: int | None, merged: tuple[int, int] | None
     return before
 
 
-def grouped(points: np.ndarray, weights: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Priors (K,), means (K, d) and covariances (K, d, d) of labelled points (n, d) with weights (n,)."""
+def grouped(
+    points: np.ndarray, weights: np.ndarray, labels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Priors (K,), means (K, d) and covariances (K, d, d) of labelled points (n, d) with weights
+    (n,).
+    """
     shares = weights * (labels == np.unique(labels)[:, None])
     priors = shares.sum(axis=1)
     shares /= priors[:, None]
     means = shares @ points
     deviations = points - means[:, None]
-    return priors / priors.sum(), means, np.swapaxes(deviations * shares[..., None], 1, 2) @ deviations
+    return (
+        priors / priors.sum(),
+        means,
+        np.swapaxes(deviations * shares[..., None], 1, 2) @ deviations,
+    )

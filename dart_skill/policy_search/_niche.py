@@ -1,11 +1,13 @@
-"""One hill of a changing landscape: a quadratic model of the returns about its top, fitted to the hill's latest trials.
+"""One hill of a changing landscape: a quadratic model of the returns about its top, fitted to the
+hill's latest trials.
 
     y = a + s t + b'x + x'Hx / 2,    x = (place - centre) / radius,    t the age of the trial
 
-is fitted by least squares. The weight of a trial halves after as many newer trials as the model has coefficients. A Newton
-step of limited length goes to the top. The radius of the trials grows while the steps are long and shrinks while they are
-short. So it is as small as drift and noise allow. With more than `FULL_MODEL` parameters H is diagonal. G. Box and
-K. Wilson, On the experimental attainment of optimum conditions, JRSS B 1951.
+is fitted by least squares. The weight of a trial halves after as many newer trials as the model
+has coefficients. A Newton step of limited length goes to the top. The radius of the trials grows
+while the steps are long and shrinks while they are short. So it is as small as drift and noise
+allow. With more than `FULL_MODEL` parameters H is diagonal. G. Box and K. Wilson, On the
+experimental attainment of optimum conditions, JRSS B 1951.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 FULL_MODEL = 10  # up to so many parameters H is a full matrix; the model then has 66 coefficients
-RIDGE = 0.03  # weight, in trials, of the prior (slope zero, the last curvature), so that few trials give a well-posed fit
+# weight, in trials, of the prior (slope zero, the last curvature), so that few trials give a well-
+# posed fit
+RIDGE = 0.03
 LONGEST_STEP = 1.0  # [radii per root of the dimension]
 STILL = 0.1  # length of a step that leaves the radius unchanged, in the same unit
 SETTLED = 0.5  # the top counts as found if a step is shorter than this, in the same unit
@@ -23,7 +27,8 @@ SETTLED = 0.5  # the top counts as found if a step is shorter than this, in the 
 
 @dataclass
 class Niche:
-    """State of one hill. Places (d,) are relative to the start of the search, in units of the spread.
+    """State of one hill. Places (d,) are relative to the start of the search, in units of the
+    spread.
 
     * identity: number of the niche.
     * centre (d,), radius: of its trials; hessian (d, d): H in units of the spread.
@@ -55,7 +60,10 @@ class Niche:
     visits: list[tuple[float, float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.centre, self.hessian = np.array(self.centre, dtype=float), np.array(self.hessian, dtype=float)
+        self.centre, self.hessian = (
+            np.array(self.centre, dtype=float),
+            np.array(self.hessian, dtype=float),
+        )
 
     @property
     def known(self) -> bool:
@@ -66,7 +74,9 @@ class Niche:
         """A place (d,), uniform in the ball about the centre whose variance per axis is radius^2."""
         d = self.centre.size
         direction = rng.standard_normal(d)
-        return self.centre + self.radius * np.sqrt(d + 2) * rng.random() ** (1 / d) * direction / np.linalg.norm(direction)
+        return self.centre + self.radius * np.sqrt(d + 2) * rng.random() ** (
+            1 / d
+        ) * direction / np.linalg.norm(direction)
 
     def tell(
         self,
@@ -79,26 +89,36 @@ class Niche:
     ) -> None:
         """Add a trial, and fit the model if `fits`.
 
-        After two trials in a row (times `repeats`) with returns lower than expected by more than `alarm`, all older trials
-        are forgotten. fading: change of the clock after which a trial counts 1/e; limits: of the radius.
+        After two trials in a row (times `repeats`) with returns lower than expected by more than
+        `alarm`, all older trials are forgotten. fading: change of the clock after which a trial
+        counts 1/e; limits: of the radius.
         """
         surprised = self.known and trial[2] < self.value - 3 * self.drop - alarm
         self.surprises = self.surprises + 1 if surprised else 0
         self.trials.append(trial)
         self.trials.sort(key=lambda trial: trial[0])
         forgets = self.surprises == 2 * repeats
-        self.trials = self.trials[-(self.surprises if forgets else 4 * n_coefficients(self.centre.size) * repeats) :]
+        self.trials = self.trials[
+            -(self.surprises if forgets else 4 * n_coefficients(self.centre.size) * repeats) :
+        ]
         # A single surprise may be an outlier: it is fitted only after a second one confirms it.
         if not self.known:
             earned_here = [trial[2] for trial in self.trials]
             self.value = float(np.mean(earned_here) if repeats > 1 else np.max(earned_here))
-        elif fits and trial[0] % max(repeats // 10, 1) == 0 and (repeats > 1 or not self.surprises):
+        elif (
+            fits and trial[0] % max(repeats // 10, 1) == 0 and (repeats > 1 or not self.surprises)
+        ):
             self._fit(fading, repeats, limits)
 
     def _fit(self, fading: float, repeats: int, limits: tuple[float, float]) -> None:
         d, recent = self.centre.size, n_coefficients(self.centre.size) * repeats
-        numbers, places, earned, clocks = (np.array(part, dtype=float) for part in zip(*self.trials, strict=True))
-        ages, points = (numbers - numbers[-1]) / max(numbers[-1] - numbers[0], 1.0), (places - self.centre) / self.radius
+        numbers, places, earned, clocks = (
+            np.array(part, dtype=float) for part in zip(*self.trials, strict=True)
+        )
+        ages, points = (
+            (numbers - numbers[-1]) / max(numbers[-1] - numbers[0], 1.0),
+            (places - self.centre) / self.radius,
+        )
         weights = 0.5 ** (np.arange(len(earned))[::-1] / recent) * np.exp(
             -np.square(points).sum(axis=1) / (32 * d) - (clocks.max() - clocks) / fading
         )
@@ -108,22 +128,37 @@ class Niche:
         curvatures, axes = np.linalg.eigh(hessian)
         step = _newton(slope, curvatures, axes)
         # The value of a top cannot exceed the best recent return.
-        self.value = min(float(coefficients[0] + slope @ step + 0.5 * step @ hessian @ step), float(earned[-recent:].max()))
+        self.value = min(
+            float(coefficients[0] + slope @ step + 0.5 * step @ hessian @ step),
+            float(earned[-recent:].max()),
+        )
         self.drop = 0.5 * float(np.maximum(-curvatures, 0).sum())
         self.hessian, self.centre = hessian / self.radius**2, self.centre + self.radius * step
         length = float(np.linalg.norm(step)) / np.sqrt(d)
-        self.settled = bool(curvatures.max() < 0 and length < SETTLED and len(earned) > n_coefficients(d))
-        self.radius = float(np.clip(self.radius * np.clip((length / STILL) ** 0.2, 0.9, 1.15), *limits))
+        self.settled = bool(
+            curvatures.max() < 0 and length < SETTLED and len(earned) > n_coefficients(d)
+        )
+        self.radius = float(
+            np.clip(self.radius * np.clip((length / STILL) ** 0.2, 0.9, 1.15), *limits)
+        )
 
     def state(self) -> dict:
         trials = [[number, place.tolist(), *rest] for number, place, *rest in self.trials]
         visits = [list(visit) for visit in self.visits]
-        return {**asdict(self), "centre": self.centre.tolist(), "hessian": self.hessian.tolist(), "trials": trials, "visits": visits}
+        return {
+            **asdict(self),
+            "centre": self.centre.tolist(),
+            "hessian": self.hessian.tolist(),
+            "trials": trials,
+            "visits": visits,
+        }
 
     @classmethod
     def from_state(cls, state: dict) -> Niche:
         trials = [(number, np.array(place), *rest) for number, place, *rest in state["trials"]]
-        return cls(**{**state, "trials": trials, "visits": [tuple(visit) for visit in state["visits"]]})
+        return cls(
+            **{**state, "trials": trials, "visits": [tuple(visit) for visit in state["visits"]]}
+        )
 
 
 def n_coefficients(d: int) -> int:
@@ -141,7 +176,9 @@ def _design(points: np.ndarray, ages: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(points)), ages, points, products])
 
 
-def _solve(design: np.ndarray, earned: np.ndarray, weights: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, float]:
+def _solve(
+    design: np.ndarray, earned: np.ndarray, weights: np.ndarray, prior: np.ndarray
+) -> tuple[np.ndarray, float]:
     """Coefficients, and the standard error of the first."""
     middle = float(earned.mean())
     residual = earned - middle - design @ prior
@@ -166,7 +203,9 @@ def _read(coefficients: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _newton(slope: np.ndarray, curvatures: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Step (d,) to the top, of limited length; along axes without a maximum it goes uphill as far as allowed."""
+    """Step (d,) to the top, of limited length; along axes without a maximum it goes uphill as far
+    as allowed.
+    """
     along, longest = axes.T @ slope, LONGEST_STEP * np.sqrt(len(slope))
     step = axes @ (along / np.maximum(np.maximum(-curvatures, np.abs(along) / longest), 1e-300))
     return step * min(1.0, longest / max(float(np.linalg.norm(step)), 1e-300))

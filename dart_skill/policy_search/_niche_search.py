@@ -22,15 +22,19 @@ class NicheSearch(VectorSearch):
     * limits: smallest and largest radius of trials, relative to `spread`.
     * rng: draws the trials.
 
-    OPTIONS and MEMORY name attributes, without their underscore, that are saved as they are. OPTIONS are arguments of the
-    constructor, MEMORY are not.
+    OPTIONS and MEMORY name attributes, without their underscore, that are saved as they are.
+    OPTIONS are arguments of the constructor, MEMORY are not.
     """
 
     OPTIONS: tuple[str, ...] = ()
     MEMORY: tuple[str, ...] = ()
 
-    def __init__(self, parameters: ArrayLike, spread: ArrayLike, limits: ArrayLike, rng: np.random.Generator):
-        settings = Settings("constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist()))
+    def __init__(
+        self, parameters: ArrayLike, spread: ArrayLike, limits: ArrayLike, rng: np.random.Generator
+    ):
+        settings = Settings(
+            "constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist())
+        )
         super().__init__(parameters, spread, settings, rng)
 
     def _learn(self) -> bool:
@@ -47,8 +51,12 @@ class NicheSearch(VectorSearch):
         }
 
     @classmethod
-    def _from_policy_state(cls: type[AnyNicheSearch], state: dict, settings: Settings, rng: np.random.Generator) -> AnyNicheSearch:
-        search = cls(state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"])
+    def _from_policy_state(
+        cls: type[AnyNicheSearch], state: dict, settings: Settings, rng: np.random.Generator
+    ) -> AnyNicheSearch:
+        search = cls(
+            state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"]
+        )
         for name in cls.MEMORY:
             setattr(search, f"_{name}", state["memory"][name])
         return search

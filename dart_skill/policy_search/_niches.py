@@ -1,17 +1,21 @@
-"""A search that follows several optima of a changing landscape, and tries each only as often as it pays.
+"""A search that follows several optima of a changing landscape, and tries each only as often as it
+pays.
 
-* Every hill is a niche with a quadratic model of its own (`_niche`). Most trials are small steps about the best niche.
-* A clock counts the change of the landscape: by how much the best value went up or down. So knowledge ages by change and
-  not by waiting.
-* Another niche is visited when it may have overtaken the best one. This is judged by the line through the values of its
-  visits (`_trend`) and its error. So visits are frequent near a tie, and rare for a niche that falls behind.
-* A scout is a trial of an unknown place. It goes where a Gaussian process over everything seen (`_surrogate`) predicts the
-  largest possible value, among places that are not known and far enough from all niches. It goes only if such a place could
-  become the best before the clock has doubled.
-* A known place founds a new niche if it could become the best, and if a valley divides it from every niche. The new niche
-  is climbed at once.
-* Of two niches that are too near to each other the worse is given up (A. Petrowski, A clearing procedure as a niching
-  method for genetic algorithms, 1996).
+* Every hill is a niche with a quadratic model of its own (`_niche`). Most trials are small steps
+  about the best niche.
+* A clock counts the change of the landscape: by how much the best value went up or down. So
+  knowledge ages by change and not by waiting.
+* Another niche is visited when it may have overtaken the best one. This is judged by the line
+  through the values of its visits (`_trend`) and its error. So visits are frequent near a tie, and
+  rare for a niche that falls behind.
+* A scout is a trial of an unknown place. It goes where a Gaussian process over everything seen
+  (`_surrogate`) predicts the largest possible value, among places that are not known and far
+  enough from all niches. It goes only if such a place could become the best before the clock has
+  doubled.
+* A known place founds a new niche if it could become the best, and if a valley divides it from
+  every niche. The new niche is climbed at once.
+* Of two niches that are too near to each other the worse is given up (A. Petrowski, A clearing
+  procedure as a niching method for genetic algorithms, 1996).
 
     search = Niches(aim, spread, rng=rng)
     for trial in search.trials(3000):
@@ -37,12 +41,19 @@ SCOUT = -1  # identity of a trial that belongs to no niche
 LANDMARKS = 150  # number of trials, of scouts and of all niches but the best, that are remembered
 THINNING = 0.1  # a trial replaces landmarks nearer than this [spreads per root of the dimension]
 PLACES = 200  # number of places among which a scout chooses
-KNOWN = 0.3  # a place is known if the surrogate's standard deviation is below this [standard deviations of the landscape]
+# a place is known if the surrogate's standard deviation is below this [standard deviations of the
+# landscape]
+KNOWN = 0.3
 VALLEY = 0.15  # least depth of a valley that divides two hills, in the same unit
-FIRST_RADIUS = 0.3  # radius of trials about a new niche, in lengths of the surrogate; about the first one, in spreads
+# radius of trials about a new niche, in lengths of the surrogate; about the first one, in spreads
+FIRST_RADIUS = 0.3
 LARGEST_RADIUS = 0.4  # largest radius of trials, in lengths of the surrogate
-VISIT = 0.5  # radius of the trials of a visit to a top that is found, relative to that of its climb
-STEADY = 0.1  # largest change of the common level by one trial [reliefs]; a larger one is a change of that hill alone
+VISIT = (
+    0.5  # radius of the trials of a visit to a top that is found, relative to that of its climb
+)
+# largest change of the common level by one trial [reliefs]; a larger one is a change of that hill
+# alone
+STEADY = 0.1
 FRESH = 0.3  # change after which a trial counts 1/e in the model of its niche [reliefs]
 PAUSE = 10  # least number of trials between two scouts
 
@@ -74,25 +85,55 @@ class Niches(NicheSearch):
     * parameters (d,): first guess.
     * spread: one number or (d,). Standard deviations of sensible first trials.
     * rng: numpy Generator.
-    * drift: float, default 0.2. Expected change of the gap between two hills, relative to a change of the best value.
-    * scouting: float, default 6. What all scouts together may cost, relative to the change of the best value meanwhile.
-    * waiting: float, default 0.001 [reliefs]. Change that each trial counts for while the best value stays. Raise it if
-      other hills change while the best one does not.
+    * drift: float, default 0.2. Expected change of the gap between two hills, relative to a change
+      of the best value.
+    * scouting: float, default 6. What all scouts together may cost, relative to the change of the
+      best value meanwhile.
+    * waiting: float, default 0.001 [reliefs]. Change that each trial counts for while the best
+      value stays. Raise it if other hills change while the best one does not.
     * most: int, default 4. Largest number of niches at a time.
-    * clearing: float, default 1 [spreads per root of d]. Least distance of two niches, approximately.
-    * reach: float, default 1.25 [spreads per root of d]. Largest distance of scouts from the start.
-    * optimism: float, default 2. Standard deviations of the surrogate that are added to its mean to judge a place.
+    * clearing: float, default 1 [spreads per root of d]. Least distance of two niches,
+      approximately.
+    * reach: float, default 1.25 [spreads per root of d]. Largest distance of scouts from the
+      start.
+    * optimism: float, default 2. Standard deviations of the surrogate that are added to its mean
+      to judge a place.
     * fading: float, default 20 [reliefs]. Change after which what was seen counts 1/e.
-    * repeats: int, default 1. Trials that one comparison needs: 1 for exact returns, hundreds if the noise exceeds the relief.
-    * limits (2,): smallest and largest radius of trials about an optimum, relative to `spread`; default (0.01, 2).
+    * repeats: int, default 1. Trials that one comparison needs: 1 for exact returns, hundreds if
+      the noise exceeds the relief.
+    * limits (2,): smallest and largest radius of trials about an optimum, relative to `spread`;
+      default (0.01, 2).
 
-    In darts from 75 to 16 mm (experiments/dart_search.py, 20 runs) it loses 0.044 points a throw, and 0.001 with its best
-    aim. From 75 to 6 mm it finds the hill that overtakes late in 10 of 20 runs. The scores of single darts are too noisy for
-    it: with 12000 of them from 75 to 16 mm and repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
+    In darts from 75 to 16 mm (experiments/dart_search.py, 20 runs) it loses 0.044 points a throw,
+    and 0.001 with its best aim. From 75 to 6 mm it finds the hill that overtakes late in 10 of 20
+    runs. The scores of single darts are too noisy for it: with 12000 of them from 75 to 16 mm and
+    repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
     """
 
-    OPTIONS = ("drift", "scouting", "waiting", "most", "clearing", "reach", "optimism", "fading", "repeats")
-    MEMORY = ("main", "founded", "level", "clock", "change", "mark", "relief", "purse", "next_scout", "turns", "length")
+    OPTIONS = (
+        "drift",
+        "scouting",
+        "waiting",
+        "most",
+        "clearing",
+        "reach",
+        "optimism",
+        "fading",
+        "repeats",
+    )
+    MEMORY = (
+        "main",
+        "founded",
+        "level",
+        "clock",
+        "change",
+        "mark",
+        "relief",
+        "purse",
+        "next_scout",
+        "turns",
+        "length",
+    )
 
     _mark: float | None
 
@@ -118,11 +159,19 @@ class Niches(NicheSearch):
         self._scouting = as_number(scouting, "scouting", strict=False)
         self._waiting = as_number(waiting, "waiting", strict=False)
         self._optimism = as_number(optimism, "optimism", strict=False)
-        self._clearing, self._reach, self._fading = as_number(clearing, "clearing"), as_number(reach, "reach"), as_number(fading, "fading")
+        self._clearing, self._reach, self._fading = (
+            as_number(clearing, "clearing"),
+            as_number(reach, "reach"),
+            as_number(fading, "fading"),
+        )
         self._most, self._repeats = as_count(most, "most"), as_count(repeats, "repeats")
         d = self._start.size
         self._root, self._burst, self._check = float(np.sqrt(d)), n_coefficients(d), d + 1
-        self._niches, self._main, self._founded = [Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d)))], 0, 1
+        self._niches, self._main, self._founded = (
+            [Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d)))],
+            0,
+            1,
+        )
         self._level, self._clock, self._change, self._mark = 0.0, 0.0, 0.0, None
         self._relief, self._purse, self._next_scout, self._turns = 0.0, 0.0, 0, 0
         self._indices, self._length = FIRST, float(LENGTHS[FIRST[0]]) * self._root
@@ -135,7 +184,9 @@ class Niches(NicheSearch):
 
     @property
     def optima(self) -> tuple[np.ndarray, np.ndarray]:
-        """Tops (n, d) of the niches, the best first, and how much less than the best each is estimated to earn (n,)."""
+        """Tops (n, d) of the niches, the best first, and how much less than the best each is
+        estimated to earn (n,).
+        """
         ranked = self._ranked()
         places = np.array([one.centre for one in ranked])
         return self._start + self._scale * places, np.array([self._gap(one) for one in ranked])
@@ -160,16 +211,22 @@ class Niches(NicheSearch):
         return np.append(place, identity), self._start + self._scale * place
 
     def _trial(self, niche: Niche) -> np.ndarray:
-        """Place (d,) of the next trial of a niche; a visit to a top that is found begins at the top and stays near it."""
+        """Place (d,) of the next trial of a niche; a visit to a top that is found begins at the
+        top and stays near it.
+        """
         place = niche.draw(self._rng)
         if niche.identity == self._main or not niche.settled:
             return place
-        return niche.centre + (VISIT * (place - niche.centre) if niche.burst < self._check - 1 else 0.0)
+        return niche.centre + (
+            VISIT * (place - niche.centre) if niche.burst < self._check - 1 else 0.0
+        )
 
     def _due(self, number: int) -> Niche:
-        """The niche of the next trial: one whose visit is not over, else the one that is most overdue, else the best.
+        """The niche of the next trial: one whose visit is not over, else the one that is most
+        overdue, else the best.
 
-        Between two visits to other niches the best one has at least as many trials as the model has coefficients.
+        Between two visits to other niches the best one has at least as many trials as the model
+        has coefficients.
         """
         best = self._best()
         others = [one for one in self._niches if one is not best]
@@ -180,7 +237,9 @@ class Niches(NicheSearch):
                 niche = late
                 self._turns = 0
                 niche.burst, niche.last = self._check if niche.settled else self._burst, number
-                niche.visits = [*niche.visits, (self._clock, niche.relative, niche.error)][-REMEMBERED:]
+                niche.visits = [*niche.visits, (self._clock, niche.relative, niche.error)][
+                    -REMEMBERED:
+                ]
         if niche is None:
             self._turns += 1
             return best
@@ -204,7 +263,9 @@ class Niches(NicheSearch):
         return next((one for one in self._niches if one.identity == identity), None)
 
     def _ranked(self) -> list[Niche]:
-        return sorted(self._niches, key=lambda one: (one.identity != self._main, -one.relative, one.identity))
+        return sorted(
+            self._niches, key=lambda one: (one.identity != self._main, -one.relative, one.identity)
+        )
 
     # Scouts
 
@@ -213,25 +274,35 @@ class Niches(NicheSearch):
 
     def _scout_is_due(self, number: int) -> bool:
         self._pass(self._waiting * self._relief)
-        due = number >= self._next_scout and number % 2 == 1 and (self._purse > 0 or self._beginning())
+        due = (
+            number >= self._next_scout
+            and number % 2 == 1
+            and (self._purse > 0 or self._beginning())
+        )
         if due:
             self._next_scout = number + PAUSE
         return due
 
     def _scout(self, number: int) -> np.ndarray | None:
-        """The place (d,) with the largest possible value, far enough from all niches; None if it could not become the best."""
+        """The place (d,) with the largest possible value, far enough from all niches; None if it
+        could not become the best.
+        """
         places = self._cloud()
         if self._beginning():
             self._remember(number, places[0], 0.0)
             return places[0]
         surrogate = self._surrogate()
         mean, deviation = surrogate.predict(places)
-        new = (self._distances(places).min(axis=0) > self._clear) & (deviation > KNOWN * surrogate.relief)
+        new = (self._distances(places).min(axis=0) > self._clear) & (
+            deviation > KNOWN * surrogate.relief
+        )
         hope = np.where(new, mean + self._optimism * deviation, -np.inf)
         best = int(hope.argmax())
         if hope[best] + self._repair < self._best().value:
             return None
-        self._remember(number, places[best], float(mean[best]))  # the prediction stands until the return is told, or if it fails
+        self._remember(
+            number, places[best], float(mean[best])
+        )  # the prediction stands until the return is told, or if it fails
         return places[best]
 
     def _cloud(self) -> np.ndarray:
@@ -243,7 +314,9 @@ class Niches(NicheSearch):
 
     def _distances(self, places: np.ndarray) -> np.ndarray:
         """Distances (niches, n) from the niches to places (n, d)."""
-        return np.linalg.norm(np.array([one.centre for one in self._niches])[:, None] - places, axis=2)
+        return np.linalg.norm(
+            np.array([one.centre for one in self._niches])[:, None] - places, axis=2
+        )
 
     @property
     def _repair(self) -> float:
@@ -256,41 +329,74 @@ class Niches(NicheSearch):
 
     def _surrogate(self) -> Surrogate:
         usual = self._usual()
-        tops = [Landmark(0, one.centre, one.value, self._repeats, one.clock, usual) for one in self._niches if one.known]
+        tops = [
+            Landmark(0, one.centre, one.value, self._repeats, one.clock, usual)
+            for one in self._niches
+            if one.known
+        ]
         marks = [*self._landmarks, *tops]
-        points, values = np.array([mark.place for mark in marks], dtype=float), np.array([mark.value for mark in marks], dtype=float)
-        counts, lengths = np.array([mark.n_returns for mark in marks], dtype=float), np.array([mark.length for mark in marks], dtype=float)
-        ages = (self._clock - np.array([mark.clock for mark in marks], dtype=float)) / max(self._fading * self._relief, 1e-300)
-        surrogate = Surrogate(points, values, ages, counts, self._indices, lengths, usual, self._repeats == 1)
+        points, values = (
+            np.array([mark.place for mark in marks], dtype=float),
+            np.array([mark.value for mark in marks], dtype=float),
+        )
+        counts, lengths = (
+            np.array([mark.n_returns for mark in marks], dtype=float),
+            np.array([mark.length for mark in marks], dtype=float),
+        )
+        ages = (self._clock - np.array([mark.clock for mark in marks], dtype=float)) / max(
+            self._fading * self._relief, 1e-300
+        )
+        surrogate = Surrogate(
+            points, values, ages, counts, self._indices, lengths, usual, self._repeats == 1
+        )
         self._indices, self._length = surrogate.indices, surrogate.length
         self._relief = surrogate.relief if self._repeats > 1 else float(np.std(values))
         return surrogate
 
     def _usual(self) -> float:
-        """Length of hills from height and curvature of the best one: about a top the value falls as exp(-r^2 / 2 length^2)."""
+        """Length of hills from height and curvature of the best one: about a top the value falls
+        as exp(-r^2 / 2 length^2).
+        """
         best, first = self._best(), float(LENGTHS[FIRST[0]])
         if not best.settled or not self._landmarks:
             return first
         curvature = -float(np.trace(best.hessian)) / best.centre.size
         height = best.value - float(np.median([mark.value for mark in self._landmarks]))
-        return float(np.clip(np.sqrt(max(height, 0.0) / curvature) / self._root, LENGTHS[0], LENGTHS[-1]))
+        return float(
+            np.clip(np.sqrt(max(height, 0.0) / curvature) / self._root, LENGTHS[0], LENGTHS[-1])
+        )
 
     def _remember(self, number: int, place: np.ndarray, value: float) -> None:
-        """Add a landmark and remove those near it; with noisy returns the new one gets the mean of all of them."""
+        """Add a landmark and remove those near it; with noisy returns the new one gets the mean of
+        all of them.
+        """
         points = np.reshape([mark.place for mark in self._landmarks], (-1, place.size))
         near = np.linalg.norm(points - place, axis=1) < THINNING * self._root
-        old = [mark for mark, close in zip(self._landmarks, near, strict=True) if close and mark.number != number]
+        old = [
+            mark
+            for mark, close in zip(self._landmarks, near, strict=True)
+            if close and mark.number != number
+        ]
         count = min(sum(mark.n_returns for mark in old), self._repeats - 1)
         if count:
-            before = float(np.average([mark.value for mark in old], weights=[mark.n_returns for mark in old]))
+            before = float(
+                np.average([mark.value for mark in old], weights=[mark.n_returns for mark in old])
+            )
             value = (count * before + value) / (count + 1)
         kept = [mark for mark, close in zip(self._landmarks, near, strict=True) if not close]
-        self._landmarks = [*kept, Landmark(number, place, value, count + 1, self._clock, self._usual())][-LANDMARKS:]
+        self._landmarks = [
+            *kept,
+            Landmark(number, place, value, count + 1, self._clock, self._usual()),
+        ][-LANDMARKS:]
 
     # Learning
 
     def _update(self, told: list[Told]) -> bool:
-        place, identity, earned = told[0].noise[:-1], int(told[0].noise[-1]), float(told[0].outcome)
+        place, identity, earned = (
+            told[0].noise[:-1],
+            int(told[0].noise[-1]),
+            float(told[0].outcome),
+        )
         if self.n_told == 1:
             self._level = earned
         niche = self._niche(identity)
@@ -303,12 +409,26 @@ class Niches(NicheSearch):
         return True
 
     def _tell_niche(self, niche: Niche, number: int, place: np.ndarray, earned: float) -> None:
-        before, knew, fading, alarm = niche.value, niche.known, FRESH * self._relief or np.inf, self._relief or np.inf
+        before, knew, fading, alarm = (
+            niche.value,
+            niche.known,
+            FRESH * self._relief or np.inf,
+            self._relief or np.inf,
+        )
         visited = niche.settled and niche.burst > 0 and niche.identity != self._main
-        niche.tell((number, place, earned, self._change), fading, self._repeats, alarm, self._radii(), fits=not visited)
+        niche.tell(
+            (number, place, earned, self._change),
+            fading,
+            self._repeats,
+            alarm,
+            self._radii(),
+            fits=not visited,
+        )
         if niche.identity == self._main and knew:
             self._notice(niche)
-            self._level += float(np.clip(niche.value - before, -STEADY * self._relief, STEADY * self._relief))
+            self._level += float(
+                np.clip(niche.value - before, -STEADY * self._relief, STEADY * self._relief)
+            )
         niche.relative, niche.clock = niche.value - self._level, self._clock
         if niche.visits and niche.known:
             niche.visits[-1] = (self._clock, niche.relative, niche.error)
@@ -317,7 +437,9 @@ class Niches(NicheSearch):
         self._keep_clear()
 
     def _climb_on(self, niche: Niche) -> None:
-        """Continue the first climb of a niche while its top is not found and could become the best."""
+        """Continue the first climb of a niche while its top is not found and could become the
+        best.
+        """
         early = len(niche.visits) == 1 and len(niche.trials) < 3 * self._burst
         if early and not niche.settled and not niche.burst and self._gap(niche) < 2 * self._repair:
             niche.burst = self._burst // 2
@@ -352,19 +474,28 @@ class Niches(NicheSearch):
     def _keep_clear(self) -> None:
         """Give up niches that are too near to a better one or out of reach."""
         ranked = self._ranked()
-        self._niches = [ranked[0], *(one for rank, one in enumerate(ranked[1:], 1) if self._stays(one, ranked[:rank]))]
+        self._niches = [
+            ranked[0],
+            *(one for rank, one in enumerate(ranked[1:], 1) if self._stays(one, ranked[:rank])),
+        ]
 
     def _stays(self, niche: Niche, better: list[Niche]) -> bool:
-        alone = all(np.linalg.norm(niche.centre - one.centre) > 0.8 * self._clear for one in better)
+        alone = all(
+            np.linalg.norm(niche.centre - one.centre) > 0.8 * self._clear for one in better
+        )
         return bool(alone and np.linalg.norm(niche.centre) < 1.2 * self._reach * self._root)
 
     def _found(self, number: int, place: np.ndarray) -> None:
-        """Pay for the scout. The best known place that may be a hill of its own becomes a niche, if necessary in place of the worst."""
+        """Pay for the scout. The best known place that may be a hill of its own becomes a niche,
+        if necessary in place of the worst.
+        """
         surrogate, best, d = self._surrogate(), self._best(), place.size
         self._purse -= max(best.value - float(surrogate.predict(place[None])[0][0]), 0.0)
         places = np.array([mark.place for mark in self._landmarks])
         mean, deviation = surrogate.predict(places)
-        new = (self._distances(places).min(axis=0) > 0.99 * self._clear) & (deviation < KNOWN * surrogate.relief)
+        new = (self._distances(places).min(axis=0) > 0.99 * self._clear) & (
+            deviation < KNOWN * surrogate.relief
+        )
         new &= mean + self._optimism * deviation + self._repair > best.value
         new &= self._valleys(surrogate, places) < mean - VALLEY * surrogate.relief
         if not new.any():
@@ -377,16 +508,28 @@ class Niches(NicheSearch):
                 return
             self._niches.remove(worst)
         radius = float(np.clip(FIRST_RADIUS * self._length / self._root, *self.settings.limits))
-        found = Niche(self._founded, places[chosen], radius, np.zeros((d, d)), value, last=number, clock=self._clock)
+        found = Niche(
+            self._founded,
+            places[chosen],
+            radius,
+            np.zeros((d, d)),
+            value,
+            last=number,
+            clock=self._clock,
+        )
         found.relative = value - self._level
         self._niches, self._founded = [*self._niches, found], self._founded + 1
 
     def _valleys(self, surrogate: Surrogate, places: np.ndarray) -> np.ndarray:
-        """Height (n,) of the surrogate in the shallowest of the valleys between each place and the niches.
+        """Height (n,) of the surrogate in the shallowest of the valleys between each place and the
+        niches.
 
         R. Ursem, Multinational evolutionary algorithms, 1999.
         """
-        parts, centres = np.linspace(0, 1, 12)[1:-1, None, None, None], np.array([one.centre for one in self._niches])
+        parts, centres = (
+            np.linspace(0, 1, 12)[1:-1, None, None, None],
+            np.array([one.centre for one in self._niches]),
+        )
         between = places + parts * (centres[:, None] - places)
         heights = surrogate.predict(between.reshape(-1, places.shape[1]))[0]
         return heights.reshape(between.shape[:3]).min(axis=0).max(axis=0)
@@ -398,13 +541,19 @@ class Niches(NicheSearch):
             **super()._policy_state(),
             "indices": list(self._indices),
             "niches": [one.state() for one in self._niches],
-            "landmarks": [[number, place.tolist(), *rest] for number, place, *rest in self._landmarks],
+            "landmarks": [
+                [number, place.tolist(), *rest] for number, place, *rest in self._landmarks
+            ],
         }
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> Niches:
+    def _from_policy_state(
+        cls, state: dict, settings: Settings, rng: np.random.Generator
+    ) -> Niches:
         search = super()._from_policy_state(state, settings, rng)
         search._indices = tuple(state["indices"])
         search._niches = [Niche.from_state(one) for one in state["niches"]]
-        search._landmarks = [Landmark(number, np.array(place), *rest) for number, place, *rest in state["landmarks"]]
+        search._landmarks = [
+            Landmark(number, np.array(place), *rest) for number, place, *rest in state["landmarks"]
+        ]
         return search

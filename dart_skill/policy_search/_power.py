@@ -1,8 +1,10 @@
-"""PoWER: policy learning by weighting exploration with returns, on any vector of parameters (thesis 5.1, 5.2).
+"""PoWER: policy learning by weighting exploration with returns, on any vector of parameters
+(thesis 5.1, 5.2).
 
-The policy is a Gaussian over parameters. Trials are drawn from it. Its mean moves by the reward-weighted average of the
-relative exploration (5.1). Its covariance becomes the reward-weighted covariance about the old mean, plus exploration
-noise (5.2, 5.2.1). J. Kober and J. Peters, Policy search for motor primitives in robotics, 2011.
+The policy is a Gaussian over parameters. Trials are drawn from it. Its mean moves by the
+reward-weighted average of the relative exploration (5.1). Its covariance becomes the
+reward-weighted covariance about the old mean, plus exploration noise (5.2, 5.2.1). J. Kober and J.
+Peters, Policy search for motor primitives in robotics, 2011.
 
     search = PoWER(parameters, spread, rng=rng)
     for trial in search.trials(200):
@@ -38,11 +40,13 @@ def with_defaults(
 ) -> Settings:
     """Settings in which batch, best, latest and limits have their defaults if they are None.
 
-    usual: default of `latest` for the modes that use trials several times. Twice or half of the defaults works as well:
-    benchmarks/power.py --defaults.
+    usual: default of `latest` for the modes that use trials several times. Twice or half of the
+    defaults works as well: benchmarks/power.py --defaults.
     """
     given = {"batch": batch, "best": best, "latest": latest}
-    batch, best, latest = (None if count is None else as_count(count, name) for name, count in given.items())
+    batch, best, latest = (
+        None if count is None else as_count(count, name) for name, count in given.items()
+    )
     automatic = exploration == "automatic"
     if latest is None:
         usual = population(d) if automatic else usual
@@ -58,8 +62,8 @@ def with_defaults(
     settings = Settings(exploration, weighting, batch, best, latest, minimum, (low, high))
     if automatic and latest != batch:
         raise ValueError(
-            f"exploration 'automatic' learns from each trial once, but latest = {latest} and batch = {batch}: "
-            "give one of them, or choose 'constant' or 'proportional'"
+            f"exploration 'automatic' learns from each trial once, but latest = {latest} and batch"
+            f" = {batch}: give one of them, or choose 'constant' or 'proportional'"
         )
     return settings
 
@@ -75,24 +79,30 @@ AnyPoWER = TypeVar("AnyPoWER", bound="PoWER")
 class PoWER(Search):
     """Search for parameters (d,) with a high return, by PoWER (5.1), (5.2).
 
-    An update comes after every `batch` returns, from the `best` M of the `latest` S trials (importance sampling), as soon as
-    there are M. Other units of a parameter, in `parameters` and `spread`, change only the units of the result.
+    An update comes after every `batch` returns, from the `best` M of the `latest` S trials
+    (importance sampling), as soon as there are M. Other units of a parameter, in `parameters` and
+    `spread`, change only the units of the result.
 
     Parameters:
 
     * parameters (d,): first guess.
     * spread: one number or (d,). Standard deviations of the first trials.
     * rng: numpy Generator.
-    * exploration: "automatic" (default) sets its size by the length of the path of updates; "constant" adds Sigma_0 to
-      (5.2); "proportional" adds as much in total, in proportion to the eigenvalues (5.2.1); "fixed" keeps the spread, so
-      that only (5.1) is left.
-    * weighting: "rank" (default), "exponential" or "returns", see `return_weights`. "returns" is (5.1) and (5.2) literally.
-    * batch: int, number of returns between updates; default None: 4 + 3 log d with "automatic", else latest / 2.
+    * exploration: "automatic" (default) sets its size by the length of the path of updates;
+      "constant" adds Sigma_0 to (5.2); "proportional" adds as much in total, in proportion to the
+      eigenvalues (5.2.1); "fixed" keeps the spread, so that only (5.1) is left.
+    * weighting: "rank" (default), "exponential" or "returns", see `return_weights`. "returns" is
+      (5.1) and (5.2) literally.
+    * batch: int, number of returns between updates; default None: 4 + 3 log d with "automatic",
+      else latest / 2.
     * best: int, M; default None: latest / 2 with "automatic", else latest / 4.
-    * latest: int, S; default None: batch with "automatic", which uses each trial once, else 4 (d + 2).
-    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, for "constant" and "proportional".
-    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default None: 1e-8 and 1e4. For
-      "proportional" the smallest is at least minimum_exploration: proportional noise alone lets short axes shrink to zero.
+    * latest: int, S; default None: batch with "automatic", which uses each trial once, else 4 (d +
+      2).
+    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, for "constant"
+      and "proportional".
+    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default
+      None: 1e-8 and 1e4. For "proportional" the smallest is at least minimum_exploration:
+      proportional noise alone lets short axes shrink to zero.
     """
 
     def __init__(
@@ -112,9 +122,21 @@ class PoWER(Search):
         start = as_vector(parameters, "parameters")
         if start.size == 0:
             raise ValueError("parameters is empty; a search needs at least one")
-        settings = with_defaults(start.size, exploration, weighting, batch, best, latest, minimum_exploration, limits, 4 * (start.size + 2))
+        settings = with_defaults(
+            start.size,
+            exploration,
+            weighting,
+            batch,
+            best,
+            latest,
+            minimum_exploration,
+            limits,
+            4 * (start.size + 2),
+        )
         super().__init__(settings, rng)
-        self._policy = GaussianPolicy(start, as_spread(spread, start.shape), settings, diagonal=False)
+        self._policy = GaussianPolicy(
+            start, as_spread(spread, start.shape), settings, diagonal=False
+        )
 
     @property
     def parameters(self) -> np.ndarray:
@@ -147,10 +169,15 @@ class PoWER(Search):
         return read_returns(outcome, (), self.settings.weighting)
 
     def _update(self, told: list[Told]) -> bool:
-        weights = return_weights([trial.outcome for trial in told], self.settings.best, self.settings.weighting)
+        weights = return_weights(
+            [trial.outcome for trial in told], self.settings.best, self.settings.weighting
+        )
         if not weights.any():
             return False
-        noise, tried = np.array([trial.noise for trial in told]), np.array([trial.tried for trial in told])
+        noise, tried = (
+            np.array([trial.noise for trial in told]),
+            np.array([trial.tried for trial in told]),
+        )
         self._policy.update(noise, tried, np.broadcast_to(weights[:, None], tried.shape))
         return True
 
@@ -158,7 +185,9 @@ class PoWER(Search):
         return self._policy.state()
 
     @classmethod
-    def _from_policy_state(cls: type[AnyPoWER], state: dict, settings: Settings, rng: np.random.Generator) -> AnyPoWER:
+    def _from_policy_state(
+        cls: type[AnyPoWER], state: dict, settings: Settings, rng: np.random.Generator
+    ) -> AnyPoWER:
         search = cls(state["start"], state["scale"], rng=rng, **vars(settings))
         search._policy.restore(state)
         return search

@@ -1,7 +1,8 @@
-"""The common base of all searches: `ask` for trials and `tell` their returns, one at a time and in any order; saving.
+"""The common base of all searches: `ask` for trials and `tell` their returns, one at a time and in
+any order; saving.
 
-After every `batch` returns the policy is updated from the best M of the latest S trials. A trial that failed (its return
-is NaN or -inf) is counted and not learned from.
+After every `batch` returns the policy is updated from the best M of the latest S trials. A trial
+that failed (its return is NaN or -inf) is counted and not learned from.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """A trial with its outcome: the noise that it was drawn from, the parameters tried, and its return or returns."""
+    """A trial with its outcome: the noise that it was drawn from, the parameters tried, and its
+    return or returns.
+    """
 
     number: int
     noise: np.ndarray
@@ -58,36 +61,49 @@ class Settings:
 
     def __post_init__(self) -> None:
         if self.exploration not in EXPLORATIONS:
-            raise ValueError(f"exploration must be one of {EXPLORATIONS}, got {self.exploration!r}")
+            raise ValueError(
+                f"exploration must be one of {EXPLORATIONS}, got {self.exploration!r}"
+            )
         check_weighting(self.weighting)
         for name in ("batch", "best", "latest"):
             as_count(getattr(self, name), name)
         if self.latest < max(2, self.best, self.batch):
-            raise ValueError(f"latest = {self.latest} must be at least 2, best = {self.best} and batch = {self.batch}: raise it")
+            raise ValueError(
+                f"latest = {self.latest} must be at least 2, best = {self.best} and batch ="
+                f" {self.batch}: raise it"
+            )
         as_number(self.minimum_exploration, "minimum_exploration", strict=False)
         low, high = (as_number(limit, "limits") for limit in self.limits)
         if not low < 1.0 < high:
-            raise ValueError(f"limits must lie on both sides of 1, the spread at the start, got {(low, high)}")
+            raise ValueError(
+                f"limits must lie on both sides of 1, the spread at the start, got {(low, high)}"
+            )
 
 
 AnySearch = TypeVar("AnySearch", bound="Search")
 
 
 class Search(ABC):
-    """Base class with `ask` and `tell`. A subclass draws trials, checks outcomes, and updates its policy from them.
+    """Base class with `ask` and `tell`. A subclass draws trials, checks outcomes, and updates its
+    policy from them.
 
     Attributes:
 
-    * n_asked, n_told, n_failed: numbers of trials that were drawn, that have a finite return, and that failed.
+    * n_asked, n_told, n_failed: numbers of trials that were drawn, that have a finite return, and
+      that failed.
     * n_updates: number of updates of the policy.
-    * best_return, best_trial: the highest return so far, -inf at first, and its trial, None at first.
+    * best_return, best_trial: the highest return so far, -inf at first, and its trial, None at
+      first.
 
     * settings: checked options.
     """
 
     def __init__(self, settings: Settings, rng: np.random.Generator):
         if not isinstance(rng, np.random.Generator):
-            raise ValueError(f"rng must be a numpy Generator, got {type(rng).__name__}: use numpy.random.default_rng(seed)")
+            raise ValueError(
+                f"rng must be a numpy Generator, got {type(rng).__name__}: use"
+                " numpy.random.default_rng(seed)"
+            )
         self.settings, self._rng = settings, rng
         self._open: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._told: deque[Told] = deque(maxlen=settings.latest)
@@ -115,7 +131,9 @@ class Search(ABC):
 
     @abstractmethod
     def _read(self, outcome: ArrayLike) -> np.ndarray:
-        """The checked return, or the returns to go, the first of which is the whole return; NaN for a failed trial."""
+        """The checked return, or the returns to go, the first of which is the whole return; NaN
+        for a failed trial.
+        """
 
     @abstractmethod
     def _update(self, told: list[Told]) -> bool:
@@ -126,7 +144,9 @@ class Search(ABC):
 
     @classmethod
     @abstractmethod
-    def _from_policy_state(cls: type[AnySearch], state: dict, settings: Settings, rng: np.random.Generator) -> AnySearch: ...
+    def _from_policy_state(
+        cls: type[AnySearch], state: dict, settings: Settings, rng: np.random.Generator
+    ) -> AnySearch: ...
 
     def ask(self) -> Trial:
         """Draw a trial. Several trials may be open (asked and not yet told) at a time."""
@@ -138,10 +158,11 @@ class Search(ABC):
         return self._present(number, tried)
 
     def tell(self, trial: Trial | int, outcome: ArrayLike) -> bool:
-        """Give the outcome of a trial, or of the trial with that number; returns whether the policy was updated.
+        """Give the outcome of a trial, or of the trial with that number; returns whether the
+        policy was updated.
 
-        The outcome is a number, the return. NaN or -inf: the trial failed or was not run. ValueError for a trial that was
-        not asked or was told before.
+        The outcome is a number, the return. NaN or -inf: the trial failed or was not run.
+        ValueError for a trial that was not asked or was told before.
         """
         number = self._find(trial)
         outcome = self._read(outcome)
@@ -156,16 +177,26 @@ class Search(ABC):
         return self._learn()
 
     def trials(self, n_trials: int | None = None, tolerance: float = 0.0) -> Iterator[Trial]:
-        """Iterator over new trials: n_trials of them (None: no limit), until `exploration_size` is below `tolerance`."""
+        """Iterator over new trials: n_trials of them (None: no limit), until `exploration_size` is
+        below `tolerance`.
+        """
         tolerance = as_number(tolerance, "tolerance", strict=False)
-        numbers = itertools.count() if n_trials is None else range(as_count(n_trials, "n_trials", 0))
-        return (self.ask() for _ in itertools.takewhile(lambda _: self.exploration_size >= tolerance, numbers))
+        numbers = (
+            itertools.count() if n_trials is None else range(as_count(n_trials, "n_trials", 0))
+        )
+        return (
+            self.ask()
+            for _ in itertools.takewhile(lambda _: self.exploration_size >= tolerance, numbers)
+        )
 
     def __iter__(self) -> Iterator[Trial]:
         return self.trials()
 
-    def maximise(self, return_function: Callable, n_trials: int, tolerance: float = 0.0) -> np.ndarray:
-        """At most n_trials trials with return_function(parameters (d,)); returns the policy's parameters (d,) at the end.
+    def maximise(
+        self, return_function: Callable, n_trials: int, tolerance: float = 0.0
+    ) -> np.ndarray:
+        """At most n_trials trials with return_function(parameters (d,)); returns the policy's
+        parameters (d,) at the end.
 
         return_function: tries parameters; tolerance: it stops where `exploration_size` is below.
         """
@@ -178,12 +209,21 @@ class Search(ABC):
 
     def _find(self, trial: Trial | int) -> int:
         number = trial.number if isinstance(trial, Trial) else trial
-        if isinstance(number, (bool, np.bool_)) or not isinstance(number, (int, np.integer)) or not 0 <= number < self.n_asked:
+        if (
+            isinstance(number, (bool, np.bool_))
+            or not isinstance(number, (int, np.integer))
+            or not 0 <= number < self.n_asked
+        ):
             raise ValueError(f"trial {number!r} was never asked; tell what ask() gave")
         if number not in self._open:
             raise ValueError(f"trial {number} was told before; each counts once")
-        if isinstance(trial, Trial) and not np.array_equal(trial.parameters, self._open[number][1]):
-            raise ValueError(f"trial {number} is not as it was asked; it comes from another search or was changed")
+        if isinstance(trial, Trial) and not np.array_equal(
+            trial.parameters, self._open[number][1]
+        ):
+            raise ValueError(
+                f"trial {number} is not as it was asked; it comes from another search or was"
+                " changed"
+            )
         return int(number)
 
     def _keep_best(self, number: int, tried: np.ndarray, outcome: np.ndarray) -> None:
@@ -210,9 +250,17 @@ class Search(ABC):
             "kind": type(self).__name__,
             "settings": {**vars(self.settings), "limits": list(self.settings.limits)},
             "counts": [self.n_asked, self.n_told, self.n_failed, self.n_updates, self._fresh],
-            "open": [[number, noise.tolist(), tried.tolist()] for number, (noise, tried) in self._open.items()],
-            "told": [[told.number, told.noise.tolist(), told.tried.tolist(), told.outcome.tolist()] for told in self._told],
-            "best": None if best is None else [self.best_return, best.number, best.parameters.tolist()],
+            "open": [
+                [number, noise.tolist(), tried.tolist()]
+                for number, (noise, tried) in self._open.items()
+            ],
+            "told": [
+                [told.number, told.noise.tolist(), told.tried.tolist(), told.outcome.tolist()]
+                for told in self._told
+            ],
+            "best": (
+                None if best is None else [self.best_return, best.number, best.parameters.tolist()]
+            ),
             "generator": generator_state(self._rng),
             "policy": self._policy_state(),
         }
@@ -222,13 +270,22 @@ class Search(ABC):
         """A search as it was when `state()` was called. ValueError for what is none."""
         kind = state.get("kind") if isinstance(state, dict) else type(state).__name__
         if kind != cls.__name__:
-            raise ValueError(f"state is of {kind!r}, not of {cls.__name__!r}: give what {cls.__name__}.state() returned")
+            raise ValueError(
+                f"state is of {kind!r}, not of {cls.__name__!r}: give what {cls.__name__}.state()"
+                " returned"
+            )
         try:
-            settings = Settings(**{**state["settings"], "limits": tuple(state["settings"]["limits"])})
-            search = cls._from_policy_state(state["policy"], settings, restored_generator(state["generator"]))
+            settings = Settings(
+                **{**state["settings"], "limits": tuple(state["settings"]["limits"])}
+            )
+            search = cls._from_policy_state(
+                state["policy"], settings, restored_generator(state["generator"])
+            )
             search._restore(state)
         except (KeyError, TypeError) as error:
-            raise ValueError(f"state is damaged ({error}); it was cut or comes from another version") from error
+            raise ValueError(
+                f"state is damaged ({error}); it was cut or comes from another version"
+            ) from error
         return search
 
     def save(self, path: str | Path) -> None:
@@ -243,9 +300,12 @@ class Search(ABC):
 
     def _restore(self, state: dict) -> None:
         self.n_asked, self.n_told, self.n_failed, self.n_updates, self._fresh = state["counts"]
-        self._open = {number: (np.array(noise), _frozen(tried)) for number, noise, tried in state["open"]}
+        self._open = {
+            number: (np.array(noise), _frozen(tried)) for number, noise, tried in state["open"]
+        }
         self._told.extend(
-            Told(number, np.array(noise), _frozen(tried), np.array(outcome)) for number, noise, tried, outcome in state["told"]
+            Told(number, np.array(noise), _frozen(tried), np.array(outcome))
+            for number, noise, tried, outcome in state["told"]
         )
         if state["best"] is not None:
             self.best_return, number, tried = state["best"]
@@ -253,17 +313,26 @@ class Search(ABC):
 
 
 def read_returns(outcome: ArrayLike, shape: tuple[int, ...], weighting: str) -> np.ndarray:
-    """The return, or returns, as an array of the given shape; NaN and -inf are allowed, for a failed trial."""
+    """The return, or returns, as an array of the given shape; NaN and -inf are allowed, for a
+    failed trial.
+    """
     try:
         values = np.array(floats(outcome))
     except (TypeError, ValueError):
-        raise ValueError(f"return must be a number, got {outcome!r}; tell NaN for a trial that failed") from None
+        raise ValueError(
+            f"return must be a number, got {outcome!r}; tell NaN for a trial that failed"
+        ) from None
     if values.shape != shape:
-        raise ValueError(f"return must have shape {shape}, got {values.shape}; one trial is told at a time")
+        raise ValueError(
+            f"return must have shape {shape}, got {values.shape}; one trial is told at a time"
+        )
     if (values == np.inf).any():
         raise ValueError("return is +inf; give a finite return, or NaN when the trial failed")
     if weighting == "returns" and np.isfinite(values).all() and (values < 0).any():
-        raise ValueError(f"return {values.min():g} is negative; weighting 'returns' needs at least 0, use 'rank' or 'exponential'")
+        raise ValueError(
+            f"return {values.min():g} is negative; weighting 'returns' needs at least 0, use"
+            " 'rank' or 'exponential'"
+        )
     return values
 
 
@@ -286,7 +355,8 @@ def generator_state(rng: np.random.Generator) -> dict:
 
 
 def restored_generator(state: dict) -> np.random.Generator:
-    """A generator that goes on as the one did whose `generator_state` this is. ValueError for a kind that is not known.
+    """A generator that goes on as the one did whose `generator_state` this is. ValueError for a
+    kind that is not known.
 
     state: as it was returned.
     """

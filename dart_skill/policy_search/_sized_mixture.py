@@ -1,14 +1,19 @@
-"""A mixture of which every component chooses its own size of exploration, as chapter 9 of the thesis wishes.
+"""A mixture of which every component chooses its own size of exploration, as chapter 9 of the
+thesis wishes.
 
-The rule for the size, `PathLength`, needs each trial once, and the noise that it was drawn from. In (5.3)-(5.6) a trial
-counts for several components and in many updates. Here these two are kept apart:
+The rule for the size, `PathLength`, needs each trial once, and the noise that it was drawn from.
+In (5.3)-(5.6) a trial counts for several components and in many updates. Here these two are kept
+apart:
 
-* mean and covariance of a component come from the trials that were drawn from it, each once, by PoWER with its automatic
-  exploration. So each component has a path of its own, which is that of a random walk if all trials are equally good;
-* its prior, and whether it is split or merged, comes from all of the latest trials by responsibilities, (5.5)-(5.12).
+* mean and covariance of a component come from the trials that were drawn from it, each once, by
+  PoWER with its automatic exploration. So each component has a path of its own, which is that of a
+  random walk if all trials are equally good;
+* its prior, and whether it is split or merged, comes from all of the latest trials by
+  responsibilities, (5.5)-(5.12).
 
-A search that gives each niche a path and a size of its own: O. M. Shir and T. Baeck, Niche radius adaptation in the CMA-ES
-niching algorithm, PPSN IX, 2006. To join it with the thesis's mixture in this way is ours.
+A search that gives each niche a path and a size of its own: O. M. Shir and T. Baeck, Niche radius
+adaptation in the CMA-ES niching algorithm, PPSN IX, 2006. To join it with the thesis's mixture in
+this way is ours.
 """
 
 from __future__ import annotations
@@ -25,7 +30,9 @@ from dart_skill.policy_search._weights import return_weights
 
 @dataclass(eq=False)
 class _Component:
-    """A policy of PoWER, the label that its trials carry, and those of them that it has not yet learned from."""
+    """A policy of PoWER, the label that its trials carry, and those of them that it has not yet
+    learned from.
+    """
 
     label: int
     policy: GaussianPolicy
@@ -48,9 +55,11 @@ class SizedMixture(MixturePolicy):
         return self._components[component].policy.draw(noise)
 
     def learn(self, label: int, told: Told) -> bool:
-        """Learn from a trial of the component with this label; True if that made its batch full and it took a step.
+        """Learn from a trial of the component with this label; True if that made its batch full
+        and it took a step.
 
-        A trial whose component was split, merged or dropped since it was asked says nothing about the path of another.
+        A trial whose component was split, merged or dropped since it was asked says nothing about
+        the path of another.
         """
         component = next((one for one in self._components if one.label == label), None)
         if component is None:
@@ -61,31 +70,49 @@ class SizedMixture(MixturePolicy):
         # Sorted by number, so that the order of telling does not change one bit of the result.
         batch = sorted(component.waiting, key=lambda one: one.number)
         component.waiting = []
-        weights = return_weights([one.outcome for one in batch], max(len(batch) // 2, 1), self._settings.weighting)
+        weights = return_weights(
+            [one.outcome for one in batch], max(len(batch) // 2, 1), self._settings.weighting
+        )
         if not weights.any():
             return False
-        noise, tried = np.array([one.noise for one in batch]), np.array([one.tried for one in batch])
+        noise, tried = (
+            np.array([one.noise for one in batch]),
+            np.array([one.tried for one in batch]),
+        )
         component.policy.update(noise, tried, np.broadcast_to(weights[:, None], tried.shape))
         self._read_components()
         return True
 
     def update(self, points: np.ndarray, weights: np.ndarray) -> bool:
-        """(5.5), and a component without weight is dropped; the weights are those of `MixturePolicy.update`."""
+        """(5.5), and a component without weight is dropped; the weights are those of
+        `MixturePolicy.update`.
+        """
         mass = weights.sum(axis=1)
         kept = alive(mass)
         if not kept.any():
             return False
         if not kept.all():
-            self._components = [one for one, keep in zip(self._components, kept, strict=True) if keep]
+            self._components = [
+                one for one, keep in zip(self._components, kept, strict=True) if keep
+            ]
             self._read_components()
         self.priors = mass[kept] / mass[kept].sum()
         return True
 
-    def replace(self, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, noisy: bool, origins: list[int | None]) -> None:
+    def replace(
+        self,
+        priors: np.ndarray,
+        means: np.ndarray,
+        covariances: np.ndarray,
+        noisy: bool,
+        origins: list[int | None],
+    ) -> None:
         """Set other components. What was not split or merged stays as it is, with its path."""
         old = self._components
         self._components = [self._new() if origin is None else old[origin] for origin in origins]
-        for component, origin, mean, covariance in zip(self._components, origins, means, covariances, strict=True):
+        for component, origin, mean, covariance in zip(
+            self._components, origins, means, covariances, strict=True
+        ):
             if origin is None:
                 component.policy.begin(mean, covariance)
         self.priors = priors / priors.sum()
@@ -94,7 +121,9 @@ class SizedMixture(MixturePolicy):
     def _new(self) -> _Component:
         label = self._n_labels
         self._n_labels += 1
-        return _Component(label, GaussianPolicy(self.start, self.scale, self._settings, diagonal=False))
+        return _Component(
+            label, GaussianPolicy(self.start, self.scale, self._settings, diagonal=False)
+        )
 
     def _read_components(self) -> None:
         policies = [one.policy for one in self._components]
@@ -108,7 +137,10 @@ class SizedMixture(MixturePolicy):
             {
                 "label": one.label,
                 "policy": one.policy.state(),
-                "waiting": [[each.number, each.noise.tolist(), each.tried.tolist(), each.outcome.tolist()] for each in one.waiting],
+                "waiting": [
+                    [each.number, each.noise.tolist(), each.tried.tolist(), each.outcome.tolist()]
+                    for each in one.waiting
+                ],
             }
             for one in self._components
         ]
@@ -121,6 +153,9 @@ class SizedMixture(MixturePolicy):
             component = self._new()
             component.label = int(part["label"])
             component.policy.restore(part["policy"])
-            component.waiting = [Told(number, *(np.array(value, dtype=float) for value in values)) for number, *values in part["waiting"]]
+            component.waiting = [
+                Told(number, *(np.array(value, dtype=float) for value in values))
+                for number, *values in part["waiting"]
+            ]
             self._components.append(component)
         self._n_labels = int(state["n_labels"])

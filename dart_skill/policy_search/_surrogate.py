@@ -1,12 +1,15 @@
-"""A Gaussian process over a changing landscape: what is known of places that were not tried lately.
+"""A Gaussian process over a changing landscape: what is known of places that were not tried
+lately.
 
     k = (2 l m / (l^2 + m^2))^d exp(-r^2 / (l^2 + m^2)) exp(-|age difference|)
 
-is the covariance of two returns at distance r that were seen when hills had the lengths l and m. So returns of broad hills
-tell less after the hills have sharpened. The first two factors are the covariance of one noise that is blurred with l and
-with m (M. Gibbs, Bayesian Gaussian processes for regression and classification, 1997), the first factor squared. The last
-factor is from I. Bogunovic et al., Time-varying Gaussian process bandit optimization, AISTATS 2016. Mean and noise are
-constant. A common factor of all lengths, and the noise, are on a grid; each fit moves at most one step up the likelihood.
+is the covariance of two returns at distance r that were seen when hills had the lengths l and m.
+So returns of broad hills tell less after the hills have sharpened. The first two factors are the
+covariance of one noise that is blurred with l and with m (M. Gibbs, Bayesian Gaussian processes
+for regression and classification, 1997), the first factor squared. The last factor is from I.
+Bogunovic et al., Time-varying Gaussian process bandit optimization, AISTATS 2016. Mean and noise
+are constant. A common factor of all lengths, and the noise, are on a grid; each fit moves at most
+one step up the likelihood.
 """
 
 from __future__ import annotations
@@ -14,7 +17,9 @@ from __future__ import annotations
 import numpy as np
 
 LENGTHS = 2.0 ** np.arange(-3.0, 1.5, 0.5)  # [spreads per root of the dimension]
-NOISES = 10.0 ** np.arange(-4, 2)  # variance of the noise of a return, relative to that of the landscape
+NOISES = 10.0 ** np.arange(
+    -4, 2
+)  # variance of the noise of a return, relative to that of the landscape
 EXACT = 2  # largest index into NOISES for returns without noise
 SURE = 0.25  # standard deviation of the length about the one that was given [octaves]
 FIRST = (5, 1)  # first indices into LENGTHS and NOISES
@@ -26,7 +31,8 @@ class Surrogate:
     * points (n, d), values (n,): where returns were seen, and their means.
     * ages (n,): in lifetimes; counts (n,): number of trials of each mean.
     * indices: of the last fit, into LENGTHS and NOISES.
-    * lengths (n,): of hills when the values were seen; now: of hills now; both in the unit of LENGTHS.
+    * lengths (n,): of hills when the values were seen; now: of hills now; both in the unit of
+      LENGTHS.
     * exact: whether the returns are without noise.
     """
 
@@ -61,13 +67,19 @@ class Surrogate:
         return self._mean + kernel @ self._scores, self.relief * np.sqrt(np.maximum(left, 1e-12))
 
     def _kernel(self, squares: np.ndarray, lengths: np.ndarray | float) -> np.ndarray:
-        """Kernel (m, n) without age, from squared distances (m, n); lengths: of hills at the m places, (m, 1) or one for all."""
+        """Kernel (m, n) without age, from squared distances (m, n); lengths: of hills at the m
+        places, (m, 1) or one for all.
+        """
         d = self._points.shape[1]
         both = np.square(lengths) + np.square(self._lengths)
-        return (2 * lengths * self._lengths / both) ** d * np.exp(-squares * self._now**2 / (both * self.length**2))
+        return (2 * lengths * self._lengths / both) ** d * np.exp(
+            -squares * self._now**2 / (both * self.length**2)
+        )
 
     def _condition(self, indices: tuple[int, int]) -> float:
-        """Compute the posterior for these indices; returns its log likelihood, with the best mean and variance, plus a log prior."""
+        """Compute the posterior for these indices; returns its log likelihood, with the best mean
+        and variance, plus a log prior.
+        """
         length, noise = float(LENGTHS[indices[0]]), float(NOISES[indices[1]])
         self.length = length * np.sqrt(self._points.shape[1])
         n = len(self._values)
@@ -90,5 +102,9 @@ def _neighbours(indices: tuple[int, int]) -> list[tuple[int, int]]:
 
 
 def _squared_distances(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    squares = np.square(first).sum(axis=1)[:, None] - 2 * first @ second.T + np.square(second).sum(axis=1)
+    squares = (
+        np.square(first).sum(axis=1)[:, None]
+        - 2 * first @ second.T
+        + np.square(second).sum(axis=1)
+    )
     return np.maximum(squares, 0.0)

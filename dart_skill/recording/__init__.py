@@ -1,6 +1,7 @@
 """Recordings without ROS: bags in and out, message types, demonstrations.
 
-`bags` has modules that check, recover and play bags, `imports` reads what other laboratories recorded, `mcap` is the container.
+`bags` has modules that check, recover and play bags, `imports` reads what other laboratories
+recorded, `mcap` is the container.
 """
 
 from typing import TYPE_CHECKING
@@ -63,18 +64,22 @@ else:
         __name__,
         {
             "bags": (
-                "BagError BagReader BagWriter GraphBag TopicInfo definition deserialize encoded is_stamped message "
-                "qos_yaml serialize type_hash types_for typestore"
+                "BagError BagReader BagWriter GraphBag TopicInfo definition deserialize encoded"
+                " is_stamped message qos_yaml serialize type_hash types_for typestore"
             ),
             "demonstration": (
-                "DEMONSTRATION_TOPIC DEMONSTRATION_TYPE SKILL Demonstration arm_rows demonstration_from_message "
-                "demonstration_message duration_content each_demonstration fill_demonstration_message filled named "
-                "pose_rows read_demonstrations skill_of stamp_ns times_after"
+                "DEMONSTRATION_TOPIC DEMONSTRATION_TYPE SKILL Demonstration arm_rows"
+                " demonstration_from_message demonstration_message duration_content"
+                " each_demonstration fill_demonstration_message filled named pose_rows"
+                " read_demonstrations skill_of stamp_ns times_after"
             ),
             "grip_signal": "GripSignal Opening read_command",
             "joint_state": "JointLayout joint_layout",
             "log_time": "LogTime",
-            "marks": "AS_ASKED DROPPED MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped unwanted",
+            "marks": (
+                "AS_ASKED DROPPED MARK_TOPIC MARK_TYPE Marks check_known demonstration_id"
+                " read_dropped unwanted"
+            ),
         },
     )
 

@@ -1,7 +1,8 @@
-"""A demonstration: one guided throw as the sensors saw it, and its way to and from messages and bags.
+"""A demonstration: one guided throw as the sensors saw it, and its way to and from messages and
+bags.
 
-The conversions work on any object with the fields of dart_skill_msgs/msg/Demonstration: on those of rclpy as
-well as on those that are decoded without ROS.
+The conversions work on any object with the fields of dart_skill_msgs/msg/Demonstration: on those
+of rclpy as well as on those that are decoded without ROS.
 """
 
 from __future__ import annotations
@@ -16,8 +17,22 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.common.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
 from dart_skill.common.constants import N_JOINTS, UNTURNED
-from dart_skill.common.world import DEMONSTRATION_TOPIC, THROW, THROWN, joint_names, joint_order, the_world
-from dart_skill.recording.bags import BagError, GraphBag, header_content, message, pose_content, stamp_content
+from dart_skill.common.world import (
+    DEMONSTRATION_TOPIC,
+    THROW,
+    THROWN,
+    joint_names,
+    joint_order,
+    the_world,
+)
+from dart_skill.recording.bags import (
+    BagError,
+    GraphBag,
+    header_content,
+    message,
+    pose_content,
+    stamp_content,
+)
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 SKILL = THROW
@@ -35,7 +50,9 @@ _ITEMS = {
 LONGEST = 120.0
 """No throw takes longer, with all that is recorded before and after it [s]."""
 WIDEST_ANGLE, FASTEST_JOINT = 2.0 * np.pi, 100.0
-"""No joint of an arm is farther from its zero [rad], or faster [rad/s]: beyond it are degrees, or errors."""
+"""No joint of an arm is farther from its zero [rad], or faster [rad/s]: beyond it are degrees, or
+errors.
+"""
 
 
 def _none(width: int | None = None) -> Callable[[], np.ndarray]:
@@ -44,18 +61,21 @@ def _none(width: int | None = None) -> Callable[[], np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """One throw. All of it is in frame_id; times are seconds after stamp_ns, lengths metres, quaternions x, y, z, w.
+    """One throw. All of it is in frame_id; times are seconds after stamp_ns, lengths metres,
+    quaternions x, y, z, w.
 
     * id: unique in a recording.
     * stamp_ns: the origin of all times.
     * target: (3,), centre of the basket's rim, or of the board.
     * hand_time, hand_position, hand_quaternion: (n,), (n, 3), (n, 4), poses of the hand, n >= 2.
     * ball_time, ball_position: (m,), (m, 3), from the grip to the landing; may be empty.
-    * joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm; may be empty.
+    * joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm;
+      may be empty.
     * motion_start, motion_stop: when the speed crossed the thresholds; nan if unknown.
     * hand_opened: when the hand was told to open; nan if unknown.
     * joint_names: as the driver calls them; may be empty.
-    * skill: of throwing (`world.THROWN`), which says what the "ball" and the "basket" are: a dart and a board, too.
+    * skill: of throwing (`world.THROWN`), which says what the "ball" and the "basket" are: a dart
+      and a board, too.
 
     ValueError names what is not so.
     """
@@ -80,22 +100,41 @@ class Demonstration:
 
     def __post_init__(self) -> None:
         if self.skill not in THROWN:
-            raise ValueError(f"demonstration {self.id} is of the skill '{self.skill}': throws are of {', '.join(THROWN)}")
+            raise ValueError(
+                f"demonstration {self.id} is of the skill '{self.skill}': throws are of"
+                f" {', '.join(THROWN)}"
+            )
         if not self.id or not isinstance(self.id, str):
             raise ValueError(f"id of a demonstration must be a non-empty text, got {self.id!r}")
         if int(self.stamp_ns) != self.stamp_ns or self.stamp_ns < 0:
-            raise ValueError(f"{self}: stamp_ns = {self.stamp_ns} must be whole nanoseconds, not negative")
+            raise ValueError(
+                f"{self}: stamp_ns = {self.stamp_ns} must be whole nanoseconds, not negative"
+            )
         name = f"demonstration {self.id}"
         target = as_place(self.target, f"{name}: its target")
-        hand_time, hand_position = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
-        ball_time, ball_position = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
-        joint_time, joint_position = check_samples(f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS)
-        _, velocity = check_samples(f"{name}, joint velocity", self.joint_time, self.joint_velocity, least=0, width=N_JOINTS)
+        hand_time, hand_position = check_samples(
+            f"{name}, hand", self.hand_time, self.hand_position, least=2
+        )
+        ball_time, ball_position = check_samples(
+            f"{name}, ball", self.ball_time, self.ball_position, least=0
+        )
+        joint_time, joint_position = check_samples(
+            f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS
+        )
+        _, velocity = check_samples(
+            f"{name}, joint velocity",
+            self.joint_time,
+            self.joint_velocity,
+            least=0,
+            width=N_JOINTS,
+        )
         self._set_arrays(
             target=target,
             hand_time=hand_time,
             hand_position=hand_position,
-            hand_quaternion=check_unit_quaternions(f"{name}, hand", self.hand_quaternion, len(hand_time)),
+            hand_quaternion=check_unit_quaternions(
+                f"{name}, hand", self.hand_quaternion, len(hand_time)
+            ),
             ball_time=ball_time,
             ball_position=ball_position,
             joint_time=joint_time,
@@ -108,7 +147,10 @@ class Demonstration:
         self._check_events(name)
 
     def __repr__(self) -> str:
-        return f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the ball)"
+        return (
+            f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the"
+            " ball)"
+        )
 
     def _set_arrays(self, **arrays: np.ndarray) -> None:
         for name, array in arrays.items():
@@ -125,22 +167,42 @@ class Demonstration:
         for field_name, (limit, unit) in limits.items():
             values = np.abs(getattr(self, field_name))
             if values.size and values.max() > limit:
-                sample, most = int(np.unravel_index(values.argmax(), values.shape)[0]), float(values.max())
-                raise ValueError(f"{name}: {field_name} of sample {sample} is {most:.4g} {unit}: no throw goes beyond {limit:.4g} {unit}")
+                sample, most = (
+                    int(np.unravel_index(values.argmax(), values.shape)[0]),
+                    float(values.max()),
+                )
+                raise ValueError(
+                    f"{name}: {field_name} of sample {sample} is {most:.4g} {unit}: no throw goes"
+                    f" beyond {limit:.4g} {unit}"
+                )
 
     def _check_events(self, name: str) -> None:
-        events = {"motion_start": self.motion_start, "motion_stop": self.motion_stop, "hand_opened": self.hand_opened}
+        events = {
+            "motion_start": self.motion_start,
+            "motion_stop": self.motion_stop,
+            "hand_opened": self.hand_opened,
+        }
         for event, seconds in events.items():
             if abs(seconds) > LONGEST:
-                raise ValueError(f"{name}: {event} = {seconds:.4g} s: give at most {LONGEST:.0f} s after its stamp, or nan if unknown")
+                raise ValueError(
+                    f"{name}: {event} = {seconds:.4g} s: give at most {LONGEST:.0f} s after its"
+                    " stamp, or nan if unknown"
+                )
             object.__setattr__(self, event, float(seconds))
         if self.motion_stop < self.motion_start:
-            raise ValueError(f"{name}: motion_stop {self.motion_stop} s lies before motion_start {self.motion_start} s")
+            raise ValueError(
+                f"{name}: motion_stop {self.motion_stop} s lies before motion_start"
+                f" {self.motion_start} s"
+            )
         if self.joint_names and len(self.joint_names) != N_JOINTS:
-            raise ValueError(f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS} or none")
+            raise ValueError(
+                f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS} or none"
+            )
 
 
-def fill_demonstration_message(demonstration: Demonstration, msg: Any, new: Callable[[str], Any]) -> Any:
+def fill_demonstration_message(
+    demonstration: Demonstration, msg: Any, new: Callable[[str], Any]
+) -> Any:
     """Write a demonstration into an empty message object; returns it.
 
     new: makes an empty message from a type name as "geometry_msgs/msg/PoseStamped".
@@ -184,7 +246,9 @@ def demonstration_from_message(msg: Any) -> Demonstration:
 
 @dataclass(frozen=True)
 class _Parts:
-    """Basket's rim in a message, poses of the hand, positions of the ball, and when the hand was told to open after the stamp [s]."""
+    """Basket's rim in a message, poses of the hand, positions of the ball, and when the hand was
+    told to open after the stamp [s].
+    """
 
     target: Any
     hand: Sequence[Any]
@@ -195,32 +259,56 @@ class _Parts:
 
 def _parts(msg: Any) -> _Parts:
     if msg.skill not in THROWN:
-        raise ValueError(f"demonstration {msg.id} is of the skill '{msg.skill}', not of {' or '.join(map(repr, THROWN))}")
+        raise ValueError(
+            f"demonstration {msg.id} is of the skill '{msg.skill}', not of"
+            f" {' or '.join(map(repr, THROWN))}"
+        )
     thrown, aimed_at = THROWN[msg.skill]
-    tracks = named(f"demonstration {msg.id}: tracks", [one.body for one in msg.tracks], [one.poses for one in msg.tracks])
+    tracks = named(
+        f"demonstration {msg.id}: tracks",
+        [one.body for one in msg.tracks],
+        [one.poses for one in msg.tracks],
+    )
     where = named(f"demonstration {msg.id}: situation", msg.situation.bodies, msg.situation.poses)
-    for what, role, found in (("no track of the", "hand", tracks), ("a situation without the", aimed_at, where)):
+    for what, role, found in (
+        ("no track of the", "hand", tracks),
+        ("a situation without the", aimed_at, where),
+    ):
         if role not in found:
-            raise ValueError(f"demonstration {msg.id} has {what} {role}, only of {', '.join(sorted(found)) or 'nothing'}")
+            raise ValueError(
+                f"demonstration {msg.id} has {what} {role}, only of"
+                f" {', '.join(sorted(found)) or 'nothing'}"
+            )
     opened = [stamp_ns(one.time_from_start) * 1e-9 for one in msg.events if one.name == OPEN]
     told = opened[0] if opened else float("nan")
-    return _Parts(where[aimed_at].position, tracks["hand"], tracks.get(thrown, ()), told, msg.skill)
+    return _Parts(
+        where[aimed_at].position, tracks["hand"], tracks.get(thrown, ()), told, msg.skill
+    )
 
 
 def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
-    """Values by their names, as messages hold them in two sequences; ValueError, with `what` it is, if they do not fit together."""
+    """Values by their names, as messages hold them in two sequences; ValueError, with `what` it
+    is, if they do not fit together.
+    """
     if len(names) != len(values):
-        raise ValueError(f"{what}: {len(names)} names and {len(values)} values: give one value for each name")
+        raise ValueError(
+            f"{what}: {len(names)} names and {len(values)} values: give one value for each name"
+        )
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
         raise ValueError(f"{what}: {', '.join(twice)} stands there twice")
     return dict(zip(names, values, strict=True))
 
 
 def skill_of(bag_path: str | os.PathLike) -> str:
-    """The skill that a bag's demonstrations are of; throwing, where it has none or cannot be read: who learns of it says why."""
+    """The skill that a bag's demonstrations are of; throwing, where it has none or cannot be read:
+    who learns of it says why.
+    """
     try:
         with GraphBag(bag_path) as bag:
-            if DEMONSTRATION_TOPIC not in bag.topics or bag.topics[DEMONSTRATION_TOPIC].type_name != DEMONSTRATION_TYPE:
+            if (
+                DEMONSTRATION_TOPIC not in bag.topics
+                or bag.topics[DEMONSTRATION_TOPIC].type_name != DEMONSTRATION_TYPE
+            ):
                 return SKILL
             first = next(iter(bag.messages([DEMONSTRATION_TOPIC])), None)
     except (BagError, OSError):
@@ -228,18 +316,29 @@ def skill_of(bag_path: str | os.PathLike) -> str:
     return SKILL if first is None else getattr(first.data, "skill", SKILL)
 
 
-def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> list[Demonstration]:
-    """Demonstrations of a bag in the order of recording; BagError if it has none or they are not valid. topic: of the demonstrations."""
+def read_demonstrations(
+    bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC
+) -> list[Demonstration]:
+    """Demonstrations of a bag in the order of recording; BagError if it has none or they are not
+    valid. topic: of the demonstrations.
+    """
     return list(each_demonstration(bag_path, topic))
 
 
-def each_demonstration(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> Iterator[Demonstration]:
+def each_demonstration(
+    bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC
+) -> Iterator[Demonstration]:
     """As `read_demonstrations`, one after the other, with its BagError. bag_path, topic: the same."""
     with GraphBag(bag_path) as bag:
         if topic not in bag.topics:
-            raise BagError(f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?")
+            raise BagError(
+                f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?"
+            )
         if bag.topics[topic].type_name != DEMONSTRATION_TYPE:
-            raise BagError(f"{bag_path}: {topic} has type {bag.topics[topic].type_name}, not {DEMONSTRATION_TYPE}")
+            raise BagError(
+                f"{bag_path}: {topic} has type {bag.topics[topic].type_name}, not"
+                f" {DEMONSTRATION_TYPE}"
+            )
         try:
             for item in bag.messages([topic]):
                 yield demonstration_from_message(item.data)
@@ -259,23 +358,38 @@ def _content(one: Demonstration) -> dict[str, Any]:
         return stamp_content(0 if np.isnan(seconds) else after(seconds))
 
     def items(time: np.ndarray, contents: Iterable[dict]) -> list[dict]:
-        return [{"header": header_content(after(t), one.frame_id), **content} for t, content in zip(time, contents, strict=True)]
+        return [
+            {"header": header_content(after(t), one.frame_id), **content}
+            for t, content in zip(time, contents, strict=True)
+        ]
 
-    names, states = list(one.joint_names), zip(one.joint_position.tolist(), one.joint_velocity.tolist(), strict=True)
+    names, states = (
+        list(one.joint_names),
+        zip(one.joint_position.tolist(), one.joint_velocity.tolist(), strict=True),
+    )
     hand = map(pose_content, one.hand_position.tolist(), one.hand_quaternion.tolist())
     ball = (pose_content(point, UNTURNED) for point in one.ball_position.tolist())
-    opened = [] if np.isnan(one.hand_opened) else [{"name": OPEN, "time_from_start": duration_content(one.hand_opened)}]
+    opened = (
+        []
+        if np.isnan(one.hand_opened)
+        else [{"name": OPEN, "time_from_start": duration_content(one.hand_opened)}]
+    )
     thrown, aimed_at = THROWN[one.skill]
     return {
         "header": header_content(one.stamp_ns, one.frame_id),
         "skill": one.skill,
         "id": one.id,
-        "situation": {"bodies": [aimed_at], "poses": [pose_content(one.target.tolist(), UNTURNED)]},
+        "situation": {
+            "bodies": [aimed_at],
+            "poses": [pose_content(one.target.tolist(), UNTURNED)],
+        },
         "tracks": [
             {"body": "hand", "poses": items(one.hand_time, ({"pose": pose} for pose in hand))},
             {"body": thrown, "poses": items(one.ball_time, ({"pose": pose} for pose in ball))},
         ],
-        "joints": items(one.joint_time, ({"name": names, "position": q, "velocity": v} for q, v in states)),
+        "joints": items(
+            one.joint_time, ({"name": names, "position": q, "velocity": v} for q, v in states)
+        ),
         "motion_start": event(one.motion_start),
         "motion_stop": event(one.motion_stop),
         "events": opened,
@@ -287,8 +401,11 @@ def duration_content(seconds: float) -> dict[str, int]:
     return stamp_content(round(float(seconds) * 1e9))
 
 
-def filled(msg: Any, content: Mapping[str, Any], new: Callable[[str], Any], within: str = "") -> Any:
-    """Fields of a demonstration's message written into an empty one of rclpy; `new` makes the messages in its sequences by type name.
+def filled(
+    msg: Any, content: Mapping[str, Any], new: Callable[[str], Any], within: str = ""
+) -> Any:
+    """Fields of a demonstration's message written into an empty one of rclpy; `new` makes the
+    messages in its sequences by type name.
 
     msg: the empty one; content: by field; within: name of what it is a part of.
     """
@@ -316,7 +433,9 @@ def _event(stamp: Any, origin: int) -> float:
 
 def times_after(items: Iterable[Any], origin: int) -> np.ndarray:
     """Stamps of stamped messages as seconds after an origin [ns] (n,). items: the messages."""
-    return np.array([stamp_ns(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
+    return (
+        np.array([stamp_ns(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
+    )
 
 
 def pose_rows(poses: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
@@ -326,7 +445,8 @@ def pose_rows(poses: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def arm_rows(states: Sequence[Any], field_name: str) -> np.ndarray:
-    """A field of JointState messages (n, 7), in the order of the arm's joints; ValueError for a state of another length.
+    """A field of JointState messages (n, 7), in the order of the arm's joints; ValueError for a
+    state of another length.
 
     field_name: position, velocity or effort.
     """
@@ -338,7 +458,9 @@ def _vector(item: Any) -> list[float]:
 
 
 def _is_arm(names: Sequence[str]) -> bool:
-    """Whether these are the names of the arm's joints; another driver has its own, and gives them in the arm's order."""
+    """Whether these are the names of the arm's joints; another driver has its own, and gives them
+    in the arm's order.
+    """
     return set(names) == set(joint_names())
 
 

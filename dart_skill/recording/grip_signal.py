@@ -1,4 +1,6 @@
-"""When the hand was told to open, and by whom: found in serialised commands and in the button messages of others."""
+"""When the hand was told to open, and by whom: found in serialised commands and in the button
+messages of others.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ class Opening:
 
 
 class GripSignal:
-    """Instants at which the hand was told to open, and at which somebody pushed the arm, in order of time [ns]."""
+    """Instants at which the hand was told to open, and at which somebody pushed the arm, in order
+    of time [ns].
+    """
 
     def __init__(self) -> None:
         self.openings: list[int] = []
@@ -38,7 +42,9 @@ class GripSignal:
         self._pressed, self._open_ns = False, -HELD_NS - 1
 
     def take_command(self, data: bytes) -> bool:
-        """Take a serialised WamCommand; returns whether it opens the hand. Of successive commands that say so only the first one counts."""
+        """Take a serialised WamCommand; returns whether it opens the hand. Of successive commands
+        that say so only the first one counts.
+        """
         stamp, pushed, grip = read_command(data)
         if pushed:
             self.pushes.append(stamp)
@@ -67,7 +73,8 @@ class GripSignal:
 
 
 def read_command(data: bytes) -> tuple[int, bool, int]:
-    """Stamp [ns], whether there is a wrench, and grip of a serialised WamCommand: of 500 in a second one opens the hand.
+    """Stamp [ns], whether there is a wrench, and grip of a serialised WamCommand: of 500 in a
+    second one opens the hand.
 
     ValueError for bytes that are none.
     """
@@ -81,26 +88,39 @@ def read_command(data: bytes) -> tuple[int, bool, int]:
 
 
 def read_commands(payloads: Sequence[bytes]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `read_command` for each of many: stamps (n,) [ns], whether there is a wrench (n,), grip (n,).
+    """As `read_command` for each of many: stamps (n,) [ns], whether there is a wrench (n,), grip
+    (n,).
 
     ValueError for bytes that are none. payloads: serialised WamCommands.
     """
     if not _are_alike(payloads):
         rows = [read_command(one) for one in payloads]
         stamps, pushed, grip = zip(*rows, strict=True) if rows else ((), (), ())
-        return np.array(stamps, dtype=np.int64), np.array(pushed, dtype=bool), np.array(grip, dtype=np.uint8)
+        return (
+            np.array(stamps, dtype=np.int64),
+            np.array(pushed, dtype=bool),
+            np.array(grip, dtype=np.uint8),
+        )
     table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), -1)
     heads = np.ascontiguousarray(table[:, 4:12])
     sec, nanosec = heads[:, :4].copy().view("<i4")[:, 0], heads[:, 4:].copy().view("<u4")[:, 0]
     (length,) = struct.unpack_from("<I", payloads[0], 12)
     start = 4 + (12 + length + 7) // 8 * 8
-    return sec.astype(np.int64) * NS_PER_S + nanosec, np.any(table[:, start : start + 48], axis=1), table[:, start + 104]
+    return (
+        sec.astype(np.int64) * NS_PER_S + nanosec,
+        np.any(table[:, start : start + 48], axis=1),
+        table[:, start + 104],
+    )
 
 
 def _are_alike(payloads: Sequence[bytes]) -> bool:
-    """Whether all are little endian, as long as each other, and name a frame of one length, so that their parts lie in columns."""
+    """Whether all are little endian, as long as each other, and name a frame of one length, so
+    that their parts lie in columns.
+    """
     if not payloads or len(payloads[0]) < 16 or not payloads[0][1] & 1:
         return False
     size, head, length = len(payloads[0]), payloads[0][:4], payloads[0][12:16]
     reach = 4 + (12 + int.from_bytes(length, "little") + 7) // 8 * 8 + 104
-    return reach < size and all(len(one) == size and one[:4] == head and one[12:16] == length for one in payloads)
+    return reach < size and all(
+        len(one) == size and one[:4] == head and one[12:16] == length for one in payloads
+    )

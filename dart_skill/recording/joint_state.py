@@ -1,7 +1,8 @@
-"""What one JointState says of the arm, by the names that it gives: the row of the arm's joints, or why there is none.
+"""What one JointState says of the arm, by the names that it gives: the row of the arm's joints, or
+why there is none.
 
-Many drivers publish on one topic: that of the arm, that of a gripper, that of another arm. Each message is read by its own names, in a
-graph that runs and from a bag, by this module.
+Many drivers publish on one topic: that of the arm, that of a gripper, that of another arm. Each
+message is read by its own names, in a graph that runs and from a bag, by this module.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ _OTHERS = "names none of the arm's joints"
 class JointLayout:
     """What messages with the same names and as many numbers have in common.
 
-    * order: places of the arm's joints among the names, as of `joint_order`; None where the message has no whole row.
+    * order: places of the arm's joints among the names, as of `joint_order`; None where the
+      message has no whole row.
     * has_velocity: whether there is a velocity for each name.
     * joints: which of the arm's joints are named, as numbers from 0.
     * why: what keeps the message from having a whole row; empty if nothing does.
@@ -33,11 +35,14 @@ class JointLayout:
 
     @property
     def is_of_others(self) -> bool:
-        """Whether the message says nothing of the arm: it names joints, and none of them is the arm's."""
+        """Whether the message says nothing of the arm: it names joints, and none of them is the
+        arm's.
+        """
         return self.why.startswith(_OTHERS)
 
     def row(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (..., 7) of the arm's joints; velocities are nan where there are none.
+        """Positions and velocities (..., 7) of the arm's joints; velocities are nan where there
+        are none.
 
         * position: of the message, or of several (..., n).
         * velocity: the same, (..., n) or of another length.
@@ -51,7 +56,9 @@ class JointLayout:
 
 
 @lru_cache(maxsize=64)
-def joint_layout(names: tuple[str, ...], n_positions: int, n_velocities: int, wanted: tuple[str, ...] = ()) -> JointLayout:
+def joint_layout(
+    names: tuple[str, ...], n_positions: int, n_velocities: int, wanted: tuple[str, ...] = ()
+) -> JointLayout:
     """What a JointState says of the arm.
 
     * names: of the message.
@@ -69,7 +76,10 @@ def joint_layout(names: tuple[str, ...], n_positions: int, n_velocities: int, wa
         remedy = "let the driver name them so, or put its names into config/wam.yaml"
         return without(f"{_OTHERS} {wanted[0]} to {wanted[-1]}, but {', '.join(names)}: {remedy}")
     if n_positions != len(names):
-        return without(f"has {len(names)} names and {n_positions} positions: the driver must give one of each for every joint")
+        return without(
+            f"has {len(names)} names and {n_positions} positions: the driver must give one of each"
+            " for every joint"
+        )
     try:
         return JointLayout(joint_order(names, wanted), has_velocity, joints, "")
     except ValueError as error:

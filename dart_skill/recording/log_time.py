@@ -1,4 +1,6 @@
-"""When a message is logged that says itself when it was sent: a time that never goes back, and that no stray stamp carries away."""
+"""When a message is logged that says itself when it was sent: a time that never goes back, and
+that no stray stamp carries away.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,16 @@ class LogTime:
 
     def __init__(self) -> None:
         self.now_ns = 0
-        self._ahead_ns, self._topics = 0, [""]  # the last stamp that was not believed, and the topics of all that were like it
+        self._ahead_ns, self._topics = (
+            0,
+            [""],
+        )  # the last stamp that was not believed, and the topics of all that were like it
 
     def take(self, topic: str, stamp_ns: int) -> None:
         """Move on to the stamp of a message.
 
-        ValueError if it is far ahead, and time stays where it is: until a second topic says the same, or this one goes on saying it.
+        ValueError if it is far ahead, and time stays where it is: until a second topic says the
+        same, or this one goes on saying it.
         """
         if not self.now_ns or stamp_ns <= self.now_ns + LEAP_NS:
             self.now_ns = max(self.now_ns, stamp_ns)
@@ -28,5 +34,8 @@ class LogTime:
         self._ahead_ns = stamp_ns
         self._topics.append(topic)
         if len(set(self._topics)) == 1 and len(self._topics) < INSISTING:
-            raise ValueError(f"it is stamped {(stamp_ns - self.now_ns) * 1e-9:.0f} s after everything else: set the clock of its publisher")
+            raise ValueError(
+                f"it is stamped {(stamp_ns - self.now_ns) * 1e-9:.0f} s after everything else: set"
+                " the clock of its publisher"
+            )
         self.now_ns = stamp_ns

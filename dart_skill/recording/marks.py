@@ -1,7 +1,9 @@
-"""Marks of demonstrations: which of them shall not be learned from. The newest mark of a demonstration counts.
+"""Marks of demonstrations: which of them shall not be learned from. The newest mark of a
+demonstration counts.
 
-A demonstration is called after the instant at which the hand was told to open, so that its name is unique: among those of a recorder that
-was started again, too, and whoever finds the throw in a recording again calls it the same.
+A demonstration is called after the instant at which the hand was told to open, so that its name is
+unique: among those of a recorder that was started again, too, and whoever finds the throw in a
+recording again calls it the same.
 """
 
 from __future__ import annotations
@@ -22,12 +24,16 @@ MARK_TYPE = "dart_skill_msgs/msg/DemonstrationMark"
 
 
 def demonstration_id(opened_ns: int) -> str:
-    """Name of the demonstration in which the hand was told to open, or the ball left it, at a stamp [ns]."""
+    """Name of the demonstration in which the hand was told to open, or the ball left it, at a
+    stamp [ns].
+    """
     return f"demonstration_{opened_ns}"
 
 
 class Marks:
-    """What is known of demonstrations by their marks, in whatever order and however often those come."""
+    """What is known of demonstrations by their marks, in whatever order and however often those
+    come.
+    """
 
     def __init__(self) -> None:
         self._newest: dict[str, tuple[int, bool]] = {}
@@ -47,7 +53,8 @@ class Marks:
 
 
 def read_dropped(bag_path: str | os.PathLike) -> set[str]:
-    """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without marks.
+    """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without
+    marks.
 
     BagError if the marks are of another type.
     """
@@ -55,7 +62,10 @@ def read_dropped(bag_path: str | os.PathLike) -> set[str]:
         if MARK_TOPIC not in bag.topics:
             return set()
         if bag.topics[MARK_TOPIC].type_name != MARK_TYPE:
-            raise BagError(f"{bag_path}: {MARK_TOPIC} has type {bag.topics[MARK_TOPIC].type_name}, not {MARK_TYPE}")
+            raise BagError(
+                f"{bag_path}: {MARK_TOPIC} has type {bag.topics[MARK_TOPIC].type_name}, not"
+                f" {MARK_TYPE}"
+            )
         marks = Marks()
         for item in bag.messages([MARK_TOPIC]):
             marks.take(item.data)
@@ -63,7 +73,8 @@ def read_dropped(bag_path: str | os.PathLike) -> set[str]:
 
 
 def unwanted(bag_path: str | os.PathLike, without: Iterable[str]) -> dict[str, str]:
-    """By its id, the reason why a demonstration of a bag is left out: it was dropped, or somebody asks for that now.
+    """By its id, the reason why a demonstration of a bag is left out: it was dropped, or somebody
+    asks for that now.
 
     without: ids that somebody names. BagError if the marks are of another type.
     """
@@ -71,7 +82,9 @@ def unwanted(bag_path: str | os.PathLike, without: Iterable[str]) -> dict[str, s
 
 
 def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:
-    """ValueError for an id that no demonstration has, with those that there are. known: the ids that there are; where: for the message."""
+    """ValueError for an id that no demonstration has, with those that there are. known: the ids
+    that there are; where: for the message.
+    """
     for name in ids:
         if name not in known:
             there = ", ".join(known) or "none"

@@ -1,4 +1,6 @@
-"""A report: one HTML page of a run, made from its bag, with tables, figures and a replay in three dimensions; without ROS."""
+"""A report: one HTML page of a run, made from its bag, with tables, figures and a replay in three
+dimensions; without ROS.
+"""
 
 from typing import TYPE_CHECKING
 

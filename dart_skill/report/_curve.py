@@ -1,4 +1,6 @@
-"""Landing errors: of each throw of the arm in the order in which they were made, and at fixed baskets before and after practice."""
+"""Landing errors: of each throw of the arm in the order in which they were made, and at fixed
+baskets before and after practice.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,17 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from dart_skill.common.world import the_world
-from dart_skill.figures import BLACK, FAILURE, GREY, LIGHT, SUCCESS, house_style, legend_below, letter_panels, panels
+from dart_skill.figures import (
+    BLACK,
+    FAILURE,
+    GREY,
+    LIGHT,
+    SUCCESS,
+    house_style,
+    legend_below,
+    letter_panels,
+    panels,
+)
 from dart_skill.session import ThrowResult
 
 WINDOW = 5
@@ -19,13 +31,20 @@ WINDOW = 5
 
 
 def curve_figure(
-    throws: Sequence[ThrowResult], narrow: bool = False, marks: Mapping[int, str] | None = None, learned: bool = False
+    throws: Sequence[ThrowResult],
+    narrow: bool = False,
+    marks: Mapping[int, str] | None = None,
+    learned: bool = False,
 ) -> Figure:
-    """Error of each throw, and median and quartiles of the last five, or of all; ValueError if no landing was seen.
+    """Error of each throw, and median and quartiles of the last five, or of all; ValueError if no
+    landing was seen.
 
-    marks: what happened after so many throws; narrow: for a narrow screen; learned: whether the arm learned from each throw.
+    marks: what happened after so many throws; narrow: for a narrow screen; learned: whether the
+    arm learned from each throw.
     """
-    errors = np.array([np.nan if throw.error_m is None else 100.0 * throw.error_m for throw in throws])
+    errors = np.array(
+        [np.nan if throw.error_m is None else 100.0 * throw.error_m for throw in throws]
+    )
     if not np.isfinite(errors).any():
         raise ValueError("no landing was seen: there is no error to draw")
     with house_style():
@@ -35,8 +54,22 @@ def curve_figure(
             _draw_quartiles(axes, errors)
         elif len(errors) >= WINDOW:
             low, middle, high = running_quartiles(errors)
-            axes.fill_between(numbers, low, high, color=LIGHT, alpha=0.5, linewidth=0, label=f"quartiles of the last {WINDOW} throws")
-            axes.plot(numbers, middle, color=BLACK, linewidth=1.8, label=f"median of the last {WINDOW} throws")
+            axes.fill_between(
+                numbers,
+                low,
+                high,
+                color=LIGHT,
+                alpha=0.5,
+                linewidth=0,
+                label=f"quartiles of the last {WINDOW} throws",
+            )
+            axes.plot(
+                numbers,
+                middle,
+                color=BLACK,
+                linewidth=1.8,
+                label=f"median of the last {WINDOW} throws",
+            )
         _draw_throws(axes, numbers, errors, np.array([throw.in_basket for throw in throws]))
         _draw_rim(axes, errors)
         axes.set(
@@ -48,7 +81,11 @@ def curve_figure(
         )
         for after, what in (marks or {}).items():
             axes.axvline(after + 0.5, color=GREY, linestyle=":", linewidth=1.2)
-            place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (4, -10), "textcoords": "offset points"}
+            place: dict[str, Any] = {
+                "xycoords": ("data", "axes fraction"),
+                "xytext": (4, -10),
+                "textcoords": "offset points",
+            }
             axes.annotate(what.replace("_", " "), (after + 0.5, 1.0), color=GREY, **place)
         axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
         axes.grid(axis="y", color=LIGHT, linewidth=0.5)
@@ -58,14 +95,25 @@ def curve_figure(
         return figure
 
 
-def compared_figure(tests: Sequence[tuple[str, Sequence[ThrowResult]]], narrow: bool = False) -> Figure:
-    """Errors at the same baskets in each test, basket by basket, and all of them together; ValueError for less than two tests.
+def compared_figure(
+    tests: Sequence[tuple[str, Sequence[ThrowResult]]], narrow: bool = False
+) -> Figure:
+    """Errors at the same baskets in each test, basket by basket, and all of them together;
+    ValueError for less than two tests.
 
     tests: what each is called, and its throws; the same number at the same baskets.
     """
     if len(tests) < 2 or len({len(throws) for _, throws in tests}) != 1:
-        raise ValueError(f"{len(tests)} tests: it takes two or more with the same number of throws to compare them")
-    errors = np.array([[np.nan if one.error_m is None else 100.0 * one.error_m for one in throws] for _, throws in tests])
+        raise ValueError(
+            f"{len(tests)} tests: it takes two or more with the same number of throws to compare"
+            " them"
+        )
+    errors = np.array(
+        [
+            [np.nan if one.error_m is None else 100.0 * one.error_m for one in throws]
+            for _, throws in tests
+        ]
+    )
     inside = np.array([[one.in_basket for one in throws] for _, throws in tests])
     if not np.isfinite(errors).any():
         raise ValueError("no landing was seen: there is no error to draw")
@@ -92,14 +140,27 @@ def _draw_quartiles(axes: Axes, errors: np.ndarray) -> None:
 def _draw_pairs(axes: Axes, names: Sequence[str], errors: np.ndarray, inside: np.ndarray) -> None:
     places = np.arange(len(names))
     for column, one in enumerate(errors.T):
-        axes.plot(places, one, color=LIGHT, linewidth=1.0, zorder=1, label="one basket" if not column else None)
+        axes.plot(
+            places,
+            one,
+            color=LIGHT,
+            linewidth=1.0,
+            zorder=1,
+            label="one basket" if not column else None,
+        )
     for place, row, which in zip(places, errors, inside, strict=True):
         _draw_marks(axes, np.full(len(row), float(place)), row, which, labelled=not place)
     medians = [np.nanmedian(row) if np.isfinite(row).any() else np.nan for row in errors]
     axes.plot(places, medians, "_", color=BLACK, markersize=34, markeredgewidth=2.2, zorder=4)
     axes.plot([], [], color=BLACK, linewidth=2.2, label="median")
     for place, median in zip(places, medians, strict=True):
-        axes.annotate(f"{median:.2f}", (place, median), xytext=(20, 0), textcoords="offset points", va="center")
+        axes.annotate(
+            f"{median:.2f}",
+            (place, median),
+            xytext=(20, 0),
+            textcoords="offset points",
+            va="center",
+        )
     _draw_rim(axes, errors)
     axes.set(xticks=places, xlim=(-0.5, len(names) - 0.4), title="All baskets of the test")
     axes.set_xticklabels(names)
@@ -107,18 +168,36 @@ def _draw_pairs(axes: Axes, names: Sequence[str], errors: np.ndarray, inside: np
     axes.set_axisbelow(True)
 
 
-def _draw_by_basket(axes: Axes, tests: Sequence[tuple[str, Sequence[ThrowResult]]], errors: np.ndarray, inside: np.ndarray) -> None:
+def _draw_by_basket(
+    axes: Axes,
+    tests: Sequence[tuple[str, Sequence[ThrowResult]]],
+    errors: np.ndarray,
+    inside: np.ndarray,
+) -> None:
     """One column a basket, the nearest first: an arrow to the last test from the one before."""
     throws = tests[0][1]
     order = np.argsort([throw.distance for throw in throws])
     for place, k in enumerate(order):
         first, last = errors[-2, k], errors[-1, k]
         if np.isfinite([first, last]).all():
-            axes.annotate("", (place, last), (place, first), arrowprops={"arrowstyle": "->", "color": GREY, "shrinkA": 3, "shrinkB": 3})
+            axes.annotate(
+                "",
+                (place, last),
+                (place, first),
+                arrowprops={"arrowstyle": "->", "color": GREY, "shrinkA": 3, "shrinkB": 3},
+            )
     for row, which in ((errors[-2], inside[-2]), (errors[-1], inside[-1])):
-        _draw_marks(axes, np.arange(len(order), dtype=float), row[order], which[order], labelled=False)
-    labels = [f"{throws[k].distance:.1f} m\n{np.degrees(throws[k].azimuth):+.0f}\N{DEGREE SIGN}" for k in order]
-    axes.set(xlabel="basket of the test: distance and azimuth", title="Basket by basket, the nearest first")
+        _draw_marks(
+            axes, np.arange(len(order), dtype=float), row[order], which[order], labelled=False
+        )
+    labels = [
+        f"{throws[k].distance:.1f} m\n{np.degrees(throws[k].azimuth):+.0f}\N{DEGREE SIGN}"
+        for k in order
+    ]
+    axes.set(
+        xlabel="basket of the test: distance and azimuth",
+        title="Basket by basket, the nearest first",
+    )
     axes.set_xticks(range(len(order)), labels)
     axes.tick_params(axis="x", labelsize=8.0)
     axes.grid(axis="y", color=LIGHT, linewidth=0.5)
@@ -128,13 +207,25 @@ def _draw_by_basket(axes: Axes, tests: Sequence[tuple[str, Sequence[ThrowResult]
 def _draw_rim(axes: Axes, errors: np.ndarray) -> None:
     """Where an error begins that is out; not where it would only make everything small [cm]."""
     if np.nanmax(errors) > 50.0 * the_world().basket_radius:
-        axes.axhline(100.0 * the_world().basket_radius, color=GREY, linestyle="--", linewidth=1.0, label="rim of the basket")
+        axes.axhline(
+            100.0 * the_world().basket_radius,
+            color=GREY,
+            linestyle="--",
+            linewidth=1.0,
+            label="rim of the basket",
+        )
 
 
 def running_quartiles(errors: np.ndarray, window: int = WINDOW) -> np.ndarray:
-    """Quartiles (3, n) of the finite ones of the last `window` errors (n,) at each place; nan before there are so many, or without any."""
+    """Quartiles (3, n) of the finite ones of the last `window` errors (n,) at each place; nan
+    before there are so many, or without any.
+    """
     result = np.full((3, len(errors)), np.nan)
-    views = np.lib.stride_tricks.sliding_window_view(errors, window) if len(errors) >= window else np.empty((0, window))
+    views = (
+        np.lib.stride_tricks.sliding_window_view(errors, window)
+        if len(errors) >= window
+        else np.empty((0, window))
+    )
     known = np.isfinite(views).any(axis=1)
     result[:, window - 1 :][:, known] = np.nanpercentile(views[known], [25, 50, 75], axis=1)
     return result
@@ -144,7 +235,9 @@ def headline(errors: np.ndarray) -> str:
     """How many there are, and median and quartiles of those that were seen [cm]."""
     seen = errors[np.isfinite(errors)]
     low, middle, high = np.percentile(seen, [25, 50, 75])
-    count = f"n = {len(errors)} throws" + (f", {len(seen)} landings seen" if len(seen) < len(errors) else "")
+    count = f"n = {len(errors)} throws" + (
+        f", {len(seen)} landings seen" if len(seen) < len(errors) else ""
+    )
     return f"Landing error: median {middle:.1f} cm, quartiles {low:.1f} and {high:.1f} cm, {count}"
 
 
@@ -152,15 +245,34 @@ def _draw_throws(axes: Axes, numbers: np.ndarray, errors: np.ndarray, inside: np
     _draw_marks(axes, numbers.astype(float), errors, inside, labelled=True)
     unseen = numbers[np.isnan(errors)]
     if len(unseen):
-        look: dict[str, Any] = {"color": GREY, "markersize": 6, "linestyle": "none", "clip_on": False}
+        look: dict[str, Any] = {
+            "color": GREY,
+            "markersize": 6,
+            "linestyle": "none",
+            "clip_on": False,
+        }
         axes.plot(unseen, np.zeros(len(unseen)), "|", label="landing not seen", **look)
 
 
-def _draw_marks(axes: Axes, places: np.ndarray, errors: np.ndarray, inside: np.ndarray, labelled: bool) -> None:
-    """A ring for each throw that went in, a cross for each other one that was seen; labelled: in the legend."""
+def _draw_marks(
+    axes: Axes, places: np.ndarray, errors: np.ndarray, inside: np.ndarray, labelled: bool
+) -> None:
+    """A ring for each throw that went in, a cross for each other one that was seen; labelled: in
+    the legend.
+    """
     look: dict[str, Any] = {"linestyle": "none", "zorder": 3}
     ring: dict[str, Any] = {"color": SUCCESS, "markerfacecolor": "white", "markersize": 5}
-    axes.plot(places[inside], errors[inside], "o", label="in" if labelled else None, **ring, **look)
+    axes.plot(
+        places[inside], errors[inside], "o", label="in" if labelled else None, **ring, **look
+    )
     out = ~inside & np.isfinite(errors)
     if out.any():
-        axes.plot(places[out], errors[out], "X", color=FAILURE, markersize=6.5, label="out" if labelled else None, **look)
+        axes.plot(
+            places[out],
+            errors[out],
+            "X",
+            color=FAILURE,
+            markersize=6.5,
+            label="out" if labelled else None,
+            **look,
+        )

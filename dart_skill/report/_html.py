@@ -1,4 +1,6 @@
-"""What pages of a report are made of: one HTML file that stands alone and asks nobody for anything."""
+"""What pages of a report are made of: one HTML file that stands alone and asks nobody for
+anything.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,16 @@ from dart_skill.report._pictures import Picture
 from dart_skill.report._run import About, machine, versions
 
 POLICY = (
-    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; worker-src blob: data:;"
-    " img-src data: blob:; font-src data:; connect-src data: blob:; frame-src blob: data:"
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline' 'unsafe-eval' blob:"
+    " data:; worker-src blob: data:; img-src data: blob:; font-src data:; connect-src data: blob:;"
+    " frame-src blob: data:"
 )
-"""Nothing is fetched from anywhere (Content Security Policy, level 3); the replay within the page inherits it."""
+"""Nothing is fetched from anywhere (Content Security Policy, level 3); the replay within the page
+inherits it.
+"""
 HANDLING = (
-    "With a mouse: drag to turn, right button to move, wheel to come nearer. On a touch screen: one finger turns, two move and come nearer."
-    " The bar below plays, stops and seeks."
+    "With a mouse: drag to turn, right button to move, wheel to come nearer. On a touch screen:"
+    " one finger turns, two move and come nearer. The bar below plays, stops and seeks."
 )
 """How a replay is looked at."""
 NARROW = "40rem"
@@ -95,43 +100,77 @@ def page(title: str, sections: Iterable[str]) -> str:
 
 def large(shown: Iterable[tuple[str, str]]) -> str:
     """The few numbers that matter, and what they are."""
-    return '<div class="numbers">' + "".join(f"<div><b>{number}</b><span>{what}</span></div>" for number, what in shown) + "</div>"
+    return (
+        '<div class="numbers">'
+        + "".join(f"<div><b>{number}</b><span>{what}</span></div>" for number, what in shown)
+        + "</div>"
+    )
 
 
 def colour_key(things: Mapping[str, Colour]) -> str:
     """Which colour is what."""
-    items = "".join(f'<li><i style="background: {hexadecimal(colour)}"></i>{escaped(name)}</li>' for name, colour in things.items())
+    items = "".join(
+        f'<li><i style="background: {hexadecimal(colour)}"></i>{escaped(name)}</li>'
+        for name, colour in things.items()
+    )
     return f'<ul class="key">{items}</ul>'
 
 
 def embedded(title: str, page_of_its_own: str) -> str:
     """A page within the page."""
-    return f'<iframe title="{title}" loading="lazy" srcdoc="{html.escape(page_of_its_own)}"></iframe>'
+    return (
+        f'<iframe title="{title}" loading="lazy" srcdoc="{html.escape(page_of_its_own)}"></iframe>'
+    )
 
 
 def what_was_run(about: About, of_the_skill: Mapping[str, str], notes: Sequence[str]) -> str:
     """Options, versions and machine, the parameters of the nodes, and remarks."""
     facts = {**about.facts, **of_the_skill}
-    facts |= {"Versions": ", ".join(f"{name} {version}" for name, version in versions().items()), "Machine": machine()}
-    changed = "; ".join(f"--{name} {value} (default {default})" for name, value, default in about.changed)
+    facts |= {
+        "Versions": ", ".join(f"{name} {version}" for name, version in versions().items()),
+        "Machine": machine(),
+    }
+    changed = "; ".join(
+        f"--{name} {value} (default {default})" for name, value, default in about.changed
+    )
     if about.options:
         facts = {"Options": changed or "all as they are by default", **facts}
-    rows = "".join(f"<tr><th>{escaped(name)}</th><td>{escaped(value)}</td></tr>" for name, value in facts.items())
-    files = "".join(f"<p><b>{escaped(name)}</b></p><pre>{escaped(content)}</pre>" for name, content in sorted(about.parameters.items()))
-    folded = f"<details><summary>Parameters of the nodes: {len(about.parameters)} files</summary>{files}</details>" if files else ""
+    rows = "".join(
+        f"<tr><th>{escaped(name)}</th><td>{escaped(value)}</td></tr>"
+        for name, value in facts.items()
+    )
+    files = "".join(
+        f"<p><b>{escaped(name)}</b></p><pre>{escaped(content)}</pre>"
+        for name, content in sorted(about.parameters.items())
+    )
+    folded = (
+        f"<details><summary>Parameters of the nodes: {len(about.parameters)}"
+        f" files</summary>{files}</details>"
+        if files
+        else ""
+    )
     listed = "".join(f"<li>{escaped(note)}</li>" for note in notes)
-    remarks = f"<details><summary>Remarks on the recording: {len(notes)}</summary><ul>{listed}</ul></details>" if listed else ""
+    remarks = (
+        "<details><summary>Remarks on the recording:"
+        f" {len(notes)}</summary><ul>{listed}</ul></details>"
+        if listed
+        else ""
+    )
     return (
-        f'<h2>What was run</h2><div class="wide"><table class="facts">{rows}</table></div>{folded}{remarks}'
-        '<p class="quiet">This page is made from the bag and asks nobody for anything. The same bag, versions and machine give the same'
-        " bytes.</p>"
+        '<h2>What was run</h2><div class="wide"><table'
+        f' class="facts">{rows}</table></div>{folded}{remarks}<p class="quiet">This page is made'
+        " from the bag and asks nobody for anything. The same bag, versions and machine give the"
+        " same bytes.</p>"
     )
 
 
 def figure(picture: Picture) -> str:
     """A picture with its title and caption."""
     caption = f"<figcaption>{escaped(picture.caption)}</figcaption>"
-    return f'<h2>{escaped(picture.title)}</h2><figure id="{picture.name}">{picture.element}{caption}</figure>'
+    return (
+        f"<h2>{escaped(picture.title)}</h2><figure"
+        f' id="{picture.name}">{picture.element}{caption}</figure>'
+    )
 
 
 def table_of(head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str:
@@ -141,7 +180,11 @@ def table_of(head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence
     kinds = {0: ' class="text"', len(head) - 1: ' class="text"'}
     lines = ["".join(f"<th{kinds.get(k, '')}>{head[k]}</th>" for k in kept)]
     lines += ["".join(f"<td{kinds.get(k, '')}>{row[k]}</td>" for k in kept) for row in rows]
-    return '<div class="wide"><table>' + "\n".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"
+    return (
+        '<div class="wide"><table>'
+        + "\n".join(f"<tr>{line}</tr>" for line in lines)
+        + "</table></div>"
+    )
 
 
 def one_line(text: str) -> str:

@@ -1,4 +1,6 @@
-"""The figures of a report as SVG to stand in a page: each with a title, what is seen in it, and ids of its own."""
+"""The figures of a report as SVG to stand in a page: each with a title, what is seen in it, and
+ids of its own.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ FONTS = "'DejaVu Sans', Verdana, Arial, sans-serif"
 
 @dataclass(frozen=True)
 class Picture:
-    """svg: text of an SVG file, "" if it could not be drawn; caption then says why. narrow: the same for a narrow screen."""
+    """svg: text of an SVG file, "" if it could not be drawn; caption then says why. narrow: the
+    same for a narrow screen.
+    """
 
     name: str
     title: str
@@ -44,7 +48,9 @@ class Picture:
 
     @property
     def element(self) -> str:
-        """The picture as an element of a page, which shows the one of its two forms for which there is room."""
+        """The picture as an element of a page, which shows the one of its two forms for which
+        there is room.
+        """
         return "".join(f'<div class="{kind}">{form}</div>' for kind, form in self.forms.items())
 
     @property
@@ -52,7 +58,10 @@ class Picture:
         """The broad and the narrow form as elements; none of what could not be drawn."""
         if not self.svg:
             return {}
-        return {"broad": embeddable(self.svg, self.name), "narrow": embeddable(self.narrow, f"{self.name}-narrow")}
+        return {
+            "broad": embeddable(self.svg, self.name),
+            "narrow": embeddable(self.narrow, f"{self.name}-narrow"),
+        }
 
 
 def pictures(run: Run) -> list[Picture]:
@@ -60,33 +69,55 @@ def pictures(run: Run) -> list[Picture]:
     return [
         *_errors(run),
         picture("landings", *_landings_words(run), partial(_landings, run)),
-        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, _synchronisation(run)),
+        picture(
+            "synchronisation",
+            "Demonstrations before and after synchronisation",
+            SYNCHRONISATION,
+            _synchronisation(run),
+        ),
         picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run)),
         picture("execution", "Executed path against attractor", EXECUTION, _execution(run)),
     ]
 
 
-ERROR = "Landing error: horizontal distance from where the ball crossed the plane of the rim to the centre of the rim."
+ERROR = (
+    "Landing error: horizontal distance from where the ball crossed the plane of the rim to the"
+    " centre of the rim."
+)
 TESTS = (
-    "Throws at the same baskets in each test, from which nothing was learned: this is what practice is judged by. "
-    "(a) All of them; (b) basket by basket, with an arrow to the last test from the one before. " + ERROR
+    "Throws at the same baskets in each test, from which nothing was learned: this is what"
+    " practice is judged by. (a) All of them; (b) basket by basket, with an arrow to the last test"
+    " from the one before. " + ERROR
 )
 PRACTISED = (
-    "The throws that were learned from, in their order. They go to other baskets each time, where throws are worst or where none was "
-    "thrown yet, so this curve alone does not tell whether practice helps. " + ERROR
+    "The throws that were learned from, in their order. They go to other baskets each time, where"
+    " throws are worst or where none was thrown yet, so this curve alone does not tell whether"
+    " practice helps. " + ERROR
 )
 UNTESTED = PRACTISED + " There were no tests (--tests 0)."
-LANDINGS = "(a) The floor plan with the arm at the origin, baskets to scale. (b) Every landing relative to its basket."
-SYNCHRONISATION = "Speed of the hand in each demonstration: (a) as recorded; (b) cut at the thresholds and aligned on the release."
-GAUSSIANS = "Attractors of the demonstrations and the components of the mixture that was learned from them, in two task frames."
+LANDINGS = (
+    "(a) The floor plan with the arm at the origin, baskets to scale. (b) Every landing relative"
+    " to its basket."
+)
+SYNCHRONISATION = (
+    "Speed of the hand in each demonstration: (a) as recorded; (b) cut at the thresholds and"
+    " aligned on the release."
+)
+GAUSSIANS = (
+    "Attractors of the demonstrations and the components of the mixture that was learned from"
+    " them, in two task frames."
+)
 EXECUTION = (
-    "The first throw of the arm that can be told apart, from the side. The plan is made again, by the skill learned from the demonstrations"
-    " alone; own throws that were learned from later do not enter."
+    "The first throw of the arm that can be told apart, from the side. The plan is made again, by"
+    " the skill learned from the demonstrations alone; own throws that were learned from later do"
+    " not enter."
 )
 
 
 def save_pictures(drawn: Iterable[Picture], folder: str | os.PathLike) -> list[Path]:
-    """Write NAME.svg and NAME.png of every picture that there is into a folder; returns their paths."""
+    """Write NAME.svg and NAME.png of every picture that there is into a folder; returns their
+    paths.
+    """
     return [path for picture in drawn for path in save_picture(picture, folder)]
 
 
@@ -99,10 +130,16 @@ def save_picture(picture: Picture, folder: str | os.PathLike) -> list[Path]:
 
 
 def embeddable(svg: str, prefix: str) -> str:
-    """An SVG file as an element of a page: without prolog and metadata, its ids marked with a prefix, with fonts to fall back on."""
+    """An SVG file as an element of a page: without prolog and metadata, its ids marked with a
+    prefix, with fonts to fall back on.
+    """
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    for mark in (' id="', 'href="#', "url(#"):  # a pattern for all of them would take ten times as long
+    for mark in (
+        ' id="',
+        'href="#',
+        "url(#",
+    ):  # a pattern for all of them would take ten times as long
         svg = svg.replace(mark, f"{mark}{prefix}-")
     return svg.replace("'DejaVu Sans'", FONTS).strip()
 
@@ -118,34 +155,62 @@ def picture(name: str, title: str, caption: str, draw: Callable[[bool], Figure])
 
 
 def _errors(run: Run) -> list[Picture]:
-    """What became better, and the throws from which it did; where nothing was practised, the errors of all throws."""
+    """What became better, and the throws from which it did; where nothing was practised, the
+    errors of all throws.
+    """
     if not run.practised:
-        return [picture("curve", "Landing error, throw by throw", _curve_caption(run), partial(curve_figure, run.results))]
+        return [
+            picture(
+                "curve",
+                "Landing error, throw by throw",
+                _curve_caption(run),
+                partial(curve_figure, run.results),
+            )
+        ]
     tests = [(phase.name, results) for phase, results in run.tests]
-    compared = [picture("tests", "Before and after practice", TESTS, partial(compared_figure, tests))] if len(tests) > 1 else []
+    compared = (
+        [picture("tests", "Before and after practice", TESTS, partial(compared_figure, tests))]
+        if len(tests) > 1
+        else []
+    )
     said = PRACTISED if compared else UNTESTED
     return [
         *compared,
-        picture("curve", "Learning curve", said, lambda narrow: curve_figure(run.practised, narrow, run.about.marks, learned=True)),
+        picture(
+            "curve",
+            "Learning curve",
+            said,
+            lambda narrow: curve_figure(run.practised, narrow, run.about.marks, learned=True),
+        ),
     ]
 
 
 def _curve_caption(run: Run) -> str:
-    known = "None of these throws was learned from." if run.about.phases else "The bag does not tell whether the arm learned from them."
+    known = (
+        "None of these throws was learned from."
+        if run.about.phases
+        else "The bag does not tell whether the arm learned from them."
+    )
     return f"{known} {ERROR}"
 
 
 def _landings_words(run: Run) -> tuple[str, str]:
     """Title and caption."""
     title, caption = "Where the balls came down", LANDINGS
-    return (f"{title}: {run.tests[-1][0].name}", f"The throws of the last test. {caption}") if run.tests else (title, caption)
+    return (
+        (f"{title}: {run.tests[-1][0].name}", f"The throws of the last test. {caption}")
+        if run.tests
+        else (title, caption)
+    )
 
 
 def _landings(run: Run, narrow: bool) -> Figure:
     if not run.results:
         raise ValueError("the arm made no throws of its own")
     shown = run.tests[-1][1] if run.tests else run.results
-    return landings_figure(shown, np.array([one.target for one in run.shown]).reshape(-1, 3), narrow=narrow)
+    return landings_figure(
+        shown, np.array([one.target for one in run.shown]).reshape(-1, 3), narrow=narrow
+    )
 
 
 def _synchronisation(run: Run) -> Callable[[bool], Figure]:

@@ -1,6 +1,8 @@
-"""A replay of throws in three dimensions that needs no server: a viser scene with a timeline, as one HTML text.
+"""A replay of throws in three dimensions that needs no server: a viser scene with a timeline, as
+one HTML text.
 
-Every throw begins with the arm at the start of its motion and ends when the ball has been watched; the next one follows.
+Every throw begins with the arm at the start of its motion and ends when the ball has been watched;
+the next one follows.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ if TYPE_CHECKING:
 FRAME = 0.04
 """Time of a picture of the replay [s]."""
 LEAD, FOLLOWED, PAUSE = 0.2, 0.9, 0.6
-"""Shown before the motion starts and after the hand was told to open, and the time that the last picture of a throw stands [s]."""
+"""Shown before the motion starts and after the hand was told to open, and the time that the last
+picture of a throw stands [s].
+"""
 MOST_THROWS = 60
 """More of them make the page large; 10 kB each."""
 EYE, LOOK_AT, ABOVE = (1.9, -4.6, 2.0), (1.1, 0.0, 1.15), (0.0, 0.0, 2.45)
@@ -37,7 +41,9 @@ LOST = 50_000_000
 
 @dataclass(frozen=True)
 class Replay:
-    """html: a page of its own; starts: when each throw begins on its timeline [s], by index of the throw; seconds: its length."""
+    """html: a page of its own; starts: when each throw begins on its timeline [s], by index of the
+    throw; seconds: its length.
+    """
 
     html: str
     starts: dict[int, float]
@@ -51,10 +57,11 @@ def make_replay(
     gaussians: Mapping[int, Sequence[Ellipsoid]] | None = None,
     names: Mapping[int, str] | None = None,
 ) -> Replay:
-    """The first throws of a recording, the arm where it was recorded, with the demonstrations that taught it.
+    """The first throws of a recording, the arm where it was recorded, with the demonstrations that
+    taught it.
 
-    names: what throws are called, by their index; "throw 1", "throw 2", ... by default. gaussians: those that are shown with throws, by
-    their index. ViewUnavailable without viser.
+    names: what throws are called, by their index; "throw 1", "throw 2", ... by default. gaussians:
+    those that are shown with throws, by their index. ViewUnavailable without viser.
     """
     from dart_skill.view import Scene, open_server
 
@@ -74,7 +81,13 @@ def make_replay(
                 label.text = name = (names or {}).get(number, f"throw {number + 1}")
                 _show_gaussians(scene, (gaussians or {}).get(number, ()))
                 result = in_a_line(name, throw)
-                seconds += play(scene, serializer, recording, throw, when_down=partial(setattr, label, "text", result))
+                seconds += play(
+                    scene,
+                    serializer,
+                    recording,
+                    throw,
+                    when_down=partial(setattr, label, "text", result),
+                )
         return Replay(serializer.as_html(), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped
@@ -83,7 +96,9 @@ def make_replay(
 
 def in_replay(throws: Sequence[FoundThrow]) -> list[int]:
     """Indices of the throws that are shown: the first of those that were cut."""
-    return [number for number, throw in enumerate(throws) if throw.demonstration is not None][:MOST_THROWS]
+    return [number for number, throw in enumerate(throws) if throw.demonstration is not None][
+        :MOST_THROWS
+    ]
 
 
 def _show_gaussians(scene: Scene, ellipsoids: Sequence[Ellipsoid]) -> None:
@@ -98,7 +113,9 @@ def in_a_line(name: str, throw: FoundThrow) -> str:
     """Which throw it is and how it ended."""
     outcome = throw.outcome
     assert outcome is not None  # a throw that was cut was judged
-    error = f", {100 * outcome.landing_error:.1f} cm from the centre" if outcome.landing_seen else ""
+    error = (
+        f", {100 * outcome.landing_error:.1f} cm from the centre" if outcome.landing_seen else ""
+    )
     return f"{name}: {'in' if outcome.in_basket else 'out'}{error}"
 
 
@@ -110,11 +127,13 @@ def play(
     frame: float = FRAME,
     when_down: Callable[[], None] = lambda: None,
 ) -> float:
-    """Show a throw that was cut out, picture after picture, `frame` apart [s]; how long it takes [s].
+    """Show a throw that was cut out, picture after picture, `frame` apart [s]; how long it takes
+    [s].
 
-    timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's serialiser, or of a camera. when_down:
-    called once, before the first picture in which the ball is down; at the end of a throw whose landing nobody saw. recording: of the
-    throw; scene: that shows it.
+    timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's
+    serialiser, or of a camera. when_down: called once, before the first picture in which the ball
+    is down; at the end of a throw whose landing nobody saw. recording: of the throw; scene: that
+    shows it.
     """
     one = throw.demonstration
     assert one is not None  # only what was cut can be shown
@@ -133,7 +152,14 @@ def play(
             when_down()
         if joints is not None and at_joints[k] >= 0:
             scene.move_arm(joints.position[at_joints[k]])
-        _move_bodies(scene, hand, ball, where["hand"][k], where["ball"][k], with_path=frames[k] >= throw.stamp_ns - 400_000_000)
+        _move_bodies(
+            scene,
+            hand,
+            ball,
+            where["hand"][k],
+            where["ball"][k],
+            with_path=frames[k] >= throw.stamp_ns - 400_000_000,
+        )
         timeline.insert_sleep(frame)
     if down >= len(frames):
         when_down()
@@ -142,14 +168,18 @@ def play(
 
 
 def _down_ns(throw: FoundThrow, frames: np.ndarray) -> int:
-    """When the ball came down, as a stamp [ns]; after the last of the frames (n,) [ns] if nobody saw it."""
+    """When the ball came down, as a stamp [ns]; after the last of the frames (n,) [ns] if nobody
+    saw it.
+    """
     outcome = throw.outcome
     if outcome is None or not outcome.landing_seen:
         return int(frames[-1]) + 1
     return throw.stamp_ns + round(1e9 * outcome.landing_time)
 
 
-def _move_bodies(scene: Scene, hand: PoseStream, ball: PoseStream, at_hand: int, at_ball: int, with_path: bool) -> None:
+def _move_bodies(
+    scene: Scene, hand: PoseStream, ball: PoseStream, at_hand: int, at_ball: int, with_path: bool
+) -> None:
     if at_hand >= 0:
         scene.move_hand(hand.position[at_hand], hand.quaternion[at_hand])
         if with_path:
@@ -161,6 +191,8 @@ def _move_bodies(scene: Scene, hand: PoseStream, ball: PoseStream, at_hand: int,
 
 
 def rows_at(stamps: np.ndarray, instants: np.ndarray) -> np.ndarray:
-    """Index (m,) of the last of stamps (n,) [ns] at each instant, -1 where that is long ago or there is none."""
+    """Index (m,) of the last of stamps (n,) [ns] at each instant, -1 where that is long ago or
+    there is none.
+    """
     rows = np.searchsorted(stamps, instants, side="right") - 1
     return np.where((rows >= 0) & (instants - stamps[np.maximum(rows, 0)] < LOST), rows, -1)

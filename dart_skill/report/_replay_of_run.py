@@ -17,15 +17,32 @@ def replay_of(run: Run) -> Replay | None:
     shown = in_replay(throws)
     if not shown:
         return None
-    guided = {k: throw.demonstration.id for k, throw in enumerate(run.guided) if throw.demonstration is not None}
+    guided = {
+        k: throw.demonstration.id
+        for k, throw in enumerate(run.guided)
+        if throw.demonstration is not None
+    }
     purposes = run.purposes
-    names = {k: ": ".join(filter(None, (purposes[n - 1], f"throw {n}"))) for k, n in run.numbers.items()} if run.own else guided
-    gaussians = {k: _gaussians(run, one.target) for k in shown if (one := throws[k].demonstration) is not None}
+    names = (
+        {
+            k: ": ".join(filter(None, (purposes[n - 1], f"throw {n}")))
+            for k, n in run.numbers.items()
+        }
+        if run.own
+        else guided
+    )
+    gaussians = {
+        k: _gaussians(run, one.target)
+        for k in shown
+        if (one := throws[k].demonstration) is not None
+    }
     return make_replay(run.recording, throws, run.shown, gaussians, names)
 
 
 def _gaussians(run: Run, target: np.ndarray) -> Sequence[Ellipsoid]:
-    """Gaussians of the skill for a basket; none without a skill, or where it knows nothing of the basket."""
+    """Gaussians of the skill for a basket; none without a skill, or where it knows nothing of the
+    basket.
+    """
     try:
         return component_ellipsoids(run.skill.mixture(target)) if run.skill else ()
     except ValueError:

@@ -1,4 +1,6 @@
-"""What a report tells, gathered from a bag: throws that were guided, throws of the arm's own, the skill, and what was run."""
+"""What a report tells, gathered from a bag: throws that were guided, throws of the arm's own, the
+skill, and what was run.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,14 @@ from typing import Any
 import numpy as np
 
 from dart_skill.figures import SAME_BASKET, Recording
-from dart_skill.recording import SKILL, BagError, Demonstration, GraphBag, read_demonstrations, skill_of
+from dart_skill.recording import (
+    SKILL,
+    BagError,
+    Demonstration,
+    GraphBag,
+    read_demonstrations,
+    skill_of,
+)
 from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.session import ThrowResult, find_throws
 from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, ThrowingSkill, learn_throwing
@@ -33,7 +42,8 @@ class Phase:
 
     * name: what they were for, such as "before practice".
     * throws: how many.
-    * learned_from: whether the arm learned from each of them; else they are a test, or only throws.
+    * learned_from: whether the arm learned from each of them; else they are a test, or only
+      throws.
     """
 
     name: str
@@ -51,7 +61,8 @@ class About:
     * parameters: texts of parameter files, by name.
     * configuration: of the skill, "" for the default one.
     * marks: what happened after so many of the throws that were learned from.
-    * phases: what the throws were for, in order of time; together they are all of them. Empty: nobody knows.
+    * phases: what the throws were for, in order of time; together they are all of them. Empty:
+      nobody knows.
     """
 
     title: str = "Throws of a bag"
@@ -96,28 +107,43 @@ class Run:
 
     @property
     def numbers(self) -> dict[int, int]:
-        """Number of the result, from 1 on, of each throw of the arm in the recording, by its index in `own`.
+        """Number of the result, from 1 on, of each throw of the arm in the recording, by its index
+        in `own`.
 
         Both are in order of time; a throw that never came about is a result only.
         """
         found, numbers = 0, {}
-        cut = [(k, throw.demonstration.target) for k, throw in enumerate(self.own) if throw.demonstration is not None]
+        cut = [
+            (k, throw.demonstration.target)
+            for k, throw in enumerate(self.own)
+            if throw.demonstration is not None
+        ]
         for number, result in enumerate(self.results, start=1):
-            if found < len(cut) and np.linalg.norm(np.subtract(cut[found][1], result.target)) < SAME_BASKET:
+            if (
+                found < len(cut)
+                and np.linalg.norm(np.subtract(cut[found][1], result.target)) < SAME_BASKET
+            ):
                 numbers[cut[found][0]] = number
                 found += 1
         return numbers
 
     @property
     def phases(self) -> list[tuple[Phase, tuple[ThrowResult, ...]]]:
-        """What the throws of the arm were for, and the results of each purpose; one without a name where nobody knows."""
+        """What the throws of the arm were for, and the results of each purpose; one without a name
+        where nobody knows.
+        """
         phases = self.about.phases or (Phase("", len(self.results)),)
         ends = np.cumsum([phase.throws for phase in phases])
-        return [(phase, self.results[end - phase.throws : end]) for phase, end in zip(phases, ends, strict=True)]
+        return [
+            (phase, self.results[end - phase.throws : end])
+            for phase, end in zip(phases, ends, strict=True)
+        ]
 
     @property
     def tests(self) -> list[tuple[Phase, tuple[ThrowResult, ...]]]:
-        """The phases at the same baskets each, from which nothing was learned; none where nothing was practised."""
+        """The phases at the same baskets each, from which nothing was learned; none where nothing
+        was practised.
+        """
         practised = any(phase.learned_from for phase, _ in self.phases)
         return [one for one in self.phases if practised and not one[0].learned_from and one[1]]
 
@@ -131,12 +157,17 @@ class Run:
     @property
     def practised(self) -> tuple[ThrowResult, ...]:
         """The throws from which the arm learned, in order of time."""
-        return tuple(result for phase, results in self.phases if phase.learned_from for result in results)
+        return tuple(
+            result for phase, results in self.phases if phase.learned_from for result in results
+        )
 
     @property
     def recordings(self) -> list[Recording]:
         """The stretches between two resets of the world, as the figures want them."""
-        return [_stretch(self, since, until) for since, until in worlds([self.recording.bodies["hand"].stamp_ns])]
+        return [
+            _stretch(self, since, until)
+            for since, until in worlds([self.recording.bodies["hand"].stamp_ns])
+        ]
 
 
 def read_run(
@@ -146,8 +177,9 @@ def read_run(
 ) -> Run:
     """Everything that a bag tells of a run; BagError says what is wrong with it.
 
-    about: what is known besides. results: of the arm's throws as they were judged in the run, which has those, too, that came to nothing;
-    by default they are judged again, by what the cameras saw. ValueError if phases do not add up to all throws.
+    about: what is known besides. results: of the arm's throws as they were judged in the run,
+    which has those, too, that came to nothing; by default they are judged again, by what the
+    cameras saw. ValueError if phases do not add up to all throws.
     """
     bag = Path(bag)
     if (name := skill_of(bag)) != SKILL:
@@ -159,21 +191,43 @@ def read_run(
     learned = _learned(shown, described.configuration) if shown else None
     recording = read_recording(bag)
     throws = find_throws(recording)
-    guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
-    shown = shown or tuple(throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows)
-    judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)
+    guided, own = (
+        tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False)
+    )
+    shown = shown or tuple(
+        throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows
+    )
+    judged = (
+        tuple(result_of(throw) for throw in own if throw.demonstration is not None)
+        if results is None
+        else tuple(results)
+    )
     _check_phases(described.phases, len(judged))
     skill, notes = learned or _learned(shown, described.configuration)
     uncut = Counter(throw.reason for throw in throws if throw.demonstration is None)
-    notes += [f"{n} throws could not be cut: {why}" if n > 1 else f"could not be cut: {why}" for why, n in uncut.items()]
+    notes += [
+        f"{n} throws could not be cut: {why}" if n > 1 else f"could not be cut: {why}"
+        for why, n in uncut.items()
+    ]
     return Run(
-        bag, described, recording, guided, own, judged, shown, skill, recording.command_stamps, (*fault_lines(recording.faults), *notes)
+        bag,
+        described,
+        recording,
+        guided,
+        own,
+        judged,
+        shown,
+        skill,
+        recording.command_stamps,
+        (*fault_lines(recording.faults), *notes),
     )
 
 
 def _check_phases(phases: Sequence[Phase], n_throws: int) -> None:
     if phases and sum(phase.throws for phase in phases) != n_throws:
-        raise ValueError(f"phases {phases} of {n_throws} throws: their numbers must add up to all throws")
+        raise ValueError(
+            f"phases {phases} of {n_throws} throws: their numbers must add up to all throws"
+        )
 
 
 def result_of(throw: FoundThrow) -> ThrowResult:
@@ -208,17 +262,33 @@ def machine() -> str:
     except (OSError, KeyError, AttributeError):
         system = platform.system()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return f"{system}, {platform.system()} {platform.release().split('-')[0]}, {platform.machine()}, {cores} cores"
+    return (
+        f"{system}, {platform.system()} {platform.release().split('-')[0]}, {platform.machine()},"
+        f" {cores} cores"
+    )
 
 
 def describe(bag: Path, about: About) -> About:
     """What the bag says of itself added to what is known."""
     with GraphBag(bag) as reader:
-        told = {name.capitalize(): text for name, text in reader.custom_data.items() if text.strip("{}[] ")}
+        told = {
+            name.capitalize(): text
+            for name, text in reader.custom_data.items()
+            if text.strip("{}[] ")
+        }
         size = sum(file.size for file in reader.files)
-        told["Bag"] = f"{bag.name}: {reader.message_count} messages on {len(reader.topics)} topics, {size / 1e6:.1f} MB"
-        told["Recorded time"] = f"{(reader.end_ns - reader.start_ns) * 1e-9:.1f} s on the clock of the recorder"
-        files = {item.name: item.data.decode("utf-8", "replace")[:MOST_TEXT] for item in reader.attachments() if "yaml" in item.media_type}
+        told["Bag"] = (
+            f"{bag.name}: {reader.message_count} messages on {len(reader.topics)} topics,"
+            f" {size / 1e6:.1f} MB"
+        )
+        told["Recorded time"] = (
+            f"{(reader.end_ns - reader.start_ns) * 1e-9:.1f} s on the clock of the recorder"
+        )
+        files = {
+            item.name: item.data.decode("utf-8", "replace")[:MOST_TEXT]
+            for item in reader.attachments()
+            if "yaml" in item.media_type
+        }
     facts, parameters = {**told, **about.facts}, {**files, **about.parameters}
     return replace(about, facts=facts, parameters=parameters)
 
@@ -242,9 +312,16 @@ def _learned(shown: Sequence[Demonstration], name: str) -> tuple[ThrowingSkill |
 
 def _stretch(run: Run, since: int, until: int) -> Recording:
     bodies, stamps = run.recording.bodies, run.command_stamps
-    parts = {name: (bodies[name].stamp_ns >= since) & (bodies[name].stamp_ns <= until) for name in ("hand", "ball", "basket")}
+    parts = {
+        name: (bodies[name].stamp_ns >= since) & (bodies[name].stamp_ns <= until)
+        for name in ("hand", "ball", "basket")
+    }
     basket = bodies["basket"].position[parts["basket"]]
-    opened = [one.stamp_ns for one in run.recording.openings if since <= one.stamp_ns <= until and not one.taught]
+    opened = [
+        one.stamp_ns
+        for one in run.recording.openings
+        if since <= one.stamp_ns <= until and not one.taught
+    ]
     hand, ball = bodies["hand"], bodies["ball"]
     return Recording(
         hand.stamp_ns[parts["hand"]],

@@ -10,7 +10,18 @@ from matplotlib.figure import Figure
 
 from dart_skill.common.extras import remedy
 from dart_skill.figures import arm_darts_figure, trials_figure
-from dart_skill.report._html import HANDLING, embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
+from dart_skill.report._html import (
+    HANDLING,
+    embedded,
+    escaped,
+    figure,
+    large,
+    one_line,
+    page,
+    quiet,
+    table_of,
+    what_was_run,
+)
 from dart_skill.report._pictures import Picture, picture
 from dart_skill.report._replay import Replay
 from dart_skill.report._skill_replay import replay_of, shown_in_replay
@@ -20,10 +31,12 @@ from dart_skill.skills.protocol import TaskDemonstration
 from dart_skill.view import ViewUnavailable
 
 TRIALS = (
-    "(a) From above: ways of the hand that were shown, where bodies stood then (dashed), and where it was tried. (b) The same ways from the"
-    " side. (c) The error of each trial."
+    "(a) From above: ways of the hand that were shown, where bodies stood then (dashed), and where"
+    " it was tried. (b) The same ways from the side. (c) The error of each trial."
 )
-DARTS = "Spread, aim and score over the own throws, and where they hit, all as the cameras saw them."
+DARTS = (
+    "Spread, aim and score over the own throws, and where they hit, all as the cameras saw them."
+)
 
 
 def skill_pictures(run: SkillRun, summary: SkillSummary | DartsSummary | None) -> list[Picture]:
@@ -34,17 +47,34 @@ def skill_pictures(run: SkillRun, summary: SkillSummary | DartsSummary | None) -
         drawn.append(("darts", "Darts", DARTS, partial(arm_darts_figure, darts)))
     else:
         of = summary or SkillSummary(run.skill.name, 0, str(run.bag), len(run.shown), 0, (), 0.0)
-        drawn.append(("trials", "What was shown, and tried", TRIALS, partial(trials_figure, of, run.skill, run.shown)))
+        drawn.append(
+            (
+                "trials",
+                "What was shown, and tried",
+                TRIALS,
+                partial(trials_figure, of, run.skill, run.shown),
+            )
+        )
     return [picture(*one) for one in drawn]
 
 
-def skill_page_of(run: SkillRun, drawn: Sequence[Picture], summary: SkillSummary | DartsSummary | None = None) -> str:
-    """The page of a run with its pictures; the same for the same run, versions and machine. drawn: the pictures."""
+def skill_page_of(
+    run: SkillRun, drawn: Sequence[Picture], summary: SkillSummary | DartsSummary | None = None
+) -> str:
+    """The page of a run with its pictures; the same for the same run, versions and machine. drawn:
+    the pictures.
+    """
     try:
         replay: Replay | None = replay_of(run)
         why = ""
     except ViewUnavailable:
-        replay, why = None, f"The replay needs the package viser, which was not there: {remedy('viser')}, then make it again."
+        replay, why = (
+            None,
+            (
+                f"The replay needs the package viser, which was not there: {remedy('viser')}, then"
+                " make it again."
+            ),
+        )
     sections = [
         _numbers(run, summary),
         _replay_section(run, replay, why),
@@ -67,7 +97,12 @@ def _numbers(run: SkillRun, summary: SkillSummary | DartsSummary | None) -> str:
             shown.append((f"{np.median(errors):.1f} mm", "median error"))
             shown.append((f"{max(errors):.1f} mm", "largest error"))
     if isinstance(summary, DartsSummary):
-        shown.append((f"{np.mean([dart.score for dart in summary.run.darts[-25:]]):.1f}", "points a dart, the last 25"))
+        shown.append(
+            (
+                f"{np.mean([dart.score for dart in summary.run.darts[-25:]]):.1f}",
+                "points a dart, the last 25",
+            )
+        )
     if "Seed" in run.about.facts:
         shown.append((escaped(run.about.facts["Seed"]), "seed"))
     return large(shown)
@@ -76,7 +111,11 @@ def _numbers(run: SkillRun, summary: SkillSummary | DartsSummary | None) -> str:
 def _replay_section(run: SkillRun, replay: Replay | None, why: str) -> str:
     if replay is None:
         return f"<h2>Replay</h2>{quiet(escaped(why))}"
-    what = "movements of the arm" if any(not one.guided for one in run.movements) else "guided movements"
+    what = (
+        "movements of the arm"
+        if any(not one.guided for one in run.movements)
+        else "guided movements"
+    )
     return (
         f"<h2>Replay</h2><p>{len(replay.starts)} {what}, {replay.seconds:.0f} s. {HANDLING}</p>"
         f"{embedded('Replay of the movements in three dimensions', replay.html)}"
@@ -100,8 +139,15 @@ def _trials_section(run: SkillRun, replay: Replay | None) -> str:
     if not run.trials:
         said = "What became of trials is not in a bag: the folder of a run has it (summary.json)."
         return f"<h2>Trials</h2>{quiet(said)}"
-    begun = {one.name: f"{replay.starts[k]:.1f}" for k, one in enumerate(shown_in_replay(run))} if replay else {}
-    rows = [_cells(run, number, one, begun.get(f"trial {number}", "")) for number, one in enumerate(run.trials, start=1)]
+    begun = (
+        {one.name: f"{replay.starts[k]:.1f}" for k, one in enumerate(shown_in_replay(run))}
+        if replay
+        else {}
+    )
+    rows = [
+        _cells(run, number, one, begun.get(f"trial {number}", ""))
+        for number, one in enumerate(run.trials, start=1)
+    ]
     head = ["", "error [mm]", "result", "replay [s]", "situation"]
     return f"<h2>Trials</h2>{table_of(head, rows, [one_line(one.why) for one in run.trials])}"
 
@@ -109,7 +155,13 @@ def _trials_section(run: SkillRun, replay: Replay | None) -> str:
 def _cells(run: SkillRun, number: int, one: SkillResult, begun: str) -> list[str]:
     error = "-" if one.error_m is None else f"{1e3 * one.error_m:.1f}"
     result = "done" if one.outcome.success else '<span class="out">failed</span>'
-    return [str(number), error, result, begun, escaped(in_words(one.situation, units=run.skill.units))]
+    return [
+        str(number),
+        error,
+        result,
+        begun,
+        escaped(in_words(one.situation, units=run.skill.units)),
+    ]
 
 
 def _demonstrations_section(run: SkillRun) -> str:
@@ -117,7 +169,11 @@ def _demonstrations_section(run: SkillRun) -> str:
     for one in run.shown:
         start, stop = run.skill.cut(one)
         rows.append([escaped(one.id), f"{stop - start:.1f}", escaped(_situation(run, one, start))])
-    table = table_of(["", "duration [s]", "situation"], rows, [""] * len(rows)) if rows else quiet("There are none in this bag.")
+    table = (
+        table_of(["", "duration [s]", "situation"], rows, [""] * len(rows))
+        if rows
+        else quiet("There are none in this bag.")
+    )
     return f"<h2>Demonstrations</h2>{table}"
 
 

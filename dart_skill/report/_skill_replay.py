@@ -30,7 +30,9 @@ def replay_of(run: SkillRun) -> Replay:
         scene = Scene(server, skill=run.skill)
         eye, looks_at = scene.first_sight
         scene.show_ways([one.hand_position for one in run.shown], np.empty((0, 3)))
-        label = server.scene.add_label("/movement", "", position=looks_at + [0.0, 0.0, ABOVE], anchor="bottom-center")
+        label = server.scene.add_label(
+            "/movement", "", position=looks_at + [0.0, 0.0, ABOVE], anchor="bottom-center"
+        )
         serializer = server.get_scene_serializer()
         starts: dict[int, float] = {}
         seconds = 0.0

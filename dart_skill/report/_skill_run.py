@@ -1,4 +1,6 @@
-"""What a report tells of a run of any skill but throws at baskets, gathered from its bag and from what became of its trials."""
+"""What a report tells of a run of any skill but throws at baskets, gathered from its bag and from
+what became of its trials.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ JOINTS, GUIDING = "/joint_states", "/wam/teacher_wrench"
 SHORTEST = 0.5
 """A world that was set anew again after less is none in which something was done [s]."""
 STILL = 0.02
-"""A hand that stays so near to one place is not moved [m]; cameras see it there with some noise."""
+"""A hand that stays so near to one place is not moved [m]; cameras see it there with some noise.
+"""
 Stamped = tuple[np.ndarray, np.ndarray]
 """Stamps (n,) [ns], and a row of numbers for each (n, d)."""
 
@@ -32,7 +35,8 @@ class Movement:
     """What was done between two resets of the world.
 
     * since, until: first and last stamp [ns]; guided: by a person.
-    * name: of the demonstration that it became, or of the arm's own "trial 1", "trial 2", ..., "movement 1", ... where nobody judged them.
+    * name: of the demonstration that it became, or of the arm's own "trial 1", "trial 2", ...,
+      "movement 1", ... where nobody judged them.
     * result: what became of a trial, if that is known.
     """
 
@@ -49,7 +53,8 @@ class SkillRun:
 
     * bag: that was read; about: what is known of the run beyond it; skill: of the run.
     * shown: the demonstrations.
-    * poses: of hand and bodies by role, position and quaternion (n, 7); joints: of the arm, angles (n, 7).
+    * poses: of hand and bodies by role, position and quaternion (n, 7); joints: of the arm, angles
+      (n, 7).
     * movements: in order of time.
     * trials: as they were judged in the run; empty where only the bag is known.
     * notes: what is missing, and why.
@@ -67,18 +72,25 @@ class SkillRun:
 
 
 def read_skill_run(
-    bag: str | os.PathLike, skill: Skill, about: About | None = None, trials: Sequence[SkillResult] = (), then: Sequence[str] = ()
+    bag: str | os.PathLike,
+    skill: Skill,
+    about: About | None = None,
+    trials: Sequence[SkillResult] = (),
+    then: Sequence[str] = (),
 ) -> SkillRun:
     """Everything that a bag tells of a run of a skill; BagError says what is wrong with it.
 
-    trials: what became of them, as they were judged in the run. then: what the arm did after them, such as "501, dart 1". about: what is
-    known besides.
+    trials: what became of them, as they were judged in the run. then: what the arm did after them,
+    such as "501, dart 1". about: what is known besides.
     """
     bag = Path(bag)
     described = describe(bag, about or About(f"{skill.name.capitalize()}: a bag"))
     shown = tuple(read_task_demonstrations(bag, skill))
     with GraphBag(bag) as reader:
-        poses = {role: _poses(reader, pose_topic(the_world().body(role))) for role in (HAND, *skill.bodies)}
+        poses = {
+            role: _poses(reader, pose_topic(the_world().body(role)))
+            for role in (HAND, *skill.bodies)
+        }
         joints, guided = _joints(reader), _stamps(reader, GUIDING)
     if not len(poses[HAND][0]):
         raise BagError(f"{bag}: no poses of the hand: record {pose_topic(the_world().hand_body)}")
@@ -87,17 +99,34 @@ def read_skill_run(
 
 
 def _movements(
-    hand: Stamped, guided: np.ndarray, shown: Sequence[TaskDemonstration], trials: Sequence[SkillResult], then: Sequence[str]
+    hand: Stamped,
+    guided: np.ndarray,
+    shown: Sequence[TaskDemonstration],
+    trials: Sequence[SkillResult],
+    then: Sequence[str],
 ) -> tuple[tuple[Movement, ...], tuple[str, ...]]:
     """What was done in each world, and what there is to say of it."""
-    done = [since_until for since_until in worlds([hand[0]]) if since_until[1] - since_until[0] >= SHORTEST * 1e9]
-    own = [bool(np.searchsorted(guided, since) == np.searchsorted(guided, until, side="right")) for since, until in done]
+    done = [
+        since_until
+        for since_until in worlds([hand[0]])
+        if since_until[1] - since_until[0] >= SHORTEST * 1e9
+    ]
+    own = [
+        bool(np.searchsorted(guided, since) == np.searchsorted(guided, until, side="right"))
+        for since, until in done
+    ]
     # In a world in which nobody guides the arm, and it rests, nobody asked for anything.
     kept = [k for k, world in enumerate(done) if not (own[k] and _is_still(hand, *world))]
     done, own = [done[k] for k in kept], [own[k] for k in kept]
     matched = sum(own) == len(trials) + len(then)
-    numbered = [(f"trial {number}", one) for number, one in enumerate(trials, start=1)] + [(name, None) for name in then]
-    names = iter(numbered if matched else [(f"movement {number}", None) for number in range(1, sum(own) + 1)])
+    numbered = [(f"trial {number}", one) for number, one in enumerate(trials, start=1)] + [
+        (name, None) for name in then
+    ]
+    names = iter(
+        numbered
+        if matched
+        else [(f"movement {number}", None) for number in range(1, sum(own) + 1)]
+    )
     found = []
     for (since, until), is_own in zip(done, own, strict=True):
         if is_own:
@@ -105,14 +134,19 @@ def _movements(
         else:
             ids = [one.id for one in shown if since <= one.stamp_ns <= until]
             found.append(Movement(since, until, True, ids[0] if ids else "an attempt that failed"))
-    differ = f"the bag holds {sum(own)} movements of the arm's own, and {len(trials)} trials were judged: they are not matched"
+    differ = (
+        f"the bag holds {sum(own)} movements of the arm's own, and {len(trials)} trials were"
+        " judged: they are not matched"
+    )
     return tuple(found), ((differ,) if trials and not matched else ())
 
 
 def _is_still(hand: Stamped, since: int, until: int) -> bool:
     """Whether the hand stayed where it was between two stamps [ns]."""
     stamps, poses = hand
-    places = poses[np.searchsorted(stamps, since) : np.searchsorted(stamps, until, side="right"), :3]
+    places = poses[
+        np.searchsorted(stamps, since) : np.searchsorted(stamps, until, side="right"), :3
+    ]
     return bool(np.linalg.norm(places - np.median(places, axis=0), axis=1).max() < STILL)
 
 
@@ -120,21 +154,28 @@ def _poses(reader: BagReader, topic: str) -> Stamped:
     if topic not in reader.topics:
         return np.empty(0, dtype=np.int64), np.empty((0, 7))
     messages = [item.data for item in reader.messages([topic], every_ns=FRAME_NS)]
-    return _ordered([stamp_ns(one.header.stamp) for one in messages], np.hstack(pose_rows(messages)) if messages else np.empty((0, 7)))
+    return _ordered(
+        [stamp_ns(one.header.stamp) for one in messages],
+        np.hstack(pose_rows(messages)) if messages else np.empty((0, 7)),
+    )
 
 
 def _joints(reader: BagReader) -> Stamped:
     if JOINTS not in reader.topics:
         return np.empty(0, dtype=np.int64), np.empty((0, 7))
     messages = [item.data for item in reader.messages([JOINTS], every_ns=FRAME_NS)]
-    return _ordered([stamp_ns(one.header.stamp) for one in messages], arm_rows(messages, "position"))
+    return _ordered(
+        [stamp_ns(one.header.stamp) for one in messages], arm_rows(messages, "position")
+    )
 
 
 def _stamps(reader: BagReader, topic: str) -> np.ndarray:
     """Stamps of the messages of a topic, thinned (n,) [ns]."""
     if topic not in reader.topics:
         return np.empty(0, dtype=np.int64)
-    return np.sort([stamp_ns(item.data.header.stamp) for item in reader.messages([topic], every_ns=FRAME_NS)])
+    return np.sort(
+        [stamp_ns(item.data.header.stamp) for item in reader.messages([topic], every_ns=FRAME_NS)]
+    )
 
 
 def _ordered(stamps: Sequence[int], rows: np.ndarray) -> Stamped:

@@ -25,10 +25,12 @@ def write_page(
     results: Sequence[ThrowResult] | None = None,
     figures: str | os.PathLike | None = None,
 ) -> list[Path]:
-    """Write the page of a bag to the file `output`; returns the paths of everything that was written, the page first.
+    """Write the page of a bag to the file `output`; returns the paths of everything that was
+    written, the page first.
 
-    about: what is known of the run besides. results: of the arm's throws as the run judged them; judged again from the bag by default.
-    figures: a folder that gets every figure as SVG and PNG, too. BagError if the bag cannot be read; then nothing is written.
+    about: what is known of the run besides. results: of the arm's throws as the run judged them;
+    judged again from the bag by default. figures: a folder that gets every figure as SVG and PNG,
+    too. BagError if the bag cannot be read; then nothing is written.
     """
     run, output = read_run(bag, about, results), Path(output)
     drawn = pictures(run)
@@ -39,8 +41,11 @@ def write_page(
     return [output, *(save_pictures(drawn, figures) if figures is not None else [])]
 
 
-def write_skill_report(summary: SkillSummary | DartsSummary, skill: Skill, output: Path, about: About) -> list[Path]:
-    """Write summary.json, the page and every picture of a run of any other skill into `output`; returns the paths.
+def write_skill_report(
+    summary: SkillSummary | DartsSummary, skill: Skill, output: Path, about: About
+) -> list[Path]:
+    """Write summary.json, the page and every picture of a run of any other skill into `output`;
+    returns the paths.
 
     about: what is known besides.
     """
@@ -56,12 +61,15 @@ def write_skill_report(summary: SkillSummary | DartsSummary, skill: Skill, outpu
     return [*written, path, *save_pictures(drawn, output)]
 
 
-def write_report(summary: DemoSummary, bag: Path, output: Path, about: About | None = None) -> list[Path]:
+def write_report(
+    summary: DemoSummary, bag: Path, output: Path, about: About | None = None
+) -> list[Path]:
     """Write summary.json, the page and every picture into `output`; returns the paths.
 
     about: what the page says of the run besides.
 
-    The skill is learned again from the bag: the same demonstrations give the same plans to the last bit.
+    The skill is learned again from the bag: the same demonstrations give the same plans to the
+    last bit.
     """
     written = [write_summary(summary, output)]
     return written + write_page(bag, Path(output) / PAGE, about, summary.throws, output)

@@ -1,9 +1,17 @@
-"""Teaching, learning and throwing in one process without ROS, learning from a bag, and what a run amounts to."""
+"""Teaching, learning and throwing in one process without ROS, learning from a bag, and what a run
+amounts to.
+"""
 
 from typing import TYPE_CHECKING
 
 from dart_skill.common.lazy import on_first_use
-from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
+from dart_skill.session._skill_summary import (
+    SkillResult,
+    SkillSummary,
+    in_words,
+    situation_json,
+    skill_table,
+)
 from dart_skill.session._summary import (
     DemoSummary,
     ThrowResult,
@@ -59,14 +67,18 @@ else:
             "_belt": "BeltSession",
             "_bench": "BenchSession",
             "_darts_demo": "Hit darts_demo play_leg throw_dart",
-            "_darts_run": "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair before_the_throw darts_json darts_table "
-            "summarise",
+            "_darts_run": (
+                "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair"
+                " before_the_throw darts_json darts_table summarise"
+            ),
             "_demo": "Job throwing_demo",
             "_disagreement": "Cause Disagreement disagreement",
             "_finding": "find_throws",
             "_from_bag": "LearnReport NothingLearned learn_from_bag",
-            "_from_lerobot": "learn_other_throws_from_dataset learn_skill_from_dataset learn_throws_from_dataset open_dataset "
-            "skill_of_dataset",
+            "_from_lerobot": (
+                "learn_other_throws_from_dataset learn_skill_from_dataset"
+                " learn_throws_from_dataset open_dataset skill_of_dataset"
+            ),
             "_in_process": "Session Trial",
             "_reaching_person": "ReachingPerson",
             "_session_bag": "LAYOUT SessionBag",

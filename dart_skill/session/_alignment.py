@@ -1,6 +1,8 @@
-"""The hand of a recording at some instants, as the arm's joints and as the cameras tell it, and how their clocks differ.
+"""The hand of a recording at some instants, as the arm's joints and as the cameras tell it, and
+how their clocks differ.
 
-Nothing is taken for granted of order, units or axes: instants are chosen, and clocks compared, by how fast something moves.
+Nothing is taken for granted of order, units or axes: instants are chosen, and clocks compared, by
+how fast something moves.
 """
 
 from __future__ import annotations
@@ -71,7 +73,8 @@ class Instants:
 
 
 def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
-    """By how much the stamps of joints and cameras differ, from when the arm and when the hand moves; any unit and order will do.
+    """By how much the stamps of joints and cameras differ, from when the arm and when the hand
+    moves; any unit and order will do.
 
     * hand: poses that the cameras saw.
     * joints: of the arm.
@@ -82,7 +85,9 @@ def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
         return ClockOffset((), 0.0, 0.0)
     lags, correlation, shared = correlations(*map(np.nan_to_num, (seen[1], arm[1])))
     offsets = lags / RATE + arm[0] - seen[0]
-    merit = correlation * np.sqrt(shared)  # of movements that repeat themselves, what explains more of them
+    merit = correlation * np.sqrt(
+        shared
+    )  # of movements that repeat themselves, what explains more of them
     best = [int(np.argmax(merit))]
     near = round(APART * RATE)
     while len(best) < CANDIDATES:
@@ -101,31 +106,44 @@ def diverse_instants(hand: PoseStream, joints: JointStream, offset: float, slow:
 
     * hand, joints: what was recorded.
     * offset: of the joints' stamps after the cameras' [s].
-    * slow: among the slower half of the samples, where clocks tell little; else among the faster half.
+    * slow: among the slower half of the samples, where clocks tell little; else among the faster
+      half.
     """
     rows = np.unique(np.linspace(0, len(hand) - 1, LOOKED_AT).round().astype(int))
     found = at_instants(hand.take(rows), joints, offset)
     if len(found.seconds) < 4:
         return found
-    speed = np.linalg.norm(joints_at(joints, found.seconds + 0.02)[0] - joints_at(joints, found.seconds - 0.02)[0], axis=1)
+    speed = np.linalg.norm(
+        joints_at(joints, found.seconds + 0.02)[0] - joints_at(joints, found.seconds - 0.02)[0],
+        axis=1,
+    )
     limit = np.median(speed)
     chosen = np.flatnonzero(speed <= limit if slow else speed >= limit)
     return take(found, chosen[_farthest_points(found.joints[chosen], INSTANTS)])
 
 
 def at_instants(hand: PoseStream, joints: JointStream, offset: float) -> Instants:
-    """Every pose of the hand for which the joints are known. offset: of the joints' stamps after the cameras' [s]."""
+    """Every pose of the hand for which the joints are known. offset: of the joints' stamps after
+    the cameras' [s].
+    """
     seconds = 1e-9 * (hand.stamp_ns - joints.stamp_ns[0]) + offset
     values, known = joints_at(joints, seconds)
     norm = np.linalg.norm(hand.quaternion, axis=1, keepdims=True)
-    quaternion = np.where(np.abs(norm - 1.0) < 0.1, hand.quaternion / np.where(norm > 0.0, norm, 1.0), np.nan)
+    quaternion = np.where(
+        np.abs(norm - 1.0) < 0.1, hand.quaternion / np.where(norm > 0.0, norm, 1.0), np.nan
+    )
     known &= np.isfinite(hand.position).all(axis=1) & np.isfinite(values).all(axis=1)
     return Instants(seconds[known], values[known], hand.position[known], quaternion[known])
 
 
 def take(instants: Instants, rows: np.ndarray) -> Instants:
     """Some of the instants. rows: an index array or mask."""
-    return Instants(instants.seconds[rows], instants.joints[rows], instants.position[rows], instants.quaternion[rows])
+    return Instants(
+        instants.seconds[rows],
+        instants.joints[rows],
+        instants.position[rows],
+        instants.quaternion[rows],
+    )
 
 
 def joints_at(joints: JointStream, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -141,14 +159,20 @@ def joints_at(joints: JointStream, seconds: np.ndarray) -> tuple[np.ndarray, np.
     after = np.clip(np.searchsorted(time, seconds), 1, len(time) - 1)
     step = time[after] - time[after - 1]
     share = np.clip((seconds - time[after - 1]) / step, 0.0, 1.0)[:, None]
-    leaps = np.abs(values[after] - values[after - 1]).max(axis=1) > 0.5 * np.pi  # as where an angle is counted within a turn
+    leaps = (
+        np.abs(values[after] - values[after - 1]).max(axis=1) > 0.5 * np.pi
+    )  # as where an angle is counted within a turn
     nearest = values[np.where(share[:, 0] < 0.5, after - 1, after)]
-    found = np.where(leaps[:, None], nearest, (1.0 - share) * values[after - 1] + share * values[after])
+    found = np.where(
+        leaps[:, None], nearest, (1.0 - share) * values[after - 1] + share * values[after]
+    )
     return found, (seconds >= time[0]) & (seconds <= time[-1]) & (step < GAP)
 
 
 def activity(stamp_ns: np.ndarray, values: np.ndarray) -> tuple[float, np.ndarray] | None:
-    """When a stream begins [s], and how fast it moves from then on at RATE, from 0 to 1, nan where it is silent; None if it never moves."""
+    """When a stream begins [s], and how fast it moves from then on at RATE, from 0 to 1, nan where
+    it is silent; None if it never moves.
+    """
     good = np.isfinite(values).all(axis=1)
     stamps, rows = np.unique(stamp_ns[good], return_index=True)
     if len(stamps) < 2 * WINDOW:
@@ -166,8 +190,8 @@ def activity(stamp_ns: np.ndarray, values: np.ndarray) -> tuple[float, np.ndarra
 
 
 def correlations(seen: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lags (k,) of the second behind the first that leave enough to compare [samples], with each the correlation (k,), and how much of the
-    shorter one is compared (k,), from 0 to 1.
+    """Lags (k,) of the second behind the first that leave enough to compare [samples], with each
+    the correlation (k,), and how much of the shorter one is compared (k,), from 0 to 1.
     """
     from scipy.signal import correlate, correlation_lags
 
@@ -175,9 +199,14 @@ def correlations(seen: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndar
     ones = np.ones_like(seen), np.ones_like(arm)
     count = np.maximum(np.round(correlate(ones[1], ones[0])), 1.0)
     total_arm, total_seen = correlate(arm, ones[0]) / count, correlate(ones[1], seen) / count
-    square_arm, square_seen = correlate(arm**2, ones[0]) / count, correlate(ones[1], seen**2) / count
+    square_arm, square_seen = (
+        correlate(arm**2, ones[0]) / count,
+        correlate(ones[1], seen**2) / count,
+    )
     covariance = correlate(arm, seen) / count - total_arm * total_seen
-    spread = np.sqrt(np.maximum(square_arm - total_arm**2, 1e-9) * np.maximum(square_seen - total_seen**2, 1e-9))
+    spread = np.sqrt(
+        np.maximum(square_arm - total_arm**2, 1e-9) * np.maximum(square_seen - total_seen**2, 1e-9)
+    )
     shared = count / min(len(seen), len(arm))
     enough = shared >= OVERLAP
     return lags[enough], (covariance / spread)[enough], shared[enough]

@@ -15,10 +15,14 @@ HAS = {"wam_simulator", "mock_optitrack", "teacher", "commander"}
 def parameters_of_arm(name: str, settings: Iterable[str] = ()) -> Callable[[str], dict[str, Any]]:
     """From the name of a node to its parameters.
 
-    name: of an arm of config/fleet.yaml, "ideal" or another one, or "fleet:SEED"; settings: further parameters, each as
-    NODE.PARAMETER=VALUE. ValueError for parameters of a node that no session has.
+    name: of an arm of config/fleet.yaml, "ideal" or another one, or "fleet:SEED"; settings:
+    further parameters, each as NODE.PARAMETER=VALUE. ValueError for parameters of a node that no
+    session has.
     """
     differs = arm_with(name, settings)
     if unknown := set(differs) - HAS:
-        raise ValueError(f"config/fleet.yaml: the arm '{name}' sets parameters of {', '.join(sorted(unknown))}, which no session has")
+        raise ValueError(
+            f"config/fleet.yaml: the arm '{name}' sets parameters of {', '.join(sorted(unknown))},"
+            " which no session has"
+        )
     return lambda node: {**node_parameters(node_file(node), node), **differs.get(node, {})}

@@ -1,4 +1,6 @@
-"""A mapping that nobody wrote: roles by the names of topics, and what mends a disagreement of joints and cameras."""
+"""A mapping that nobody wrote: roles by the names of topics, and what mends a disagreement of
+joints and cameras.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,18 @@ from dart_skill.session._disagreement import Disagreement, disagreement
 
 
 def auto_mapping(path: str | os.PathLike) -> tuple[RecordingMapping, Disagreement | None]:
-    """The mapping by which a bag reads right, and what was mended; None where joints and cameras agree without it.
+    """The mapping by which a bag reads right, and what was mended; None where joints and cameras
+    agree without it.
 
     * path: of the bag.
 
-    BagError for a bag whose topics do not tell what is what, ValueError for a disagreement that no mapping mends.
+    BagError for a bag whose topics do not tell what is what, ValueError for a disagreement that no
+    mapping mends.
     """
     named = _by_names(path)
-    named = with_remedies(named, (fault for fault in read_recording(path, named).faults if fault.is_of_time))
+    named = with_remedies(
+        named, (fault for fault in read_recording(path, named).faults if fault.is_of_time)
+    )
     found = disagreement(path, named)
     if found is not None and found.mapping is None:
         raise ValueError(f"{path}: {found}")
@@ -35,16 +41,32 @@ def auto_mapping(path: str | os.PathLike) -> tuple[RecordingMapping, Disagreemen
 
 
 def _by_names(path: str | os.PathLike) -> RecordingMapping:
-    """Our own topics where they are there; else for each role the only topic with poses that has its name in it."""
+    """Our own topics where they are there; else for each role the only topic with poses that has
+    its name in it.
+    """
     with BagReader(path) as bag:
         topics = {name: topic for name, topic in bag.topics.items() if topic.count}
         posed, states = filled_topics(bag, *POSE_TYPES), filled_topics(bag, "JointState")
     bodies = {
-        role: where if where.topic in topics else PoseSource(topic=_pose_topic(path, posed, role)) for role, where in OWN.bodies.items()
+        role: where if where.topic in topics else PoseSource(topic=_pose_topic(path, posed, role))
+        for role, where in OWN.bodies.items()
     }
-    joints = "/joint_states" if "/joint_states" in states else max(states, key=lambda name: topics[name].count, default="")
-    signals = {name: where for name in ("teacher", "command") if (where := getattr(OWN, name)) is not None and where.topic in topics}
-    return replace(OWN, bodies=bodies, joints=SignalSource(joints) if joints else None, **{"teacher": None, "command": None, **signals})
+    joints = (
+        "/joint_states"
+        if "/joint_states" in states
+        else max(states, key=lambda name: topics[name].count, default="")
+    )
+    signals = {
+        name: where
+        for name in ("teacher", "command")
+        if (where := getattr(OWN, name)) is not None and where.topic in topics
+    }
+    return replace(
+        OWN,
+        bodies=bodies,
+        joints=SignalSource(joints) if joints else None,
+        **{"teacher": None, "command": None, **signals},
+    )
 
 
 def _pose_topic(path: str | os.PathLike, posed: list[str], role: str) -> str:

@@ -1,4 +1,6 @@
-"""A skill at the workbench in one process, without ROS: shown, learned, carried out and judged by what the cameras see."""
+"""A skill at the workbench in one process, without ROS: shown, learned, carried out and judged by
+what the cameras see.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ class BenchSession(SkillSession):
     * skill: that is taught; its bodies are those of the bench.
     * seed: int, default 0. Everything random comes from it.
     * bench: what stands on the table, default what the skill's settings say of it.
-    * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as NODE.PARAMETER=VALUE.
+    * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as
+      NODE.PARAMETER=VALUE.
     * bag: that everything is written into, default None.
     """
 
@@ -37,17 +40,27 @@ class BenchSession(SkillSession):
         bag: SessionBag | None = None,
     ):
         of = parameters_of_arm(arm, settings)
-        plant = Workbench(bench or Bench(**skill.world_settings), PlantSettings.from_parameters(of("wam_simulator")), seed)
+        plant = Workbench(
+            bench or Bench(**skill.world_settings),
+            PlantSettings.from_parameters(of("wam_simulator")),
+            seed,
+        )
         super().__init__(skill, plant, of, seed, bag)
         self.carrier = Carrier(seed, person=Person.from_parameters(of("teacher")))
 
     def teach(self, holder: Pose, goal: Pose) -> SkillTrial:
-        """A person shows the movement once; goal: where they want the part, in the frame of the holder."""
+        """A person shows the movement once; goal: where they want the part, in the frame of the
+        holder.
+        """
         self._stand(holder)
         self.commander.release_arm(True)
         arm = self.plant.arm_state
         self.carrier.begin(arm, self.plant.bodies["part"], _true(holder.place(goal)))
-        self._run("demonstration", lambda: self.carrier.step(self.plant.arm_state), lambda: self.carrier.done(self.plant.arm_state))
+        self._run(
+            "demonstration",
+            lambda: self.carrier.step(self.plant.arm_state),
+            lambda: self.carrier.done(self.plant.arm_state),
+        )
         trial = self._trial(f"demonstration_{self.plant.state.episode}")
         self.commander.release_arm(False)
         return trial
@@ -64,7 +77,11 @@ class BenchSession(SkillSession):
         """Carry out a plan for the situation that was seen last."""
         self._watch_anew()
         self.commander.execute(plan)
-        self._run(plan.what, nobody, lambda: not self.commander.executing and self.commander.mode in RESTING)
+        self._run(
+            plan.what,
+            nobody,
+            lambda: not self.commander.executing and self.commander.mode in RESTING,
+        )
         return self._trial(f"trial_{self.plant.state.episode}")
 
     def _stand(self, holder: Pose) -> None:

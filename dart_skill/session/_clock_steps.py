@@ -1,7 +1,9 @@
-"""When the clock of joints or cameras was set meanwhile, and by how much: told by leaps of stamps, and by movements that fit otherwise.
+"""When the clock of joints or cameras was set meanwhile, and by how much: told by leaps of stamps,
+and by movements that fit otherwise.
 
-Movements are compared with several offsets of the clocks. The offset of each instant is the one of the cheapest path through them, on which
-each change of the offset costs as much as a clear misfit (Viterbi).
+Movements are compared with several offsets of the clocks. The offset of each instant is the one of
+the cheapest path through them, on which each change of the offset costs as much as a clear misfit
+(Viterbi).
 """
 
 from __future__ import annotations
@@ -22,9 +24,12 @@ DISTINCT = 0.08
 EVERY = 5
 """Samples of movements that are compared together."""
 CHANGE = 0.25
-"""What a change of the offset costs, in mean misfits of a moving second without any resemblance."""
+"""What a change of the offset costs, in mean misfits of a moving second without any resemblance.
+"""
 FARTHER = 0.03
-"""Share of a movement that it costs at most to be told by another offset than most: of movements that repeat themselves the nearest one."""
+"""Share of a movement that it costs at most to be told by another offset than most: of movements
+that repeat themselves the nearest one.
+"""
 ALIKE = 0.12
 """Misfit, in the same unit, that may be chance."""
 LEAST_STEP = 0.005
@@ -50,23 +55,31 @@ class Change:
 def rows_of_change(
     change: Change, hand: np.ndarray, joints: np.ndarray, was: tuple[np.ndarray, np.ndarray]
 ) -> tuple[bool | None, tuple[int, int]]:
-    """Whether it is the clock of the cameras that was set, None where leaps do not tell; and the first samples after that of both.
+    """Whether it is the clock of the cameras that was set, None where leaps do not tell; and the
+    first samples after that of both.
 
     * change: of their offset.
     * hand, joints: stamps (n,), (m,) of both [ns].
     * was: the same as recorded.
     """
     by = 1e9 * change.by
-    since, until = change.first + 1e9 * change.before, change.last + 1e9 * (change.before + change.by)
+    since, until = (
+        change.first + 1e9 * change.before,
+        change.last + 1e9 * (change.before + change.by),
+    )
     ours, row = _leap(hand, was[0], (change.first, change.last), -by)
     theirs, their_row = _leap(joints, was[1], (min(since, since + by), max(until, until - by)), by)
     return (ours <= theirs if min(ours, theirs) < LIKE * abs(by) else None), (row, their_row)
 
 
-def _leap(stamps: np.ndarray, was: np.ndarray, between: tuple[float, float], by: float) -> tuple[float, int]:
-    """By how much the leap that is most like a step differs from it [ns], and the first sample after it.
+def _leap(
+    stamps: np.ndarray, was: np.ndarray, between: tuple[float, float], by: float
+) -> tuple[float, int]:
+    """By how much the leap that is most like a step differs from it [ns], and the first sample
+    after it.
 
-    Where stamps ran back, and do no longer, any step may be; where no leap is like it, the longest silence is taken.
+    Where stamps ran back, and do no longer, any step may be; where no leap is like it, the longest
+    silence is taken.
     """
     steps = np.diff(stamps)
     near = (stamps[1:] >= between[0]) & (stamps[:-1] <= between[1])
@@ -79,14 +92,18 @@ def _leap(stamps: np.ndarray, was: np.ndarray, between: tuple[float, float], by:
 
 
 def steps_of(stamps: np.ndarray, was: np.ndarray) -> list[list[float]]:
-    """Steps of a clock as a mapping has them. stamps: set right (n,) [ns]; was: as recorded (n,) [ns]."""
+    """Steps of a clock as a mapping has them. stamps: set right (n,) [ns]; was: as recorded (n,)
+    [ns].
+    """
     by = 1e-9 * np.diff(stamps - was)
     rows = np.flatnonzero(np.abs(by) > LEAST_STEP)
     return steps_at(was, rows + 1, by[rows])
 
 
 def changes_of_movements(hand: PoseStream, joints: JointStream) -> list[Change]:
-    """Changes of the offset by when hand and joints move, in order of time; none where movements do not resemble each other."""
+    """Changes of the offset by when hand and joints move, in order of time; none where movements
+    do not resemble each other.
+    """
     origin = min(int(hand.stamp_ns[0]), int(joints.stamp_ns[0]))
     seen, arm = (activity(stream.stamp_ns - origin, stream.position) for stream in (hand, joints))
     if seen is None or arm is None:
@@ -97,14 +114,18 @@ def changes_of_movements(hand: PoseStream, joints: JointStream) -> list[Change]:
     offsets = lags / RATE + arm[0] - seen[0]
     apart = np.abs(offsets - offsets[np.argmin(cost.sum(axis=0))])
     leaps = 1e-9 * np.abs(np.concatenate([[0], np.diff(hand.stamp_ns), np.diff(joints.stamp_ns)]))
-    leaps = leaps[(leaps > DISTINCT) | (leaps == 0.0)]  # of stamps; of movements that repeat themselves they tell which
+    leaps = leaps[
+        (leaps > DISTINCT) | (leaps == 0.0)
+    ]  # of stamps; of movements that repeat themselves they tell which
     apart = np.where(np.abs(apart[:, None] - leaps).min(axis=1) < DISTINCT, 0.0, apart)
     cost += FARTHER * apart / (apart + 1.0) * _misfit(seen[1], np.zeros(1), len(seen[1]))[:, None]
     stamps = origin + 1e9 * (seen[0] + np.arange(len(cost)) * EVERY / RATE)
     return changes(stamps, offsets, cost / RATE, CHANGE, ALIKE)
 
 
-def changes(stamps: np.ndarray, offsets: np.ndarray, cost: np.ndarray, penalty: float, chance: float) -> list[Change]:
+def changes(
+    stamps: np.ndarray, offsets: np.ndarray, cost: np.ndarray, penalty: float, chance: float
+) -> list[Change]:
     """Changes between offsets (k,) [s] on the cheapest path; none where there are too many.
 
     * stamps: of instants (n,) [ns].
@@ -117,17 +138,28 @@ def changes(stamps: np.ndarray, offsets: np.ndarray, cost: np.ndarray, penalty: 
     found = []
     for row, low, high in zip(rows, [0, *rows], [*rows[1:], len(path)], strict=False):
         one, other = path[row - 1], path[row]
-        total = np.cumsum(np.concatenate([[0.0], (cost[:, one] - cost[:, other])[low:high]]))  # of a change at each row from `low` on
+        total = np.cumsum(
+            np.concatenate([[0.0], (cost[:, one] - cost[:, other])[low:high]])
+        )  # of a change at each row from `low` on
         good = total <= total[row - low] + chance
         begin = row - int(np.argmin(np.concatenate([good[: row - low][::-1], [False]])))
         end = row + int(np.argmin(np.concatenate([good[row - low :], [False]]))) - 1
         first, last = stamps[max(begin - 1, 0)], stamps[min(end, len(stamps) - 1)]
-        found.append(Change(float(first), float(last), float(offsets[one]), float(offsets[other] - offsets[one])))
+        found.append(
+            Change(
+                float(first),
+                float(last),
+                float(offsets[one]),
+                float(offsets[other] - offsets[one]),
+            )
+        )
     return found if len(found) <= MOST_STEPS else []
 
 
 def _cheapest(cost: np.ndarray, penalty: float) -> np.ndarray:
-    """Column of each row of costs (n, k) on the cheapest path, on which each change costs a penalty."""
+    """Column of each row of costs (n, k) on the cheapest path, on which each change costs a
+    penalty.
+    """
     total, came = cost[0].copy(), np.zeros(cost.shape, dtype=int)
     stay = np.arange(cost.shape[1])
     for k in range(1, len(cost)):
@@ -143,7 +175,9 @@ def _cheapest(cost: np.ndarray, penalty: float) -> np.ndarray:
 
 
 def _lags(seen: np.ndarray, arm: np.ndarray) -> np.ndarray:
-    """Lags (k,) of joints behind cameras [samples] that a part of the recording, or all of it, suggests."""
+    """Lags (k,) of joints behind cameras [samples] that a part of the recording, or all of it,
+    suggests.
+    """
     block = round(BLOCK * RATE)
     parts = [(0, seen)] + [(k, seen[k : k + block]) for k in range(0, len(seen), block // 2)]
     found: list[int] = []
@@ -160,7 +194,9 @@ def _lags(seen: np.ndarray, arm: np.ndarray) -> np.ndarray:
 
 
 def _misfit(seen: np.ndarray, arm: np.ndarray, lag: int) -> np.ndarray:
-    """Squared differences of movements with a lag, added up over EVERY samples; unknown joints rest, of an unseen hand nothing is told."""
+    """Squared differences of movements with a lag, added up over EVERY samples; unknown joints
+    rest, of an unseen hand nothing is told.
+    """
     places = np.arange(len(seen)) + lag
     known = (places >= 0) & (places < len(arm))
     apart = np.nan_to_num(seen - np.where(known, arm[np.clip(places, 0, len(arm) - 1)], 0.0)) ** 2

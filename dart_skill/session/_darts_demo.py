@@ -1,4 +1,6 @@
-"""Darts in one process, without ROS: shown, practised where the own spread scores most, and a leg of 501. To the last bit as the graph."""
+"""Darts in one process, without ROS: shown, practised where the own spread scores most, and a leg
+of 501. To the last bit as the graph.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dart_skill.darts import LegInPlay, ModelBasedAgent, place_of, solve_leg
-from dart_skill.session._darts_run import Dart, DartsRun, DartsSummary, LegSummary, after_the_throw, before_the_throw
+from dart_skill.session._darts_run import (
+    Dart,
+    DartsRun,
+    DartsSummary,
+    LegSummary,
+    after_the_throw,
+    before_the_throw,
+)
 from dart_skill.session._demo import Job, Lessons, Say, practising
 from dart_skill.session._in_process import Session
 from dart_skill.session._session_bag import LAYOUT, SessionBag
@@ -43,12 +52,17 @@ def darts_demo(job: Job, skill: Darts, say: Say) -> DartsSummary:
     with SessionBag(job.bag, job.seed, skill) as bag:
         assert skill.cocked is not None
         board, swing = Board(skill.bull), Swing(skill.cocked)
-        session = Session.on_arm(job.arm, job.seed, job.settings, board=board, swing=swing, bag=bag)
+        session = Session.on_arm(
+            job.arm, job.seed, job.settings, board=board, swing=swing, bag=bag
+        )
         try:
             lessons = _teach(session, bag, skill, job, say)
             learned, agent = practising(skill, lessons.kept, job.configuration, say), skill.agent()
             thrown, before = time.monotonic(), session.steps
-            own = [_own_dart(session, learned, agent, skill, number, say) for number in range(1, job.throws + 1)]
+            own = [
+                _own_dart(session, learned, agent, skill, number, say)
+                for number in range(1, job.throws + 1)
+            ]
             leg = play_leg(agent, lambda aim: _thrown(session, learned, skill, aim), say)
             took, steps = time.monotonic() - thrown, session.steps - before
         finally:
@@ -59,16 +73,22 @@ def darts_demo(job: Job, skill: Darts, say: Say) -> DartsSummary:
         bag=str(job.bag),
         demonstrations=job.demonstrations,
         attempts=lessons.attempts,
-        trials=tuple(SkillResult(skill.aimed(np.array(dart.aim)), hit.outcome, dart.note) for dart, hit in own),
+        trials=tuple(
+            SkillResult(skill.aimed(np.array(dart.aim)), hit.outcome, dart.note)
+            for dart, hit in own
+        ),
         wall_seconds=time.monotonic() - begun,
         layout=LAYOUT,
         real_time_factor=steps * session.plant.settings.step / took,
     )
-    return DartsSummary(of, DartsRun(job.seed, "in process", skill.bull, (), tuple(dart for dart, _ in own)), leg)
+    return DartsSummary(
+        of, DartsRun(job.seed, "in process", skill.bull, (), tuple(dart for dart, _ in own)), leg
+    )
 
 
 def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np.ndarray) -> Hit:
-    """A dart at a point (2,) [mm] of the board, which is learned from. ValueError says why there is no plan for it, or it was stopped.
+    """A dart at a point (2,) [mm] of the board, which is learned from. ValueError says why there
+    is no plan for it, or it was stopped.
 
     aim: the point.
     """
@@ -83,7 +103,10 @@ def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np
 
 
 def _teach(session: Session, bag: SessionBag, skill: Darts, job: Job, say: Say) -> Lessons:
-    lessons, rng = Lessons(session, bag, job.demonstrations, say), np.random.default_rng([job.seed, 7])
+    lessons, rng = (
+        Lessons(session, bag, job.demonstrations, say),
+        np.random.default_rng([job.seed, 7]),
+    )
     drawn = skill.draws(rng, job.demonstrations)
     for lesson in range(2 * job.demonstrations):
         situation = drawn[lesson] if lesson < job.demonstrations else skill.draw(rng)
@@ -93,7 +116,14 @@ def _teach(session: Session, bag: SessionBag, skill: Darts, job: Job, say: Say) 
     raise lessons.too_few
 
 
-def _own_dart(session: Session, learned: PractisingSkill, agent: ModelBasedAgent, skill: Darts, number: int, say: Say) -> tuple[Dart, Hit]:
+def _own_dart(
+    session: Session,
+    learned: PractisingSkill,
+    agent: ModelBasedAgent,
+    skill: Darts,
+    number: int,
+    say: Say,
+) -> tuple[Dart, Hit]:
     dart = before_the_throw(agent, learned.release_shift)
     try:
         hit = throw_dart(session, learned, skill, agent.aim)
@@ -105,7 +135,11 @@ def _own_dart(session: Session, learned: PractisingSkill, agent: ModelBasedAgent
     else:
         agent.tell(hit.place)
         dart = after_the_throw(dart, hit.place, hit.note)
-    off = "not seen" if hit.place is None else f"{np.linalg.norm(np.subtract(dart.hit, dart.aim)):.0f} mm off, {dart.score} points"
+    off = (
+        "not seen"
+        if hit.place is None
+        else f"{np.linalg.norm(np.subtract(dart.hit, dart.aim)):.0f} mm off, {dart.score} points"
+    )
     say(f"dart {number} at {place_of(np.array(dart.aim))}: {off} {hit.note}".rstrip())
     return dart, hit
 
@@ -117,11 +151,14 @@ def _thrown(session: Session, learned: PractisingSkill, skill: Darts, aim: np.nd
         return Hit(None, str(error))
 
 
-def play_leg(agent: ModelBasedAgent, throw: Callable[[np.ndarray], Hit], say: Say) -> LegSummary | None:
-    """501, double out, with as few darts as the spread that the agent knows allows; None before it knows one.
+def play_leg(
+    agent: ModelBasedAgent, throw: Callable[[np.ndarray], Hit], say: Say
+) -> LegSummary | None:
+    """501, double out, with as few darts as the spread that the agent knows allows; None before it
+    knows one.
 
-    throw: at a point (2,) [mm] of the board. The arm learns from these darts, too: a miss that repeats at one bed would repeat for ever.
-    say: called with what goes on, in words.
+    throw: at a point (2,) [mm] of the board. The arm learns from these darts, too: a miss that
+    repeats at one bed would repeat for ever. say: called with what goes on, in words.
     """
     if agent.spread is None:
         say("no leg of 501: the spread is not known yet; let more darts be thrown (--throws)")
@@ -133,5 +170,8 @@ def play_leg(agent: ModelBasedAgent, throw: Callable[[np.ndarray], Hit], say: Sa
         hit = throw(aim)
         dart = leg.lost(hit.note) if hit.place is None else leg.hit(hit.place)
         bust = ", bust" if dart.bust else ""
-        say(f"501, dart {len(leg.darts)}: {dart.before} left, at {place_of(aim)}: {dart.hit}, {dart.points} points{bust}")
+        say(
+            f"501, dart {len(leg.darts)}: {dart.before} left, at {place_of(aim)}: {dart.hit},"
+            f" {dart.points} points{bust}"
+        )
     return LegSummary(tuple(leg.darts), leg.is_over, float(policy.expected[501]))

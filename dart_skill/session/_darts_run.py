@@ -1,4 +1,6 @@
-"""A run of darts: what the arm aimed at, hit and knew of itself, throw by throw, and in blocks of throws."""
+"""A run of darts: what the arm aimed at, hit and knew of itself, throw by throw, and in blocks of
+throws.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,12 @@ class Dart:
     * aim: (x, y) [mm] on the board.
     * hit: (x, y) [mm] on the board; nan if the cameras did not see it or nothing was thrown.
     * score: int, as seen; 0 if nothing was seen.
-    * covariance: (2, 2) [mm^2], spread of the thrower as estimated before the throw; 0 before the first estimate.
-    * expected: float [points], expected score of the aim for that spread; nan before the first estimate.
-    * release_shift: float [s], by which the release was shifted before the throw; nan where nobody says.
+    * covariance: (2, 2) [mm^2], spread of the thrower as estimated before the throw; 0 before the
+      first estimate.
+    * expected: float [points], expected score of the aim for that spread; nan before the first
+      estimate.
+    * release_shift: float [s], by which the release was shifted before the throw; nan where nobody
+      says.
     * note: str, default "". What went wrong.
     """
 
@@ -61,7 +66,8 @@ class LegSummary:
     """A leg of 501 that was played.
 
     * darts: in order; finished: with a double.
-    * expected: how many the policy takes on average, of a thrower with the spread that was known before [darts].
+    * expected: how many the policy takes on average, of a thrower with the spread that was known
+      before [darts].
     """
 
     darts: tuple[LegDart, ...]
@@ -70,18 +76,31 @@ class LegSummary:
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {"finished": self.finished, "expected_darts": self.expected, "darts": [asdict(dart) for dart in self.darts]}
+        return {
+            "finished": self.finished,
+            "expected_darts": self.expected,
+            "darts": [asdict(dart) for dart in self.darts],
+        }
 
     @property
     def in_words(self) -> str:
         """The leg in a line."""
-        how = f"finished with dart {len(self.darts)}" if self.finished else f"not finished after {len(self.darts)} darts"
-        return f"501, double out: {how}; {self.expected:.1f} are expected with the spread that was known before"
+        how = (
+            f"finished with dart {len(self.darts)}"
+            if self.finished
+            else f"not finished after {len(self.darts)} darts"
+        )
+        return (
+            f"501, double out: {how}; {self.expected:.1f} are expected with the spread that was"
+            " known before"
+        )
 
 
 @dataclass(frozen=True)
 class DartsSummary:
-    """A whole run of darts: trials as of any skill, what is particular to darts, and the leg, if one was played."""
+    """A whole run of darts: trials as of any skill, what is particular to darts, and the leg, if
+    one was played.
+    """
 
     of: SkillSummary
     run: DartsRun
@@ -90,7 +109,11 @@ class DartsSummary:
     def to_json(self) -> dict[str, Any]:
         """The run as a dictionary that strict JSON can hold."""
         own = {name: value for name, value in darts_json(self.run).items() if name != "seed"}
-        return {**self.of.to_json(), **own, "leg": None if self.leg is None else self.leg.to_json()}
+        return {
+            **self.of.to_json(),
+            **own,
+            "leg": None if self.leg is None else self.leg.to_json(),
+        }
 
 
 def before_the_throw(agent: ModelBasedAgent, release_shift: float = float("nan")) -> Dart:
@@ -106,7 +129,9 @@ def before_the_throw(agent: ModelBasedAgent, release_shift: float = float("nan")
 
 
 def after_the_throw(dart: Dart, hit: np.ndarray, note: str = "") -> Dart:
-    """The same with what was seen of it: hit (2,) [mm]. dart: before that; note: why it was not seen."""
+    """The same with what was seen of it: hit (2,) [mm]. dart: before that; note: why it was not
+    seen.
+    """
     return replace(dart, hit=as_pair(hit), score=int(score(hit)), note=note)
 
 
@@ -116,11 +141,15 @@ def as_pair(values: np.ndarray) -> tuple[float, float]:
 
 
 def summarise(run: DartsRun, block: int = BLOCK) -> list[dict]:
-    """One row per block of throws: standard deviation and mean of the misses across and up [mm], beds aimed at, mean and expected score.
+    """One row per block of throws: standard deviation and mean of the misses across and up [mm],
+    beds aimed at, mean and expected score.
 
     run: all darts of one arm.
     """
-    return [_row(start + 1, run.darts[start : start + block]) for start in range(0, len(run.darts), block)]
+    return [
+        _row(start + 1, run.darts[start : start + block])
+        for start in range(0, len(run.darts), block)
+    ]
 
 
 def _row(first: int, darts: tuple[Dart, ...]) -> dict:
@@ -146,12 +175,23 @@ def _row(first: int, darts: tuple[Dart, ...]) -> dict:
 
 def darts_table(run: DartsRun) -> str:
     """The rows of `summarise` as text. run: all darts of one arm."""
-    head = f"{'throws':>9}{'across [mm]':>16}{'up [mm]':>16}{'score':>8}{'expected':>10}{'release':>10}  aims"
+    head = (
+        f"{'throws':>9}{'across [mm]':>16}{'up [mm]':>16}{'score':>8}{'expected':>10}{'release':>10}"
+        "  aims"
+    )
     x, _, height = run.board
-    lines = [f"seed {run.seed}, practice {run.practice}, bull {x:.2f} m from the base axis, {height:.2f} m high", head]
+    lines = [
+        (
+            f"seed {run.seed}, practice {run.practice}, bull {x:.2f} m from the base axis,"
+            f" {height:.2f} m high"
+        ),
+        head,
+    ]
     for row in summarise(run):
         columns = [
-            f"{_or_dash(row[f'bias_{axis}_mm'], '+.1f')} +- {_or_dash(row[f'sd_{axis}_mm'], '.1f')}".rjust(16) for axis in ("across", "up")
+            f"{_or_dash(row[f'bias_{axis}_mm'], '+.1f')} +-"
+            f" {_or_dash(row[f'sd_{axis}_mm'], '.1f')}".rjust(16)
+            for axis in ("across", "up")
         ]
         numbers = f"{row['mean_score']:>8.1f}{_or_dash(row['expected_score'], '.1f'):>10}{_moved(row['release_shift_ms'])}"
         aims = f"{row['aims'][0]} to {row['aims'][-1]}" if len(row["aims"]) > 1 else row["aims"][0]
@@ -163,7 +203,14 @@ def darts_table(run: DartsRun) -> str:
 def darts_json(run: DartsRun) -> dict:
     """Everything, with None for what is not known. run: all darts of one arm."""
     darts = [{key: _plain(value) for key, value in asdict(dart).items()} for dart in run.darts]
-    return {"seed": run.seed, "practice": run.practice, "board": run.board, "shown": run.shown, "blocks": summarise(run), "darts": darts}
+    return {
+        "seed": run.seed,
+        "practice": run.practice,
+        "board": run.board,
+        "shown": run.shown,
+        "blocks": summarise(run),
+        "darts": darts,
+    }
 
 
 def _plain(value: object) -> object:

@@ -1,4 +1,5 @@
-"""The main job in one process, without ROS: a person shows throws, they are learned, the arm throws at new baskets.
+"""The main job in one process, without ROS: a person shows throws, they are learned, the arm
+throws at new baskets.
 
 The same lessons, plans and landings as the graph's, to the last bit.
 """
@@ -59,7 +60,10 @@ def throwing_demo(job: Job, say: Say) -> DemoSummary:
             learned = practising(skill, shown.kept, job.configuration, say)
             threw, before = time.monotonic(), session.steps
             targets = targets_for(job.seed, job.demonstrations, job.throws)[1]
-            results = [_throw(session, learned, target, f"throw {k}/{len(targets)}", say) for k, target in enumerate(targets, start=1)]
+            results = [
+                _throw(session, learned, target, f"throw {k}/{len(targets)}", say)
+                for k, target in enumerate(targets, start=1)
+            ]
         finally:
             session.close()
     done, step = time.monotonic(), session.plant.settings.step
@@ -77,7 +81,9 @@ def throwing_demo(job: Job, say: Say) -> DemoSummary:
 
 
 class Lessons:
-    """Lessons of throwing until so many succeeded. kept: what they show; attempts: guided throws that they took."""
+    """Lessons of throwing until so many succeeded. kept: what they show; attempts: guided throws
+    that they took.
+    """
 
     def __init__(self, session: Session, bag: SessionBag, wanted: int, say: Say):
         self._session, self._bag, self._wanted, self._say = session, bag, wanted, say
@@ -118,23 +124,35 @@ class Lessons:
 
 
 def practising(skill: Throw, shown: list[Demonstration], name: str, say: Say) -> PractisingSkill:
-    """A skill of throwing that was shown, as the learner node learns it with the parameters of config/."""
+    """A skill of throwing that was shown, as the learner node learns it with the parameters of
+    config/.
+    """
     p = node_parameters("skill_learner.yaml", "skill_learner")
     chosen = skill.configured_for(changed(configuration(name or p["configuration"]), p)[0])
-    method, memory = p["practice_method"], PracticeSettings(p["practice_capacity"], p["practice_forget"])
+    method, memory = (
+        p["practice_method"],
+        PracticeSettings(p["practice_capacity"], p["practice_forget"]),
+    )
     steady_every = 0 if method == "none" else skill.steady_every
-    learned = PractisingSkill(shown, chosen, method, memory, skill.correction, steady_every=steady_every)
+    learned = PractisingSkill(
+        shown, chosen, method, memory, skill.correction, steady_every=steady_every
+    )
     delay = f"the hand opens {1e3 * learned.skill.hand_delay:.0f} ms after it is told to"
     say(f"learned from {len(shown)} demonstrations with '{chosen.name}'; {delay}")
     return learned
 
 
-def _throw(session: Session, learned: PractisingSkill, target: np.ndarray, what: str, say: Say) -> ThrowResult:
+def _throw(
+    session: Session, learned: PractisingSkill, target: np.ndarray, what: str, say: Say
+) -> ThrowResult:
     x, y, z = target.tolist()
     try:
         trial = session.throw(learned.plan(target))
     except ValueError as failure:
-        result, became = ThrowResult((x, y, z), None, None, False, str(failure)), f"no throw: {failure}"
+        result, became = (
+            ThrowResult((x, y, z), None, None, False, str(failure)),
+            f"no throw: {failure}",
+        )
     else:
         outcome = trial.outcome
         landing = tuple(outcome.landing.tolist()) if outcome.landing_seen else None

@@ -1,4 +1,6 @@
-"""Finding the throws of a recording in its raw streams, cut as the recorder cuts them. It needs neither SciPy nor the arm's model."""
+"""Finding the throws of a recording in its raw streams, cut as the recorder cuts them. It needs
+neither SciPy nor the arm's model.
+"""
 
 from __future__ import annotations
 
@@ -10,21 +12,37 @@ from dart_skill.arm import wam_description
 from dart_skill.movement import Segment, VelocityThreshold
 from dart_skill.recording import Opening
 from dart_skill.recording.imports import ThrowRecording
-from dart_skill.skills.observation import MEMORY_NS, THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, watched_until, worlds
+from dart_skill.skills.observation import (
+    MEMORY_NS,
+    THRESHOLDS,
+    FoundThrow,
+    ThrowFinder,
+    ThrowLog,
+    fit_release,
+    watched_until,
+    worlds,
+)
 
 FLIGHT_NS = 1_000_000_000
 """A ball that was thrown in a motion of the hand flies within this time after it."""
 
 
-def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRESHOLDS) -> list[FoundThrow]:
-    """Every throw of a recording, in order of time. Demonstrations of our own bags are those that the recorder published, to the last bit:
-    guided throws into the basket, which it calls demonstration_<stamp at which the hand was told to open>.
+def find_throws(
+    recording: ThrowRecording, thresholds: VelocityThreshold = THRESHOLDS
+) -> list[FoundThrow]:
+    """Every throw of a recording, in order of time. Demonstrations of our own bags are those that
+    the recorder published, to the last bit: guided throws into the basket, which it calls
+    demonstration_<stamp at which the hand was told to open>.
     """
     return list(found_in([recording], thresholds))
 
 
-def found_in(parts: Iterable[ThrowRecording], thresholds: VelocityThreshold) -> Iterator[FoundThrow]:
-    """As `find_throws`, of the parts of a recording in order of time. What no later throw needs is forgotten."""
+def found_in(
+    parts: Iterable[ThrowRecording], thresholds: VelocityThreshold
+) -> Iterator[FoundThrow]:
+    """As `find_throws`, of the parts of a recording in order of time. What no later throw needs is
+    forgotten.
+    """
     log = ThrowLog()
     finder, has_button, newest = ThrowFinder(log, thresholds), True, None
     waiting: list[Opening] = []  # of throws that may not be over
@@ -44,8 +62,12 @@ def found_in(parts: Iterable[ThrowRecording], thresholds: VelocityThreshold) -> 
         yield from finder.find(opening, has_button)
 
 
-def _openings(recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold) -> list[Opening]:
-    """When the hand was told to open between two stamps, or if nobody kept that, when the ball left it."""
+def _openings(
+    recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold
+) -> list[Opening]:
+    """When the hand was told to open between two stamps, or if nobody kept that, when the ball
+    left it.
+    """
     if recording.has_button:
         return [one for one in recording.openings if since <= one.stamp_ns <= until]
     return _releases(recording, since, until, thresholds)
@@ -72,7 +94,9 @@ def _between(stamps: np.ndarray, since: int, until: int) -> np.ndarray:
     return np.flatnonzero((stamps >= since) & (stamps <= until))
 
 
-def _releases(recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold) -> list[Opening]:
+def _releases(
+    recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold
+) -> list[Opening]:
     """When the ball left the hand, for each motion of the hand out of which it flew."""
     hand = recording.bodies["hand"]
     rows = _between(hand.stamp_ns, since, until)
@@ -83,7 +107,11 @@ def _releases(recording: ThrowRecording, since: int, until: int, thresholds: Vel
         motions = thresholds.segment(1e-9 * (hand.stamp_ns[rows] - origin), hand.position[rows])
     except ValueError:
         return []  # nothing moved, or nothing that begins and ends here
-    releases = [release for motion in motions if (release := _release_in(recording, origin, motion)) is not None]
+    releases = [
+        release
+        for motion in motions
+        if (release := _release_in(recording, origin, motion)) is not None
+    ]
     return [Opening(stamp, True) for stamp in releases]
 
 
@@ -94,7 +122,9 @@ def _release_in(recording: ThrowRecording, origin: int, motion: Segment) -> int 
     times = [1e-9 * (stream.stamp_ns[rows] - origin) for stream, rows in ((hand, h), (ball, b))]
     try:
         grip = wam_description().hand.ball_centre
-        release = fit_release(times[1], ball.position[b], times[0], hand.position[h], hand.quaternion[h], grip)
+        release = fit_release(
+            times[1], ball.position[b], times[0], hand.position[h], hand.quaternion[h], grip
+        )
     except ValueError:
         return None
     return origin + round(1e9 * release.time) if motion.contains(release.time) else None

@@ -1,8 +1,10 @@
-"""Learning from a recording alone: throws are found in the raw streams, cut as the recorder cuts them, and learned from.
+"""Learning from a recording alone: throws are found in the raw streams, cut as the recorder cuts
+them, and learned from.
 
-A throw is found by the command that opens the hand; in recordings where nobody kept it, by a motion of the hand (thesis 8.4.3) out of which
-the ball flies. A throw that a person guided and that went into the basket is a demonstration; the arm's own throws and misses can be
-learned from too, as what they are: throws at where the ball came down (8.2).
+A throw is found by the command that opens the hand; in recordings where nobody kept it, by a
+motion of the hand (thesis 8.4.3) out of which the ball flies. A throw that a person guided and
+that went into the basket is a demonstration; the arm's own throws and misses can be learned from
+too, as what they are: throws at where the ball came down (8.2).
 """
 
 from __future__ import annotations
@@ -18,7 +20,15 @@ import numpy as np
 from dart_skill.arm import Registration
 from dart_skill.common.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import AS_ASKED, DROPPED, BagError, Demonstration, check_known, each_demonstration, unwanted
+from dart_skill.recording import (
+    AS_ASKED,
+    DROPPED,
+    BagError,
+    Demonstration,
+    check_known,
+    each_demonstration,
+    unwanted,
+)
 from dart_skill.recording.imports import (
     BACKWARDS,
     BAG,
@@ -81,17 +91,30 @@ class LearnReport:
     @property
     def learned_from(self) -> tuple[Demonstration, ...]:
         """The demonstrations that the skill was learned from."""
-        return tuple(throw.demonstration for throw in self.throws if throw.demonstration is not None and not throw.reason)
+        return tuple(
+            throw.demonstration
+            for throw in self.throws
+            if throw.demonstration is not None and not throw.reason
+        )
 
     @property
     def weakness(self) -> str:
-        """Why a model that was learned from a few left-overs is weak; empty where most of what could be learned from was."""
-        unusable = [throw.reason for throw in self.throws if throw.reason and throw.was is None and not _is_unwanted(throw.reason)]
+        """Why a model that was learned from a few left-overs is weak; empty where most of what
+        could be learned from was.
+        """
+        unusable = [
+            throw.reason
+            for throw in self.throws
+            if throw.reason and throw.was is None and not _is_unwanted(throw.reason)
+        ]
         learned = len(self.learned_from)
         if len(unusable) <= learned:
             return ""
         reasons = "; ".join(sorted({*unusable}))
-        return f"weak: {learned} of {learned + len(unusable)} demonstrations could be learned from; the others: {reasons}"
+        return (
+            f"weak: {learned} of {learned + len(unusable)} demonstrations could be learned from;"
+            f" the others: {reasons}"
+        )
 
 
 def learn_from_bag(
@@ -108,10 +131,12 @@ def learn_from_bag(
 ) -> tuple[PractisingSkill, LearnReport]:
     """The skill that a recording teaches, as the learner node would learn it, and what was found.
 
-    mapping: where everything is, for recordings that are not ours. raw: from the streams; else from the topic /demonstrations, as the
-    recorder cut them. with_throws: also from misses and from the arm's own throws. without: ids of throws that are left out, besides the
-    demonstrations that were dropped while they were recorded. remember: how many are learned from at most, so that neither memory nor
-    model grow with the recording (`ThrowMemory`); 0 for all. `NothingLearned`, a ValueError, if there is too little to learn from.
+    mapping: where everything is, for recordings that are not ours. raw: from the streams; else
+    from the topic /demonstrations, as the recorder cut them. with_throws: also from misses and
+    from the arm's own throws. without: ids of throws that are left out, besides the demonstrations
+    that were dropped while they were recorded. remember: how many are learned from at most, so
+    that neither memory nor model grow with the recording (`ThrowMemory`); 0 for all.
+    `NothingLearned`, a ValueError, if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
     reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)
@@ -119,18 +144,30 @@ def learn_from_bag(
     report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw, clocks=clocks), True
     if raw:
         judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
-        report, has_joints = _throws_in_parts(read_in_parts(path, mapping), report, thresholds, judged, memory)
+        report, has_joints = _throws_in_parts(
+            read_in_parts(path, mapping), report, thresholds, judged, memory
+        )
     else:
-        memory.take(_unless(FoundThrow(_instant(one), True, one), reasons) for one in each_demonstration(path))
+        memory.take(
+            _unless(FoundThrow(_instant(one), True, one), reasons)
+            for one in each_demonstration(path)
+        )
         report = replace(report, throws=tuple(memory.throws))
     _check_without(report, without)
     too_few = len(report.learned_from) < LEAST_DEMONSTRATIONS
     set_back = any(fault.kind == BACKWARDS and not fault.repaired for fault in report.faults)
-    if raw and has_joints and (too_few or report.weakness or set_back) and not any(fault.is_of_time for fault in report.faults):
+    if (
+        raw
+        and has_joints
+        and (too_few or report.weakness or set_back)
+        and not any(fault.is_of_time for fault in report.faults)
+    ):
         _refuse_disagreement(path, mapping, report)
     if too_few:
         raise NothingLearned(_too_few(report, has_joints), report)
-    from dart_skill.skills.practice import PractisingSkill  # who only looks for throws does not practise
+    from dart_skill.skills.practice import (
+        PractisingSkill,
+    )  # who only looks for throws does not practise
 
     learned = PractisingSkill(list(report.learned_from), chosen, method)
     if raw and _is_far(learned.skill.registration):
@@ -139,22 +176,42 @@ def learn_from_bag(
 
 
 def _is_far(registration: Registration) -> bool:
-    """Whether cameras and arm stand so differently to each other that learning, which expects small deviations, may be wrong about it."""
-    turns = (2.0 * np.arccos(min(1.0, abs(turn[3]))) for turn in (registration.turn, registration.hand_turn))
-    shifts = (float(np.linalg.norm(shift)) for shift in (registration.shift, registration.hand_shift))
+    """Whether cameras and arm stand so differently to each other that learning, which expects
+    small deviations, may be wrong about it.
+    """
+    turns = (
+        2.0 * np.arccos(min(1.0, abs(turn[3])))
+        for turn in (registration.turn, registration.hand_turn)
+    )
+    shifts = (
+        float(np.linalg.norm(shift)) for shift in (registration.shift, registration.hand_shift)
+    )
     return max(turns) > FAR_TURN or max(shifts) > FAR_SHIFT
 
 
-def _refuse_disagreement(path: str | os.PathLike, mapping: RecordingMapping | None, report: LearnReport) -> None:
+def _refuse_disagreement(
+    path: str | os.PathLike, mapping: RecordingMapping | None, report: LearnReport
+) -> None:
     """`NothingLearned` that says why joints and cameras disagree, if they do."""
-    from dart_skill.session._disagreement import disagreement  # a recording that can be learned from needs none
+    from dart_skill.session._disagreement import (
+        disagreement,
+    )  # a recording that can be learned from needs none
 
     found = disagreement(path, mapping)
     if found is None:
         return
-    learned = f"{report.source}: nothing is learned, though {len(report.learned_from)} of {len(report.throws)} throws could be"
-    mend = "; 'dart-skill learn BAG --mapping auto' writes that mapping" if found.mapping is not None and mapping is None else ""
-    raise NothingLearned("; ".join([*_main_faults(report.faults), f"{learned}: {found}{mend}"]), report)
+    learned = (
+        f"{report.source}: nothing is learned, though {len(report.learned_from)} of"
+        f" {len(report.throws)} throws could be"
+    )
+    mend = (
+        "; 'dart-skill learn BAG --mapping auto' writes that mapping"
+        if found.mapping is not None and mapping is None
+        else ""
+    )
+    raise NothingLearned(
+        "; ".join([*_main_faults(report.faults), f"{learned}: {found}{mend}"]), report
+    )
 
 
 def throws_in_bag(
@@ -165,13 +222,20 @@ def throws_in_bag(
     with_throws: bool = False,
     without: Sequence[str] = (),
 ) -> tuple[LearnReport, ThrowRecording]:
-    """What was found in the streams of a recording, and which of it would be learned from; and all of the recording.
+    """What was found in the streams of a recording, and which of it would be learned from; and all
+    of the recording.
 
     As `learn_from_bag`.
     """
     recording, reasons = read_recording(path, mapping), _reasons(path, mapping, without)
     judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
-    report, _ = _throws_in_parts([recording], LearnReport(recording.source, True), THRESHOLDS, judged, ThrowMemory(0, chosen))
+    report, _ = _throws_in_parts(
+        [recording],
+        LearnReport(recording.source, True),
+        THRESHOLDS,
+        judged,
+        ThrowMemory(0, chosen),
+    )
     _check_without(report, without)
     return report, recording
 
@@ -183,8 +247,9 @@ def _throws_in_parts(
     judged: Callable[[FoundThrow], FoundThrow],
     memory: ThrowMemory,
 ) -> tuple[LearnReport, bool]:
-    """A report with what was found in the parts of a recording, and whether the arm's joints were recorded. A part is forgotten when the
-    next one is read: what grows with a recording is what is remembered of it.
+    """A report with what was found in the parts of a recording, and whether the arm's joints were
+    recorded. A part is forgotten when the next one is read: what grows with a recording is what is
+    remembered of it.
     """
     faults: list[Fault] = []
     source, has_joints = report.source, False
@@ -197,10 +262,15 @@ def _throws_in_parts(
             yield part
 
     memory.take(map(judged, found_in(seen(), thresholds)))
-    return replace(report, source=source, throws=tuple(memory.throws), faults=tuple(faults)), has_joints
+    return (
+        replace(report, source=source, throws=tuple(memory.throws), faults=tuple(faults)),
+        has_joints,
+    )
 
 
-def _reasons(path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]) -> dict[str, str]:
+def _reasons(
+    path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]
+) -> dict[str, str]:
     """As `unwanted`; what is no bag, as a folder of tables, has no marks."""
     try:
         return unwanted(path, without)
@@ -218,15 +288,23 @@ def _unless(throw: FoundThrow, reasons: Mapping[str, str]) -> FoundThrow:
 
 
 def _is_unwanted(reason: str) -> bool:
-    """Whether a throw is left out because it is none that was asked for, and not because something is wrong with it."""
+    """Whether a throw is left out because it is none that was asked for, and not because something
+    is wrong with it.
+    """
     return reason in (OWN_THROW, MISSED, AS_ASKED, DROPPED)
 
 
 def _check_without(report: LearnReport, without: Sequence[str]) -> None:
-    check_known(without, [throw.shown[0] for throw in report.throws if throw.shown is not None], report.source)
+    check_known(
+        without,
+        [throw.shown[0] for throw in report.throws if throw.shown is not None],
+        report.source,
+    )
 
 
-def _judged(throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, reasons: Mapping[str, str]) -> FoundThrow:
+def _judged(
+    throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, reasons: Mapping[str, str]
+) -> FoundThrow:
     """The throw with the reason why it is not learned from, if there is one."""
     one, outcome, reason = throw.demonstration, throw.outcome, ""
     if throw.reason or one is None or outcome is None:
@@ -245,17 +323,31 @@ def _judged(throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, re
 def _too_few(report: LearnReport, has_joints: bool) -> str:
     learned, seen = len(report.learned_from), len(report.throws)
     reasons = sorted({throw.reason for throw in report.throws if throw.reason})
-    text = f"{report.source}: {learned} demonstrations among {seen} throws are too few: at least {LEAST_DEMONSTRATIONS} are needed"
+    text = (
+        f"{report.source}: {learned} demonstrations among {seen} throws are too few: at least"
+        f" {LEAST_DEMONSTRATIONS} are needed"
+    )
     if not seen:
-        reasons.append("the ball flies out of no motion of the hand: are roles, up axis, units and the frame of the hand right?")
+        reasons.append(
+            "the ball flies out of no motion of the hand: are roles, up axis, units and the frame"
+            " of the hand right?"
+        )
     if not has_joints:
-        reasons.append("the arm's joint angles were not recorded: a mapping may name them under 'joints'")
+        reasons.append(
+            "the arm's joint angles were not recorded: a mapping may name them under 'joints'"
+        )
     return explained("; ".join([*_main_faults(report.faults), text, *reasons]))
 
 
 def _main_faults(faults: Sequence[Fault]) -> list[str]:
-    """The faults for which there is a remedy, or which could not be repaired, one of a kind for each body."""
-    told = [fault for fault in faults if fault.kind != BAG and (fault.remedy or not (fault.repaired or fault.is_information))]
+    """The faults for which there is a remedy, or which could not be repaired, one of a kind for
+    each body.
+    """
+    told = [
+        fault
+        for fault in faults
+        if fault.kind != BAG and (fault.remedy or not (fault.repaired or fault.is_information))
+    ]
     kinds = {(fault.kind, fault.body): fault for fault in reversed(told)}
     ordered = sorted(kinds.values(), key=lambda fault: (not fault.remedy, fault.start_ns))
     return [in_words(fault) for fault in ordered[:MOST_FAULTS]]
@@ -263,7 +355,11 @@ def _main_faults(faults: Sequence[Fault]) -> list[str]:
 
 def explained(reasons: str) -> str:
     """Why throws are left out, and the option with which those of the arm itself are taken."""
-    return f"{reasons}; with --with-throws (with_throws=True) those of the arm itself are taken, too" if OWN_THROW in reasons else reasons
+    return (
+        f"{reasons}; with --with-throws (with_throws=True) those of the arm itself are taken, too"
+        if OWN_THROW in reasons
+        else reasons
+    )
 
 
 def _instant(one: Demonstration) -> int:

@@ -1,4 +1,5 @@
-"""A skill from a dataset of LeRobot: every episode is a demonstration, cut as those of a recording are.
+"""A skill from a dataset of LeRobot: every episode is a demonstration, cut as those of a recording
+are.
 
 The elements are found by their names, wherever they stand: those that `write_lerobot` gives them.
 """
@@ -17,10 +18,26 @@ from dart_skill.recording import AS_ASKED, Demonstration, check_known
 from dart_skill.recording.lerobot import Episode, LeRobotDataset, changes_at, read_dataset
 from dart_skill.session._from_bag import LearnReport
 from dart_skill.session._to_lerobot import OPEN, pose_names, position_name, velocity_name
-from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, AnySkill, SkillConfiguration, configuration, learn_usable, prepare
+from dart_skill.skills.learning import (
+    LEAST_DEMONSTRATIONS,
+    AnySkill,
+    SkillConfiguration,
+    configuration,
+    learn_usable,
+    prepare,
+)
 from dart_skill.skills.observation import FoundThrow, ThrowLog, judged
 from dart_skill.skills.practice import Practice, PractisingSkill
-from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, skill_names, skill_type
+from dart_skill.skills.protocol import (
+    HAND,
+    Skill,
+    TaskDemonstration,
+    Told,
+    Track,
+    load_skill,
+    skill_names,
+    skill_type,
+)
 from dart_skill.skills.throw import Throw
 
 BEGIN_NS = 1_000_000_000
@@ -32,17 +49,27 @@ MOST_NAMES = 8
 def skill_of_dataset(dataset: LeRobotDataset) -> Skill:
     """The skill whose words, or name, are the task of all episodes; ValueError if there is none."""
     texts = {episode.task for episode in dataset.episodes}
-    known = {text: name for name in skill_names() for text in (name, skill_type(name).task) if text}
+    known = {
+        text: name for name in skill_names() for text in (name, skill_type(name).task) if text
+    }
     if len(texts) == 1 and (text := next(iter(texts))) in known:
         return load_skill(known[text])
     told = ", ".join(map(repr, sorted(texts))) or "none"
-    raise ValueError(f"{dataset.path}: its tasks are {told}: all episodes need the task of one skill, {' or '.join(map(repr, known))}")
+    raise ValueError(
+        f"{dataset.path}: its tasks are {told}: all episodes need the task of one skill,"
+        f" {' or '.join(map(repr, known))}"
+    )
 
 
 def learn_throws_from_dataset(
-    dataset: LeRobotDataset, name: str = "default", without: Sequence[str] = (), method: str = "residual"
+    dataset: LeRobotDataset,
+    name: str = "default",
+    without: Sequence[str] = (),
+    method: str = "residual",
 ) -> tuple[PractisingSkill, LearnReport]:
-    """Throws at baskets that the episodes teach, and what became of each; as `learn_from_bag`. ValueError if too few can be used."""
+    """Throws at baskets that the episodes teach, and what became of each; as `learn_from_bag`.
+    ValueError if too few can be used.
+    """
     chosen, skill = configuration(name), skill_of_dataset(dataset)
     assert isinstance(skill, Throw)
     check_known(without, [_id(episode) for episode in dataset.episodes], str(dataset.path))
@@ -50,7 +77,10 @@ def learn_throws_from_dataset(
     report = LearnReport(dataset.path.name, True, tuple(found))
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
         reasons = sorted({throw.reason for throw in found if throw.reason})
-        few = f"{len(report.learned_from)} demonstrations among {len(found)} episodes are too few: at least {LEAST_DEMONSTRATIONS}"
+        few = (
+            f"{len(report.learned_from)} demonstrations among {len(found)} episodes are too few:"
+            f" at least {LEAST_DEMONSTRATIONS}"
+        )
         raise ValueError("; ".join([f"{dataset.path}: {few} are needed", *reasons]))
     return PractisingSkill(list(report.learned_from), chosen, method), report
 
@@ -73,7 +103,9 @@ def learn_other_throws_from_dataset(
     return practice, {**left_out, **practice.kept_out}
 
 
-def learn_skill_from_dataset(dataset: LeRobotDataset, skill: Skill, without: Collection[str] = ()) -> tuple[AnySkill, dict[str, str]]:
+def learn_skill_from_dataset(
+    dataset: LeRobotDataset, skill: Skill, without: Collection[str] = ()
+) -> tuple[AnySkill, dict[str, str]]:
     """Any other skill; as `learn_skill_from_bag`. ValueError says why it cannot be learned."""
     check_known(without, [_id(episode) for episode in dataset.episodes], str(dataset.path))
     shown = [movement_in_episode(dataset, episode, skill) for episode in dataset.episodes]
@@ -92,8 +124,12 @@ def open_dataset(path: str | os.PathLike) -> LeRobotDataset:
     return dataset
 
 
-def throw_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Throw) -> tuple[Demonstration, ThrowLog]:
-    """The throw of an episode, cut as the recorder cuts it, and what was seen; ValueError says what is missing."""
+def throw_in_episode(
+    dataset: LeRobotDataset, episode: Episode, skill: Throw
+) -> tuple[Demonstration, ThrowLog]:
+    """The throw of an episode, cut as the recorder cuts it, and what was seen; ValueError says
+    what is missing.
+    """
     log = ThrowLog(joint_period_ns=1, skill=skill.name)
     for role in (HAND, *skill.bodies):
         stamps, rows = _seen(dataset, episode, role)
@@ -110,7 +146,9 @@ def throw_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Throw) ->
     return log.cut(_id(episode), int(stamps[-1])), log
 
 
-def movement_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Skill) -> TaskDemonstration:
+def movement_in_episode(
+    dataset: LeRobotDataset, episode: Episode, skill: Skill
+) -> TaskDemonstration:
     """The demonstration of an episode; ValueError says what is missing."""
     tracks = {}
     for role in (HAND, *skill.bodies):
@@ -118,19 +156,33 @@ def movement_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Skill)
         if not len(stamps):
             raise ValueError(f"{dataset.path}: episode {episode.index}: the {role} was never seen")
         tracks[role] = Track(1e-9 * (stamps - BEGIN_NS), rows[:, :3], rows[:, 3:])
-    told = tuple(Told(instant, Grip.OPEN if on else Grip.CLOSE) for instant, on in _told(dataset, episode))
-    return TaskDemonstration(_id(episode), tracks, episode.time, *_joints(dataset, episode), told, stamp_ns=BEGIN_NS)
+    told = tuple(
+        Told(instant, Grip.OPEN if on else Grip.CLOSE) for instant, on in _told(dataset, episode)
+    )
+    return TaskDemonstration(
+        _id(episode), tracks, episode.time, *_joints(dataset, episode), told, stamp_ns=BEGIN_NS
+    )
 
 
-def _found(dataset: LeRobotDataset, episode: Episode, skill: Throw, chosen: SkillConfiguration, without: Collection[str]) -> FoundThrow:
-    """The throw of an episode, where the ball came down, and the reason why it is not learned from, if there is one."""
+def _found(
+    dataset: LeRobotDataset,
+    episode: Episode,
+    skill: Throw,
+    chosen: SkillConfiguration,
+    without: Collection[str],
+) -> FoundThrow:
+    """The throw of an episode, where the ball came down, and the reason why it is not learned
+    from, if there is one.
+    """
     try:
         one, log = throw_in_episode(dataset, episode, skill)
     except ValueError as error:
         return FoundThrow(BEGIN_NS, True, reason=f"{_id(episode)}: {error}")
     opened = log.left_ns if log.opened_ns is None else log.opened_ns
     assert opened is not None  # as it was cut
-    outcome, _ = judged(log, one.target, the_world().basket_radius, opened, int(_stamps(episode)[-1]))
+    outcome, _ = judged(
+        log, one.target, the_world().basket_radius, opened, int(_stamps(episode)[-1])
+    )
     throw = FoundThrow(opened, True, one, outcome)
     if one.id in without:
         return replace(throw, reason=AS_ASKED)
@@ -159,30 +211,52 @@ def _columns(dataset: LeRobotDataset, episode: Episode, names: Sequence[str]) ->
     missing = [name for name, column in zip(names, found, strict=True) if column is None]
     if missing:
         others = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        there = "; ".join(f"{key}: {_some(elements)}" for key, elements in dataset.names.items()) or "none"
+        there = (
+            "; ".join(f"{key}: {_some(elements)}" for key, elements in dataset.names.items())
+            or "none"
+        )
         remedy = "write these names into meta/info.json (docs/recordings.md)"
-        raise ValueError("; ".join([f"{dataset.path}: no element is called '{missing[0]}'{others}, only {there}", *dataset.notes, remedy]))
+        raise ValueError(
+            "; ".join(
+                [
+                    f"{dataset.path}: no element is called '{missing[0]}'{others}, only {there}",
+                    *dataset.notes,
+                    remedy,
+                ]
+            )
+        )
     return np.column_stack([column for column in found if column is not None])
 
 
 def _seen(dataset: LeRobotDataset, episode: Episode, role: str) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (m,) [ns] and rows (m, 7), position and quaternion, of the frames in which a body was seen; without `seen`, of all."""
+    """Stamps (m,) [ns] and rows (m, 7), position and quaternion, of the frames in which a body was
+    seen; without `seen`, of all.
+    """
     *pose, seen_name = pose_names(role)
     rows, seen = _columns(dataset, episode, pose), dataset.column(episode, seen_name)
     norms = np.linalg.norm(rows[:, 3:], axis=1)
     if (wrong := np.abs(norms - 1.0) > 1e-2).any():
         where = f"{dataset.path}: episode {episode.index}, frame {wrong.argmax()}"
-        raise ValueError(f"{where}: the quaternion of the {role} has norm {norms[wrong.argmax()]:.3g}: give x, y, z, w of norm 1")
+        raise ValueError(
+            f"{where}: the quaternion of the {role} has norm {norms[wrong.argmax()]:.3g}: give x,"
+            " y, z, w of norm 1"
+        )
     rows[:, 3:] /= norms[:, None]
     kept = np.full(len(rows), True) if seen is None else seen > 0.5
     return _stamps(episode)[kept], rows[kept]
 
 
 def _joints(dataset: LeRobotDataset, episode: Episode) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 7) [rad] and velocities (n, 7) [rad/s]; these from the positions, where the dataset has none."""
+    """Positions (n, 7) [rad] and velocities (n, 7) [rad/s]; these from the positions, where the
+    dataset has none.
+    """
     position = _columns(dataset, episode, [position_name(joint) for joint in joint_names()])
     if dataset.column(episode, velocity_name(joint_names()[0])) is None:
-        return position, np.gradient(position, episode.time, axis=0) if len(position) > 1 else np.zeros_like(position)
+        return position, (
+            np.gradient(position, episode.time, axis=0)
+            if len(position) > 1
+            else np.zeros_like(position)
+        )
     return position, _columns(dataset, episode, [velocity_name(joint) for joint in joint_names()])
 
 

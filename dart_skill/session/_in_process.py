@@ -1,4 +1,5 @@
-"""The whole graph in one process, without ROS: the same steps in the same order as the nodes take, bit for bit.
+"""The whole graph in one process, without ROS: the same steps in the same order as the nodes take,
+bit for bit.
 
 Batches of experiments run on it, and a test compares it with the nodes over DDS.
 """
@@ -42,8 +43,8 @@ Step = Callable[[ArmState], tuple[Command, Command | None]]
 
 @dataclass(frozen=True)
 class Trial:
-    """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's own word on it: whether the ball is in the
-    basket, or the dart in the board.
+    """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's
+    own word on it: whether the ball is in the basket, or the dart in the board.
 
     * outcome: by the cameras.
     * ball_was_in: by the simulator.
@@ -83,10 +84,14 @@ class Session:
         keep_states: bool = False,
         bag: SessionBag | None = None,
     ):
-        settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
+        settings = plant or PlantSettings.from_parameters(
+            node_parameters("wam_simulator.yaml", "wam_simulator")
+        )
         self.plant = Plant(settings, seed)
         self._roles = ("hand", *THROWN[skill := THROW if settings.board is None else "darts"])
-        cameras = cameras or MotionCaptureConfig.from_parameters(node_parameters("optitrack.yaml", "mock_optitrack"))
+        cameras = cameras or MotionCaptureConfig.from_parameters(
+            node_parameters("optitrack.yaml", "mock_optitrack")
+        )
         self.capture = MotionCapture(replace(cameras, bodies=self._roles), seed)
         self._game = game_at(() if settings.board is None else settings.board.position)
         person = person or Person.from_parameters(node_parameters("teacher.yaml", "teacher"))
@@ -100,10 +105,18 @@ class Session:
         self.steps = 0
 
     @classmethod
-    def on_arm(cls, name: str, seed: int = 0, settings: Iterable[str] = (), board: Board | None = None, **others: Any) -> "Session":
+    def on_arm(
+        cls,
+        name: str,
+        seed: int = 0,
+        settings: Iterable[str] = (),
+        board: Board | None = None,
+        **others: Any,
+    ) -> "Session":
         """A session with an arm of config/fleet.yaml, "ideal" or another name, or "fleet:SEED".
 
-        settings: further parameters, each as NODE.PARAMETER=VALUE; board: at which darts are thrown; others: as of a session.
+        settings: further parameters, each as NODE.PARAMETER=VALUE; board: at which darts are
+        thrown; others: as of a session.
         """
         of = parameters_of_arm(name, settings)
         others.setdefault("commander", CommanderSettings.from_parameters(of("commander")))
@@ -144,7 +157,9 @@ class Session:
         return self._run(arm, plan.target, step, lambda: self.commander.mode in RESTING, "throw")
 
     def _look_after_the_arm(self) -> None:
-        """An arm that a limit stopped in the last throw may move again in a world that is built anew."""
+        """An arm that a limit stopped in the last throw may move again in a world that is built
+        anew.
+        """
         if self.commander.stopped_by:
             self.plant.reset()
             self.commander.step(self.plant.arm_state)
@@ -159,12 +174,16 @@ class Session:
         def step(arm: ArmState) -> tuple[Command, Command]:
             return self.commander.step(arm), self.teacher.step(arm)
 
-        trial = self._run(arm, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration")
+        trial = self._run(
+            arm, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration"
+        )
         self.commander.release_arm(False)
         return trial
 
     def _begin(self, target: np.ndarray, guided: bool = False) -> ArmState:
-        """Reset, and the first step: as in the graph, its state is answered before a person or the commander begins to move the arm."""
+        """Reset, and the first step: as in the graph, its state is answered before a person or the
+        commander begins to move the arm.
+        """
         self._log.clear()
         self._exposed.clear()
         self.plant.reset(target)
@@ -178,7 +197,14 @@ class Session:
         if self._bag is not None:
             self._bag.step(arm, command, push)
 
-    def _run(self, arm: ArmState, target: np.ndarray, step: Step, moved_through: Callable[[], bool], kind: str) -> Trial:
+    def _run(
+        self,
+        arm: ArmState,
+        target: np.ndarray,
+        step: Step,
+        moved_through: Callable[[], bool],
+        kind: str,
+    ) -> Trial:
         states: list[PlantState] = []
         over_ns: int | None = None
         begun = arm.stamp_ns
@@ -209,9 +235,15 @@ class Session:
         return arm
 
     def _look_back(self, now_ns: int) -> None:
-        """Log what the cameras have delivered by now: nobody looks at it before a throw is over, and many frames at once take less time."""
+        """Log what the cameras have delivered by now: nobody looks at it before a throw is over,
+        and many frames at once take less time.
+        """
         queue = LatencyQueue()
-        queue.push(self.capture.observe_frames(self._exposed[0].episode, [self._frame(state) for state in self._exposed]))
+        queue.push(
+            self.capture.observe_frames(
+                self._exposed[0].episode, [self._frame(state) for state in self._exposed]
+            )
+        )
         come = queue.due(now_ns)
         if self._bag is not None:
             self._bag.see(come)
@@ -225,14 +257,28 @@ class Session:
             thrown: (state.ball_position, state.ball_quaternion),
             aimed_at: (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
         }
-        basket, board, number = self.plant.settings.basket, self.plant.settings.board, state.step // self._frame_steps
+        basket, board, number = (
+            self.plant.settings.basket,
+            self.plant.settings.board,
+            state.step // self._frame_steps,
+        )
         capsules = self._geometry.capsules(state.position, self.plant.settings.base_turn)
         if board is None:
-            return Frame(state.stamp_ns, bodies, capsules, BasketWalls(state.basket, basket.radius, basket.depth), number)
-        ends, radii = (np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True))
+            return Frame(
+                state.stamp_ns,
+                bodies,
+                capsules,
+                BasketWalls(state.basket, basket.radius, basket.depth),
+                number,
+            )
+        ends, radii = (
+            np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True)
+        )
         return Frame(state.stamp_ns, bodies, (ends, radii), number=number)
 
-    def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
+    def _trial(
+        self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int
+    ) -> Trial:
         state = self.plant.state
         self._look_back(state.stamp_ns)
         if self._bag is not None:
@@ -245,5 +291,7 @@ class Session:
         demonstration = self._log.cut(f"{kind}_{state.episode}", until_ns)
         assert self._log.opened_ns is not None  # or there would have been nothing to cut
         seen, game = self._log.ball_between(self._log.opened_ns, until_ns), self._game
-        outcome = judge_flight(*seen, target, self.plant.settings.basket.radius, game.projectile, surface=game.surface)
+        outcome = judge_flight(
+            *seen, target, self.plant.settings.basket.radius, game.projectile, surface=game.surface
+        )
         return Trial(outcome, demonstration, state.ball_in_basket, self.commander.message, states)

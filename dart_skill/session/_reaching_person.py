@@ -11,7 +11,8 @@ from dart_skill.skills.protocol import HAND
 
 
 class ReachingPerson:
-    """Tell what is seen by `see`; `begin`, then `step` once per state until `done`. They see as well as the cameras do, and as late.
+    """Tell what is seen by `see`; `begin`, then `step` once per state until `done`. They see as
+    well as the cameras do, and as late.
 
     * seed: of what differs from one time to the next. person: how firmly they push.
     * cup: role of the body into which they reach.
@@ -34,7 +35,9 @@ class ReachingPerson:
             self._cup.see(stamp_ns, position, quaternion)
 
     def look(self, state: ArmState) -> None:
-        """Compare what is seen of the hand with where the arm takes it to be, once per state, from before the beginning."""
+        """Compare what is seen of the hand with where the arm takes it to be, once per state, from
+        before the beginning.
+        """
         hand = self._model.hand_state(state.position, state.velocity).position
         self._beside = self._hand.beside(state.stamp_ns, hand)
 

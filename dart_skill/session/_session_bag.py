@@ -1,4 +1,6 @@
-"""The bag of a session, without ROS: states, commands, poses and demonstrations, on the topics of the graph's recorder, with its bytes."""
+"""The bag of a session, without ROS: states, commands, poses and demonstrations, on the topics of
+the graph's recorder, with its bytes.
+"""
 
 from __future__ import annotations
 
@@ -27,15 +29,27 @@ from dart_skill.recording import (
 )
 from dart_skill.simulation import Sample
 from dart_skill.skills.observation import attach_arm
-from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, Told, Track, task_demonstration_message
+from dart_skill.skills.protocol import (
+    HAND,
+    Skill,
+    TaskDemonstration,
+    Told,
+    Track,
+    task_demonstration_message,
+)
 
 JOINT_STATES, COMMAND, GUIDING = "/joint_states", "/wam/command", "/wam/teacher_wrench"
-JOINT_STATE, WAM_COMMAND, POSE = "sensor_msgs/msg/JointState", "dart_skill_msgs/msg/WamCommand", "geometry_msgs/msg/PoseStamped"
+JOINT_STATE, WAM_COMMAND, POSE = (
+    "sensor_msgs/msg/JointState",
+    "dart_skill_msgs/msg/WamCommand",
+    "geometry_msgs/msg/PoseStamped",
+)
 LAYOUT = "in-process"
 
 
 class SessionBag:
-    """What a session tells it is written when a movement is over; a context manager, which closes the bag.
+    """What a session tells it is written when a movement is over; a context manager, which closes
+    the bag.
 
     * path: folder, which must not exist.
     * seed: of the run.
@@ -47,20 +61,36 @@ class SessionBag:
         self._writer = BagWriter(path, custom_data={"seed": str(seed), "layout": LAYOUT})
         attach_arm(self._writer)
         self._poses = {role: pose_topic(the_world().body(role)) for role in (HAND, *skill.bodies)}
-        for topic, type_name in ((JOINT_STATES, JOINT_STATE), (COMMAND, WAM_COMMAND), (GUIDING, WAM_COMMAND)):
+        for topic, type_name in (
+            (JOINT_STATES, JOINT_STATE),
+            (COMMAND, WAM_COMMAND),
+            (GUIDING, WAM_COMMAND),
+        ):
             self._add(topic, type_name, qos_yaml(depth=10_000))
         for topic in self._poses.values():
             self._add(topic, POSE, qos_yaml(depth=500))
-        self._add(DEMONSTRATION_TOPIC, DEMONSTRATION_TYPE, qos_yaml(durability="transient_local", depth=100))
+        self._add(
+            DEMONSTRATION_TOPIC,
+            DEMONSTRATION_TYPE,
+            qos_yaml(durability="transient_local", depth=100),
+        )
         header = {"frame_id": the_world().frame_id}
-        self._state = message(self._types, JOINT_STATE, {"header": header, "name": list(joint_names())})
+        self._state = message(
+            self._types, JOINT_STATE, {"header": header, "name": list(joint_names())}
+        )
         self._command = message(self._types, WAM_COMMAND, {"header": header, "sender": 1})
         self._push = message(self._types, WAM_COMMAND, {"header": header, "sender": 2})
         self._pose = message(self._types, POSE, {"header": header})
         self._waiting: list[tuple[int, str, int, bytes]] = []
 
     def _add(self, topic: str, type_name: str, qos: str) -> None:
-        self._writer.add_topic(topic, type_name, definition(self._types, type_name), qos, type_hash(self._types, type_name))
+        self._writer.add_topic(
+            topic,
+            type_name,
+            definition(self._types, type_name),
+            qos,
+            type_hash(self._types, type_name),
+        )
 
     def step(self, arm: ArmState, command: Command, push: Command | None) -> None:
         """A state of the arm, and what answered it. command, push: of controller and person."""
@@ -76,15 +106,20 @@ class SessionBag:
             where, turn = self._pose.pose.position, self._pose.pose.orientation
             where.x, where.y, where.z = sample.position.tolist()
             turn.x, turn.y, turn.z, turn.w = sample.quaternion.tolist()
-            self._keep(self._poses[sample.name], POSE, self._pose, sample.stamp_ns, sample.publish_ns)
+            self._keep(
+                self._poses[sample.name], POSE, self._pose, sample.stamp_ns, sample.publish_ns
+            )
 
     def keep_throw(self, shown: Demonstration, now_ns: int) -> None:
         """A throw that succeeded, at the end of its world. shown: the throw."""
         opened = shown.stamp_ns + round(1e9 * shown.hand_opened)
-        self._demonstrate(demonstration_message(self._types, replace(shown, id=demonstration_id(opened))), now_ns)
+        self._demonstrate(
+            demonstration_message(self._types, replace(shown, id=demonstration_id(opened))), now_ns
+        )
 
     def keep_movement(self, shown: TaskDemonstration, now_ns: int) -> TaskDemonstration:
-        """Keep another movement that succeeded, at the end of its world; returns it as it is read from the bag, to the last bit.
+        """Keep another movement that succeeded, at the end of its world; returns it as it is read
+        from the bag, to the last bit.
 
         shown: the movement.
         """
@@ -93,7 +128,14 @@ class SessionBag:
         return kept
 
     def _demonstrate(self, content: Any, now_ns: int) -> None:
-        self._waiting.append((now_ns, DEMONSTRATION_TOPIC, now_ns, encoded(self._types, DEMONSTRATION_TYPE, content)))
+        self._waiting.append(
+            (
+                now_ns,
+                DEMONSTRATION_TOPIC,
+                now_ns,
+                encoded(self._types, DEMONSTRATION_TYPE, content),
+            )
+        )
 
     def end_of_movement(self) -> None:
         """Write what was told since the last one, in the order of time."""
@@ -112,7 +154,9 @@ class SessionBag:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _keep(self, topic: str, type_name: str, content: Any, stamp_ns: int, log_ns: int | None = None) -> None:
+    def _keep(
+        self, topic: str, type_name: str, content: Any, stamp_ns: int, log_ns: int | None = None
+    ) -> None:
         content.header.stamp.sec, content.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
         data = bytes(self._types.serialize_cdr(content, type_name))
         self._waiting.append((stamp_ns if log_ns is None else log_ns, topic, stamp_ns, data))
@@ -128,16 +172,23 @@ def _filled(content: Any, command: Command) -> Any:
 
 
 def _on_its_own_clock(one: TaskDemonstration) -> TaskDemonstration:
-    """A demonstration whose times begin with the first pose of the hand, named after that stamp, as the recorder cuts it."""
+    """A demonstration whose times begin with the first pose of the hand, named after that stamp,
+    as the recorder cuts it.
+    """
     origin_ns = one.stamp_ns + round(1e9 * float(one.hand_time[0]))
 
     def since(seconds: np.ndarray) -> np.ndarray:
-        return (one.stamp_ns + np.round(1e9 * np.asarray(seconds)).astype(np.int64) - origin_ns) * 1e-9
+        return (
+            one.stamp_ns + np.round(1e9 * np.asarray(seconds)).astype(np.int64) - origin_ns
+        ) * 1e-9
 
     return replace(
         one,
         id=demonstration_id(origin_ns),
-        tracks={role: Track(since(track.time), track.position, track.quaternion) for role, track in one.tracks.items()},
+        tracks={
+            role: Track(since(track.time), track.position, track.quaternion)
+            for role, track in one.tracks.items()
+        },
         joint_time=since(one.joint_time),
         told=tuple(Told(float(since(np.array(told.time))), told.grip) for told in one.told),
         stamp_ns=origin_ns,

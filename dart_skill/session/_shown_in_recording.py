@@ -1,6 +1,8 @@
-"""What was shown of a skill in a recording, with all streams of it: from when the movement began to when its end was seen.
+"""What was shown of a skill in a recording, with all streams of it: from when the movement began
+to when its end was seen.
 
-Throws at baskets are found and cut as `dart-skill learn` does. Of other skills it is what their recorder published on /demonstrations.
+Throws at baskets are found and cut as `dart-skill learn` does. Of other skills it is what their
+recorder published on /demonstrations.
 """
 
 from __future__ import annotations
@@ -15,17 +17,36 @@ import numpy as np
 from dart_skill.arm import Grip
 from dart_skill.common.constants import NS_PER_S
 from dart_skill.common.world import THROW, THROWN, the_world
-from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, skill_of, stamp_ns, unwanted
+from dart_skill.recording import (
+    Demonstration,
+    GraphBag,
+    check_known,
+    read_demonstrations,
+    skill_of,
+    stamp_ns,
+    unwanted,
+)
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.session._from_bag import explained, throws_in_bag
 from dart_skill.skills.learning import configuration
-from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, read_task_demonstrations
+from dart_skill.skills.protocol import (
+    HAND,
+    Skill,
+    TaskDemonstration,
+    Told,
+    Track,
+    load_skill,
+    read_task_demonstrations,
+)
 from dart_skill.skills.throw import Throw
 
 AROUND_NS = 50_000_000
-"""Samples of so long before and after a movement help to tell where a body was at its ends; worlds are farther apart."""
+"""Samples of so long before and after a movement help to tell where a body was at its ends; worlds
+are farther apart.
+"""
 COMMANDS = ("/wam/command", "/wam/teacher_wrench")
-"""Who moves the arm: its controller, and a guiding person. Where both do, the arm feels the sum."""
+"""Who moves the arm: its controller, and a guiding person. Where both do, the arm feels the sum.
+"""
 COMMAND_TYPE = "dart_skill_msgs/msg/WamCommand"
 
 
@@ -36,7 +57,8 @@ class Shown:
     * id, stamp_ns [ns].
     * duration [s].
     * tracks: of the hand and of the bodies, by role.
-    * joint_time (m,) [s], joint_position (m, 7) [rad], joint_velocity (m, 7) [rad/s]; m = 0 if they were not recorded.
+    * joint_time (m,) [s], joint_position (m, 7) [rad], joint_velocity (m, 7) [rad/s]; m = 0 if
+      they were not recorded.
     * told: what the fingers were told.
     """
 
@@ -52,7 +74,9 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class CommandStream:
-    """Commands of one who moves the arm: stamps (m,) [ns], and rows (m, 13): force [N], torque [N m], of the hand, joint torques [N m]."""
+    """Commands of one who moves the arm: stamps (m,) [ns], and rows (m, 13): force [N], torque [N
+    m], of the hand, joint torques [N m].
+    """
 
     stamp_ns: np.ndarray
     rows: np.ndarray
@@ -75,42 +99,72 @@ class ShownSkill:
 
 
 def read_shown(
-    path: str | os.PathLike, mapping: RecordingMapping | None = None, *, with_throws: bool = False, without: Sequence[str] = ()
+    path: str | os.PathLike,
+    mapping: RecordingMapping | None = None,
+    *,
+    with_throws: bool = False,
+    without: Sequence[str] = (),
 ) -> ShownSkill:
-    """What a recording shows, without what was dropped; arguments as those of `learn_from_bag`. ValueError if it shows nothing."""
+    """What a recording shows, without what was dropped; arguments as those of `learn_from_bag`.
+    ValueError if it shows nothing.
+    """
     name = THROW if mapping else skill_of(path)
     skill = load_skill(name)
     if name == THROW:
         shown, left_out = _throws_at_baskets(path, mapping, with_throws, without)
     else:
         if with_throws:
-            raise ValueError(f"--with-throws is for throws at baskets: {path} is of the skill '{name}'")
+            raise ValueError(
+                f"--with-throws is for throws at baskets: {path} is of the skill '{name}'"
+            )
         shown, left_out = _published(path, skill, without)
     if not shown:
-        reasons = "; ".join(f"{why} ({count})" for why, count in Counter(left_out.values()).items())
-        raise ValueError(f"{path} shows nothing of the skill '{name}': {explained(reasons) if reasons else 'was it recorded?'}")
+        reasons = "; ".join(
+            f"{why} ({count})" for why, count in Counter(left_out.values()).items()
+        )
+        raise ValueError(
+            f"{path} shows nothing of the skill '{name}':"
+            f" {explained(reasons) if reasons else 'was it recorded?'}"
+        )
     return ShownSkill(skill, tuple(shown), left_out, () if mapping else _commands(path))
 
 
 def _throws_at_baskets(
-    path: str | os.PathLike, mapping: RecordingMapping | None, with_throws: bool, without: Sequence[str]
+    path: str | os.PathLike,
+    mapping: RecordingMapping | None,
+    with_throws: bool,
+    without: Sequence[str],
 ) -> tuple[list[Shown], dict[str, str]]:
-    report, recording = throws_in_bag(path, mapping, configuration("default"), with_throws=with_throws, without=without)
+    report, recording = throws_in_bag(
+        path, mapping, configuration("default"), with_throws=with_throws, without=without
+    )
     assert recording is not None  # as throws were looked for in it
     left_out = {}
     for throw in report.throws:
         if throw.reason:
-            left_out[throw.demonstration.id if throw.demonstration else f"{throw.stamp_ns / NS_PER_S:.3f} s"] = throw.reason
+            left_out[
+                throw.demonstration.id
+                if throw.demonstration
+                else f"{throw.stamp_ns / NS_PER_S:.3f} s"
+            ] = throw.reason
     return [_with_streams(one, recording) for one in report.learned_from], left_out
 
 
-def _published(path: str | os.PathLike, skill: Skill, without: Sequence[str]) -> tuple[list[Shown], dict[str, str]]:
+def _published(
+    path: str | os.PathLike, skill: Skill, without: Sequence[str]
+) -> tuple[list[Shown], dict[str, str]]:
     found: Sequence[Demonstration | TaskDemonstration]
-    found = read_demonstrations(path) if isinstance(skill, Throw) else read_task_demonstrations(path, skill)
+    found = (
+        read_demonstrations(path)
+        if isinstance(skill, Throw)
+        else read_task_demonstrations(path, skill)
+    )
     check_known(without, [one.id for one in found], str(path))
     reasons = unwanted(path, without)
     kept = [one for one in found if one.id not in reasons]
-    shown = [_of_throw(one) if isinstance(one, Demonstration) else _of_movement(one) for one in kept]
+    shown = [
+        _of_throw(one) if isinstance(one, Demonstration) else _of_movement(one) for one in kept
+    ]
     return shown, {one.id: reasons[one.id] for one in found if one.id in reasons}
 
 
@@ -126,7 +180,9 @@ def _with_streams(one: Demonstration, recording: ThrowRecording) -> Shown:
     for role, stream in recording.bodies.items():
         kept = stream.take(within(stream.stamp_ns))
         if len(kept):
-            tracks[role] = Track(1e-9 * (kept.stamp_ns - one.stamp_ns), kept.position, kept.quaternion)
+            tracks[role] = Track(
+                1e-9 * (kept.stamp_ns - one.stamp_ns), kept.position, kept.quaternion
+            )
     if "basket" not in tracks:  # hidden all the time: where it was seen at other times
         tracks["basket"] = _resting(one.target)
     time, position, velocity = one.joint_time, one.joint_position, one.joint_velocity
@@ -141,7 +197,10 @@ def _of_throw(one: Demonstration) -> Shown:
     """A throw as it was published: the hand until its motion ended."""
     thrown, aimed_at = THROWN[one.skill]
     unturned = np.tile([0.0, 0.0, 0.0, 1.0], (len(one.ball_time), 1))
-    tracks = {HAND: Track(one.hand_time, one.hand_position, one.hand_quaternion), aimed_at: _resting(one.target)}
+    tracks = {
+        HAND: Track(one.hand_time, one.hand_position, one.hand_quaternion),
+        aimed_at: _resting(one.target),
+    }
     if len(one.ball_time):
         tracks[thrown] = Track(one.ball_time, one.ball_position, unturned)
     joints = (one.joint_time, one.joint_position, one.joint_velocity)
@@ -166,18 +225,46 @@ def _resting(position: np.ndarray) -> Track:
 
 
 def _commands(path: str | os.PathLike) -> tuple[CommandStream, ...]:
-    """Commands of all who told the arm something; ValueError for a wrench in other axes than those of the world."""
+    """Commands of all who told the arm something; ValueError for a wrench in other axes than those
+    of the world.
+    """
     found: dict[str, list[tuple[int, list[float]]]] = {}
     with GraphBag(path) as bag:
-        topics = [name for name in COMMANDS if name in bag.topics and bag.topics[name].type_name == COMMAND_TYPE and bag.topics[name].count]
+        topics = [
+            name
+            for name in COMMANDS
+            if name in bag.topics
+            and bag.topics[name].type_name == COMMAND_TYPE
+            and bag.topics[name].count
+        ]
         for item in bag.messages(topics) if topics else ():
-            header, force, torque = item.data.header, item.data.wrench.force, item.data.wrench.torque
+            header, force, torque = (
+                item.data.header,
+                item.data.wrench.force,
+                item.data.wrench.torque,
+            )
             if header.frame_id not in ("", the_world().frame_id):
-                raise ValueError(f"{path}: {item.topic}: a wrench is in the axes of '{header.frame_id}', not '{the_world().frame_id}'")
-            row = [force.x, force.y, force.z, torque.x, torque.y, torque.z, *item.data.joint_torque]
+                raise ValueError(
+                    f"{path}: {item.topic}: a wrench is in the axes of '{header.frame_id}', not"
+                    f" '{the_world().frame_id}'"
+                )
+            row = [
+                force.x,
+                force.y,
+                force.z,
+                torque.x,
+                torque.y,
+                torque.z,
+                *item.data.joint_torque,
+            ]
             found.setdefault(item.topic, []).append((stamp_ns(header.stamp), row))
     streams = []
     for rows in found.values():
         rows.sort(key=lambda one: one[0])
-        streams.append(CommandStream(np.array([one[0] for one in rows], dtype=np.int64), np.array([one[1] for one in rows], dtype=float)))
+        streams.append(
+            CommandStream(
+                np.array([one[0] for one in rows], dtype=np.int64),
+                np.array([one[1] for one in rows], dtype=float),
+            )
+        )
     return tuple(streams)

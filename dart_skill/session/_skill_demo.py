@@ -52,7 +52,9 @@ class _Placing:
         return self._learned.model_id
 
     def attempt(self, situation: Situation) -> SkillTrial:
-        return self.session.execute(self._learned.plan(self.session.situation(situation.pose("holder"))))
+        return self.session.execute(
+            self._learned.plan(self.session.situation(situation.pose("holder")))
+        )
 
 
 class _Reaching:
@@ -83,18 +85,33 @@ def skill_demo(job: Job, skill: Skill, say: Say) -> SkillSummary:
     begun, rng = time.monotonic(), np.random.default_rng([job.seed, 7])
     if not isinstance(skill, (Place, Reach)):
         raise ValueError(
-            f"in process there are throw, darts, place and reach: '{skill.name}' needs the graph, so leave out --layout in-process"
+            f"in process there are throw, darts, place and reach: '{skill.name}' needs the graph,"
+            " so leave out --layout in-process"
         )
     with SessionBag(job.bag, job.seed, skill) as bag:
-        table: _Table = _Placing(skill, job, bag) if isinstance(skill, Place) else _Reaching(skill, job, bag)
+        table: _Table = (
+            _Placing(skill, job, bag) if isinstance(skill, Place) else _Reaching(skill, job, bag)
+        )
         try:
             shown, attempts = _teach(table, bag, skill, job, rng, say)
-            say(f"learned '{skill.name}' from {len(shown)} demonstrations: model {table.learn(shown)}")
+            say(
+                f"learned '{skill.name}' from {len(shown)} demonstrations: model"
+                f" {table.learn(shown)}"
+            )
             worked, since_ns = time.monotonic(), table.session.plant.state_stamp_ns
             wanted = range(1, job.throws + 1)
-            trials = [_tried(table, skill, skill.draw(rng, wide=True), f"{skill.name} {k}/{job.throws}", say) for k in wanted]
+            trials = [
+                _tried(
+                    table, skill, skill.draw(rng, wide=True), f"{skill.name} {k}/{job.throws}", say
+                )
+                for k in wanted
+            ]
             took = time.monotonic() - worked
-            simulated = 1e-9 * (table.session.plant.state_stamp_ns - since_ns - job.throws * table.session.plant.settings.reset_ns)
+            simulated = 1e-9 * (
+                table.session.plant.state_stamp_ns
+                - since_ns
+                - job.throws * table.session.plant.settings.reset_ns
+            )
         finally:
             table.session.close()
     return SkillSummary(
@@ -113,7 +130,9 @@ def skill_demo(job: Job, skill: Skill, say: Say) -> SkillSummary:
 def _teach(
     table: _Table, bag: SessionBag, skill: Skill, job: Job, rng: np.random.Generator, say: Say
 ) -> tuple[list[TaskDemonstration], int]:
-    """What was shown, in new situations for those in which it failed; and how many attempts that took."""
+    """What was shown, in new situations for those in which it failed; and how many attempts that
+    took.
+    """
     kept: list[TaskDemonstration] = []
     drawn, wanted = skill.draws(rng, job.demonstrations), job.demonstrations
     for lesson in range(2 * wanted):
@@ -126,7 +145,10 @@ def _teach(
             why = str(error)
         if not why:
             kept.append(bag.keep_movement(trial.seen, table.session.plant.state_stamp_ns))
-        say(f"demonstration {len(kept)}/{wanted}: {in_words(situation, units=skill.units)}: {f'given up: {why}' if why else 'shown'}")
+        say(
+            f"demonstration {len(kept)}/{wanted}: {in_words(situation, units=skill.units)}:"
+            f" {f'given up: {why}' if why else 'shown'}"
+        )
         if len(kept) == wanted:
             return kept, lesson + 1
     raise ValueError(f"only {len(kept)} of {wanted} demonstrations succeeded")
@@ -137,7 +159,9 @@ def _tried(table: _Table, skill: Skill, situation: Situation, what: str, say: Sa
         trial = table.attempt(situation)
         result = SkillResult(situation, trial.outcome, trial.message)
     except ValueError as failure:
-        result = SkillResult(situation, TaskOutcome(False, float("nan"), str(failure)), str(failure))
+        result = SkillResult(
+            situation, TaskOutcome(False, float("nan"), str(failure)), str(failure)
+        )
     off = "not seen" if result.error_m is None else f"{1e3 * result.error_m:.1f} mm"
     became = f"{'done' if result.outcome.success else 'failed'}, {off} {result.why}".rstrip()
     say(f"{what}: {in_words(situation, units=skill.units)}: {became}")

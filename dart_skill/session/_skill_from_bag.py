@@ -13,10 +13,13 @@ from dart_skill.skills.protocol import Skill, read_task_demonstrations
 from dart_skill.skills.throw import Throw
 
 
-def learn_skill_from_bag(path: str | os.PathLike, skill: Skill, without: Collection[str] = ()) -> tuple[AnySkill, dict[str, str]]:
+def learn_skill_from_bag(
+    path: str | os.PathLike, skill: Skill, without: Collection[str] = ()
+) -> tuple[AnySkill, dict[str, str]]:
     """The skill that a bag teaches, and by the id of each demonstration that was left out, why.
 
-    without: ids that are left out, besides those that were dropped while they were recorded. ValueError if too few are left.
+    without: ids that are left out, besides those that were dropped while they were recorded.
+    ValueError if too few are left.
     """
     shown = read_task_demonstrations(path, skill)
     out = _left_out(path, shown, without)
@@ -30,7 +33,8 @@ def learn_skill_from_bag(path: str | os.PathLike, skill: Skill, without: Collect
 def learn_throws_from_bag(
     path: str | os.PathLike, skill: Throw, name: str = "default", without: Collection[str] = ()
 ) -> tuple[Practice, dict[str, str]]:
-    """What a bag shows of a skill of throwing, to be learned with a configuration; and by its id why a demonstration was left out.
+    """What a bag shows of a skill of throwing, to be learned with a configuration; and by its id
+    why a demonstration was left out.
 
     ValueError for a bag of another skill.
     """
@@ -38,11 +42,15 @@ def learn_throws_from_bag(
     if other := sorted({one.skill for one in shown} - {skill.name}):
         raise ValueError(f"{path} shows the skill {', '.join(other)}, not '{skill.name}'")
     out = _left_out(path, shown, without)
-    practice = Practice([one for one in shown if one.id not in out], skill.configured_for(configuration(name)))
+    practice = Practice(
+        [one for one in shown if one.id not in out], skill.configured_for(configuration(name))
+    )
     return practice, {**out, **practice.kept_out}
 
 
-def _left_out(path: str | os.PathLike, shown: Sequence[Any], without: Collection[str]) -> dict[str, str]:
+def _left_out(
+    path: str | os.PathLike, shown: Sequence[Any], without: Collection[str]
+) -> dict[str, str]:
     """By its id, why a demonstration is left out."""
     check_known(without, [one.id for one in shown], str(path))
     reasons = unwanted(path, without)

@@ -1,4 +1,6 @@
-"""One step loop for all skills in one process, without ROS: world, cameras, commander and who guides the arm, stepped together."""
+"""One step loop for all skills in one process, without ROS: world, cameras, commander and who
+guides the arm, stepped together.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,14 @@ import numpy as np
 
 from dart_skill.arm import Command, Commander, CommanderSettings, Grip
 from dart_skill.session._session_bag import SessionBag
-from dart_skill.simulation import ArmGeometry, Conveyor, Frame, LatencyQueue, MotionCapture, Workbench
+from dart_skill.simulation import (
+    ArmGeometry,
+    Conveyor,
+    Frame,
+    LatencyQueue,
+    MotionCapture,
+    Workbench,
+)
 from dart_skill.skills.observation import ThrowLog
 from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, Told, Track
 
@@ -35,7 +44,8 @@ def nobody() -> None:
 
 @dataclass(frozen=True, eq=False)
 class SkillTrial:
-    """One movement: what was seen of it, what the skill says came of it, and why it was stopped, if it was.
+    """One movement: what was seen of it, what the skill says came of it, and why it was stopped,
+    if it was.
 
     * outcome: what the skill says.
     """
@@ -58,11 +68,20 @@ class SkillSession:
     plant: Workbench | Conveyor
 
     def __init__(
-        self, skill: Skill, plant: Workbench | Conveyor, of: Callable[[str], Mapping[str, Any]], seed: int, bag: SessionBag | None = None
+        self,
+        skill: Skill,
+        plant: Workbench | Conveyor,
+        of: Callable[[str], Mapping[str, Any]],
+        seed: int,
+        bag: SessionBag | None = None,
     ):
         self.skill, self.plant, self._bag = skill, plant, bag
-        self._capture = MotionCapture({**of("mock_optitrack"), "bodies": (HAND, *skill.bodies)}, seed)
-        self.commander = Commander(CommanderSettings.from_parameters(of("commander")), self.plant.description)
+        self._capture = MotionCapture(
+            {**of("mock_optitrack"), "bodies": (HAND, *skill.bodies)}, seed
+        )
+        self.commander = Commander(
+            CommanderSettings.from_parameters(of("commander")), self.plant.description
+        )
         self._geometry = ArmGeometry()
         self._frame_steps = round(1e9 / self._capture.config.rate / self.plant.settings.step_ns)
         self._sees: Sees | None = None
@@ -90,7 +109,9 @@ class SkillSession:
         self._seen: dict[str, list] = {}
         self._told: list[Told] = []
 
-    def _run(self, what: str, push: Push, over: Callable[[], bool], watch: float = WATCHED) -> None:
+    def _run(
+        self, what: str, push: Push, over: Callable[[], bool], watch: float = WATCHED
+    ) -> None:
         """Step until a movement is over, and then watch on."""
         begun, ended = self.plant.state_stamp_ns, None
         while ended is None or self.plant.state_stamp_ns < ended + watch * 1e9:
@@ -107,20 +128,36 @@ class SkillSession:
             self._step(command, pushed)
             ended = self.plant.state_stamp_ns if ended is None and over() else ended
             if (self.plant.state_stamp_ns - begun) * 1e-9 > LONGEST:
-                raise ValueError(f"{what} is not over after {LONGEST:.0f} s: {self.commander.message or self.commander.mode.value}")
+                raise ValueError(
+                    f"{what} is not over after {LONGEST:.0f} s:"
+                    f" {self.commander.message or self.commander.mode.value}"
+                )
 
     def _hear(self, command: Command) -> None:
-        """Note what a command says to the fingers, when it changes: a commander repeats it with every command."""
-        if command.grip != Grip.UNSPECIFIED and (not self._told or self._told[-1].grip != command.grip):
+        """Note what a command says to the fingers, when it changes: a commander repeats it with
+        every command.
+        """
+        if command.grip != Grip.UNSPECIFIED and (
+            not self._told or self._told[-1].grip != command.grip
+        ):
             self._told.append(Told(command.stamp_ns * 1e-9, command.grip))
 
     def _frame(self) -> Frame:
         plant = self.plant
-        capsules = self._geometry.capsules(np.array(plant.joint_position), plant.settings.base_turn)
-        return Frame(plant.state_stamp_ns, plant.bodies, capsules, number=plant.step_count // self._frame_steps)
+        capsules = self._geometry.capsules(
+            np.array(plant.joint_position), plant.settings.base_turn
+        )
+        return Frame(
+            plant.state_stamp_ns,
+            plant.bodies,
+            capsules,
+            number=plant.step_count // self._frame_steps,
+        )
 
     def _deliver(self) -> None:
-        """Note what the cameras have delivered by now, and pass it to guide or person. All frames at once take a tenth of the time."""
+        """Note what the cameras have delivered by now, and pass it to guide or person. All frames
+        at once take a tenth of the time.
+        """
         if self._exposed:
             self._due.push(self._capture.observe_frames(self.plant.state.episode, self._exposed))
             self._exposed = []
@@ -128,14 +165,19 @@ class SkillSession:
         if self._bag is not None:
             self._bag.see(come)
         for sample in come:
-            self._seen.setdefault(sample.name, []).append((sample.stamp_ns * 1e-9, sample.position, sample.quaternion))
+            self._seen.setdefault(sample.name, []).append(
+                (sample.stamp_ns * 1e-9, sample.position, sample.quaternion)
+            )
             if self._sees is not None:
                 self._sees.see(sample.name, sample.stamp_ns, sample.position, sample.quaternion)
 
     def _tracks(self) -> dict[str, Track]:
         """What the cameras have delivered by now, by body."""
         self._deliver()
-        return {name: Track(*(np.array(part) for part in zip(*rows, strict=True))) for name, rows in self._seen.items()}
+        return {
+            name: Track(*(np.array(part) for part in zip(*rows, strict=True)))
+            for name, rows in self._seen.items()
+        }
 
     def _trial(self, name: str) -> SkillTrial:
         rows, stamps = np.array(self._log.joints.rows), np.array(self._log.joints.stamps) * 1e-9

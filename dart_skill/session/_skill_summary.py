@@ -14,7 +14,8 @@ from dart_skill.skills.protocol import Situation, TaskOutcome
 
 @dataclass(frozen=True)
 class SkillResult:
-    """One trial: for which situation, what came of it, and what was wrong with its execution, empty if nothing was.
+    """One trial: for which situation, what came of it, and what was wrong with its execution,
+    empty if nothing was.
 
     * outcome: what the skill says.
     """
@@ -95,7 +96,10 @@ class SkillSummary:
 
 def situation_json(situation: Situation) -> dict[str, Any]:
     """Poses of the bodies, and the numbers, by name."""
-    poses = {role: {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()} for role, pose in situation.poses.items()}
+    poses = {
+        role: {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
+        for role, pose in situation.poses.items()
+    }
     return {**poses, **situation.numbers}
 
 
@@ -106,18 +110,30 @@ def skill_table(summary: SkillSummary) -> str:
         error = "-" if one.error_m is None else f"{1e3 * one.error_m:.1f}"
         rows.append((str(number), error, "done" if one.outcome.success else "failed", one.why))
     widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    lines = ["  ".join([*(cell.rjust(width) for cell, width in zip(row[:3], widths, strict=True)), row[3]]).rstrip() for row in rows]
+    lines = [
+        "  ".join(
+            [*(cell.rjust(width) for cell, width in zip(row[:3], widths, strict=True)), row[3]]
+        ).rstrip()
+        for row in rows
+    ]
     return "\n".join([*lines, footer(summary)])
 
 
 def footer(summary: SkillSummary) -> str:
     """The trials in a line: `place 10/10, median 0.7 mm`."""
     text = f"{summary.skill} {summary.succeeded}/{len(summary.trials)}"
-    return text if summary.median_error_m is None else f"{text}, median {1e3 * summary.median_error_m:.1f} mm"
+    return (
+        text
+        if summary.median_error_m is None
+        else f"{text}, median {1e3 * summary.median_error_m:.1f} mm"
+    )
 
 
-def in_words(situation: Situation, roles: Sequence[str] = (), units: Mapping[str, str] | None = None) -> str:
-    """Where bodies are: `holder at 0.61, 0.12, 1.18 m, turned by +23 degrees`, and numbers: `duration 2.4 s`.
+def in_words(
+    situation: Situation, roles: Sequence[str] = (), units: Mapping[str, str] | None = None
+) -> str:
+    """Where bodies are: `holder at 0.61, 0.12, 1.18 m, turned by +23 degrees`, and numbers:
+    `duration 2.4 s`.
 
     roles: of the bodies to name, default all. units: of numbers, by name (`Skill.units`).
     """
@@ -127,6 +143,12 @@ def in_words(situation: Situation, roles: Sequence[str] = (), units: Mapping[str
             continue
         x, y, z = pose.position
         turn = math.degrees(math.atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-        said.append(f"{role} at {x:.2f}, {y:.2f}, {z:.2f} m" + (f", turned by {turn:+.0f} degrees" if abs(turn) > 0.5 else ""))
-    said += [f"{name} {number + 0.0:.3g} {(units or {}).get(name, '')}".rstrip() for name, number in situation.numbers.items()]
+        said.append(
+            f"{role} at {x:.2f}, {y:.2f}, {z:.2f} m"
+            + (f", turned by {turn:+.0f} degrees" if abs(turn) > 0.5 else "")
+        )
+    said += [
+        f"{name} {number + 0.0:.3g} {(units or {}).get(name, '')}".rstrip()
+        for name, number in situation.numbers.items()
+    ]
     return "; ".join(said) or "nothing is said of it"

@@ -1,7 +1,8 @@
 """What a run of the main job amounts to: throw by throw and in figures, as JSON and as a table.
 
-A landing that nobody saw has no error; the median and the 90th percentile are over the landings that were seen (linear between
-order statistics), and the table says how many that were. A throw counts as in only if the ball was seen in the basket.
+A landing that nobody saw has no error; the median and the 90th percentile are over the landings
+that were seen (linear between order statistics), and the table says how many that were. A throw
+counts as in only if the ball was seen in the basket.
 """
 
 import json
@@ -37,13 +38,30 @@ class ThrowResult:
     def __post_init__(self) -> None:
         target = _point("target", self.target)
         if target is None:
-            raise ValueError(f"target {self.target} is not finite: give the centre of the rim in metres")
+            raise ValueError(
+                f"target {self.target} is not finite: give the centre of the rim in metres"
+            )
         landing, error = _point("landing", self.landing), _number(self.error_m)
         if (landing is None) != (error is None):
-            raise ValueError(f"landing {self.landing} and error_m {self.error_m}: give both, or None for both if nobody saw it")
-        if error is not None and landing is not None and (error < 0.0 or abs(error - math.dist(target[:2], landing[:2])) > 1e-3):
-            raise ValueError(f"error_m is {error}; the landing {landing} is {math.dist(target[:2], landing[:2]):.4f} m from the target")
-        for name, value in (("target", target), ("landing", landing), ("error_m", error), ("in_basket", bool(self.in_basket))):
+            raise ValueError(
+                f"landing {self.landing} and error_m {self.error_m}: give both, or None for both"
+                " if nobody saw it"
+            )
+        if (
+            error is not None
+            and landing is not None
+            and (error < 0.0 or abs(error - math.dist(target[:2], landing[:2])) > 1e-3)
+        ):
+            raise ValueError(
+                f"error_m is {error}; the landing {landing} is"
+                f" {math.dist(target[:2], landing[:2]):.4f} m from the target"
+            )
+        for name, value in (
+            ("target", target),
+            ("landing", landing),
+            ("error_m", error),
+            ("in_basket", bool(self.in_basket)),
+        ):
             object.__setattr__(self, name, value)
 
     @property
@@ -74,7 +92,12 @@ class ThrowResult:
     def as_trial(self) -> dict:
         """The same as trials of any skill have it."""
         basket = {"position": list(self.target), "quaternion": [0.0, 0.0, 0.0, 1.0]}
-        return {"situation": {"basket": basket}, "success": self.in_basket, "error_m": self.error_m, "message": self.message}
+        return {
+            "situation": {"basket": basket},
+            "success": self.in_basket,
+            "error_m": self.error_m,
+            "message": self.message,
+        }
 
 
 @dataclass(frozen=True)
@@ -106,7 +129,9 @@ class DemoSummary:
         object.__setattr__(self, "bag", str(self.bag))
         object.__setattr__(self, "throws", tuple(self.throws))
         if self.seed < 0 or self.demonstrations < 0:
-            raise ValueError(f"seed {self.seed} and demonstrations {self.demonstrations} must not be negative")
+            raise ValueError(
+                f"seed {self.seed} and demonstrations {self.demonstrations} must not be negative"
+            )
 
     @property
     def thrown(self) -> int:
@@ -125,7 +150,9 @@ class DemoSummary:
 
     @property
     def p90_error_m(self) -> float | None:
-        """90th percentile of the landing error of the throws that were seen to land; None if there are none."""
+        """90th percentile of the landing error of the throws that were seen to land; None if there
+        are none.
+        """
         return error_quantile(self.throws, 0.9)
 
     def to_json(self) -> dict:
@@ -159,7 +186,8 @@ def basket_in_words(target: np.ndarray) -> str:
 
 
 def throw_in_words(in_basket: bool, error_m: float | None, message: str) -> str:
-    """What became of a throw that was made: where it went, how far from the middle, and what there is to say.
+    """What became of a throw that was made: where it went, how far from the middle, and what there
+    is to say.
 
     * in_basket: as the cameras saw it.
     * error_m: distance of the landing from the middle [m]; None if it was not seen.
@@ -170,35 +198,60 @@ def throw_in_words(in_basket: bool, error_m: float | None, message: str) -> str:
 
 
 def error_quantile(throws: Sequence[ThrowResult], share: float) -> float | None:
-    """Landing error [m] that a share of the throws whose landing was seen stays below; None if none was seen."""
+    """Landing error [m] that a share of the throws whose landing was seen stays below; None if
+    none was seen.
+    """
     errors = [throw.error_m for throw in throws if throw.error_m is not None]
     return float(np.quantile(errors, share)) if errors else None
 
 
 def footer(throws: Sequence[ThrowResult]) -> str:
-    """The throws in a line: `in 10/10, median 1.1 cm, 90 % 2.0 cm`, and how many landings were seen if not all."""
+    """The throws in a line: `in 10/10, median 1.1 cm, 90 % 2.0 cm`, and how many landings were
+    seen if not all.
+    """
     throws = tuple(throws)
     if not throws:
         return "no throws"
-    parts, seen = [f"in {sum(throw.in_basket for throw in throws)}/{len(throws)}"], sum(throw.seen for throw in throws)
+    parts, seen = (
+        [f"in {sum(throw.in_basket for throw in throws)}/{len(throws)}"],
+        sum(throw.seen for throw in throws),
+    )
     if seen:
-        parts += [f"median {_cm(error_quantile(throws, 0.5))} cm", f"90 % {_cm(error_quantile(throws, 0.9))} cm"]
+        parts += [
+            f"median {_cm(error_quantile(throws, 0.5))} cm",
+            f"90 % {_cm(error_quantile(throws, 0.9))} cm",
+        ]
     if seen < len(throws):
         parts.append(f"landing seen {seen}/{len(throws)}")
     return ", ".join(parts)
 
 
 def table(summary: DemoSummary) -> str:
-    """The throws as aligned text: target, azimuth and distance of the basket, landing, error, in or out; ends with `footer`.
+    """The throws as aligned text: target, azimuth and distance of the basket, landing, error, in
+    or out; ends with `footer`.
 
     The notes come last, where there are any.
     """
-    head = ["throw", "target x", "y", "z [m]", "azimuth [deg]", "distance [m]", "landing x", "y [m]", "error [cm]", "result"]
+    head = [
+        "throw",
+        "target x",
+        "y",
+        "z [m]",
+        "azimuth [deg]",
+        "distance [m]",
+        "landing x",
+        "y [m]",
+        "error [cm]",
+        "result",
+    ]
     rows = [head, *(_row(number, throw) for number, throw in enumerate(summary.throws, start=1))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     notes = ["note" if any(throw.message for throw in summary.throws) else ""]
     notes += [" ".join(throw.message.split()) for throw in summary.throws]
-    lines = ["  ".join(map(str.rjust, row, widths)) + f"  {note}" for row, note in zip(rows, notes, strict=True)]
+    lines = [
+        "  ".join(map(str.rjust, row, widths)) + f"  {note}"
+        for row, note in zip(rows, notes, strict=True)
+    ]
     return "\n".join([*(line.rstrip() for line in lines), footer(summary.throws)])
 
 
@@ -221,8 +274,19 @@ def write_summary(summary: Summary, folder: Path) -> Path:
 def _row(number: int, throw: ThrowResult) -> list[str]:
     target = [f"{value:.3f}" for value in throw.target]
     place = [f"{math.degrees(throw.azimuth):+.1f}", f"{throw.distance:.2f}"]
-    landing = [f"{value:.3f}" for value in throw.landing[:2]] if throw.landing is not None else ["not seen", "-"]
-    return [str(number), *target, *place, *landing, _cm(throw.error_m), "in" if throw.in_basket else "out"]
+    landing = (
+        [f"{value:.3f}" for value in throw.landing[:2]]
+        if throw.landing is not None
+        else ["not seen", "-"]
+    )
+    return [
+        str(number),
+        *target,
+        *place,
+        *landing,
+        _cm(throw.error_m),
+        "in" if throw.in_basket else "out",
+    ]
 
 
 def _cm(error: float | None) -> str:
@@ -234,7 +298,9 @@ def _point(name: str, value: Sequence[float] | None) -> tuple[float, float, floa
     if value is None:
         return None
     if np.shape(value) != (3,):
-        raise ValueError(f"{name} has shape {np.shape(value)}; it must be three numbers x, y, z in metres")
+        raise ValueError(
+            f"{name} has shape {np.shape(value)}; it must be three numbers x, y, z in metres"
+        )
     x, y, z = (float(number) for number in value)
     point = (x, y, z)
     return point if all(map(math.isfinite, point)) else None

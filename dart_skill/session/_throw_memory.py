@@ -9,23 +9,31 @@ from dart_skill.skills.observation import FoundThrow
 
 
 class ThrowMemory:
-    """What was found in a recording. When more throws are to be learned from than it may keep, it forgets the older of the two whose tasks
-    are nearest to each other, so that the region stays covered; throws of the arm itself before those that were shown, as in `Practice`.
+    """What was found in a recording. When more throws are to be learned from than it may keep, it
+    forgets the older of the two whose tasks are nearest to each other, so that the region stays
+    covered; throws of the arm itself before those that were shown, as in `Practice`.
 
     * capacity: how many are kept to be learned from, 0 for all.
     * configuration: says where the task of a throw is.
 
     Attributes:
 
-    * throws: all, in the order in which they came; of those that were forgotten when, where and why.
+    * throws: all, in the order in which they came; of those that were forgotten when, where and
+      why.
     """
 
     def __init__(self, capacity: int, configuration: SkillConfiguration):
         if capacity < 0:
-            raise ValueError(f"{capacity} demonstrations cannot be remembered: give a positive number, or 0 for all")
+            raise ValueError(
+                f"{capacity} demonstrations cannot be remembered: give a positive number, or 0"
+                " for all"
+            )
         self.throws: list[FoundThrow] = []
         self._capacity, self._configuration = capacity, configuration
-        self._kept: dict[bool, list[int]] = {True: [], False: []}  # places in `throws`, by whether somebody guided the throw
+        self._kept: dict[bool, list[int]] = {
+            True: [],
+            False: [],
+        }  # places in `throws`, by whether somebody guided the throw
         self._crowds = {True: Crowd(), False: Crowd()}
 
     def take(self, throws: Iterable[FoundThrow]) -> None:
@@ -51,5 +59,8 @@ class ThrowMemory:
         index = self._crowds[taught].most_crowded()
         self._crowds[taught].remove(index)
         place = self._kept[taught].pop(index)
-        why = f"forgotten, as the older of the two nearest to each other of more than {self._capacity} (--remember)"
+        why = (
+            "forgotten, as the older of the two nearest to each other of more than"
+            f" {self._capacity} (--remember)"
+        )
         self.throws[place] = self.throws[place].forgotten(why)

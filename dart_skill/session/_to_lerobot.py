@@ -1,7 +1,7 @@
 """Demonstrations of a recording as a dataset for LeRobot: an episode for each, at one frame rate.
 
-What stands where (docs/bags.md): observation.state has the joints and the pose of the hand, observation.environment_state the poses of the
-other bodies, action what the arm was told.
+What stands where (docs/bags.md): observation.state has the joints and the pose of the hand,
+observation.environment_state the poses of the other bodies, action what the arm was told.
 """
 
 from __future__ import annotations
@@ -30,14 +30,17 @@ from dart_skill.session._shown_in_recording import CommandStream, Shown, ShownSk
 from dart_skill.skills.protocol import HAND, Skill
 
 FPS = 100
-"""Frames per second by default: as many as the cameras of config/optitrack.yaml make, so that none is lost."""
+"""Frames per second by default: as many as the cameras of config/optitrack.yaml make, so that none
+is lost.
+"""
 LOWEST_FPS, HIGHEST_FPS = 5, 1000
 ROBOT_TYPE = "barrett_wam"
 STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
 OPEN = "hand.open"
 PICTURES = "observation.images.scene"
 HOLD = 0.1
-"""A command counts until the next one, for so long at most [s]: an arm that hears nothing stops."""
+"""A command counts until the next one, for so long at most [s]: an arm that hears nothing stops.
+"""
 
 
 class PictureMaker(Protocol):
@@ -46,14 +49,19 @@ class PictureMaker(Protocol):
     width: int
     height: int
 
-    def picture(self, joint_position: np.ndarray, poses: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        """(height, width, 3), uint8, of joints at (7,) [rad] and bodies at their positions (3,) [m] and quaternions (4,), by role."""
+    def picture(
+        self, joint_position: np.ndarray, poses: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    ) -> np.ndarray:
+        """(height, width, 3), uint8, of joints at (7,) [rad] and bodies at their positions (3,)
+        [m] and quaternions (4,), by role.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class ExportedDataset:
-    """What was written: the skill, episodes and frames, by its id why a demonstration is none, and whether there are commands.
+    """What was written: the skill, episodes and frames, by its id why a demonstration is none, and
+    whether there are commands.
 
     * ids: of the episodes.
     * left_out: why, by id.
@@ -76,7 +84,11 @@ def velocity_name(joint: str) -> str:
 
 def pose_names(role: str) -> tuple[str, ...]:
     """Elements of a tracked body: position, quaternion, and whether the cameras saw it."""
-    return (*(f"{role}.{axis} [m]" for axis in "xyz"), *(f"{role}.q{axis}" for axis in "xyzw"), f"{role}.seen")
+    return (
+        *(f"{role}.{axis} [m]" for axis in "xyz"),
+        *(f"{role}.q{axis}" for axis in "xyzw"),
+        f"{role}.seen",
+    )
 
 
 def write_lerobot(
@@ -91,14 +103,18 @@ def write_lerobot(
 ) -> ExportedDataset:
     """Write the demonstrations of a recording as a LeRobotDataset v3.0.
 
-    output: folder, which must not exist. fps: frames per second. camera: makes pictures of a skill, which become a video. Others as those
-    of `learn_from_bag`. ValueError if there is nothing to write.
+    output: folder, which must not exist. fps: frames per second. camera: makes pictures of a
+    skill, which become a video. Others as those of `learn_from_bag`. ValueError if there is
+    nothing to write.
     """
     if not LOWEST_FPS <= fps <= HIGHEST_FPS:
         raise ValueError(f"fps is {fps}: give {LOWEST_FPS} to {HIGHEST_FPS}")
     shown = read_shown(source, mapping, with_throws=with_throws, without=without)
     if not all(len(one.joint_time) for one in shown.shown):
-        raise ValueError(f"{source}: no joint states were recorded: a dataset needs them; a mapping may name them under 'joints'")
+        raise ValueError(
+            f"{source}: no joint states were recorded: a dataset needs them; a mapping may name"
+            " them under 'joints'"
+        )
     skill, maker = shown.skill, camera(shown.skill) if camera else None
     cameras = () if maker is None else (Camera(PICTURES, maker.width, maker.height),)
     with DatasetWriter(output, fps, ROBOT_TYPE, features_of(shown), cameras) as dataset:
@@ -106,7 +122,13 @@ def write_lerobot(
             frames = frames_of(one, shown, fps)
             pictures = {} if maker is None else {PICTURES: _pictures(maker, shown.skill, frames)}
             dataset.add(skill.task or skill.name, frames, pictures)
-    return ExportedDataset(skill.name, tuple(one.id for one in shown.shown), dataset.n_frames, shown.left_out, bool(shown.commands))
+    return ExportedDataset(
+        skill.name,
+        tuple(one.id for one in shown.shown),
+        dataset.n_frames,
+        shown.left_out,
+        bool(shown.commands),
+    )
 
 
 def features_of(shown: ShownSkill) -> tuple[Feature, ...]:
@@ -115,11 +137,18 @@ def features_of(shown: ShownSkill) -> tuple[Feature, ...]:
     state = (*map(position_name, joints), *map(velocity_name, joints), *pose_names(HAND))
     environment = tuple(name for role in shown.skill.bodies for name in pose_names(role))
     if shown.commands:
-        hand = (*(f"force.{axis} [N]" for axis in "xyz"), *(f"torque.{axis} [N m]" for axis in "xyz"))
+        hand = (
+            *(f"force.{axis} [N]" for axis in "xyz"),
+            *(f"torque.{axis} [N m]" for axis in "xyz"),
+        )
         action = (*hand, *(f"{joint}.torque [N m]" for joint in joints), OPEN)
     else:
         action = (*map(position_name, joints), OPEN)
-    return tuple(Feature(key, names) for key, names in ((STATE, state), (ENVIRONMENT, environment), (ACTION, action)) if names)
+    return tuple(
+        Feature(key, names)
+        for key, names in ((STATE, state), (ENVIRONMENT, environment), (ACTION, action))
+        if names
+    )
 
 
 def frames_of(one: Shown, shown: ShownSkill, fps: int) -> dict[str, np.ndarray]:
@@ -129,7 +158,9 @@ def frames_of(one: Shown, shown: ShownSkill, fps: int) -> dict[str, np.ndarray]:
     joints = np.hstack([position, at_frames(one.joint_time, one.joint_velocity, frames)])
     found = {STATE: np.hstack([joints, _pose_rows(one, HAND, frames, fps)])}
     if shown.skill.bodies:
-        found[ENVIRONMENT] = np.hstack([_pose_rows(one, role, frames, fps) for role in shown.skill.bodies])
+        found[ENVIRONMENT] = np.hstack(
+            [_pose_rows(one, role, frames, fps) for role in shown.skill.bodies]
+        )
     if shown.commands:
         told = sum(_command_rows(one, stream, frames, fps) for stream in shown.commands)
     else:
@@ -139,7 +170,9 @@ def frames_of(one: Shown, shown: ShownSkill, fps: int) -> dict[str, np.ndarray]:
 
 
 def _pose_rows(one: Shown, role: str, frames: np.ndarray, fps: int) -> np.ndarray:
-    """(n, 8) of a body; where nobody saw it as it was last seen, and of one that was never seen zeros, unturned."""
+    """(n, 8) of a body; where nobody saw it as it was last seen, and of one that was never seen
+    zeros, unturned.
+    """
     if role not in one.tracks:
         return np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], (len(frames), 1))
     track = one.tracks[role]
@@ -154,26 +187,42 @@ def _pose_rows(one: Shown, role: str, frames: np.ndarray, fps: int) -> np.ndarra
 def _command_rows(one: Shown, stream: CommandStream, frames: np.ndarray, fps: int) -> np.ndarray:
     """(n, 13), means over the frames; nothing where nobody told the arm anything."""
     begin = one.stamp_ns - round(1e9 * HOLD)
-    kept = (stream.stamp_ns >= begin) & (stream.stamp_ns <= one.stamp_ns + round(1e9 * (frames[-1] + 1.0 / fps)))
+    kept = (stream.stamp_ns >= begin) & (
+        stream.stamp_ns <= one.stamp_ns + round(1e9 * (frames[-1] + 1.0 / fps))
+    )
     if not kept.any():
         return np.zeros((len(frames), stream.rows.shape[1]))
-    return held_mean(1e-9 * (stream.stamp_ns[kept] - one.stamp_ns), stream.rows[kept], frames, fps, HOLD)
+    return held_mean(
+        1e-9 * (stream.stamp_ns[kept] - one.stamp_ns), stream.rows[kept], frames, fps, HOLD
+    )
 
 
 def _openness(one: Shown, frames: np.ndarray, fps: int) -> np.ndarray:
-    """Share (n,) of each frame in which the hand was told to be open; before the first word it is what the word changes."""
+    """Share (n,) of each frame in which the hand was told to be open; before the first word it is
+    what the word changes.
+    """
     if not one.told:
         return np.zeros(len(frames))
     words = [float(told.grip == Grip.OPEN) for told in one.told]
     stamps = np.array([min(-1.0, one.told[0].time - 1.0), *(told.time for told in one.told)])
-    return held_mean(stamps, np.array([[1.0 - words[0]], *([word] for word in words)]), frames, fps)[:, 0]
+    return held_mean(
+        stamps, np.array([[1.0 - words[0]], *([word] for word in words)]), frames, fps
+    )[:, 0]
 
 
-def _pictures(maker: PictureMaker, skill: Skill, frames: Mapping[str, np.ndarray]) -> Iterator[np.ndarray]:
+def _pictures(
+    maker: PictureMaker, skill: Skill, frames: Mapping[str, np.ndarray]
+) -> Iterator[np.ndarray]:
     """Picture of each frame, with the bodies that were seen by then."""
     states, n_joints = frames[STATE], len(joint_names())
-    bodies = frames.get(ENVIRONMENT, np.empty((len(states), 0))).reshape(len(states), -1, len(pose_names("")))
+    bodies = frames.get(ENVIRONMENT, np.empty((len(states), 0))).reshape(
+        len(states), -1, len(pose_names(""))
+    )
     seen = np.maximum.accumulate(bodies[:, :, -1] > 0.5, axis=0)
     for k, state in enumerate(states):
-        poses = {role: (row[:3], row[3:7]) for role, row, there in zip(skill.bodies, bodies[k], seen[k], strict=True) if there}
+        poses = {
+            role: (row[:3], row[3:7])
+            for role, row, there in zip(skill.bodies, bodies[k], seen[k], strict=True)
+            if there
+        }
         yield maker.picture(state[:n_joints], poses)

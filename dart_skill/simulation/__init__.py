@@ -1,4 +1,6 @@
-"""The world that stands in for hardware: the arm, its hand, what it works with, the cameras, and the people who guide it."""
+"""The world that stands in for hardware: the arm, its hand, what it works with, the cameras, and
+the people who guide it.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +16,15 @@ if TYPE_CHECKING:
     from dart_skill.simulation._conveyor import Belt, Conveyor
     from dart_skill.simulation._guiding import Guiding
     from dart_skill.simulation._holder import Holder
-    from dart_skill.simulation._motion_capture import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig, Sample
+    from dart_skill.simulation._motion_capture import (
+        BasketWalls,
+        Camera,
+        Frame,
+        LatencyQueue,
+        MotionCapture,
+        MotionCaptureConfig,
+        Sample,
+    )
     from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
     from dart_skill.simulation._pulled_hand import PulledHand, Pulling
     from dart_skill.simulation._reacher import Reacher, Reaching
@@ -35,7 +45,9 @@ else:
             "_conveyor": "Belt Conveyor",
             "_guiding": "Guiding",
             "_holder": "Holder",
-            "_motion_capture": "BasketWalls Camera Frame LatencyQueue MotionCapture MotionCaptureConfig Sample",
+            "_motion_capture": (
+                "BasketWalls Camera Frame LatencyQueue MotionCapture MotionCaptureConfig Sample"
+            ),
             "_plant": "Plant PlantSettings PlantState",
             "_pulled_hand": "PulledHand Pulling",
             "_reacher": "Reacher Reaching",

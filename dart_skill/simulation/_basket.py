@@ -30,13 +30,16 @@ class Basket:
     sides: int = 24
 
     def holds(self, point: np.ndarray, position: np.ndarray) -> bool:
-        """Whether the point (3,) is inside the walls and below the rim of a basket at position (3,)."""
+        """Whether the point (3,) is inside the walls and below the rim of a basket at position
+        (3,).
+        """
         x, y, z = np.subtract(point, position).tolist()
         return x * x + y * y < self.radius**2 and -self.depth - self.wall < z < 0.0
 
 
 def basket_urdf(basket: Basket) -> str:
-    """URDF text of a fixed basket: a ring of boxes for the walls, a ring of capsules for the rim, a disc for the floor.
+    """URDF text of a fixed basket: a ring of boxes for the walls, a ring of capsules for the rim,
+    a disc for the floor.
 
     PyBullet's own compound shapes hold at most 16 parts; a URDF link holds any number.
     """
@@ -44,7 +47,9 @@ def basket_urdf(basket: Basket) -> str:
     link = ElementTree.SubElement(robot, "link", name="basket")
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "mass", value="1.0")
-    ElementTree.SubElement(inertial, "inertia", ixx="0.01", ixy="0", ixz="0", iyy="0.01", iyz="0", izz="0.01")
+    ElementTree.SubElement(
+        inertial, "inertia", ixx="0.01", ixy="0", ixz="0", iyy="0.01", iyz="0", izz="0.01"
+    )
     side = 2 * np.tan(np.pi / basket.sides)
     wall, rim = basket.radius + basket.wall / 2, basket.radius + basket.rim / 2
     outside = basket.radius + basket.wall
@@ -62,9 +67,14 @@ def basket_urdf(basket: Basket) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _part(link: ElementTree.Element, xyz: Iterable[float], rpy: Iterable[float], shape: str, **sizes: str) -> None:
+def _part(
+    link: ElementTree.Element, xyz: Iterable[float], rpy: Iterable[float], shape: str, **sizes: str
+) -> None:
     for kind in ("visual", "collision"):
         element = ElementTree.SubElement(link, kind)
-        text = {"xyz": " ".join(repr(float(v)) for v in xyz), "rpy": " ".join(repr(float(v)) for v in rpy)}
+        text = {
+            "xyz": " ".join(repr(float(v)) for v in xyz),
+            "rpy": " ".join(repr(float(v)) for v in rpy),
+        }
         ElementTree.SubElement(element, "origin", text)
         ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), shape, sizes)

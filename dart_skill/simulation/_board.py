@@ -13,8 +13,8 @@ from dart_skill.common.world import the_world
 class Board:
     """A round board that faces the arm's base axis; its position is the bull's centre on the face.
 
-    The default, of config/world.yaml, is regulation: the bull 1.73 m above the floor, 2.37 m from where the thrower stands, the base axis.
-    thickness [m]: of what the cameras cannot see through.
+    The default, of config/world.yaml, is regulation: the bull 1.73 m above the floor, 2.37 m from
+    where the thrower stands, the base axis. thickness [m]: of what the cameras cannot see through.
     """
 
     position: tuple[float, float, float] = the_world().board_position
@@ -25,7 +25,8 @@ class Board:
         return BoardFace(self.position)
 
     def hit(self, before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
-        """Where a dart that moved from one point (3,) to another met the face of the board (3,), if it did.
+        """Where a dart that moved from one point (3,) to another met the face of the board (3,),
+        if it did.
 
         before, after: the two points.
         """
@@ -38,7 +39,9 @@ class Board:
 
     @cached_property
     def capsules(self) -> tuple[np.ndarray, np.ndarray]:
-        """The board as upright rods behind its face: ends (c, 2, 3) and radii (c,), to hide things from cameras."""
+        """The board as upright rods behind its face: ends (c, 2, 3) and radii (c,), to hide things
+        from cameras.
+        """
         face, radius = self.face, 0.5 * self.thickness
         aside = np.arange(-5, 6) * self.thickness
         half = np.sqrt(np.maximum((0.5 * BOARD_DIAMETER) ** 2 - aside**2, 0.0)) - radius

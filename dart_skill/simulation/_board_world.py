@@ -10,7 +10,8 @@ from dart_skill.simulation._plant import Plant, PlantSettings
 
 
 class BoardWorld(Plant):
-    """The world of darts: a plant with a board in its settings, whose bodies have the names of that game.
+    """The world of darts: a plant with a board in its settings, whose bodies have the names of
+    that game.
 
     The numbers of a situation say what is aimed at; the world is the same for all of them.
     """
@@ -27,4 +28,7 @@ class BoardWorld(Plant):
 
     def _check_movable(self, roles: Iterable[str]) -> None:
         if named := ", ".join(sorted(roles)):
-            raise ValueError(f"the board hangs where it is (board_position): no situation puts the {named} somewhere")
+            raise ValueError(
+                f"the board hangs where it is (board_position): no situation puts the {named}"
+                " somewhere"
+            )

@@ -1,4 +1,6 @@
-"""PyBullet without its greetings: what it prints when it is imported and whenever a physics server is made."""
+"""PyBullet without its greetings: what it prints when it is imported and whenever a physics server
+is made.
+"""
 
 import ctypes
 import os
@@ -42,7 +44,8 @@ except ModuleNotFoundError as error:  # whoever simulates nothing does without
 class _Client(BulletClient):
     """BulletClient looks every function up, and wraps it, at each call; this one remembers."""
 
-    # What BulletClient's destructor asks for, even when an interrupt (Ctrl-C) ended the constructor before there was a connection.
+    # What BulletClient's destructor asks for, even when an interrupt (Ctrl-C) ended the
+    # constructor before there was a connection.
     _client = -1
     _pid = -1
 

@@ -1,4 +1,5 @@
-"""A person who guides the arm's hand through space: takes a part, carries it over a holder, puts it in, and lets go.
+"""A person who guides the arm's hand through space: takes a part, carries it over a holder, puts
+it in, and lets go.
 
 The person has a path of the part in mind (`Guiding`). How well they aim is said here.
 """
@@ -27,10 +28,13 @@ class Carrying:
     * duration, duration_spread: of the way [s], and as a share.
     * lift, above: height over the place where the part stood, and over the holder [m].
     * height_spread: of both [m].
-    * aim_spread, turn_spread: of where the part is put in [m], and how it is turned [rad]: what a person cannot see.
+    * aim_spread, turn_spread: of where the part is put in [m], and how it is turned [rad]: what a
+      person cannot see.
     * rest: at the end, before the fingers open [s].
-    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees it.
-    * firm_wrist: stiffness and damping of the turn [N m/rad, N m s/rad]; firmer than in a swing, with both hands.
+    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees
+      it.
+    * firm_wrist: stiffness and damping of the turn [N m/rad, N m s/rad]; firmer than in a swing,
+      with both hands.
     """
 
     wait: float = 0.4
@@ -54,7 +58,13 @@ class Carrier(Guiding):
     * step: control period [s].
     """
 
-    def __init__(self, seed: int = 0, carrying: Carrying | None = None, person: Person | None = None, step: float = 0.002):
+    def __init__(
+        self,
+        seed: int = 0,
+        carrying: Carrying | None = None,
+        person: Person | None = None,
+        step: float = 0.002,
+    ):
         self.carrying = carrying or Carrying()
         super().__init__(seed, person, self.carrying.follows, self.carrying.firm_wrist, step)
 
@@ -65,14 +75,24 @@ class Carrier(Guiding):
         rng = self._rng
         self._told = 0
         self._way = c.duration * (1.0 + c.duration_spread * rng.standard_normal())
-        self._lift, self._above = np.array([c.lift, c.above]) + c.height_spread * rng.standard_normal(2)
+        self._lift, self._above = np.array(
+            [c.lift, c.above]
+        ) + c.height_spread * rng.standard_normal(2)
         aside = np.append(c.aim_spread * rng.standard_normal(2), 0.0)
         turn = Rotation.from_rotvec([0.0, 0.0, c.turn_spread * rng.standard_normal()])
         self._first, self._last = part[0], goal[0] + aside
-        self._turns = Slerp([0.0, 1.0], Rotation.concatenate([Rotation.from_quat(part[1]), turn * Rotation.from_quat(goal[1])]))
+        self._turns = Slerp(
+            [0.0, 1.0],
+            Rotation.concatenate(
+                [Rotation.from_quat(part[1]), turn * Rotation.from_quat(goal[1])]
+            ),
+        )
         hand = self._model.hand_state(state.position, state.velocity)
         back = Rotation.from_quat(part[1]).inv()
-        self._grip = back.apply(hand.position - part[0]), back * Rotation.from_matrix(hand.rotation)
+        self._grip = (
+            back.apply(hand.position - part[0]),
+            back * Rotation.from_matrix(hand.rotation),
+        )
         self._in_mind: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
     @property
@@ -91,22 +111,30 @@ class Carrier(Guiding):
             step_ns = round(1e9 * self._step)
             steps = (round(1e9 * time) + step_ns * np.arange(BLOCK)) * 1e-9
             times = np.concatenate([[time], steps, steps + self._step])
-            self._in_mind = dict(zip(times.tolist(), zip(*self._path(times), strict=True), strict=True))
+            self._in_mind = dict(
+                zip(times.tolist(), zip(*self._path(times), strict=True), strict=True)
+            )
         return self._in_mind[time]
 
     def _path(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same at times (n,): (n, 3) and (n, 3, 3)."""
         share = (times - 2.0 * self.carrying.wait) / self._way
-        up, over, down = (np.array([*map(smooth, part.tolist())]) for part in (share / 0.3, (share - 0.15) / 0.45, (share - 0.62) / 0.38))
+        up, over, down = (
+            np.array([*map(smooth, part.tolist())])
+            for part in (share / 0.3, (share - 0.15) / 0.45, (share - 0.62) / 0.38)
+        )
         place = self._first + over[:, None] * (self._last - self._first)
         place[:, 2] += (1.0 - over) * up * self._lift + over * (1.0 - down) * self._above
-        # While both are under way, neither of the two heights is reached: over the edge of the holder the part is high all the same.
+        # While both are under way, neither of the two heights is reached: over the edge of the
+        # holder the part is high all the same.
         turn, (offset, held) = self._turns(over), self._grip
         return place + turn.as_matrix() @ offset, (turn * held).as_matrix()
 
     def _button(self, time: float) -> Grip:
         c = self.carrying
-        for number, (instant, grip) in enumerate(((c.wait, Grip.CLOSE), (2.0 * c.wait + self._way + c.rest, Grip.OPEN))):
+        for number, (instant, grip) in enumerate(
+            ((c.wait, Grip.CLOSE), (2.0 * c.wait + self._way + c.rest, Grip.OPEN))
+        ):
             if self._told == number and time >= instant:
                 self._told += 1
                 return grip

@@ -1,4 +1,6 @@
-"""What may happen to a simulated arm, unannounced: its ball, joints, motors, hand or base are others from then on."""
+"""What may happen to a simulated arm, unannounced: its ball, joints, motors, hand or base are
+others from then on.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ CHANGES: dict[str, dict[str, Any]] = {
     "slower_hand": {"hand_delay": 0.045},
     "base_turned": {"base_turn": float(np.deg2rad(5.0))},
 }
-"""Settings of the plant: a ball of twice the mass, joints with twice the friction, motors with 80 % of their torque, ..."""
+"""Settings of the plant: a ball of twice the mass, joints with twice the friction, motors with 80
+% of their torque, ...
+"""
 
 
 def changed(settings: PlantSettings, change: str) -> PlantSettings:

@@ -1,4 +1,6 @@
-"""A belt beside the simulated arm that carries a cup past it. The cup is a place that moves: nothing touches it."""
+"""A belt beside the simulated arm that carries a cup past it. The cup is a place that moves:
+nothing touches it.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +18,18 @@ from dart_skill.simulation._plant import LooseState, Plant, PlantSettings, Plant
 from dart_skill.simulation._workbench import Pose
 
 START_POSTURE = (0.0, 0.3, 0.0, 2.2, 0.0, 1.0, 0.0)
-"""Posture beside a belt [rad]. The hand is tilted by 0.4 rad: with the palm straight down the wrist is straight above some cups."""
+"""Posture beside a belt [rad]. The hand is tilted by 0.4 rad: with the palm straight down the
+wrist is straight above some cups.
+"""
 WAY = ("way_x", "way_y", "way_z")
 NUMBERS = (*WAY, "steady", "start", "duration", "tunnel")
-"""Names of the numbers of a situation in the world of a belt: the fields of `Belt`, the way along each axis."""
+"""Names of the numbers of a situation in the world of a belt: the fields of `Belt`, the way along
+each axis.
+"""
 UPRIGHT, IN, AROUND = 0.01, 0.01, 0.001
-"""A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its speed is measured over this time [s]."""
+"""A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its
+speed is measured over this time [s].
+"""
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,8 @@ class Belt:
     * begin: where the cup is at `start` (3,) [m].
     * way: from there in `duration` (3,) [m].
     * turn: of the cup about the vertical [rad].
-    * steady: it moves at constant speed, before and after, too; otherwise from rest to rest, by least jerk.
+    * steady: it moves at constant speed, before and after, too; otherwise from rest to rest, by
+      least jerk.
     * start, duration: of the way [s].
     * tunnel: from then on no camera sees the cup [s].
     """
@@ -45,7 +54,9 @@ class Belt:
     tunnel: float = np.inf
 
     def at(self, time: float) -> Pose:
-        """Where the cup is then: the middle of its floor, its z axis up. time: since the reset of the world [s]."""
+        """Where the cup is then: the middle of its floor, its z axis up. time: since the reset of
+        the world [s].
+        """
         return self.place(time), self._turned
 
     def place(self, time: float) -> np.ndarray:
@@ -62,20 +73,31 @@ class Belt:
 
     @classmethod
     def of(cls, cup: Pose | None, numbers: Mapping[str, float]) -> Belt:
-        """The belt of a situation: where the cup is at `start`, and `NUMBERS`, as far as they differ from the defaults.
+        """The belt of a situation: where the cup is at `start`, and `NUMBERS`, as far as they
+        differ from the defaults.
 
         ValueError for a cup that leans, and for a way that takes no time.
         """
-        own: dict[str, Any] = {name: float(value) for name, value in numbers.items() if name not in WAY}
+        own: dict[str, Any] = {
+            name: float(value) for name, value in numbers.items() if name not in WAY
+        }
         own["way"] = tuple(float(numbers.get(name, 0.0)) for name in WAY)
         own["steady"] = bool(own.get("steady", True))
         if cup is not None:
             turn = Rotation.from_quat(cup[1]).as_rotvec()
             if np.hypot(*turn[:2]) > UPRIGHT:
-                raise ValueError(f"the cup leans by {np.hypot(*turn[:2]):.2f} rad: on a belt it stands upright, turned about z")
-            own |= {"begin": tuple(np.asarray(cup[0], dtype=float).tolist()), "turn": float(turn[2])}
+                raise ValueError(
+                    f"the cup leans by {np.hypot(*turn[:2]):.2f} rad: on a belt it stands upright,"
+                    " turned about z"
+                )
+            own |= {
+                "begin": tuple(np.asarray(cup[0], dtype=float).tolist()),
+                "turn": float(turn[2]),
+            }
         if not own.get("duration", 1.0) > 0.0:
-            raise ValueError(f"duration is {own['duration']} s: the way of the cup takes longer than nothing")
+            raise ValueError(
+                f"duration is {own['duration']} s: the way of the cup takes longer than nothing"
+            )
         return cls(**own)
 
 
@@ -92,7 +114,9 @@ class Conveyor(Plant):
         """As of the plant; the posture beside the belt stays."""
         super().change(replace(settings, start_posture=START_POSTURE))
 
-    def set_up(self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None) -> PlantState:
+    def set_up(
+        self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None
+    ) -> PlantState:
         """As of the plant: the belt of `Belt.of`. Where nothing is said, it runs as before."""
         self._check_movable(poses)
         self._check_numbers(numbers or {})
@@ -101,7 +125,9 @@ class Conveyor(Plant):
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the cup somewhere at once: it stands there from now on. position: of the cup (3,) [m]."""
+        """Put the cup somewhere at once: it stands there from now on. position: of the cup (3,)
+        [m].
+        """
         self._check_movable([role])
         self._belt = Belt.of((position, quaternion), {})
         self._seen_loose = None
@@ -143,7 +169,9 @@ class Conveyor(Plant):
     def _look_at_loose(self) -> LooseState:
         """What the state says of a ball is said of the cup."""
         before, after = (self._belt.place(self.time + around) for around in (-AROUND, AROUND))
-        return LooseState(*(tuple(part.tolist()) for part in (*self.cup, (after - before) / (2.0 * AROUND))))
+        return LooseState(
+            *(tuple(part.tolist()) for part in (*self.cup, (after - before) / (2.0 * AROUND)))
+        )
 
     def _act_on_ball(self) -> None:
         """Nothing acts on the cup but its belt."""

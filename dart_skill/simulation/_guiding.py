@@ -1,6 +1,8 @@
-"""A person who guides the hand of a gravity-compensated arm along a path that they have in mind, as one does with kinesthetic teaching.
+"""A person who guides the hand of a gravity-compensated arm along a path that they have in mind,
+as one does with kinesthetic teaching.
 
-The person sees how far the hand is off the path, and pushes. How firmly is that of `Person`; which path, that of who derives from this.
+The person sees how far the hand is off the path, and pushes. How firmly is that of `Person`; which
+path, that of who derives from this.
 """
 
 from __future__ import annotations
@@ -15,16 +17,25 @@ MOST_LEFT = np.repeat([0.02, 0.3], 3)
 
 
 class Guiding:
-    """Guides one movement at a time: `_begin_guiding`, then `step` once per state. Who derives from it writes `_wanted`.
+    """Guides one movement at a time: `_begin_guiding`, then `step` once per state. Who derives
+    from it writes `_wanted`.
 
     * seed: of what differs from one time to the next.
     * person: how firmly they push.
-    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees it.
+    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees
+      it.
     * firm_wrist: stiffness and damping of the turn [N m/rad, N m s/rad].
     * step: control period [s].
     """
 
-    def __init__(self, seed: int, person: Person | None, follows: float, firm_wrist: tuple[float, float], step: float):
+    def __init__(
+        self,
+        seed: int,
+        person: Person | None,
+        follows: float,
+        firm_wrist: tuple[float, float],
+        step: float,
+    ):
         self.person = person or Person()
         self._follows, self._firm_wrist = follows, firm_wrist
         self._model, self._seed, self._step, self._times = ArmModel(), seed, step, 0
@@ -50,8 +61,15 @@ class Guiding:
         self._tremble = tremor(self._tremble, self.person, self._rng, self._step)
         force = k * (off[:3] + self._left[:3]) + d * (velocity - hand.linear) + self._tremble
         twist = kr * (off[3:] + self._left[3:]) + dr * (spin - hand.angular)
-        push = np.concatenate([at_most(force, self.person.strongest_push), at_most(twist, self.person.strongest_twist)])
-        return Command(state.stamp_ns, push, self._steady_elbow(state, hand.position), self._button(time))
+        push = np.concatenate(
+            [
+                at_most(force, self.person.strongest_push),
+                at_most(twist, self.person.strongest_twist),
+            ]
+        )
+        return Command(
+            state.stamp_ns, push, self._steady_elbow(state, hand.position), self._button(time)
+        )
 
     def _time(self, state: ArmState) -> float:
         return (state.stamp_ns - self._started_ns) * 1e-9
@@ -65,7 +83,9 @@ class Guiding:
         return Grip.UNSPECIFIED
 
     def _steady_elbow(self, state: ArmState, hand: np.ndarray) -> np.ndarray:
-        """The other hand keeps the elbow over the line from the base to the hand (3,): joint torques (7,)."""
+        """The other hand keeps the elbow over the line from the base to the hand (3,): joint
+        torques (7,).
+        """
         k, d = self.person.firm_elbow
         elbow, jacobian = self._model.elbow(state.position)
         across = np.array([-hand[1], hand[0], 0.0]) / np.hypot(hand[0], hand[1])

@@ -20,7 +20,9 @@ class Holder(Guiding):
         self._met: tuple[np.ndarray, np.ndarray] | None = None
 
     def push(self, state: ArmState, holds: bool) -> Command | None:
-        """What the person does to an arm in this state; None if they do not touch it. holds: whether they do."""
+        """What the person does to an arm in this state; None if they do not touch it. holds:
+        whether they do.
+        """
         if not holds:
             self._met = None
             return None

@@ -1,10 +1,12 @@
 """From what acts on the joints in a step to the torques that PyBullet applies.
 
-PyBullet has no field for the inertia of rotors. So the acceleration that the arm with rotors and friction has is computed first, and then
-the torque that gives it to PyBullet's arm without them (inverse dynamics): torque = M acceleration + bias.
+PyBullet has no field for the inertia of rotors. So the acceleration that the arm with rotors and
+friction has is computed first, and then the torque that gives it to PyBullet's arm without them
+(inverse dynamics): torque = M acceleration + bias.
 
-It is asked at every step of the arm. So it is compiled (docs/development.md): _joint_dynamics.pxd beside it has the types. It takes
-angles as PyBullet gives them, and gives torques as PyBullet takes them: tuples and lists.
+It is asked at every step of the arm. So it is compiled (docs/development.md): _joint_dynamics.pxd
+beside it has the types. It takes angles as PyBullet gives them, and gives torques as PyBullet
+takes them: tuples and lists.
 """
 
 from __future__ import annotations
@@ -39,17 +41,32 @@ class JointDynamics:
     * reflected: inertia of the rotors as the joints feel it (7, 7) [kg m^2].
     * gravity: share of the gravity torque that the arm's own compensation gives.
     * step: control period [s].
-    * transmission: where cables give; the friction then acts on its motors, and the rotors are there.
+    * transmission: where cables give; the friction then acts on its motors, and the rotors are
+      there.
     """
 
-    def __init__(self, actuation: Actuation, reflected: np.ndarray, gravity: float, step: float, transmission: Transmission | None = None):
+    def __init__(
+        self,
+        actuation: Actuation,
+        reflected: np.ndarray,
+        gravity: float,
+        step: float,
+        transmission: Transmission | None = None,
+    ):
         self._actuation, self._transmission = actuation, transmission
-        self._reflected, self._gravity, self._step = np.array(reflected, dtype=float), gravity, step
+        self._reflected, self._gravity, self._step = (
+            np.array(reflected, dtype=float),
+            gravity,
+            step,
+        )
         self._with_rotors = np.zeros((N_JOINTS, N_JOINTS))
         self._net = np.zeros(N_JOINTS)
 
-    def asked(self, joint_torque: np.ndarray, pull: np.ndarray | None, gravity: np.ndarray) -> np.ndarray:
-        """What motors are asked for (7,) [N m]: by the controller, and by the arm's own gravity compensation.
+    def asked(
+        self, joint_torque: np.ndarray, pull: np.ndarray | None, gravity: np.ndarray
+    ) -> np.ndarray:
+        """What motors are asked for (7,) [N m]: by the controller, and by the arm's own gravity
+        compensation.
 
         * joint_torque: of the command (7,) [N m].
         * pull: the command's wrench in the joints (7,) [N m]; None for none.
@@ -73,7 +90,8 @@ class JointDynamics:
         position: np.ndarray,
         velocity: np.ndarray,
     ) -> list[float]:
-        """The torque (7,) [N m] with which PyBullet's arm without rotors and friction moves in a step as the arm with them does.
+        """The torque (7,) [N m] with which PyBullet's arm without rotors and friction moves in a
+        step as the arm with them does.
 
         * inertia: of the joints without rotors (7, 7) [kg m^2].
         * bias: torque at zero acceleration (7,): gravity and Coriolis terms [N m].
@@ -92,11 +110,15 @@ class JointDynamics:
             if outside is not None:
                 net[i] += given[i]
         if self._transmission is not None:
-            reached = self._transmission.advance(position, velocity, inertia, effort, self._net, self._step)
+            reached = self._transmission.advance(
+                position, velocity, inertia, effort, self._net, self._step
+            )
         else:
             for i in range(n):
                 net[i] += push[i]
-            reached = self._actuation.acceleration(self._with_rotors, self._net, velocity, self._step)
+            reached = self._actuation.acceleration(
+                self._with_rotors, self._net, velocity, self._step
+            )
         acceleration = reached
         forces = []
         for i in range(n):

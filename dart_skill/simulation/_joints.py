@@ -1,7 +1,8 @@
 """The joints of the arm in PyBullet: once a step they are driven, and read.
 
-What the arm's own electronics do is here, too: gravity compensation, limits of the motors, the safety module, encoders. This module is
-compiled (docs/development.md): _joints.pxd beside it has the types.
+What the arm's own electronics do is here, too: gravity compensation, limits of the motors, the
+safety module, encoders. This module is compiled (docs/development.md): _joints.pxd beside it has
+the types.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ class Joints:
     * transmission: None where cables are rigid.
     * safety: the arm's own safety module; None: it has none.
 
-    Attributes: angles, speeds (7,), lists, and position, velocity (7,), arrays of the same [rad], [rad/s]; those with `seen` are what the
-    encoders report; effort, torque that reached the joints in the last step (7,) [N m].
+    Attributes: angles, speeds (7,), lists, and position, velocity (7,), arrays of the same [rad],
+    [rad/s]; those with `seen` are what the encoders report; effort, torque that reached the joints
+    in the last step (7,) [N m].
     """
 
     def __init__(
@@ -49,7 +51,9 @@ class Joints:
         self._all, self._no_torque = JOINTS, np.zeros(N_JOINTS)
         self._mode = pybullet.TORQUE_CONTROL
 
-    def begin(self, world: BulletClient, arm: int, start: np.ndarray, carried: ArmDynamics) -> None:
+    def begin(
+        self, world: BulletClient, arm: int, start: np.ndarray, carried: ArmDynamics
+    ) -> None:
         """The arm stands at rest in a new world.
 
         * world: with the arm.
@@ -57,7 +61,11 @@ class Joints:
         * start: angles (7,) [rad].
         * carried: the arm with what its cables carry.
         """
-        self._arm, self._read, self._set = arm, world.getJointStates, world.setJointMotorControlArray
+        self._arm, self._read, self._set = (
+            arm,
+            world.getJointStates,
+            world.setJointMotorControlArray,
+        )
         self.effort = np.zeros(N_JOINTS)
         self._encoders.reset()
         if self._safety is not None:
@@ -68,18 +76,29 @@ class Joints:
 
     def read(self) -> None:
         """Where the joints are now, and how fast."""
-        self.angles, self.speeds, self.position, self.velocity = read_joints(self._read(self._arm, self._all))
+        self.angles, self.speeds, self.position, self.velocity = read_joints(
+            self._read(self._arm, self._all)
+        )
         motors: Any = self if self._transmission is None else self._transmission
-        self.seen_position, self.seen_velocity = self._encoders.read(motors.position, motors.velocity)
-        self.seen_angles = self.angles if self.seen_position is self.position else self.seen_position.tolist()
-        self.seen_speeds = self.speeds if self.seen_velocity is self.velocity else self.seen_velocity.tolist()
+        self.seen_position, self.seen_velocity = self._encoders.read(
+            motors.position, motors.velocity
+        )
+        self.seen_angles = (
+            self.angles if self.seen_position is self.position else self.seen_position.tolist()
+        )
+        self.seen_speeds = (
+            self.speeds if self.seen_velocity is self.velocity else self.seen_velocity.tolist()
+        )
 
-    def drive(self, command: Command, push: Command | None, brakes: bool, arm: ArmDynamics) -> None:
+    def drive(
+        self, command: Command, push: Command | None, brakes: bool, arm: ArmDynamics
+    ) -> None:
         """Set the torques for one step.
 
         * command: of the controller.
         * push: of somebody who guides the arm; it acts on the links from outside.
-        * brakes: whether the command is the arm's own braking, for which its safety module does not ask.
+        * brakes: whether the command is the arm's own braking, for which its safety module does
+          not ask.
         * arm: as it is built, with what is in its hand.
         """
         pull = self._nominal.in_joints(self.seen_position, np.asarray(command.wrench, dtype=float))
@@ -92,7 +111,9 @@ class Joints:
             self.effort = self._actuation.deliverable(asked, motors)
         outside = None if push is None else self._from_outside(push)
         inertia, bias = arm.terms(self.position, self.velocity)
-        forces = self._dynamics.torque(inertia, bias, self.effort, outside, self.position, self.velocity)
+        forces = self._dynamics.torque(
+            inertia, bias, self.effort, outside, self.position, self.velocity
+        )
         self._set(self._arm, self._all, self._mode, forces=forces)
 
     def _is_stopped(self, torque: np.ndarray, speed: Speed) -> bool:
@@ -104,7 +125,9 @@ class Joints:
     def _from_outside(self, push: Command) -> np.ndarray:
         """What a person does to the joints (7,) [N m]."""
         pull = self._nominal.in_joints(self.position, np.asarray(push.wrench, dtype=float))
-        return np.asarray(push.joint_torque if pull is None else push.joint_torque + pull, dtype=float)
+        return np.asarray(
+            push.joint_torque if pull is None else push.joint_torque + pull, dtype=float
+        )
 
     def braking(self) -> np.ndarray:
         """Torque of motors that are shorted (7,) [N m]."""

@@ -1,6 +1,8 @@
-"""Lines of sight: how many cameras see a point, past the capsules of an arm and the wall of a basket.
+"""Lines of sight: how many cameras see a point, past the capsules of an arm and the wall of a
+basket.
 
-Every frame of the cameras asks it of each body. So it is compiled (docs/development.md): _lines_of_sight.pxd beside it has the types.
+Every frame of the cameras asks it of each body. So it is compiled (docs/development.md):
+_lines_of_sight.pxd beside it has the types.
 """
 
 from __future__ import annotations
@@ -24,19 +26,40 @@ class LinesOfSight:
     * clearance: what is nearer to a point than this does not hide it [m].
     """
 
-    def __init__(self, positions: np.ndarray, axes: np.ndarray, half_angles: np.ndarray, ranges: np.ndarray, clearance: float):
+    def __init__(
+        self,
+        positions: np.ndarray,
+        axes: np.ndarray,
+        half_angles: np.ndarray,
+        ranges: np.ndarray,
+        clearance: float,
+    ):
         right, down, forward = axes[:, 0], axes[:, 1], axes[:, 2]
         wide, high = (tangent[:, None] * forward for tangent in np.tan(half_angles).T)
-        self._sides = np.stack([wide - right, wide + right, high - down, high + down], axis=1)  # their normals, inwards
-        self._positions, self._ranges, self._clearance = np.array(positions), np.array(ranges), clearance
+        self._sides = np.stack(
+            [wide - right, wide + right, high - down, high + down], axis=1
+        )  # their normals, inwards
+        self._positions, self._ranges, self._clearance = (
+            np.array(positions),
+            np.array(ranges),
+            clearance,
+        )
         self._start, self._ray = np.zeros(3), np.zeros(3)
 
-    def count(self, points: np.ndarray, ends: np.ndarray, radii: np.ndarray, walls: np.ndarray | None, enough: int) -> np.ndarray:
+    def count(
+        self,
+        points: np.ndarray,
+        ends: np.ndarray,
+        radii: np.ndarray,
+        walls: np.ndarray | None,
+        enough: int,
+    ) -> np.ndarray:
         """How many cameras see each point (f, n) of f frames, or `enough` where there are more.
 
         * points: (f, n, 3) [m].
         * ends, radii: of the capsules (f, c, 2, 3), (f, c) [m].
-        * walls: centre of the rim, radius and depth of the basket (f, 5) [m]; None if there is none.
+        * walls: centre of the rim, radius and depth of the basket (f, 5) [m]; None if there is
+          none.
         """
         self._points, self._ends, self._radii = points, ends, radii
         self._walls: Any = walls
@@ -62,7 +85,8 @@ class LinesOfSight:
             return False
         if self._walls is not None and self._is_behind_wall(f):
             return False
-        # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
+        # A line of sight ends `clearance` before the body, so that neither its holder nor itself
+        # hides it.
         shorten = max(0.0, 1.0 - self._clearance / distance)
         for axis in range(3):
             ray[axis] *= shorten
@@ -75,14 +99,21 @@ class LinesOfSight:
         """Whether the ray leads into the field of view of a camera."""
         sides, ray = self._sides, self._ray
         for side in range(4):
-            if sides[k, side, 0] * ray[0] + sides[k, side, 1] * ray[1] + sides[k, side, 2] * ray[2] < 0.0:
+            if (
+                sides[k, side, 0] * ray[0]
+                + sides[k, side, 1] * ray[1]
+                + sides[k, side, 2] * ray[2]
+                < 0.0
+            ):
                 return False
         return True
 
     def _squared_gap(self, f: int, c: int) -> float:
-        """Squared distance between the line of sight start + s ray and the axis of a capsule a + t axis, s and t in [0, 1].
+        """Squared distance between the line of sight start + s ray and the axis of a capsule a + t
+        axis, s and t in [0, 1].
 
-        Minimise over s, clamp, over t, clamp, over s again (Ericson, Real-Time Collision Detection, 5.1.9).
+        Minimise over s, clamp, over t, clamp, over s again (Ericson, Real-Time Collision
+        Detection, 5.1.9).
         """
         length = thick = along = behind = across = apart = 0.0
         for i in range(3):
@@ -98,7 +129,9 @@ class LinesOfSight:
         s = unit_interval((along * across - behind * thick) / det) if det > TINY else 0.0
         t = unit_interval((along * s + across) / max(thick, TINY))
         s = unit_interval((along * t - behind) / max(length, TINY))
-        return apart + s * (s * length + 2.0 * behind) + t * (t * thick - 2.0 * (across + s * along))
+        return (
+            apart + s * (s * length + 2.0 * behind) + t * (t * thick - 2.0 * (across + s * along))
+        )
 
     def _is_behind_wall(self, f: int) -> bool:
         """Whether the ray passes through the wall of the basket, a cylinder below its rim."""
@@ -113,7 +146,9 @@ class LinesOfSight:
         return self._meets_wall(f, (-b - root) / a) or self._meets_wall(f, (-b + root) / a)
 
     def _meets_wall(self, f: int, share: float) -> bool:
-        """Whether the point start + share ray, as far from the basket's axis as its wall is, is on the ray, and between rim and floor."""
+        """Whether the point start + share ray, as far from the basket's axis as its wall is, is on
+        the ray, and between rim and floor.
+        """
         rim, height = self._walls[f, 2], self._start[2] + share * self._ray[2]
         return 0.0 < share < 1.0 and rim - self._walls[f, 4] < height < rim - 1e-9
 

@@ -1,9 +1,9 @@
 """Motion capture: what an OptiTrack system reports of bodies whose true poses are given.
 
 A body is tracked in a frame when enough cameras have it in their field of view and a free line of
-sight past the arm and the walls of the basket. What is tracked gets noise, a calibration error that
-stays the same for a run, a latency with jitter, and dropouts; a lost body is not reported at all.
-The values in config/optitrack.yaml have their sources in docs/sources.md.
+sight past the arm and the walls of the basket. What is tracked gets noise, a calibration error
+that stays the same for a run, a latency with jitter, and dropouts; a lost body is not reported at
+all. The values in config/optitrack.yaml have their sources in docs/sources.md.
 
 The module knows no robot: the arm is a set of capsules, given with every frame.
 """
@@ -24,7 +24,8 @@ from dart_skill.simulation._lines_of_sight import LinesOfSight
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera at `position` (3,) that looks at `look_at` (3,), its image upright, in the world frame [m].
+    """A camera at `position` (3,) that looks at `look_at` (3,), its image upright, in the world
+    frame [m].
 
     * half_angles: (2,) of the field of view, horizontal and vertical [rad].
     * range: of sight [m].
@@ -40,9 +41,15 @@ class Camera:
             object.__setattr__(self, name, _vector(f"camera {name}", getattr(self, name), 3))
         axis = self.look_at - self.position
         if np.linalg.norm(axis[:2]) < 1e-6:
-            raise ValueError(f"camera at {self.position} looks straight up or down: move look_at sideways")
-        if len(self.half_angles) != 2 or not all(0.0 < angle < np.pi / 2 for angle in self.half_angles):
-            raise ValueError(f"half_angles = {self.half_angles}: give two angles between 0 and pi/2 rad")
+            raise ValueError(
+                f"camera at {self.position} looks straight up or down: move look_at sideways"
+            )
+        if len(self.half_angles) != 2 or not all(
+            0.0 < angle < np.pi / 2 for angle in self.half_angles
+        ):
+            raise ValueError(
+                f"half_angles = {self.half_angles}: give two angles between 0 and pi/2 rad"
+            )
         if not (np.isfinite(self.range) and self.range > 0.0):
             raise ValueError(f"range = {self.range}: give the range of the camera in metres")
 
@@ -66,15 +73,19 @@ class MotionCaptureConfig:
     * min_cameras: that must see a body.
     * clearance: what is nearer to a body than this does not hide it [m].
     * noise: standard deviation of a coordinate [m].
-    * marker_spread: extent of a body's markers [m]; the noise of an orientation is noise / marker_spread [rad].
+    * marker_spread: extent of a body's markers [m]; the noise of an orientation is noise /
+      marker_spread [rad].
     * calibration_error: offset of every body, drawn once for a run [m].
-    * ball_noise: standard deviation of a coordinate of the ball on top of `noise` [m]: it has fewer markers, and they turn with it.
+    * ball_noise: standard deviation of a coordinate of the ball on top of `noise` [m]: it has
+      fewer markers, and they turn with it.
     * ball_offset: of the centre of the ball's markers from its own, drawn once for a run [m].
-    * hand_turn: of the axes of the hand's body from those of the hand, about an axis drawn once for a run [rad].
-    * registration_turn, registration_shift: of the cameras' world from that of the arm, about an axis and in a direction drawn once for
-      a run [rad], [m].
+    * hand_turn: of the axes of the hand's body from those of the hand, about an axis drawn once
+      for a run [rad].
+    * registration_turn, registration_shift: of the cameras' world from that of the arm, about an
+      axis and in a direction drawn once for a run [rad], [m].
     * stamp_delay: poses carry stamps that are late by so much, as those of their receipt are [s].
-    * latency, latency_jitter: from the exposure to the message, and the mean of the exponential delay on top of it [s].
+    * latency, latency_jitter: from the exposure to the message, and the mean of the exponential
+      delay on top of it [s].
     * dropout_rate: dropouts of a body per second [1/s].
     * dropout_frames: shortest and longest dropout [frames].
     """
@@ -85,7 +96,9 @@ class MotionCaptureConfig:
     min_cameras: int = 2  # that must see a body
     clearance: float = 0.1  # what is nearer to a body than this does not hide it
     noise: float = 1e-4  # standard deviation of a coordinate
-    marker_spread: float = 0.1  # distance of a body's markers: orientation noise is noise / spread [rad]
+    marker_spread: float = (
+        0.1  # distance of a body's markers: orientation noise is noise / spread [rad]
+    )
     calibration_error: float = 2e-4  # length of the offset of each body, drawn once for a run
     ball_noise: float = 0.0
     ball_offset: float = 0.0
@@ -103,11 +116,20 @@ class MotionCaptureConfig:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         self._check_numbers()
         if not self.cameras or not 1 <= self.min_cameras <= len(self.cameras):
-            raise ValueError(f"min_cameras = {self.min_cameras} of {len(self.cameras)} cameras: need 1 to all of them")
+            raise ValueError(
+                f"min_cameras = {self.min_cameras} of {len(self.cameras)} cameras: need 1 to all"
+                " of them"
+            )
         if len(set(self.bodies)) != len(self.bodies) or not self.bodies:
             raise ValueError(f"bodies = {self.bodies}: give at least one name, each once")
-        if len(self.dropout_frames) != 2 or not 1 <= self.dropout_frames[0] <= self.dropout_frames[1]:
-            raise ValueError(f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1 frame")
+        if (
+            len(self.dropout_frames) != 2
+            or not 1 <= self.dropout_frames[0] <= self.dropout_frames[1]
+        ):
+            raise ValueError(
+                f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1"
+                " frame"
+            )
 
     def _check_numbers(self) -> None:
         positive = ("rate", "marker_spread")
@@ -122,9 +144,9 @@ class MotionCaptureConfig:
     def from_parameters(cls, parameters: Mapping) -> MotionCaptureConfig:
         """Configuration from the parameters of the node `mock_optitrack` (config/optitrack.yaml).
 
-        `camera_names` lists the cameras and their order; each has `cameras.<name>.position` and `.look_at`,
-        nested or with dots in the keys. `half_angles_deg` and `range` hold for all. Unknown keys belong to
-        the node: ignored.
+        `camera_names` lists the cameras and their order; each has `cameras.<name>.position` and
+        `.look_at`, nested or with dots in the keys. `half_angles_deg` and `range` hold for all.
+        Unknown keys belong to the node: ignored.
         """
         half_angles = tuple(np.deg2rad(parameters.get("half_angles_deg", (28.0, 23.0))))
         distance = float(parameters.get("range", 12.0))
@@ -138,7 +160,10 @@ class MotionCaptureConfig:
             for name in _lookup(parameters, "camera_names")
         ]
         own = {item.name for item in fields(cls)} - {"cameras"}
-        return cls(cameras=tuple(cameras), **{key: value for key, value in parameters.items() if key in own})
+        return cls(
+            cameras=tuple(cameras),
+            **{key: value for key, value in parameters.items() if key in own},
+        )
 
 
 Pose = tuple[np.ndarray, np.ndarray]
@@ -147,7 +172,8 @@ Pose = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class BasketWalls:
-    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m].
+    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,)
+    [m].
 
     * radius: of the cylinder [m].
     """
@@ -159,7 +185,9 @@ class BasketWalls:
     def __post_init__(self) -> None:
         object.__setattr__(self, "rim", _vector("rim of the basket", self.rim, 3))
         if not (self.radius > 0.0 and self.depth > 0.0):
-            raise ValueError(f"basket: radius {self.radius} and depth {self.depth} must be positive")
+            raise ValueError(
+                f"basket: radius {self.radius} and depth {self.depth} must be positive"
+            )
 
 
 class Sample(NamedTuple):
@@ -188,7 +216,8 @@ NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 
 @dataclass(frozen=True)
 class Frame:
-    """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same names say.
+    """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same
+    names say.
 
     * bodies, capsules: as of `MotionCapture.observe`.
     * number: of the frame in its episode.
@@ -217,7 +246,12 @@ class MotionCapture:
         self._offsets = _calibration_offsets(config, rng)
         self._turns = _body_turns(config, rng)
         self._registration = _registration(config, rng)
-        self._noise = np.array([np.hypot(config.noise, config.ball_noise if name in FLYING else 0.0) for name in config.bodies])
+        self._noise = np.array(
+            [
+                np.hypot(config.noise, config.ball_noise if name in FLYING else 0.0)
+                for name in config.bodies
+            ]
+        )
         self._episode: int | None = None
 
     def observe(
@@ -229,20 +263,23 @@ class MotionCapture:
         basket: BasketWalls | None = None,
         number: int | None = None,
     ) -> list[Sample]:
-        """Samples of the frame exposed at `stamp_ns`, in the order of `config.bodies`, without lost bodies.
+        """Samples of the frame exposed at `stamp_ns`, in the order of `config.bodies`, without
+        lost bodies.
 
         bodies: name -> (position (3,), quaternion (4,) x, y, z, w) in the world frame; one that is
-        configured but not given is not there. capsules: end points (c, 2, 3) and radii (c,) of the arm [m].
-        number: of the frame in its episode, so that one that never came changes nothing in those after it; None: the one after the last.
-        Randomness starts anew from (seed, episode) when the episode changes, and every frame takes the same
-        number of draws.
+        configured but not given is not there. capsules: end points (c, 2, 3) and radii (c,) of the
+        arm [m]. number: of the frame in its episode, so that one that never came changes nothing
+        in those after it; None: the one after the last. Randomness starts anew from (seed,
+        episode) when the episode changes, and every frame takes the same number of draws.
         """
         return self.observe_frames(episode, [Frame(stamp_ns, bodies, capsules, basket, number)])
 
     def observe_frames(self, episode: int, frames: Sequence[Frame]) -> list[Sample]:
-        """The samples that `observe` gives of one frame after the other, at a tenth of its cost per frame.
+        """The samples that `observe` gives of one frame after the other, at a tenth of its cost
+        per frame.
 
-        Every frame has the same bodies, as many capsules, and a basket if another one has. episode: its number.
+        Every frame has the same bodies, as many capsules, and a basket if another one has.
+        episode: its number.
         """
         if episode != self._episode:
             self.begin(episode)
@@ -250,55 +287,89 @@ class MotionCapture:
         present = self._present(frames)
         if not present:
             return []
-        position, quaternion = _check_poses(present, [[frame.bodies[name] for name in present] for frame in frames])
+        position, quaternion = _check_poses(
+            present, [[frame.bodies[name] for name in present] for frame in frames]
+        )
         ends, radii = _check_capsules([frame.capsules for frame in frames])
         counts = self._view.count(position, ends, radii, _walls(frames), self.config.min_cameras)
         rows = np.array([self.config.bodies.index(name) for name in present])
         tracked = (counts == self.config.min_cameras) & ~draws.dropped[:, rows]
         position, quaternion = self._measure(rows, position, quaternion, draws.noise[:, rows])
-        stamps, late = [int(frame.stamp_ns) for frame in frames], round(1e9 * self.config.stamp_delay)
+        stamps, late = (
+            [int(frame.stamp_ns) for frame in frames],
+            round(1e9 * self.config.stamp_delay),
+        )
         return [
-            Sample(present[i], stamps[k] + late, stamps[k] + draws.latency_ns[k], position[k, i], quaternion[k, i])
+            Sample(
+                present[i],
+                stamps[k] + late,
+                stamps[k] + draws.latency_ns[k],
+                position[k, i],
+                quaternion[k, i],
+            )
             for k, i in zip(*(part.tolist() for part in np.nonzero(tracked)), strict=True)
         ]
 
     def begin(self, episode: int) -> None:
-        """Start an episode, or the same one anew: `observe` does it when the episode changes, a caller whose time jumped back by itself."""
+        """Start an episode, or the same one anew: `observe` does it when the episode changes, a
+        caller whose time jumped back by itself.
+        """
         self._episode = episode
         self._rng = np.random.default_rng([self.seed, int(episode)])
         self._frames_drawn = 0
-        self._lost_until = np.zeros(len(self.config.bodies), dtype=int)  # frame at which the dropout of each body is over
+        self._lost_until = np.zeros(
+            len(self.config.bodies), dtype=int
+        )  # frame at which the dropout of each body is over
 
     def _draw(self, numbers: Sequence[int | None]) -> _Draws:
-        """Draw all random numbers of frames, whether they are needed or not, and also those of missing frames; note the dropouts."""
+        """Draw all random numbers of frames, whether they are needed or not, and also those of
+        missing frames; note the dropouts.
+        """
         rows = self._since_the_last(numbers)
-        n_frames, n_bodies, rng, config = (rows[-1] + 1 if rows else 0), len(self.config.bodies), self._rng, self.config
+        n_frames, n_bodies, rng, config = (
+            (rows[-1] + 1 if rows else 0),
+            len(self.config.bodies),
+            self._rng,
+            self.config,
+        )
         noise, chance = np.empty((n_frames, n_bodies, 6)), np.empty((n_frames, n_bodies))
         lengths, delay = np.empty((n_frames, n_bodies), dtype=int), np.empty(n_frames)
         for k in range(n_frames):
             rng.standard_normal(out=noise[k])
             rng.random(out=chance[k])
-            lengths[k] = rng.integers(config.dropout_frames[0], config.dropout_frames[1] + 1, size=n_bodies)
+            lengths[k] = rng.integers(
+                config.dropout_frames[0], config.dropout_frames[1] + 1, size=n_bodies
+            )
             delay[k] = rng.exponential()
         frame = self._frames_drawn + np.arange(n_frames)[:, None]
         until = np.where(chance < config.dropout_rate / config.rate, frame + lengths, 0)
         until = np.maximum.accumulate(np.concatenate([self._lost_until[None], until]))
         self._frames_drawn, self._lost_until = self._frames_drawn + n_frames, until[-1]
-        latency, dropped = np.rint(1e9 * (config.latency + config.latency_jitter * delay)).astype(int), until[1:] > frame
+        latency, dropped = (
+            np.rint(1e9 * (config.latency + config.latency_jitter * delay)).astype(int),
+            until[1:] > frame,
+        )
         if n_frames > len(rows):  # some never came
             noise, dropped, latency = noise[rows], dropped[rows], latency[rows]
         return _Draws(noise, dropped, latency.tolist())
 
     def _since_the_last(self, numbers: Sequence[int | None]) -> list[int]:
-        """How many frames after the next one each is; ValueError for one that was there already, or that is hours away."""
+        """How many frames after the next one each is; ValueError for one that was there already,
+        or that is hours away.
+        """
         rows, following = [], 0
         for number in numbers:
             row = following if number is None else number - self._frames_drawn
             if row < following:
                 last = self._frames_drawn + following - 1
-                raise ValueError(f"frame {number} of the episode comes after frame {last}: give them in order")
+                raise ValueError(
+                    f"frame {number} of the episode comes after frame {last}: give them in order"
+                )
             if row > MOST_MISSED:
-                raise ValueError(f"frame {number} of the episode is {row} frames after the last one that came: reset the world")
+                raise ValueError(
+                    f"frame {number} of the episode is {row} frames after the last one that came:"
+                    " reset the world"
+                )
             rows.append(row)
             following = row + 1
         return rows
@@ -307,13 +378,19 @@ class MotionCapture:
         """Names of the configured bodies that the frames show."""
         unknown = {name for frame in frames for name in frame.bodies} - set(self.config.bodies)
         if unknown:
-            raise ValueError(f"unknown body {sorted(unknown)}: configured are {list(self.config.bodies)}")
+            raise ValueError(
+                f"unknown body {sorted(unknown)}: configured are {list(self.config.bodies)}"
+            )
         if any(frame.bodies.keys() != frames[0].bodies.keys() for frame in frames):
             raise ValueError("frames with different bodies: observe them one by one")
         return [name for name in self.config.bodies if frames and name in frames[0].bodies]
 
-    def _measure(self, rows: np.ndarray, position: np.ndarray, quaternion: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the cameras make of true poses (f, n, 3), (f, n, 4) of the bodies `rows` (n,): calibration error and noise (f, n, 6)."""
+    def _measure(
+        self, rows: np.ndarray, position: np.ndarray, quaternion: np.ndarray, noise: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What the cameras make of true poses (f, n, 3), (f, n, 4) of the bodies `rows` (n,):
+        calibration error and noise (f, n, 6).
+        """
         noise = self._noise[rows][:, None] * noise
         offset = rotate(quaternion, self._offsets[rows])
         tilt = from_vectors(noise[..., 3:] / self.config.marker_spread)
@@ -360,7 +437,8 @@ class _Draws:
 
 def _lines_of_sight(config: MotionCaptureConfig) -> LinesOfSight:
     position, axes, half_angles, ranges = (
-        np.array([getattr(camera, name) for camera in config.cameras]) for name in ("position", "axes", "half_angles", "range")
+        np.array([getattr(camera, name) for camera in config.cameras])
+        for name in ("position", "axes", "half_angles", "range")
     )
     return LinesOfSight(position, axes, half_angles, ranges, config.clearance)
 
@@ -368,7 +446,9 @@ def _lines_of_sight(config: MotionCaptureConfig) -> LinesOfSight:
 def _calibration_offsets(config: MotionCaptureConfig, rng: np.random.Generator) -> np.ndarray:
     """(n_bodies, 3) in the body frames, of the configured length and random direction."""
     direction = rng.standard_normal((len(config.bodies), 3))
-    offsets = config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    offsets = (
+        config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    )
     for name in set(FLYING) & set(config.bodies) if config.ball_offset else ():
         offsets[config.bodies.index(name)] += config.ball_offset * _direction(rng)
     return offsets
@@ -388,40 +468,65 @@ def _body_turns(config: MotionCaptureConfig, rng: np.random.Generator) -> np.nda
     return turns
 
 
-def _registration(config: MotionCaptureConfig, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
+def _registration(
+    config: MotionCaptureConfig, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Shift (3,) and turn (4,) from the arm's world to that of the cameras; None if they are one."""
     if not (config.registration_turn or config.registration_shift):
         return None
-    return config.registration_shift * _direction(rng), from_vectors(config.registration_turn * _direction(rng))
+    return config.registration_shift * _direction(rng), from_vectors(
+        config.registration_turn * _direction(rng)
+    )
 
 
-def _check_poses(names: Sequence[str], poses: Sequence[Sequence[Pose]]) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (f, n, 3) and unit quaternions (f, n, 4); ValueError names the first body whose pose is not one."""
+def _check_poses(
+    names: Sequence[str], poses: Sequence[Sequence[Pose]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (f, n, 3) and unit quaternions (f, n, 4); ValueError names the first body whose
+    pose is not one.
+    """
     for frame in poses:
         for name, (position, quaternion) in zip(names, frame, strict=True):
             if np.shape(position) != (3,):
                 raise ValueError(f"position of {name} must be a finite (3,) array, got {position}")
             if np.shape(quaternion) != (4,):
-                raise ValueError(f"quaternion of {name} must be a finite (4,) array, got {quaternion}")
+                raise ValueError(
+                    f"quaternion of {name} must be a finite (4,) array, got {quaternion}"
+                )
     shape = len(poses), len(names), -1
-    position = np.concatenate([position for frame in poses for position, _ in frame], dtype=float).reshape(shape)
-    quaternion = np.concatenate([quaternion for frame in poses for _, quaternion in frame], dtype=float).reshape(shape)
+    position = np.concatenate(
+        [position for frame in poses for position, _ in frame], dtype=float
+    ).reshape(shape)
+    quaternion = np.concatenate(
+        [quaternion for frame in poses for _, quaternion in frame], dtype=float
+    ).reshape(shape)
     norm = np.sqrt(np.einsum("fni,fni->fn", quaternion, quaternion))
     wrong = ~(np.isfinite(position).all(axis=-1) & (np.abs(norm - 1.0) <= 1e-3))
     if wrong.any():
         k, i = np.argwhere(wrong)[0]
         for kind, value in (("position", position[k, i]), ("quaternion", quaternion[k, i])):
             if not np.isfinite(value).all():
-                raise ValueError(f"{kind} of {names[i]} must be a finite ({len(value)},) array, got {value}")
+                raise ValueError(
+                    f"{kind} of {names[i]} must be a finite ({len(value)},) array, got {value}"
+                )
         raise ValueError(f"quaternion of {names[i]} has norm {norm[k, i]:.4f}, not 1")
     return position, quaternion / norm[..., None]
 
 
-def _check_capsules(capsules: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _check_capsules(
+    capsules: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray]:
     """End points (f, c, 2, 3) and radii (f, c) of the capsules of every frame."""
     for ends, radii in capsules:
-        if np.ndim(radii) != 1 or np.shape(ends) != (len(radii), 2, 3) or len(radii) != len(capsules[0][1]):
-            raise ValueError(f"capsules: need end points (c, 2, 3) and radii (c,), got {np.shape(ends)} and {np.shape(radii)}")
+        if (
+            np.ndim(radii) != 1
+            or np.shape(ends) != (len(radii), 2, 3)
+            or len(radii) != len(capsules[0][1])
+        ):
+            raise ValueError(
+                f"capsules: need end points (c, 2, 3) and radii (c,), got {np.shape(ends)} and"
+                f" {np.shape(radii)}"
+            )
     ends, radii = (np.array(part, dtype=float) for part in zip(*capsules, strict=True))
     if not (np.isfinite(ends).all() and (radii > 0.0).all()):
         raise ValueError("capsules: end points must be finite and radii positive")

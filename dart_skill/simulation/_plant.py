@@ -1,8 +1,10 @@
 """The WAM, a tennis ball and a basket in PyBullet: one pure step from a command to the next state.
 
-The plant is honest: it has the torque and speed limits of the motors, rotor inertia, friction, a gravity compensation with an error, a hand
-that takes time to open, and a ball with drag (docs/sources.md has the numbers). PyBullet has no field for rotor inertia, so the step
-computes the acceleration that the arm with rotors would have, and applies the torque that gives it to PyBullet's arm.
+The plant is honest: it has the torque and speed limits of the motors, rotor inertia, friction, a
+gravity compensation with an error, a hand that takes time to open, and a ball with drag
+(docs/sources.md has the numbers). PyBullet has no field for rotor inertia, so the step computes
+the acceleration that the arm with rotors would have, and applies the torque that gives it to
+PyBullet's arm.
 """
 
 import math
@@ -50,27 +52,34 @@ NO_PARAMETERS = ("step_ns", "reset_ns", "hand_clearance", "basket", "board", "li
 
 @dataclass(frozen=True)
 class PlantSettings:
-    """How the stand-in differs from a perfect arm; each value is a parameter of the simulator node.
+    """How the stand-in differs from a perfect arm; each value is a parameter of the simulator
+    node.
 
     * step_ns: control period [ns].
     * reset_ns: how far a reset moves the clock on, so that everybody notices the gap [ns].
     * start_posture: joint angles after a reset (7,) [rad].
-    * gravity_error: share of the gravity torque that compensation misses; calibrated arms show 5 % (docs/sources.md).
+    * gravity_error: share of the gravity torque that compensation misses; calibrated arms show 5 %
+      (docs/sources.md).
     * friction_scale, motor_scale: factors on the joint friction, and on what the motors can do.
-    * base_turn: the arm's base stands turned about the vertical, and nobody told the controller [rad].
-    * hand_delay, hand_spread: mean and standard deviation of the time from the command to the ball being free [s].
-    * hand_clearance: a released ball that is farther from the hand than this can touch the hand again [m].
+    * base_turn: the arm's base stands turned about the vertical, and nobody told the controller
+      [rad].
+    * hand_delay, hand_spread: mean and standard deviation of the time from the command to the ball
+      being free [s].
+    * hand_clearance: a released ball that is farther from the hand than this can touch the hand
+      again [m].
     * basket: where balls are thrown.
     * ball_mass_scale, ball_drag_scale: factors on the mass and on the drag of the ball.
     * mass_scale: factors on the masses of the links (7,).
     * stiction: what static friction is more than Coulomb friction, as a share of it.
-    * joint_stiffness: of the cables between motors and links (7,) [N m/rad]; all 0: rigid. Encoders sit on the motors.
+    * joint_stiffness: of the cables between motors and links (7,) [N m/rad]; all 0: rigid.
+      Encoders sit on the motors.
     * joint_offset: what the encoders read too high (7,) [rad].
     * encoder_step: of an angle [rad]; 0: none.
     * speed_filter: corner of the low-pass on the speeds [rad/s]; 0: speeds are exact.
     * command_delay: control periods until a command acts.
     * seat_spread: standard deviation of a coordinate of where the ball sits in the hand [m].
-    * release_turn, release_speed: standard deviations of the direction [rad] and of the speed, as a share, with which it leaves the hand.
+    * release_turn, release_speed: standard deviations of the direction [rad] and of the speed, as
+      a share, with which it leaves the hand.
     * board: where there is one, darts are thrown at it, and there is no basket.
     * limits: that the arm's own safety module watches; None: it has none.
     """
@@ -107,16 +116,22 @@ class PlantSettings:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "PlantSettings":
-        """Settings from the parameters of the simulator node; ValueError names a value that makes no sense."""
+        """Settings from the parameters of the simulator node; ValueError names a value that makes
+        no sense.
+        """
         basket = Basket(
             position=tuple(parameters["basket_position"]),
             radius=parameters["basket_radius"],
             depth=parameters["basket_depth"],
             restitution=parameters["basket_restitution"],
         )
-        own: dict[str, Any] = {one.name: parameters[one.name] for one in fields(cls) if one.name not in NO_PARAMETERS}
+        own: dict[str, Any] = {
+            one.name: parameters[one.name] for one in fields(cls) if one.name not in NO_PARAMETERS
+        }
         each = {name: tuple(float(value) for value in own[name]) for name in OF_EACH_JOINT}
-        return cls(basket=basket, limits=SafetyLimits.from_parameters(parameters), **{**own, **each})
+        return cls(
+            basket=basket, limits=SafetyLimits.from_parameters(parameters), **{**own, **each}
+        )
 
     def __post_init__(self) -> None:
         for name in OF_EACH_JOINT:
@@ -125,8 +140,13 @@ class PlantSettings:
                 raise ValueError(f"{name} {values} is not {N_JOINTS} finite numbers")
         if not (min(self.mass_scale) > 0.0):
             raise ValueError(f"mass_scale {self.mass_scale} must be positive")
-        if min(self.joint_stiffness) < 0.0 or (any(self.joint_stiffness) and not all(self.joint_stiffness)):
-            raise ValueError(f"joint_stiffness {self.joint_stiffness} must be positive for all joints, or 0 for all")
+        if min(self.joint_stiffness) < 0.0 or (
+            any(self.joint_stiffness) and not all(self.joint_stiffness)
+        ):
+            raise ValueError(
+                f"joint_stiffness {self.joint_stiffness} must be positive for all joints, or 0"
+                " for all"
+            )
 
     @property
     def elastic(self) -> bool:
@@ -135,7 +155,8 @@ class PlantSettings:
 
 @dataclass(frozen=True)
 class PlantState:
-    """Everything about the world at one instant, in the axes of the world; for models of sensors and for tests, never for learning.
+    """Everything about the world at one instant, in the axes of the world; for models of sensors
+    and for tests, never for learning.
 
     * stamp_ns: [ns]; episode, step: of the world, from 0 on.
     * position, velocity, effort: of the joints, (7,) each [rad], [rad/s], [N m].
@@ -168,11 +189,15 @@ class PlantState:
 
 
 RENEWED = 50
-"""Episodes after which the physics server is a new one: PyBullet keeps 10 kB of every body that it loads until it is disconnected."""
+"""Episodes after which the physics server is a new one: PyBullet keeps 10 kB of every body that it
+loads until it is disconnected.
+"""
 
 
 class LooseState(NamedTuple):
-    """State of what the hand may hold: position (3,) [m], quaternion (4,) and velocity (3,) [m/s], as PyBullet says them."""
+    """State of what the hand may hold: position (3,) [m], quaternion (4,) and velocity (3,) [m/s],
+    as PyBullet says them.
+    """
 
     position: tuple[float, ...]
     quaternion: tuple[float, ...]
@@ -187,15 +212,22 @@ class Braking(Command):
 class Plant:
     """The simulated world. `reset` begins an episode, `step` advances it by one control period.
 
-    Everything random comes from (seed, episode), so an episode does not depend on how long the one before it went on.
+    Everything random comes from (seed, episode), so an episode does not depend on how long the one
+    before it went on.
     """
 
     loose_body, movable_body = "ball", "basket"
-    """Roles of what the hand may hold, or what moves by itself, and of what can be put somewhere."""
+    """Roles of what the hand may hold, or what moves by itself, and of what can be put somewhere.
+    """
     numbers: tuple[str, ...] = ()
     """Names of the numbers of a situation that this world knows."""
 
-    def __init__(self, settings: PlantSettings | None = None, seed: int = 0, description: WamDescription | None = None):
+    def __init__(
+        self,
+        settings: PlantSettings | None = None,
+        seed: int = 0,
+        description: WamDescription | None = None,
+    ):
         self.settings = settings or PlantSettings()
         self.description = description or wam_description()
         self._seed = seed
@@ -213,22 +245,30 @@ class Plant:
         self.reset()
 
     def _build_arm(self) -> None:
-        """What the settings make of the arm: its motors, encoders and cables, and its dynamics with and without the ball."""
+        """What the settings make of the arm: its motors, encoders and cables, and its dynamics
+        with and without the ball.
+        """
         s = self.settings
         actuation = Actuation(self.description, s.friction_scale, s.motor_scale, s.stiction)
         encoders = Encoders(np.array(s.joint_offset), s.encoder_step, s.speed_filter, s.step)
-        self._safety = SafetyModule(s.limits, self.description, s.limits.patience) if s.limits else None
+        self._safety = (
+            SafetyModule(s.limits, self.description, s.limits.patience) if s.limits else None
+        )
         stiffness = np.array(s.joint_stiffness)
         reflected = self.description.motors.reflected_inertia
         cables = Transmission(stiffness, reflected, actuation) if s.elastic else None
         dynamics = JointDynamics(actuation, reflected, 1.0 - s.gravity_error, s.step, cables)
-        self._joints = Joints(self._nominal_arm, dynamics, actuation, encoders, cables, self._safety)
+        self._joints = Joints(
+            self._nominal_arm, dynamics, actuation, encoders, cables, self._safety
+        )
         real = self._as_built()
         self._urdf = _unseen(write_urdf(real))
         self._basket_urdf: str | None = None  # made when the first world is built
         self._empty_arm = self._nominal_arm if real is self.description else ArmDynamics(real)
         ball, scale = self._projectile, s.ball_mass_scale
-        loaded = replace(real, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
+        loaded = replace(
+            real, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia)
+        )
         self._loaded_arm = ArmDynamics(loaded, ball_in_hand=True)
 
     def _as_built(self) -> WamDescription:
@@ -237,14 +277,22 @@ class Plant:
             return self.description
         links = [
             replace(link, mass=scale * link.mass, inertia=scale * link.inertia)
-            for link, scale in zip(self.description.links_urdf, self.settings.mass_scale, strict=True)
+            for link, scale in zip(
+                self.description.links_urdf, self.settings.mass_scale, strict=True
+            )
         ]
         return replace(self.description, links_urdf=tuple(links))
 
     @property
     def description_of_load(self) -> WamDescription:
-        """The arm with what its user knows to be in its hand: a ball, or a dart where there is a board."""
-        return self.description if self.settings.board is None else replace(self.description, ball=DART)
+        """The arm with what its user knows to be in its hand: a ball, or a dart where there is a
+        board.
+        """
+        return (
+            self.description
+            if self.settings.board is None
+            else replace(self.description, ball=DART)
+        )
 
     @property
     def _projectile(self) -> Ball:
@@ -258,7 +306,8 @@ class Plant:
         self._world.disconnect()
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
-        """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on. A board stays where it hangs.
+        """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes
+        on. A board stays where it hangs.
 
         basket: centre of its rim (3,) [m].
         """
@@ -274,19 +323,29 @@ class Plant:
         self._build_world()
         self._fill_hand()
         self._commands: list[Command] = []
-        self._joints.begin(self._world, self._arm, np.array(self.settings.start_posture), self._loaded_arm)
+        self._joints.begin(
+            self._world, self._arm, np.array(self.settings.start_posture), self._loaded_arm
+        )
         self._seen_hand = self._seen_loose = None
         return self.state
 
     def change(self, settings: PlantSettings) -> None:
-        """From the next reset on the plant is as `settings` say: worn joints, another ball, a base that was pushed. Time and seed stay.
+        """From the next reset on the plant is as `settings` say: worn joints, another ball, a base
+        that was pushed. Time and seed stay.
 
         ValueError for what cannot change while it runs.
         """
-        if (settings.step_ns, settings.reset_ns) != (self.settings.step_ns, self.settings.reset_ns):
-            raise ValueError("step_ns and reset_ns cannot change while a plant runs: make a new one")
+        if (settings.step_ns, settings.reset_ns) != (
+            self.settings.step_ns,
+            self.settings.reset_ns,
+        ):
+            raise ValueError(
+                "step_ns and reset_ns cannot change while a plant runs: make a new one"
+            )
         if (settings.board is None) != (self.settings.board is None):
-            raise ValueError("a board cannot take the place of the basket while a plant runs: make a new one")
+            raise ValueError(
+                "a board cannot take the place of the basket while a plant runs: make a new one"
+            )
         self._changed = settings
 
     def _apply_change(self) -> None:
@@ -312,43 +371,66 @@ class Plant:
 
     @property
     def succeeded(self) -> bool:
-        """Whether the ball is in the basket, or the dart in the board: this world's own word, for judges and not for learning."""
+        """Whether the ball is in the basket, or the dart in the board: this world's own word, for
+        judges and not for learning.
+        """
         return self.state.ball_in_basket
 
-    def set_up(self, poses: Mapping[str, tuple[np.ndarray, np.ndarray]], numbers: Mapping[str, float] | None = None) -> PlantState:
-        """Reset, with the bodies that are named put to their poses, and what a world has of numbers.
+    def set_up(
+        self,
+        poses: Mapping[str, tuple[np.ndarray, np.ndarray]],
+        numbers: Mapping[str, float] | None = None,
+    ) -> PlantState:
+        """Reset, with the bodies that are named put to their poses, and what a world has of
+        numbers.
 
-        ValueError for a body that cannot be put anywhere, and for a number that this world does not know.
+        ValueError for a body that cannot be put anywhere, and for a number that this world does
+        not know.
         """
         self._check_movable(poses)
         self._check_numbers(numbers or {})
         return self.reset(poses[self.movable_body][0] if poses else None)
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put a body somewhere at once; ValueError for one that cannot be. position: of the body (3,) [m]."""
+        """Put a body somewhere at once; ValueError for one that cannot be. position: of the body
+        (3,) [m].
+        """
         self._check_movable([role])
         self.place_basket(position)
 
     def _check_numbers(self, numbers: Iterable[str]) -> None:
         if other := sorted(set(numbers) - set(self.numbers)):
             known = ", ".join(self.numbers) or "none"
-            raise ValueError(f"this world knows no number {', '.join(map(repr, other))}; it knows {known}")
+            raise ValueError(
+                f"this world knows no number {', '.join(map(repr, other))}; it knows {known}"
+            )
 
     def _check_movable(self, roles: Iterable[str]) -> None:
         if other := sorted(set(roles) - {self.movable_body}):
-            raise ValueError(f"this world can put the {self.movable_body} somewhere, not {', '.join(map(repr, other))}")
+            raise ValueError(
+                f"this world can put the {self.movable_body} somewhere, not"
+                f" {', '.join(map(repr, other))}"
+            )
 
     def place_basket(self, position: np.ndarray) -> None:
-        """Put the basket, centre of its rim at position (3,), without touching anything else. ValueError if there is a board instead."""
+        """Put the basket, centre of its rim at position (3,), without touching anything else.
+        ValueError if there is a board instead.
+        """
         if self.settings.board is not None:
-            raise ValueError("there is a board and no basket to place: change the settings to hang it elsewhere")
+            raise ValueError(
+                "there is a board and no basket to place: change the settings to hang it elsewhere"
+            )
         self._basket = _checked_basket(position)
-        self._world.resetBasePositionAndOrientation(self._basket_body, list(self._basket), [0, 0, 0, 1])
+        self._world.resetBasePositionAndOrientation(
+            self._basket_body, list(self._basket), [0, 0, 0, 1]
+        )
 
     def step(self, command: Command, push: Command | None = None) -> None:
-        """Advance by one control period under the controller's command and, if somebody guides the arm, their push.
+        """Advance by one control period under the controller's command and, if somebody guides the
+        arm, their push.
 
-        Both must answer the present state. The push acts on the arm from outside: no motor limits apply to it.
+        Both must answer the present state. The push acts on the arm from outside: no motor limits
+        apply to it.
         """
         answers = [answer for answer in (command, push) if answer is not None]
         for answer in answers:
@@ -374,7 +456,9 @@ class Plant:
     # the arm
 
     def _delayed(self, command: Command) -> Command:
-        """The command that acts now; none in the first periods of an episode, if commands act later."""
+        """The command that acts now; none in the first periods of an episode, if commands act
+        later.
+        """
         if not self.settings.command_delay:
             return command
         self._commands.append(command)
@@ -392,16 +476,24 @@ class Plant:
         if grip == Grip.CLOSE:
             self.close_hand()
         if grip == Grip.OPEN and self._held is not None and self._free_at is None:
-            delay = self.settings.hand_delay + self.settings.hand_spread * self._rng.standard_normal()
-            self._free_at = self._stamp_ns + max(0, round(delay / self.settings.step)) * self.settings.step_ns
+            delay = (
+                self.settings.hand_delay + self.settings.hand_spread * self._rng.standard_normal()
+            )
+            self._free_at = (
+                self._stamp_ns + max(0, round(delay / self.settings.step)) * self.settings.step_ns
+            )
 
     def close_hand(self) -> bool:
-        """Close the hand; whether it now holds the ball: only if it was never let go, or has not left the hand yet."""
+        """Close the hand; whether it now holds the ball: only if it was never let go, or has not
+        left the hand yet.
+        """
         self._free_at = None
         return self._held is not None
 
     def braking(self) -> Command:
-        """The command of an arm whose controller is silent: motors shorted, a damped stop, as Barrett's safety system does it."""
+        """The command of an arm whose controller is silent: motors shorted, a damped stop, as
+        Barrett's safety system does it.
+        """
         return Braking(self._stamp_ns, joint_torque=self._joints.braking(), speed=Speed.THROW)
 
     def open_hand(self) -> None:
@@ -421,15 +513,22 @@ class Plant:
         if not (s.release_turn or s.release_speed):
             return
         _ = self._loose  # read before the change: the air drags at that speed
-        turn, share = s.release_turn * self._scatter.standard_normal(3), 1.0 + s.release_speed * self._scatter.standard_normal()
+        turn, share = (
+            s.release_turn * self._scatter.standard_normal(3),
+            1.0 + s.release_speed * self._scatter.standard_normal(),
+        )
         linear, angular = (np.array(part) for part in self._world.getBaseVelocity(self._ball))
         angle = float(np.linalg.norm(turn))
         axis = turn / angle if angle else turn
         quaternion = np.append(np.sin(angle / 2) * axis, np.cos(angle / 2))
-        self._world.resetBaseVelocity(self._ball, (share * rotate_one(quaternion, linear)).tolist(), angular.tolist())
+        self._world.resetBaseVelocity(
+            self._ball, (share * rotate_one(quaternion, linear)).tolist(), angular.tolist()
+        )
 
     def _act_on_ball(self) -> None:
-        """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a leapfrog, exact for a parabola."""
+        """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a
+        leapfrog, exact for a parabola.
+        """
         if self._held is not None or self._stuck:
             return
         x, y, z = self._loose.velocity
@@ -437,7 +536,9 @@ class Plant:
         force = [drag * x, drag * y, drag * z]
         if self._just_freed:
             force[2] += 0.5 * self._ball_mass * self.description.gravity
-        self._world.applyExternalForce(self._ball, -1, force, self._loose.position, pybullet.WORLD_FRAME)
+        self._world.applyExternalForce(
+            self._ball, -1, force, self._loose.position, pybullet.WORLD_FRAME
+        )
         self._touch_when_clear()
 
     def _stick_to_the_board(self, board: Board, before: np.ndarray) -> None:
@@ -445,16 +546,22 @@ class Plant:
         point = board.hit(before, np.array(self._loose.position))
         if point is None:
             return
-        self._world.resetBasePositionAndOrientation(self._ball, point.tolist(), self._loose.quaternion)
+        self._world.resetBasePositionAndOrientation(
+            self._ball, point.tolist(), self._loose.quaternion
+        )
         self._world.resetBaseVelocity(self._ball, [0, 0, 0], [0, 0, 0])
         self._world.changeDynamics(self._ball, -1, mass=0)
         self._stuck, self._seen_loose = True, None
 
     def _touch_when_clear(self) -> None:
-        """The open fingers are not modelled: the hand can touch the ball again once it is a hand's breadth away."""
+        """The open fingers are not modelled: the hand can touch the ball again once it is a hand's
+        breadth away.
+        """
         if self._touchable:
             return
-        grip = self.hand_position + rotate_one(self.hand_quaternion, self.description.hand.ball_centre)
+        grip = self.hand_position + rotate_one(
+            self.hand_quaternion, self.description.hand.ball_centre
+        )
         if np.linalg.norm(np.array(self._loose.position) - grip) > self.settings.hand_clearance:
             self._set_touchable(True)
 
@@ -473,7 +580,15 @@ class Plant:
         self._world.resetBasePositionAndOrientation(self._ball, position.tolist(), hand[5])
         offset, turn = in_principal_axes(hand, centre)
         self._held = self._world.createConstraint(
-            self._arm, HAND_LINK_INDEX, self._ball, -1, pybullet.JOINT_FIXED, [0, 0, 0], offset, [0, 0, 0], turn
+            self._arm,
+            HAND_LINK_INDEX,
+            self._ball,
+            -1,
+            pybullet.JOINT_FIXED,
+            [0, 0, 0],
+            offset,
+            [0, 0, 0],
+            turn,
         )
         self._free_at, self._just_freed, self._stuck = None, False, False
         self._set_touchable(False)
@@ -487,9 +602,14 @@ class Plant:
         world = self._world
         world.resetSimulation()
         world.setGravity(0, 0, -self.description.gravity)
-        # Without contactERP=0 a bounce gains up to 10 % of its speed: Bullet pushes bodies apart that met between two steps.
-        world.setPhysicsEngineParameter(fixedTimeStep=self.settings.step, deterministicOverlappingPairs=1, contactERP=0.0)
-        self._arm = _load_arm(world, self._urdf, self.description.mount_height, self.settings.base_turn)
+        # Without contactERP=0 a bounce gains up to 10 % of its speed: Bullet pushes bodies apart
+        # that met between two steps.
+        world.setPhysicsEngineParameter(
+            fixedTimeStep=self.settings.step, deterministicOverlappingPairs=1, contactERP=0.0
+        )
+        self._arm = _load_arm(
+            world, self._urdf, self.description.mount_height, self.settings.base_turn
+        )
         world.setJointMotorControlArray(self._arm, JOINTS, pybullet.VELOCITY_CONTROL, forces=ZEROS)
         for joint, angle in zip(JOINTS, self.settings.start_posture, strict=True):
             world.resetJointState(self._arm, joint, angle, 0.0)
@@ -502,10 +622,20 @@ class Plant:
             if self._basket_urdf is None:
                 self._basket_urdf = _unseen(basket_urdf(self.settings.basket))
             self._basket_body = _load_urdf(world, self._basket_urdf, self._basket.tolist())
-            world.changeDynamics(self._basket_body, -1, restitution=self.settings.basket.restitution, lateralFriction=0.5)
+            world.changeDynamics(
+                self._basket_body,
+                -1,
+                restitution=self.settings.basket.restitution,
+                lateralFriction=0.5,
+            )
         ball, s = self._projectile, self.settings
         self._ball_mass = ball.mass * s.ball_mass_scale
-        self._drag = -0.5 * AIR_DENSITY * (s.ball_drag_scale * ball.drag_coefficient) * (np.pi * ball.radius**2)
+        self._drag = (
+            -0.5
+            * AIR_DENSITY
+            * (s.ball_drag_scale * ball.drag_coefficient)
+            * (np.pi * ball.radius**2)
+        )
         self._ball = _ball_body(world, ball, self._ball_mass)
 
     def _observe(self) -> None:
@@ -534,7 +664,9 @@ class Plant:
 
     @property
     def fault(self) -> str:
-        """Which limit the arm's safety module found passed: until a reset the motors are shorted. Empty if all is well."""
+        """Which limit the arm's safety module found passed: until a reset the motors are shorted.
+        Empty if all is well.
+        """
         return "" if self._safety is None else self._safety.fault
 
     @property
@@ -600,14 +732,20 @@ class Plant:
             ball_velocity=np.array(self._loose.velocity),
             ball_held=self._held is not None,
             basket=self._basket,
-            ball_in_basket=self._stuck if self.settings.board is not None else self.settings.basket.holds(ball, self._basket),
+            ball_in_basket=(
+                self._stuck
+                if self.settings.board is not None
+                else self.settings.basket.holds(ball, self._basket)
+            ),
         )
 
 
 def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:
     body = _load_urdf(client, urdf, [0, 0, mount_height], turn)
     for link in range(-1, client.getNumJoints(body)):
-        client.changeDynamics(body, link, linearDamping=0, angularDamping=0, jointDamping=0, restitution=0.3)
+        client.changeDynamics(
+            body, link, linearDamping=0, angularDamping=0, jointDamping=0, restitution=0.3
+        )
     return body
 
 
@@ -617,7 +755,9 @@ def _load_urdf(client: BulletClient, urdf: str, position: list[float], turn: flo
     try:
         with open(handle, "w", encoding="utf-8") as file:
             file.write(urdf)
-        return client.loadURDF(path, position, upright, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+        return client.loadURDF(
+            path, position, upright, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+        )
     finally:
         os.unlink(path)
 
@@ -625,8 +765,8 @@ def _load_urdf(client: BulletClient, urdf: str, position: list[float], turn: flo
 def _unseen(urdf: str) -> str:
     """The same bodies with a small box as the only visible shape of a link.
 
-    PyBullet makes a mesh of every visible shape, or of every collision shape where none is visible, which takes ten times as long as
-    all the rest of loading; nobody looks.
+    PyBullet makes a mesh of every visible shape, or of every collision shape where none is
+    visible, which takes ten times as long as all the rest of loading; nobody looks.
     """
     robot = ElementTree.fromstring(urdf)
     for link in robot.findall("link"):
@@ -638,7 +778,9 @@ def _unseen(urdf: str) -> str:
 
 
 def in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float], list[float]]:
-    """A point of a link, and the link's axes, in the frame that PyBullet measures from: centre of mass, principal axes."""
+    """A point of a link, and the link's axes, in the frame that PyBullet measures from: centre of
+    mass, principal axes.
+    """
     centre, turn = np.array(link_state[2]), np.array(link_state[3])
     back = np.array([-turn[0], -turn[1], -turn[2], turn[3]])
     return rotate_one(back, point - centre).tolist(), back.tolist()
@@ -652,7 +794,9 @@ def _floor(world: BulletClient) -> int:
 
 
 def _keep_apart(world: BulletClient, arm: int, floor: int) -> None:
-    """The arm cannot reach the floor. Where PyBullet does not look whether it does, a step takes a fifth less time."""
+    """The arm cannot reach the floor. Where PyBullet does not look whether it does, a step takes a
+    fifth less time.
+    """
     for link in range(-1, world.getNumJoints(arm)):
         world.setCollisionFilterPair(arm, floor, link, -1, 0)
 
@@ -676,5 +820,8 @@ def _ball_body(world: BulletClient, ball: Ball, mass: float) -> int:
 def _checked_basket(position: np.ndarray) -> np.ndarray:
     position = np.array(position, dtype=float)
     if position.shape != (3,) or not np.isfinite(position).all():
-        raise ValueError(f"basket position {position} is not three finite numbers: give the centre of the rim in metres")
+        raise ValueError(
+            f"basket position {position} is not three finite numbers: give the centre of the rim"
+            " in metres"
+        )
     return position

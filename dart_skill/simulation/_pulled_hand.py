@@ -1,4 +1,6 @@
-"""Hands that guide the arm to where a pointer pulls them: what is between a mouse and the hand of a simulated arm."""
+"""Hands that guide the arm to where a pointer pulls them: what is between a mouse and the hand of
+a simulated arm.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,10 @@ class Pulling:
     * firm_hand, firm_wrist: stiffness and damping of the hold [N/m, N s/m], [N m/rad, N m s/rad].
     * strongest_push: what the spring between pointer and hand pulls with at most [N].
     * follows: as of `Guiding`.
-    * lead: the hand may be pulled so long after the beginning: what goes before a movement is recorded, too [s].
-    * patience: the hand is let go of when nobody pulls it for so long, or tells the fingers something [s].
+    * lead: the hand may be pulled so long after the beginning: what goes before a movement is
+      recorded, too [s].
+    * patience: the hand is let go of when nobody pulls it for so long, or tells the fingers
+      something [s].
     """
 
     fastest: float = 0.5
@@ -38,7 +42,8 @@ class Pulling:
 
 
 class PulledHand(Guiding):
-    """Guides one movement at a time: `begin`, then `pull`, `tell` and `finish` when somebody wants it, and `step` once per state.
+    """Guides one movement at a time: `begin`, then `pull`, `tell` and `finish` when somebody wants
+    it, and `step` once per state.
 
     * pulling: how the hand follows; the default where none is given.
     * step: control period [s].
@@ -46,7 +51,9 @@ class PulledHand(Guiding):
 
     def __init__(self, pulling: Pulling | None = None, step: float = 0.002):
         p = self.pulling = pulling or Pulling()
-        person = Person(tremble=0.0, firm_hand=p.firm_hand, strongest_push=p.strongest_push)  # whoever holds the mouse trembles enough
+        person = Person(
+            tremble=0.0, firm_hand=p.firm_hand, strongest_push=p.strongest_push
+        )  # whoever holds the mouse trembles enough
         super().__init__(0, person, p.follows, p.firm_wrist, step)
         self._guides, self._now = False, 0.0
 
@@ -62,25 +69,39 @@ class PulledHand(Guiding):
 
     def begin(self, state: ArmState) -> None:
         """Take hold of the hand where it is now."""
-        from scipy.spatial.transform import Rotation  # a teacher of throws has such a hand, too, and never begins
+        from scipy.spatial.transform import (
+            Rotation,
+        )  # a teacher of throws has such a hand, too, and never begins
 
         self._begin_guiding(state)
         hand = self._model.hand_state(state.position, state.velocity)
-        self._place, self._turned, self._grip = hand.position, Rotation.from_matrix(hand.rotation), Grip.UNSPECIFIED
+        self._place, self._turned, self._grip = (
+            hand.position,
+            Rotation.from_matrix(hand.rotation),
+            Grip.UNSPECIFIED,
+        )
         self._pointer, self._pointer_turned = self._place, self._turned
         self._velocity, self._spin = np.zeros(3), np.zeros(3)
         self._now, self._pulled, self._guides = 0.0, 0.0, True
 
     def pull(self, position: ArrayLike, quaternion: ArrayLike) -> None:
-        """The pointer is there now: position (3,) [m], quaternion (4,). ValueError while nobody guides, or for what is no pose."""
+        """The pointer is there now: position (3,) [m], quaternion (4,). ValueError while nobody
+        guides, or for what is no pose.
+        """
         from scipy.spatial.transform import Rotation
 
         self._need_hold("pulled")
         place = np.asarray(position, dtype=float)
         if place.shape != (3,) or not np.isfinite(place).all():
-            raise ValueError(f"the pointer is at {position!r}: give three finite coordinates in metres")
+            raise ValueError(
+                f"the pointer is at {position!r}: give three finite coordinates in metres"
+            )
         turned = check_unit_quaternions("pointer", np.asarray(quaternion, dtype=float)[None], 1)[0]
-        self._pointer, self._pointer_turned, self._pulled = place, Rotation.from_quat(turned), self._now
+        self._pointer, self._pointer_turned, self._pulled = (
+            place,
+            Rotation.from_quat(turned),
+            self._now,
+        )
 
     def tell(self, grip: Grip) -> None:
         """The fingers are told something with the next step; ValueError while nobody guides."""
@@ -88,7 +109,9 @@ class PulledHand(Guiding):
         self._grip, self._pulled = grip, self._now
 
     def finish(self) -> None:
-        """Somebody says that the movement has ended. The hand is held where it is, as long as there are steps. ValueError as of `pull`."""
+        """Somebody says that the movement has ended. The hand is held where it is, as long as
+        there are steps. ValueError as of `pull`.
+        """
         self._need_hold("let go of")
         self.let_go()
 
@@ -100,23 +123,34 @@ class PulledHand(Guiding):
         """The push that answers one state; ValueError when nobody has pulled for too long."""
         self._follow(self._time(state))
         if self._guides and self._now - self._pulled > self.pulling.patience:
-            raise ValueError(f"nobody has pulled the hand for {self.pulling.patience:.0f} s: the lesson ends")
+            raise ValueError(
+                f"nobody has pulled the hand for {self.pulling.patience:.0f} s: the lesson ends"
+            )
         return super().step(state)
 
     def _need_hold(self, what: str) -> None:
         if not self.guides:
-            raise ValueError(f"the hand is not {what} now: ask /teach for a lesson with by_pointer, and wait until the hand is held")
+            raise ValueError(
+                f"the hand is not {what} now: ask /teach for a lesson with by_pointer, and wait"
+                " until the hand is held"
+            )
 
     def _follow(self, time: float) -> None:
-        """Where the hand shall be moves towards the pointer: critically damped, and no faster than a person would."""
+        """Where the hand shall be moves towards the pointer: critically damped, and no faster than
+        a person would.
+        """
         from scipy.spatial.transform import Rotation
 
         p, dt = self.pulling, self._step
         self._velocity = _no_longer(
-            self._velocity + dt * p.quick * (p.quick * (self._pointer - self._place) - 2.0 * self._velocity), p.fastest
+            self._velocity
+            + dt * p.quick * (p.quick * (self._pointer - self._place) - 2.0 * self._velocity),
+            p.fastest,
         )
         self._place = self._place + dt * self._velocity
-        self._spin = _no_longer(0.5 * p.quick * (self._pointer_turned * self._turned.inv()).as_rotvec(), p.fastest_turn)
+        self._spin = _no_longer(
+            0.5 * p.quick * (self._pointer_turned * self._turned.inv()).as_rotvec(), p.fastest_turn
+        )
         self._turned = Rotation.from_rotvec(dt * self._spin) * self._turned
         self._now = time
 
@@ -124,7 +158,10 @@ class PulledHand(Guiding):
         from scipy.spatial.transform import Rotation
 
         ahead = time - self._now
-        return self._place + ahead * self._velocity, (Rotation.from_rotvec(ahead * self._spin) * self._turned).as_matrix()
+        return (
+            self._place + ahead * self._velocity,
+            (Rotation.from_rotvec(ahead * self._spin) * self._turned).as_matrix(),
+        )
 
     def _button(self, time: float) -> Grip:
         told = self._grip

@@ -1,4 +1,6 @@
-"""A person who guides the arm's hand over the rim of a cup that moves, and down into it, and stays there."""
+"""A person who guides the arm's hand over the rim of a cup that moves, and down into it, and stays
+there.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,13 @@ class Reacher(Guiding):
     * step: control period [s].
     """
 
-    def __init__(self, seed: int = 0, reaching: Reaching | None = None, person: Person | None = None, step: float = 0.002):
+    def __init__(
+        self,
+        seed: int = 0,
+        reaching: Reaching | None = None,
+        person: Person | None = None,
+        step: float = 0.002,
+    ):
         self.reaching = reaching or Reaching()
         super().__init__(seed, person, self.reaching.follows, self.reaching.firm_wrist, step)
 
@@ -57,13 +65,21 @@ class Reacher(Guiding):
         self._aside = r.aim_spread * rng.standard_normal(3)
         hand = self._model.hand_state(state.position, state.velocity)
         self._first, self._rotation = hand.position, hand.rotation
-        self._cup, self._seen, self._speed, self._beside = np.zeros(3), 0.0, np.zeros(3), np.zeros(3)
+        self._cup, self._seen, self._speed, self._beside = (
+            np.zeros(3),
+            0.0,
+            np.zeros(3),
+            np.zeros(3),
+        )
 
-    def watch(self, state: ArmState, cup: np.ndarray, speed: np.ndarray, beside: np.ndarray) -> None:
-        """What the person sees now: the cup (3,) [m] and how it moves (3,) [m/s], and the hand from where the arm takes it to be (3,) [m].
+    def watch(
+        self, state: ArmState, cup: np.ndarray, speed: np.ndarray, beside: np.ndarray
+    ) -> None:
+        """What the person sees now: the cup (3,) [m] and how it moves (3,) [m/s], and the hand
+        from where the arm takes it to be (3,) [m].
 
-        Encoders that read wrong do not mislead them: what they see of the hand counts. speed: of the cup; beside: place of the hand from
-        there.
+        Encoders that read wrong do not mislead them: what they see of the hand counts. speed: of
+        the cup; beside: place of the hand from there.
         """
         self._cup, self._speed, self._beside, self._seen = cup, speed, beside, self._time(state)
 
@@ -75,4 +91,6 @@ class Reacher(Guiding):
         share = (time - self._wait) / self._way
         over, down = smooth(share / 0.75), smooth((share - 0.5) / 0.5)
         inside = self._cup + (time - self._seen) * self._speed + self._aside
-        return self._first + over * (inside - self._beside + self._above - self._first) - down * self._above, self._rotation
+        return self._first + over * (
+            inside - self._beside + self._above - self._first
+        ) - down * self._above, self._rotation

@@ -15,7 +15,9 @@ LOOK_NS = 100_000_000
 
 
 class Stillness:
-    """Looks at arm and bodies now and then. since_ns: the stamp of the last look at which something moved, or of `wake`."""
+    """Looks at arm and bodies now and then. since_ns: the stamp of the last look at which
+    something moved, or of `wake`.
+    """
 
     def __init__(self) -> None:
         self.since_ns = 0
@@ -32,14 +34,22 @@ class Stillness:
             self.wake(stamp_ns)
         return stamp_ns - self._looked_ns >= LOOK_NS
 
-    def look(self, stamp_ns: int, joint_velocity: np.ndarray, bodies: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> None:
-        """Joint velocities (7,) [rad/s], and by name the position (3,) [m] and quaternion of each body.
+    def look(
+        self,
+        stamp_ns: int,
+        joint_velocity: np.ndarray,
+        bodies: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    ) -> None:
+        """Joint velocities (7,) [rad/s], and by name the position (3,) [m] and quaternion of each
+        body.
 
         joint_velocity: of all joints; bodies: poses by name.
         """
         self._looked_ns = stamp_ns
         places = {name: np.array(position) for name, (position, _) in bodies.items()}
-        still = places.keys() == self._places.keys() and all(np.abs(places[name] - self._places[name]).max() <= MOVED for name in places)
+        still = places.keys() == self._places.keys() and all(
+            np.abs(places[name] - self._places[name]).max() <= MOVED for name in places
+        )
         if not still or np.abs(joint_velocity).max() > SPEED:
             self.since_ns = stamp_ns
         self._places = places

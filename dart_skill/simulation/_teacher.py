@@ -1,8 +1,10 @@
-"""A person who guides the arm through throws: pushes the hand and the elbow of a gravity-compensated arm, and never sets a joint.
+"""A person who guides the arm through throws: pushes the hand and the elbow of a
+gravity-compensated arm, and never sets a joint.
 
-The person has a swing in mind: turn the arm to the basket, pause, swing it over the top in about 0.7 s, let go, follow through.
-How fast the swing has to be comes from the flight of the ball; how well a person does it, from docs/throwing_study.md: release point
-1.5 cm, duration 4 %, speed 0.8 %, a trembling hand. A throw that misses is tried again, corrected by what was seen.
+The person has a swing in mind: turn the arm to the basket, pause, swing it over the top in about
+0.7 s, let go, follow through. How fast the swing has to be comes from the flight of the ball; how
+well a person does it, from docs/throwing_study.md: release point 1.5 cm, duration 4 %, speed 0.8
+%, a trembling hand. A throw that misses is tried again, corrected by what was seen.
 """
 
 import math
@@ -14,7 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import ArmModel, ArmState, Command, Grip, HandState, minimum_jerk, rotation_error
+from dart_skill.arm import (
+    ArmModel,
+    ArmState,
+    Command,
+    Grip,
+    HandState,
+    minimum_jerk,
+    rotation_error,
+)
 from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.surface import BASKETS, RIMS, Game
 from dart_skill.simulation._hold import Hold, Quintic
@@ -23,15 +33,18 @@ NO_MOMENT = np.zeros(3)
 SWING_JOINTS = (1, 3, 5)
 """J2, J4 and J6 move the hand in the vertical plane of the throw."""
 NEAREST = 0.3
-"""A basket nearer to the axis of the base stands on the base plate, which is 0.36 m long (docs/sources.md) [m]."""
+"""A basket nearer to the axis of the base stands on the base plate, which is 0.36 m long
+(docs/sources.md) [m].
+"""
 
 
 @dataclass(frozen=True)
 class Swing:
     """The throw that the teacher has in mind, as angles of J2, J4 and J6.
 
-    A speed of 1 turns J2 at its no-load speed. At the release the elbow is bent so far that the hand is 4.5 cm inside the arm's
-    reach. These are three standard deviations of a person's release point: a path through the stretched arm can turn the elbow over.
+    A speed of 1 turns J2 at its no-load speed. At the release the elbow is bent so far that the
+    hand is 4.5 cm inside the arm's reach. These are three standard deviations of a person's
+    release point: a path through the stretched arm can turn the elbow over.
 
     * cocked: angles before the swing (3,) [rad].
     * release: angles at the release (3,) [rad].
@@ -49,7 +62,8 @@ class Swing:
 
 @dataclass(frozen=True)
 class Person:
-    """How a person differs from the swing in mind, and how firmly they hold the arm. Each is a parameter of the node teacher.
+    """How a person differs from the swing in mind, and how firmly they hold the arm. Each is a
+    parameter of the node teacher.
 
     * release_point: standard deviation of the release point [m].
     * duration, speed: standard deviations of the duration and the speed of the swing, as shares.
@@ -101,7 +115,9 @@ class Phase(Enum):
 
 @dataclass
 class _Motion:
-    """A swing worked out in joint angles, with the instants of its phases since the beginning of the guidance [s]."""
+    """A swing worked out in joint angles, with the instants of its phases since the beginning of
+    the guidance [s].
+    """
 
     initial: np.ndarray
     cocked: np.ndarray
@@ -127,9 +143,11 @@ class _Motion:
 
 
 class Teacher:
-    """Guides one throw at a time: `begin` with a target, then `step` once per state until the phase is WATCHING.
+    """Guides one throw at a time: `begin` with a target, then `step` once per state until the
+    phase is WATCHING.
 
-    `learn_from(landing)` corrects the next throw at the same target, as a person does who saw where the ball went.
+    `learn_from(landing)` corrects the next throw at the same target, as a person does who saw
+    where the ball went.
 
     * seed: everything random comes from it.
     * swing: how the person throws.
@@ -140,8 +158,20 @@ class Teacher:
 
     _motion: _Motion  # from the first throw on
 
-    def __init__(self, seed: int = 0, swing: Swing | None = None, person: Person | None = None, step: float = 0.002, game: Game = BASKETS):
-        self.swing, self.person, self._step, self._game = swing or Swing(), person or Person(), step, game
+    def __init__(
+        self,
+        seed: int = 0,
+        swing: Swing | None = None,
+        person: Person | None = None,
+        step: float = 0.002,
+        game: Game = BASKETS,
+    ):
+        self.swing, self.person, self._step, self._game = (
+            swing or Swing(),
+            person or Person(),
+            step,
+            game,
+        )
         self._hold = Hold(*self.person.firm_hand, *self.person.firm_wrist)
         self._model = ArmModel(ball_in_hand=True)
         self._seed, self._throws = seed, 0
@@ -153,7 +183,8 @@ class Teacher:
         return self._phase
 
     def begin(self, target: np.ndarray, state: ArmState, correction: bool = False) -> None:
-        """Prepare a throw at `target` (3,); correction=False forgets what was learned at it before.
+        """Prepare a throw at `target` (3,); correction=False forgets what was learned at it
+        before.
 
         ValueError, and nothing has changed, for a target out of reach.
         """
@@ -176,14 +207,21 @@ class Teacher:
         return target, learned
 
     def learn_from(self, landed: np.ndarray) -> None:
-        """Aim the next throw against the miss: landed (3,) is where the ball was seen to come down. ValueError if nobody saw that."""
+        """Aim the next throw against the miss: landed (3,) is where the ball was seen to come
+        down. ValueError if nobody saw that.
+        """
         if not np.isfinite(landed[:2]).all():
-            raise ValueError(f"nobody saw where the ball landed ({landed}): there is nothing to learn from it")
+            raise ValueError(
+                f"nobody saw where the ball landed ({landed}): there is nothing to learn from it"
+            )
         along, across = self._game.surface.miss(landed - self._target, self._target)
-        self._correction = self._correction - 0.8 * np.array([along, across / np.hypot(*self._target[:2])])
+        self._correction = self._correction - 0.8 * np.array(
+            [along, across / np.hypot(*self._target[:2])]
+        )
 
     def step(self, state: ArmState) -> Command:
-        """The push that answers one state: a wrench at the hand, a force at the elbow as joint torque, and the hand's button.
+        """The push that answers one state: a wrench at the hand, a force at the elbow as joint
+        torque, and the hand's button.
 
         ValueError before `begin`.
         """
@@ -192,23 +230,37 @@ class Teacher:
         time = (state.stamp_ns - self._started_ns) * 1e-9
         self._phase = self._phase_at(time)
         q, qd = self._wanted(time)
-        hand, elbow = self._model.hand_state(q, qd), self._model.at(q).elbow()  # one after the other, as the model keeps one state
+        hand, elbow = (
+            self._model.hand_state(q, qd),
+            self._model.at(q).elbow(),
+        )  # one after the other, as the model keeps one state
         wrench = self._push_hand(state, hand) + self._tremor()
-        return Command(state.stamp_ns, wrench, self._push_elbow(state, elbow, float(q[0])), self._button(time))
+        return Command(
+            state.stamp_ns, wrench, self._push_elbow(state, elbow, float(q[0])), self._button(time)
+        )
 
     # the swing in mind
 
     def _checked(self, target: np.ndarray) -> np.ndarray:
         target = np.array(target, dtype=float)
         if target.shape != (3,) or not np.isfinite(target).all():
-            raise ValueError(f"target {target} is not three finite numbers: give the centre of the rim in metres")
+            raise ValueError(
+                f"target {target} is not three finite numbers: give the centre of the rim in"
+                " metres"
+            )
         if np.hypot(*target[:2]) < NEAREST:
             what, where = self._game.surface.what, np.round(target, 3).tolist()
-            raise ValueError(f"a {what} at {where} stands on the base of the arm: place it at least {NEAREST} m from its axis")
+            raise ValueError(
+                f"a {what} at {where} stands on the base of the arm: place it at least {NEAREST} m"
+                " from its axis"
+            )
         base, azimuth = self._model.description.joints[0], float(np.arctan2(target[1], target[0]))
         if not base.lower < azimuth < base.upper:
             what = self._game.surface.what
-            raise ValueError(f"a {what} at {azimuth:.2f} rad is behind the arm: place it between {base.lower} and {base.upper} rad")
+            raise ValueError(
+                f"a {what} at {azimuth:.2f} rad is behind the arm: place it between {base.lower}"
+                f" and {base.upper} rad"
+            )
         return target
 
     def _prepare(self, state: ArmState) -> _Motion:
@@ -239,20 +291,28 @@ class Teacher:
         return float(self._game.surface.coordinates(target)[0])
 
     def _speed_for(self, reach: float, target: np.ndarray) -> float:
-        """Share of the joints' no-load speed whose ball gets to `reach` [m] on the surface of the target (3,)."""
+        """Share of the joints' no-load speed whose ball gets to `reach` [m] on the surface of the
+        target (3,).
+        """
         surface = self._game.surface
 
         def miss(speed: float) -> float:
             position, velocity = self._ball_at_release(speed)
             reached = surface.reached(position, velocity, target, self._game.projectile)
-            return reached - reach if np.isfinite(reached) else -reach  # too slow to rise above the rim
+            return (
+                reached - reach if np.isfinite(reached) else -reach
+            )  # too slow to rise above the rim
 
         low, high = 0.05, 1.0
-        where = f"{reach:.2f} m, {target[2]:.2f} m high," if surface is RIMS else surface.far(reach)
+        where = (
+            f"{reach:.2f} m, {target[2]:.2f} m high," if surface is RIMS else surface.far(reach)
+        )
         out_of_reach = f"a {surface.what} at {where} is out of the teacher's reach"
         if miss(low) > 0 or miss(high) < 0:
             nearest, farthest = miss(low) + reach, miss(high) + reach
-            raise ValueError(f"{out_of_reach}: place it between {nearest:.2f} and {surface.far(farthest)}")
+            raise ValueError(
+                f"{out_of_reach}: place it between {nearest:.2f} and {surface.far(farthest)}"
+            )
         from scipy.optimize import brentq  # 0.1 s, which only a throw that is shown needs
 
         speed = brentq(miss, low, high, xtol=1e-4)
@@ -290,14 +350,24 @@ class Teacher:
 
     def _push_hand(self, state: ArmState, wanted: HandState) -> np.ndarray:
         actual = self._model.hand_state(state.position, state.velocity)
-        error, stray = rotation_error(wanted.rotation, actual.rotation), self._wander(state.stamp_ns)
-        wrench = self._hold.pull(wanted.position, wanted.velocity, stray, actual.position, actual.velocity, error)
-        for part, strongest in ((wrench[:3], self.person.strongest_push), (wrench[3:], self.person.strongest_twist)):
+        error, stray = (
+            rotation_error(wanted.rotation, actual.rotation),
+            self._wander(state.stamp_ns),
+        )
+        wrench = self._hold.pull(
+            wanted.position, wanted.velocity, stray, actual.position, actual.velocity, error
+        )
+        for part, strongest in (
+            (wrench[:3], self.person.strongest_push),
+            (wrench[3:], self.person.strongest_twist),
+        ):
             part[:] = at_most(part, strongest)
         return wrench
 
     def _wander(self, stamp_ns: int) -> np.ndarray:
-        """How far the hand strays from the path in mind: grows smoothly through the swing, the most around the release (3,) [m]."""
+        """How far the hand strays from the path in mind: grows smoothly through the swing, the
+        most around the release (3,) [m].
+        """
         motion = self._motion
         since = (stamp_ns - self._started_ns) * 1e-9 - motion.start
         come = min(max(since / motion.to_release, 0.0), 1.0)
@@ -305,7 +375,9 @@ class Teacher:
         return motion.offset * share**2 * (3 - 2 * share)
 
     def _push_elbow(self, state: ArmState, wanted: np.ndarray, azimuth: float) -> np.ndarray:
-        """The other hand keeps the elbow in the plane of the throw: force at the elbow as joint torque (7,)."""
+        """The other hand keeps the elbow in the plane of the throw: force at the elbow as joint
+        torque (7,).
+        """
         k, d = self.person.firm_elbow
         actual, jacobian = self._model.elbow(state.position)
         force = k * (wanted - actual) - d * (jacobian @ state.velocity)
@@ -324,7 +396,9 @@ class Teacher:
         return Grip.OPEN
 
 
-def tremor(before: np.ndarray, person: Person, rng: np.random.Generator, step: float) -> np.ndarray:
+def tremor(
+    before: np.ndarray, person: Person, rng: np.random.Generator, step: float
+) -> np.ndarray:
     """Force of a trembling hand (3,) [N] a step [s] after another one: band-limited noise."""
     kept, added = _shares(person.tremble_rate, step)
     return kept * before + added * person.tremble * rng.standard_normal(3)
@@ -332,7 +406,9 @@ def tremor(before: np.ndarray, person: Person, rng: np.random.Generator, step: f
 
 @cache
 def _shares(rate: float, step: float) -> tuple[float, float]:
-    """Shares of a first-order low-pass with a corner [Hz] a step [s] later: what is left of the noise, and what is new."""
+    """Shares of a first-order low-pass with a corner [Hz] a step [s] later: what is left of the
+    noise, and what is new.
+    """
     kept = np.exp(-2 * np.pi * rate * step)
     return float(kept), float(np.sqrt(1 - kept**2))
 

@@ -1,6 +1,8 @@
-"""Cables that give: motor and link of a joint are two inertias with a spring between them, and encoders sit on the motor.
+"""Cables that give: motor and link of a joint are two inertias with a spring between them, and
+encoders sit on the motor.
 
-A step of the arm asks them. So they are compiled (docs/development.md): _transmission.pxd beside it has the types.
+A step of the arm asks them. So they are compiled (docs/development.md): _transmission.pxd beside
+it has the types.
 """
 
 from __future__ import annotations
@@ -16,14 +18,17 @@ from dart_skill.common.small_matrices import factor_into, solve_into
 SUBSTEPS = 5
 """Steps of a control period of 2 ms; a wrist on its spring swings at some 100 Hz."""
 DAMPING_RATIO = 0.05
-"""Damping of a motor that swings on its spring; chosen: no measurement of the WAM's cables was found in print."""
+"""Damping of a motor that swings on its spring; chosen: no measurement of the WAM's cables was
+found in print.
+"""
 
 
 class Transmission:
     """Springs between the motors and the links of the seven joints.
 
-    Motor: R w' = effort - friction(w) - s; link: M v' + bias = outside + s; spring: s = K (theta - q) + D (w - v). All in joint
-    coordinates, R the rotors' inertia as the joints feel it. Each part of a step is an implicit Euler step for both inertias at once.
+    Motor: R w' = effort - friction(w) - s; link: M v' + bias = outside + s; spring: s = K (theta -
+    q) + D (w - v). All in joint coordinates, R the rotors' inertia as the joints feel it. Each
+    part of a step is an implicit Euler step for both inertias at once.
 
     * stiffness: (7,) [N m/rad], all positive.
     * reflected: (7, 7) [kg m^2].
@@ -33,22 +38,38 @@ class Transmission:
     """
 
     def __init__(self, stiffness: np.ndarray, reflected: np.ndarray, actuation: Actuation):
-        self._stiffness, self._reflected = np.array(stiffness, dtype=float), np.array(reflected, dtype=float)
+        self._stiffness, self._reflected = (
+            np.array(stiffness, dtype=float),
+            np.array(reflected, dtype=float),
+        )
         self._actuation = actuation
-        self._damping = 2.0 * DAMPING_RATIO * np.sqrt(np.asarray(stiffness, dtype=float) * np.diag(reflected))
+        self._damping = (
+            2.0 * DAMPING_RATIO * np.sqrt(np.asarray(stiffness, dtype=float) * np.diag(reflected))
+        )
         self.position, self.velocity = np.zeros(N_JOINTS), np.zeros(N_JOINTS)
         self._link, self._speeds = np.zeros(N_JOINTS), np.zeros(2 * N_JOINTS)
         self._motor_speeds = self._speeds[N_JOINTS:]
-        self._system, self._momentum = np.zeros((2 * N_JOINTS, 2 * N_JOINTS)), np.zeros(2 * N_JOINTS)
+        self._system, self._momentum = (
+            np.zeros((2 * N_JOINTS, 2 * N_JOINTS)),
+            np.zeros(2 * N_JOINTS),
+        )
 
     def rest(self, q: np.ndarray, load: np.ndarray) -> None:
         """Motors at rest that carry a load (7,) [N m] on links at q (7,) [rad]."""
         self.position, self.velocity = q + load / np.asarray(self._stiffness), np.zeros(N_JOINTS)
 
     def advance(
-        self, q: np.ndarray, velocity: np.ndarray, inertia: np.ndarray, effort: np.ndarray, outside: np.ndarray, step: float
+        self,
+        q: np.ndarray,
+        velocity: np.ndarray,
+        inertia: np.ndarray,
+        effort: np.ndarray,
+        outside: np.ndarray,
+        step: float,
     ) -> np.ndarray:
-        """Mean acceleration (7,) of the links over a step [s] in which motors give `effort` and the world `outside`, net of the bias."""
+        """Mean acceleration (7,) of the links over a step [s] in which motors give `effort` and
+        the world `outside`, net of the bias.
+        """
         position, mean = np.array(self.position), np.empty(N_JOINTS)
         theta, acceleration, link, speeds = position, mean, self._link, self._speeds
         n, motors, h = N_JOINTS, self.velocity, step / SUBSTEPS
@@ -68,8 +89,17 @@ class Transmission:
         self.position, self.velocity = position, self._motor_speeds.copy()
         return mean
 
-    def _set_up(self, inertia: np.ndarray, effort: np.ndarray, outside: np.ndarray, theta: np.ndarray, h: float) -> None:
-        """The equations of an implicit Euler step: system (14, 14) times speeds, of links over motors, is momentum (14,)."""
+    def _set_up(
+        self,
+        inertia: np.ndarray,
+        effort: np.ndarray,
+        outside: np.ndarray,
+        theta: np.ndarray,
+        h: float,
+    ) -> None:
+        """The equations of an implicit Euler step: system (14, 14) times speeds, of links over
+        motors, is momentum (14,).
+        """
         n, system, momentum, speeds = N_JOINTS, self._system, self._momentum, self._speeds
         damping = self._actuation.damping(self._motor_speeds)
         for i in range(n):
@@ -90,7 +120,8 @@ class Transmission:
 
 
 class Encoders:
-    """What a driver says of the joints: angles with an offset, in steps, and speeds that are filtered differences of them.
+    """What a driver says of the joints: angles with an offset, in steps, and speeds that are
+    filtered differences of them.
 
     * offset: (7,) [rad], what the angles read too high.
     * resolution: step of an angle [rad]; 0: none.
@@ -99,7 +130,11 @@ class Encoders:
     """
 
     def __init__(self, offset: np.ndarray, resolution: float, speed_filter: float, step: float):
-        self._offset, self._resolution, self._step = np.array(offset, dtype=float), resolution, step
+        self._offset, self._resolution, self._step = (
+            np.array(offset, dtype=float),
+            resolution,
+            step,
+        )
         self._gain = 1.0 - math.exp(-speed_filter * step)
         self._exact = not (np.any(offset) or resolution or speed_filter)
         self._last, self._speed = np.zeros(N_JOINTS), np.zeros(N_JOINTS)

@@ -1,7 +1,8 @@
-"""A workbench beside the simulated arm: a part that stands on a table, and a holder into which it fits.
+"""A workbench beside the simulated arm: a part that stands on a table, and a holder into which it
+fits.
 
-The part touches table and holder, with friction; a part that is put in askew jams. The fingers are not modelled: a hand that closes around
-the part holds it as it found it.
+The part touches table and holder, with friction; a part that is put in askew jams. The fingers are
+not modelled: a hand that closes around the part holds it as it found it.
 """
 
 from __future__ import annotations
@@ -14,12 +15,21 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import WamDescription, wam_description, with_box
 from dart_skill.simulation._bullet import BulletClient, pybullet
-from dart_skill.simulation._plant import HAND_LINK_INDEX, Plant, PlantSettings, PlantState, in_principal_axes, small_box
+from dart_skill.simulation._plant import (
+    HAND_LINK_INDEX,
+    Plant,
+    PlantSettings,
+    PlantState,
+    in_principal_axes,
+    small_box,
+)
 
 Pose = tuple[np.ndarray, np.ndarray]
 """Position (3,) [m] and quaternion (4,)."""
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])
-"""A part that stands is seen from a hand that points down with its z axis against the hand's: half a turn about y."""
+"""A part that stands is seen from a hand that points down with its z axis against the hand's: half
+a turn about y.
+"""
 GRASPED, ALONG = 0.02, 0.2
 """Fingers that close get hold of a part whose place and axis are off by no more [m], [rad]."""
 IN = 0.003
@@ -30,7 +40,8 @@ IN = 0.003
 class Bench:
     """What stands on the table.
 
-    * start_posture: of an arm whose hand is around the part, pointing down (7,) [rad]. Part and table stand below it.
+    * start_posture: of an arm whose hand is around the part, pointing down (7,) [rad]. Part and
+      table stand below it.
     * size: of the part, a box (3,) [m]; its origin is its centre, its z axis points up.
     * mass: of the part [kg].
     * grasp: of the part's centre in the frame of the hand (3,) [m].
@@ -38,7 +49,8 @@ class Bench:
     * depth: of the holder [m].
     * wall: thickness of its walls [m].
     * friction: between part, holder and table.
-    * part_spread, part_turn: standard deviations of where the part stands [m], and of how it is turned [rad].
+    * part_spread, part_turn: standard deviations of where the part stands [m], and of how it is
+      turned [rad].
     """
 
     start_posture: tuple[float, ...] = (-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0)
@@ -64,9 +76,13 @@ class Bench:
 
 
 class Workbench(Plant):
-    """The arm with a bench. `reset` puts the part back, around which the open hand is, and the holder where it is wanted."""
+    """The arm with a bench. `reset` puts the part back, around which the open hand is, and the
+    holder where it is wanted.
+    """
 
-    def __init__(self, bench: Bench | None = None, settings: PlantSettings | None = None, seed: int = 0):
+    def __init__(
+        self, bench: Bench | None = None, settings: PlantSettings | None = None, seed: int = 0
+    ):
         self.bench = bench or Bench()
         self._holder: Pose = np.array([0.6, 0.2, 0.8]), np.array([0.0, 0.0, 0.0, 1.0])
         own = replace(settings or PlantSettings(), start_posture=self.bench.start_posture)
@@ -78,7 +94,9 @@ class Workbench(Plant):
         """As of the plant; the posture in which the hand is around the part stays."""
         super().change(replace(settings, start_posture=self.bench.start_posture))
 
-    def set_up(self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None) -> PlantState:
+    def set_up(
+        self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None
+    ) -> PlantState:
         """As of the plant."""
         self._check_movable(poses)
         self._check_numbers(numbers or {})
@@ -90,7 +108,9 @@ class Workbench(Plant):
         """As of the plant. position: of the body (3,) [m]."""
         self._check_movable([role])
         self.stand((position, quaternion))
-        self._world.resetBasePositionAndOrientation(self._holder_body, self._holder[0].tolist(), self._holder[1].tolist())
+        self._world.resetBasePositionAndOrientation(
+            self._holder_body, self._holder[0].tolist(), self._holder[1].tolist()
+        )
 
     @property
     def succeeded(self) -> bool:
@@ -98,10 +118,14 @@ class Workbench(Plant):
         turn = Rotation.from_quat(self._holder[1])
         local = turn.inv().apply(np.array(self._loose.position) - self._holder[0])
         seat = 0.5 * self.bench.size[2]
-        return self._held is None and bool(np.hypot(*local[:2]) < 2.0 * self.bench.clearance and abs(local[2] - seat) < IN)
+        return self._held is None and bool(
+            np.hypot(*local[:2]) < 2.0 * self.bench.clearance and abs(local[2] - seat) < IN
+        )
 
     def stand(self, holder: Pose) -> None:
-        """From the next reset on the holder stands at a pose: the centre of its floor, its z axis along its opening."""
+        """From the next reset on the holder stands at a pose: the centre of its floor, its z axis
+        along its opening.
+        """
         self._holder = np.array(holder[0], dtype=float), np.array(holder[1], dtype=float)
 
     @property
@@ -129,13 +153,25 @@ class Workbench(Plant):
         b = self.bench
         hand = world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
         turn = Rotation.from_quat(hand[5])
-        stands = np.array(hand[4]) + turn.apply(b.grasp) + b.part_spread * np.append(self._scatter.standard_normal(2), 0.0)
+        stands = (
+            np.array(hand[4])
+            + turn.apply(b.grasp)
+            + b.part_spread * np.append(self._scatter.standard_normal(2), 0.0)
+        )
         up = turn * Rotation.from_quat(DOWN)
         yaw = np.arctan2(*up.as_matrix()[1::-1, 0]) + b.part_turn * self._scatter.standard_normal()
         self._table = float(stands[2] - 0.5 * b.size[2])
         self._ball_mass = b.mass
-        shape = world.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[0.5 * side for side in b.size])
-        self._ball = world.createMultiBody(b.mass, shape, small_box(world), stands.tolist(), [0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)])
+        shape = world.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=[0.5 * side for side in b.size]
+        )
+        self._ball = world.createMultiBody(
+            b.mass,
+            shape,
+            small_box(world),
+            stands.tolist(),
+            [0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)],
+        )
         world.changeDynamics(
             self._ball, -1, restitution=0.0, lateralFriction=b.friction, linearDamping=0, angularDamping=0,
             localInertiaDiagonal=b.inertia.tolist(),
@@ -144,18 +180,38 @@ class Workbench(Plant):
         self._holder_body = self._fixed(world, *self._walls(), self._holder)
 
     def _walls(self) -> tuple[list[list[float]], list[list[float]]]:
-        """Half sizes and centres of the boxes that a holder is made of, in its own frame: a floor and four walls."""
+        """Half sizes and centres of the boxes that a holder is made of, in its own frame: a floor
+        and four walls.
+        """
         b = self.bench
         inner = 0.5 * np.array(b.size[:2]) + b.clearance
         outer, half = inner + b.wall, 0.5 * b.depth
-        sizes = [[*outer, 0.5 * b.wall]] + 2 * [[0.5 * b.wall, outer[1], half]] + 2 * [[inner[0], 0.5 * b.wall, half]]
+        sizes = (
+            [[*outer, 0.5 * b.wall]]
+            + 2 * [[0.5 * b.wall, outer[1], half]]
+            + 2 * [[inner[0], 0.5 * b.wall, half]]
+        )
         x, y = inner + 0.5 * b.wall
-        centres = [[0.0, 0.0, -0.5 * b.wall], [x, 0.0, half], [-x, 0.0, half], [0.0, y, half], [0.0, -y, half]]
+        centres = [
+            [0.0, 0.0, -0.5 * b.wall],
+            [x, 0.0, half],
+            [-x, 0.0, half],
+            [0.0, y, half],
+            [0.0, -y, half],
+        ]
         return sizes, centres
 
-    def _fixed(self, world: BulletClient, sizes: list[list[float]], centres: list[list[float]], pose: Pose | None = None) -> int:
+    def _fixed(
+        self,
+        world: BulletClient,
+        sizes: list[list[float]],
+        centres: list[list[float]],
+        pose: Pose | None = None,
+    ) -> int:
         """A body of boxes that nothing moves."""
-        shape = world.createCollisionShapeArray([pybullet.GEOM_BOX] * len(sizes), halfExtents=sizes, collisionFramePositions=centres)
+        shape = world.createCollisionShapeArray(
+            [pybullet.GEOM_BOX] * len(sizes), halfExtents=sizes, collisionFramePositions=centres
+        )
         position, quaternion = pose or (np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
         body = world.createMultiBody(0, shape, -1, position.tolist(), quaternion.tolist())
         world.changeDynamics(body, -1, restitution=0.0, lateralFriction=self.bench.friction)
@@ -176,7 +232,9 @@ class Workbench(Plant):
     def _seen_from_hand(self) -> tuple[np.ndarray, Rotation]:
         """Place (3,) of the part in the frame of the hand, and its turn."""
         back = Rotation.from_quat(self.hand_quaternion).inv()
-        return back.apply(np.array(self._loose.position) - self.hand_position), back * Rotation.from_quat(self._loose.quaternion)
+        return back.apply(
+            np.array(self._loose.position) - self.hand_position
+        ), back * Rotation.from_quat(self._loose.quaternion)
 
     def _is_between_the_fingers(self) -> bool:
         place, turn = self._seen_from_hand()
@@ -189,7 +247,15 @@ class Workbench(Plant):
         offset, back = in_principal_axes(hand, place)
         local = Rotation.from_quat(back) * turn
         self._held = self._world.createConstraint(
-            self._arm, HAND_LINK_INDEX, self._ball, -1, pybullet.JOINT_FIXED, [0, 0, 0], offset, [0, 0, 0], local.as_quat().tolist()
+            self._arm,
+            HAND_LINK_INDEX,
+            self._ball,
+            -1,
+            pybullet.JOINT_FIXED,
+            [0, 0, 0],
+            offset,
+            [0, 0, 0],
+            local.as_quat().tolist(),
         )
 
     def _scatter_release(self) -> None:

@@ -11,18 +11,23 @@ from dart_skill.simulation._board_world import BoardWorld
 from dart_skill.simulation._plant import Plant, PlantSettings
 
 WORLDS = ("basket", "board", "bench", "belt")
-"""A ball in the hand, and a basket; a dart, and a board; a part on a table, and a holder into which it fits; a cup on a belt, and an empty
-hand.
+"""A ball in the hand, and a basket; a dart, and a board; a part on a table, and a holder into
+which it fits; a cup on a belt, and an empty hand.
 """
 
 
 def make_world(
-    name: str, settings: PlantSettings, seed: int = 0, board: Board | None = None, own: Mapping[str, Any] | None = None
+    name: str,
+    settings: PlantSettings,
+    seed: int = 0,
+    board: Board | None = None,
+    own: Mapping[str, Any] | None = None,
 ) -> Plant:
     """The world of that name; ValueError lists those that there are.
 
     * board: where it hangs, if not where config/world.yaml says.
-    * own: what a skill says of it (`Skill.world_settings`): fields of `Bench`. ValueError names one that is none, or another world.
+    * own: what a skill says of it (`Skill.world_settings`): fields of `Bench`. ValueError names
+      one that is none, or another world.
     """
     if name == "bench":
         return _workbench(settings, seed, own or {})
@@ -32,7 +37,9 @@ def make_world(
     if name == "board":
         return BoardWorld(settings, seed, board)
     if name == "belt":
-        from dart_skill.simulation._conveyor import Conveyor  # with rotations of SciPy, which throws do without
+        from dart_skill.simulation._conveyor import (
+            Conveyor,
+        )  # with rotations of SciPy, which throws do without
 
         return Conveyor(settings, seed)
     raise ValueError(f"no world '{name}': choose one of {', '.join(WORLDS)}")
@@ -48,4 +55,7 @@ def _workbench(settings: PlantSettings, seed: int, own: Mapping[str, Any]) -> Pl
 def _check_own(name: str, own: Mapping[str, Any], known: set[str]) -> None:
     """ValueError names what a skill says of a world that has none of this."""
     if unknown := set(own) - known:
-        raise ValueError(f"the world '{name}' has no {', '.join(sorted(unknown))}: leave it out of the skill's world_settings")
+        raise ValueError(
+            f"the world '{name}' has no {', '.join(sorted(unknown))}: leave it out of the skill's"
+            " world_settings"
+        )

@@ -1,7 +1,8 @@
-"""A live server for Foxglove, through its own foxglove-sdk: messages as they are, in CDR, with the definitions of their types.
+"""A live server for Foxglove, through its own foxglove-sdk: messages as they are, in CDR, with the
+definitions of their types.
 
-Foxglove connects to it as to a robot ("Open connection", Foxglove WebSocket). Nobody can send anything to it: it offers no services and
-no parameters, and takes no messages.
+Foxglove connects to it as to a robot ("Open connection", Foxglove WebSocket). Nobody can send
+anything to it: it offers no services and no parameters, and takes no messages.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ class FoxgloveServer:
                 supported_encodings=["cdr"], message_backlog_size=4096,
             )  # fmt: skip
         except RuntimeError as error:  # as the SDK calls whatever goes wrong
-            raise OSError(f"port {port} on {host} cannot be served ({error}): choose another one with --port") from error
+            raise OSError(
+                f"port {port} on {host} cannot be served ({error}): choose another one with --port"
+            ) from error
         self.host, self.port = host, int(self._server.port)
 
     @property
@@ -55,12 +58,15 @@ class FoxgloveServer:
         return list(self._channels)
 
     def add_topic(self, topic: str, type_name: str, text: str, lasting: bool = False) -> None:
-        """A topic of a type, with its definition (`recording.definition`). lasting: whoever comes later gets the last message, too.
+        """A topic of a type, with its definition (`recording.definition`). lasting: whoever comes
+        later gets the last message, too.
 
         text: the definition.
         """
         schema = self._sdk.Schema(name=type_name, encoding="ros2msg", data=text.encode())
-        self._channels[topic] = self._sdk.Channel(topic, schema=schema, message_encoding="cdr", context=self._context)
+        self._channels[topic] = self._sdk.Channel(
+            topic, schema=schema, message_encoding="cdr", context=self._context
+        )
         if lasting:
             self._lasting.add(topic)
 
@@ -103,13 +109,25 @@ class _Listener:
         raise AttributeError(name)
 
 
-def serve_bag(bag: BagReader, server: FoxgloveServer, rate: float = 1.0, stopped: Callable[[], bool] = lambda: False) -> int:
-    """Publish the messages of a bag at the pace of their log times, and go on until all are out, or it is stopped; how many were.
+def serve_bag(
+    bag: BagReader,
+    server: FoxgloveServer,
+    rate: float = 1.0,
+    stopped: Callable[[], bool] = lambda: False,
+) -> int:
+    """Publish the messages of a bag at the pace of their log times, and go on until all are out,
+    or it is stopped; how many were.
 
-    rate: 2 is twice as fast, 0 as fast as possible. A topic whose type the bag does not define is left out. server: to publish with.
+    rate: 2 is twice as fast, 0 as fast as possible. A topic whose type the bag does not define is
+    left out. server: to publish with.
     """
     for name in set(_shown(bag)) - set(server.topics):
-        server.add_topic(name, bag.topics[name].type_name, definition(bag.types, bag.topics[name].type_name), _is_lasting(bag, name))
+        server.add_topic(
+            name,
+            bag.topics[name].type_name,
+            definition(bag.types, bag.topics[name].type_name),
+            _is_lasting(bag, name),
+        )
     begun, count = time.monotonic(), 0
     for message in bag.messages(server.topics, decode=False):
         due = begun + (message.stamp_ns - bag.start_ns) * 1e-9 / rate if rate else 0.0

@@ -1,4 +1,6 @@
-"""The hand of the arm, pulled with the mouse: a ball that can be dragged, the spring between both, and where a body shall go."""
+"""The hand of the arm, pulled with the mouse: a ball that can be dragged, the spring between both,
+and where a body shall go.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,13 @@ from dart_skill.view._solids import Part
 RADIUS = 0.055
 """Radius of the ball that is dragged [m]: larger than the hand, so that the mouse meets it."""
 ARM_SPAN = 1.2
-"""The ball stays so near to the axis of the base [m]; a plane that is seen from its edge leads anywhere."""
+"""The ball stays so near to the axis of the base [m]; a plane that is seen from its edge leads
+anywhere.
+"""
 ABOVE, BESIDE = np.array([-0.03, 0.0, 1.1]), 1.5
-"""From the hand to the eye that looks at it from above, and the distance of the one that looks from the side, at its height [m]."""
+"""From the hand to the eye that looks at it from above, and the distance of the one that looks
+from the side, at its height [m].
+"""
 PLUMB = 0.6
 """Length of the line that hangs down from the hand [m]."""
 
@@ -34,19 +40,43 @@ class HeldHand:
         scene, ball = server.scene, sphere(RADIUS)
         vertices, faces = ball.vertices.astype(np.float32), ball.faces.astype(np.uint32)
         self._ball = scene.add_mesh_simple(
-            "/pointer", vertices, faces, color=palette.ATTRACTOR, opacity=0.45, visible=False, cast_shadow=False, receive_shadow=False
+            "/pointer",
+            vertices,
+            faces,
+            color=palette.ATTRACTOR,
+            opacity=0.45,
+            visible=False,
+            cast_shadow=False,
+            receive_shadow=False,
         )
         self._lines = {
             name: scene.add_line_segments(
-                f"/pointer_{name}", np.empty((0, 2, 3)), colour, thickness=width, thickness_units="screen", visible=False
+                f"/pointer_{name}",
+                np.empty((0, 2, 3)),
+                colour,
+                thickness=width,
+                thickness_units="screen",
+                visible=False,
             )
-            for name, colour, width in (("spring", palette.ATTRACTOR, 4.0), ("plumb", palette.GREY, 1.5))
+            for name, colour, width in (
+                ("spring", palette.ATTRACTOR, 4.0),
+                ("plumb", palette.GREY, 1.5),
+            )
         }
         self._goal = scene.add_frame("/goal", show_axes=False, visible=False)
         for number, part in enumerate(parts):
-            vertices, faces = part.mesh.vertices.astype(np.float32), part.mesh.faces.astype(np.uint32)
+            vertices, faces = (
+                part.mesh.vertices.astype(np.float32),
+                part.mesh.faces.astype(np.uint32),
+            )
             scene.add_mesh_simple(
-                f"/goal/{number}", vertices, faces, color=palette.GREEN, wireframe=True, cast_shadow=False, receive_shadow=False
+                f"/goal/{number}",
+                vertices,
+                faces,
+                color=palette.GREEN,
+                wireframe=True,
+                cast_shadow=False,
+                receive_shadow=False,
             )
 
     @property
@@ -81,10 +111,15 @@ class HeldHand:
 
     def show_goal(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Where the body shall go: (3,), (4,)."""
-        self._goal.position, self._goal.wxyz, self._goal.visible = position, quaternion[[3, 0, 1, 2]], True
+        self._goal.position, self._goal.wxyz, self._goal.visible = (
+            position,
+            quaternion[[3, 0, 1, 2]],
+            True,
+        )
 
     def on_drag(self, callback: Callable[[np.ndarray], None]) -> None:
-        """Call with where the ball is dragged to (3,): in the plane that faces the eye; with Shift over the ground, at its height.
+        """Call with where the ball is dragged to (3,): in the plane that faces the eye; with Shift
+        over the ground, at its height.
 
         callback: takes the place.
         """
@@ -92,7 +127,11 @@ class HeldHand:
         async def dragged(event: Any) -> None:
             if event.phase == "start":
                 self._grip = np.array(event.start_position) - self.pointer
-            wanted = self._wanted(np.array(event.client.camera.position), np.array(event.end_position), event.modifier == "shift")
+            wanted = self._wanted(
+                np.array(event.client.camera.position),
+                np.array(event.end_position),
+                event.modifier == "shift",
+            )
             if wanted is not None and self.held:
                 self._ball.position = within_reach(wanted)
                 self._draw()
@@ -102,11 +141,18 @@ class HeldHand:
             self._ball.on_drag("left", modifier=modifier)(dragged)
 
     def look(self, from_above: bool) -> None:
-        """Turn all pages to the hand: from above, where the mouse moves it over the ground, or from the side."""
+        """Turn all pages to the hand: from above, where the mouse moves it over the ground, or
+        from the side.
+        """
         for client in self._server.get_clients().values():
-            client.camera.position, client.camera.look_at = eye_of(self.pointer, from_above), self.pointer
+            client.camera.position, client.camera.look_at = (
+                eye_of(self.pointer, from_above),
+                self.pointer,
+            )
 
-    def _wanted(self, eye: np.ndarray, pointer: np.ndarray, over_ground: bool) -> np.ndarray | None:
+    def _wanted(
+        self, eye: np.ndarray, pointer: np.ndarray, over_ground: bool
+    ) -> np.ndarray | None:
         if not over_ground:
             return pointer - self._grip if np.isfinite(pointer).all() else None
         under = on_plane(eye, pointer, float(self.pointer[2] + self._grip[2]))
@@ -114,17 +160,25 @@ class HeldHand:
 
     def _draw(self) -> None:
         self._lines["spring"].points = np.array([[self._hand, self.pointer]], dtype=np.float32)
-        self._lines["plumb"].points = np.array([[self._hand, self._hand - [0.0, 0.0, PLUMB]]], dtype=np.float32)
+        self._lines["plumb"].points = np.array(
+            [[self._hand, self._hand - [0.0, 0.0, PLUMB]]], dtype=np.float32
+        )
 
 
 def eye_of(pointer: np.ndarray, from_above: bool) -> np.ndarray:
-    """Where a look at the hand comes from (3,): from above, or level from the side, at a right angle to the arm."""
-    across = np.array([pointer[1], -pointer[0], 0.0]) / max(float(np.hypot(pointer[0], pointer[1])), 1e-6)
+    """Where a look at the hand comes from (3,): from above, or level from the side, at a right
+    angle to the arm.
+    """
+    across = np.array([pointer[1], -pointer[0], 0.0]) / max(
+        float(np.hypot(pointer[0], pointer[1])), 1e-6
+    )
     return pointer + (ABOVE if from_above else BESIDE * across)
 
 
 def within_reach(place: np.ndarray) -> np.ndarray:
-    """The place (3,) itself, or the nearest to it that an arm could reach: nobody wants to pull the hand over the horizon."""
+    """The place (3,) itself, or the nearest to it that an arm could reach: nobody wants to pull
+    the hand over the horizon.
+    """
     span = float(np.hypot(place[0], place[1]))
     return np.append(place[:2] * min(1.0, ARM_SPAN / max(span, 1e-9)), np.clip(place[2], 0.0, 2.5))
 
@@ -133,11 +187,14 @@ def turned(quaternion: np.ndarray, degrees: float) -> np.ndarray:
     """A hand's quaternion (4,) turned about the vertical. degrees: to the left, seen from above."""
     from scipy.spatial.transform import Rotation  # a report holds no hand, and does without
 
-    return (Rotation.from_euler("z", degrees, degrees=True) * Rotation.from_quat(quaternion)).as_quat()
+    return (
+        Rotation.from_euler("z", degrees, degrees=True) * Rotation.from_quat(quaternion)
+    ).as_quat()
 
 
 def how_far(lies: np.ndarray, turn: np.ndarray) -> str:
-    """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3), whose z axis points up.
+    """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3), whose z
+    axis points up.
 
     lies, turn: place and rotation of the body in the wanted frame.
     """
@@ -146,4 +203,7 @@ def how_far(lies: np.ndarray, turn: np.ndarray) -> str:
     degrees = float(np.rad2deg(Rotation.from_matrix(turn).as_rotvec()[2]))
     way = "to the left" if degrees > 0.0 else "to the right"
     height = f"{1e3 * abs(lies[2]):.0f} mm {'above' if lies[2] >= 0.0 else 'below'} it"
-    return f"{1e3 * np.hypot(lies[0], lies[1]):.0f} mm beside its place, {height}, turned by {abs(degrees):.0f}° {way}"
+    return (
+        f"{1e3 * np.hypot(lies[0], lies[1]):.0f} mm beside its place, {height}, turned by"
+        f" {abs(degrees):.0f}° {way}"
+    )

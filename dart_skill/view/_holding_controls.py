@@ -12,9 +12,10 @@ import numpy as np
 from dart_skill.common import palette
 
 HOW = (
-    "Drag the ball at the hand: it moves as the screen does, seen from above over the ground. The buttons below do the rest. "
-    "With a keyboard: <b>Shift</b> keeps its height, <b>C</b> closes and opens the hand, <b>Q</b> and <b>E</b> turn it, "
-    "<b>V</b> looks from above or from the side, <b>Enter</b>: done."
+    "Drag the ball at the hand: it moves as the screen does, seen from above over the ground. The"
+    " buttons below do the rest. With a keyboard: <b>Shift</b> keeps its height, <b>C</b> closes"
+    " and opens the hand, <b>Q</b> and <b>E</b> turn it, <b>V</b> looks from above or from the"
+    " side, <b>Enter</b>: done."
 )
 TURN_BY, MOST_TURNED = 5.0, 180.0
 """With a key, and at most [degrees]."""
@@ -28,7 +29,8 @@ class DemonstrationRow:
     * seconds: of the movement.
     * counts: whether it is learned from.
     * weight: in the model; nan if nothing is learned yet.
-    * unlike: distance of its way from what the others teach for its situation, root mean square [m]; nan if that is not known.
+    * unlike: distance of its way from what the others teach for its situation, root mean square
+      [m]; nan if that is not known.
     * outlier: whether that is far more than of the others.
     """
 
@@ -45,7 +47,8 @@ class HoldingControls:
     """In a folder of the page, with keys for what hands do while they hold the mouse.
 
     * gui: of viser.
-    * ask: called in the server's threads with what is asked for and its details: "hold", "grip", "turn", "look", "done", "discard", "undo".
+    * ask: called in the server's threads with what is asked for and its details: "hold", "grip",
+      "turn", "look", "done", "discard", "undo".
     """
 
     def __init__(self, gui: Any, ask: Callable[[str, dict[str, Any]], None]):
@@ -55,7 +58,9 @@ class HoldingControls:
             self._help = gui.add_html("", visible=False)
             self._where = gui.add_html("", visible=False)
             grip = self._button("Close or open the hand (C)", self._grip)
-            self._slider = gui.add_slider("Turn [°]", -MOST_TURNED, MOST_TURNED, 1.0, 0.0, disabled=True)
+            self._slider = gui.add_slider(
+                "Turn [°]", -MOST_TURNED, MOST_TURNED, 1.0, 0.0, disabled=True
+            )
             self._slider.on_update(lambda event: self._slide(event))
             look = self._button("From above, or the side (V)", self._look)
             done = self._button("Done (Enter)", lambda: ask("done", {}))
@@ -138,7 +143,10 @@ def _row(number: int, row: DemonstrationRow) -> str:
     elif np.isfinite(row.weight):
         said.append(f"weight {row.weight:.2g}")
     if np.isfinite(row.unlike):
-        said.append(f"{1e3 * row.unlike:.0f} mm from what the others teach{', an outlier' if row.outlier else ''}")
+        said.append(
+            f"{1e3 * row.unlike:.0f} mm from what the others"
+            f" teach{', an outlier' if row.outlier else ''}"
+        )
     dot = f"<span style='color:{palette.hexadecimal(colour)}'>&#9679;</span>"
     hint = html.escape(f"{row.name}: {row.finding}")
     return _small(f"<span title='{hint}'>{dot} {number}: {html.escape(', '.join(said))}</span>")

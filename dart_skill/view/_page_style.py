@@ -1,4 +1,5 @@
-"""How the panel looks in the dark and on a telephone, with Stop always in sight: a style sheet in the panel, as viser has no other place.
+"""How the panel looks in the dark and on a telephone, with Stop always in sight: a style sheet in
+the panel, as viser has no other place.
 
 The scene stays on white: the hand's path is black, and what was shown is grey.
 """
@@ -6,7 +7,9 @@ The scene stays on white: the hand's path is black, and what was shown is grey.
 from dart_skill.common.palette import BLACK, GREY, STOP, hexadecimal
 
 SAYS_LINES = 4
-"""Lines of room for what goes on, so that nothing moves when a line wraps; more can be scrolled to."""
+"""Lines of room for what goes on, so that nothing moves when a line wraps; more can be scrolled
+to.
+"""
 SCENE_SHARE = 0.45
 """Share of the height of a telephone that the scene has; the panel has the rest."""
 STYLE = (

@@ -1,4 +1,6 @@
-"""The controls beside the scene: buttons and sliders become requests, and what goes on is told in words and in a learning curve."""
+"""The controls beside the scene: buttons and sliders become requests, and what goes on is told in
+words and in a learning curve.
+"""
 
 from __future__ import annotations
 
@@ -27,15 +29,17 @@ LONGEST_CURVE = 2000
 WHOLE_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 """Between marks of the axis that counts throws."""
 MOST_LESSONS, MOST_THROWS = 30, 50
-"""Demonstrations, and own throws, that one click asks for; a page may say anything, so what it says is cut there."""
+"""Demonstrations, and own throws, that one click asks for; a page may say anything, so what it
+says is cut there.
+"""
 
 
 @dataclass(frozen=True)
 class Request:
     """What somebody asked for with a control, and its details.
 
-    * what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a lesson with the mouse "hold", "pull",
-      "turn", "grip", "look", "done", "discard" or "undo".
+    * what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a
+      lesson with the mouse "hold", "pull", "turn", "grip", "look", "done", "discard" or "undo".
     * values: the details.
     """
 
@@ -82,12 +86,16 @@ class Panel:
     * skill: whose trials it controls, default throws at baskets.
     """
 
-    def __init__(self, server: Any, scene: Scene, ask: Callable[[Request], None], skill: Skill | None = None):
+    def __init__(
+        self, server: Any, scene: Scene, ask: Callable[[Request], None], skill: Skill | None = None
+    ):
         self._gui, self._scene, self._ask, self._skill = server.gui, scene, ask, skill or Throw()
         self._words, self._has_basket = self._skill.words, "basket" in self._skill.bodies
         self._shown_nodes: tuple[NodeStatus, ...] = ()
         self._knobs: dict[tuple[str, str], Any] = {}
-        self._first: dict[tuple[str, str], float] = {}  # values of the knobs when they were heard of
+        self._first: dict[
+            tuple[str, str], float
+        ] = {}  # values of the knobs when they were heard of
         self._errors: list[tuple[float, bool]] = []
         self._stop = self._button("Stop", lambda: Request("stop"), palette.STOP)
         self._reset = self._button("Reset after a stop", lambda: Request("reset"))
@@ -110,11 +118,17 @@ class Panel:
         with tabs.add_tab("Arm"):
             self._arm = self._gui.add_folder("What is different about the arm")
             with self._arm:
-                self._as_before = self._gui.add_button("As they were at first", hint="every number below", visible=False)
+                self._as_before = self._gui.add_button(
+                    "As they were at first", hint="every number below", visible=False
+                )
                 self._as_before.on_click(lambda _: self._ask_as_before())
-                self._no_knobs = self._gui.add_html(_words("no node has numbers that can be changed while it runs"))
+                self._no_knobs = self._gui.add_html(
+                    _words("no node has numbers that can be changed while it runs")
+                )
         if self._has_basket:
-            scene.on_basket_dragged(lambda place, done: ask(Request("place_basket", {"place": place, "done": done})))
+            scene.on_basket_dragged(
+                lambda place, done: ask(Request("place_basket", {"place": place, "done": done}))
+            )
         self.show_legend()
         self.say(self._welcome)
 
@@ -137,10 +151,15 @@ class Panel:
     def welcome_a_model(self) -> None:
         """Say that a skill is learned already, if the page has said only how to teach one."""
         if self._is_new:
-            self.say(f"A model is there: press {self._words.do}, or Teach to have more shown and learn anew.")
+            self.say(
+                f"A model is there: press {self._words.do}, or Teach to have more shown and learn"
+                " anew."
+            )
 
     def set_busy(self, busy: bool) -> None:
-        """While something is carried out, nothing else can be asked for but to stop it. busy: whether that is so."""
+        """While something is carried out, nothing else can be asked for but to stop it. busy:
+        whether that is so.
+        """
         for button in self._starting:
             button.disabled = busy
 
@@ -152,17 +171,29 @@ class Panel:
             self._nodes.content = "".join(_node_line(node) for node in nodes) or _words(UNHEARD)
 
     def show_legend(self) -> None:
-        """Which colour is what, with a switch for each of several groups of Gaussians; call it when there is a new one."""
+        """Which colour is what, with a switch for each of several groups of Gaussians; call it
+        when there is a new one.
+        """
         shown = self._scene.gaussian_colours
         for group in shown if len(shown) > 1 else ():
             self._add_switch(group, group)
-        seen = {group: colour for group, colour in shown.items() if group not in self._scene.hidden_gaussians}
-        groups = {f"Gaussians: {group}" if len(seen) > 1 else "Gaussians": colour for group, colour in seen.items()}
-        swatches = "".join(_swatch(*kind) for kind in (legend(self._scene.bodies) | groups).items())
+        seen = {
+            group: colour
+            for group, colour in shown.items()
+            if group not in self._scene.hidden_gaussians
+        }
+        groups = {
+            f"Gaussians: {group}" if len(seen) > 1 else "Gaussians": colour
+            for group, colour in seen.items()
+        }
+        swatches = "".join(
+            _swatch(*kind) for kind in (legend(self._scene.bodies) | groups).items()
+        )
         self._legend.content = f"<div style='columns:2;padding:0.5em 0.8em'>{swatches}</div>"
 
     def add_throw(self, error: float, in_basket: bool) -> None:
-        """A point of the learning curve: error [m], nan if it was not seen, and whether it succeeded: a ball, whether it went in.
+        """A point of the learning curve: error [m], nan if it was not seen, and whether it
+        succeeded: a ball, whether it went in.
 
         in_basket: whether it succeeded.
         """
@@ -172,7 +203,9 @@ class Panel:
         self._curve.data, self._curve.visible = curve_data(self._errors), True
 
     def add_knobs(self, node: str, knobs: Sequence[Knob]) -> None:
-        """Numbers of a node that can be changed; those that are there already get the new values. knobs: the numbers."""
+        """Numbers of a node that can be changed; those that are there already get the new values.
+        knobs: the numbers.
+        """
         self._no_knobs.visible = self._no_knobs.visible and not knobs
         self._as_before.visible = self._as_before.visible or bool(knobs)
         with self._arm:
@@ -180,14 +213,24 @@ class Panel:
                 if (node, knob.name) in self._knobs:
                     self._knobs[node, knob.name].value = knob.value
                 else:
-                    self._knobs[node, knob.name], self._first[node, knob.name] = self._add_knob(node, knob), knob.value
+                    self._knobs[node, knob.name], self._first[node, knob.name] = (
+                        self._add_knob(node, knob),
+                        knob.value,
+                    )
 
     # what it is made of
 
     def _add_learning(self) -> None:
         with self._gui.add_folder("Teach and learn"):
-            self._lessons = self._gui.add_slider("Lessons", 1, MOST_LESSONS, 1, self._words.lessons, hint=self._words.shown)
-            teach = self._button("Teach", lambda: Request("teach", {"demonstrations": _count(self._lessons.value, MOST_LESSONS)}))
+            self._lessons = self._gui.add_slider(
+                "Lessons", 1, MOST_LESSONS, 1, self._words.lessons, hint=self._words.shown
+            )
+            teach = self._button(
+                "Teach",
+                lambda: Request(
+                    "teach", {"demonstrations": _count(self._lessons.value, MOST_LESSONS)}
+                ),
+            )
             names = tuple(CONFIGURATIONS)
             self._configuration = self._gui.add_dropdown(
                 "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/skill.md",
@@ -198,27 +241,48 @@ class Panel:
 
     def _add_holding(self) -> None:
         if self._skill.by_pointer:
-            self.holding = HoldingControls(self._gui, lambda what, values: self._ask(Request(what, values)))
+            self.holding = HoldingControls(
+                self._gui, lambda what, values: self._ask(Request(what, values))
+            )
             self._starting.append(self.holding.take_button)
 
     def _learn(self) -> Request:
-        return Request("learn", {"configuration": self._configuration.value if self._skill.has_configurations else ""})
+        return Request(
+            "learn",
+            {"configuration": self._configuration.value if self._skill.has_configurations else ""},
+        )
 
     def _add_throwing(self) -> None:
         words = self._words
         with self._gui.add_folder(f"{words.do} and practise"):
             throw = self._button(words.do, lambda: Request("throw"), palette.BLUE)
-            self._throws = self._gui.add_slider(f"Own {words.trials}", 1, MOST_THROWS, 1, 10, hint="each of them is learned from")
+            self._throws = self._gui.add_slider(
+                f"Own {words.trials}", 1, MOST_THROWS, 1, 10, hint="each of them is learned from"
+            )
             self._follow = self._gui.add_checkbox(
-                "Only here", False, hint="practise at the basket that is there, else where throws are worst", visible=self._has_basket
+                "Only here",
+                False,
+                hint="practise at the basket that is there, else where throws are worst",
+                visible=self._has_basket,
             )
             practise = self._button("Practise", self._practice)
         self._starting += [throw, practise]
 
     def _practice(self) -> Request:
-        return Request("practice", {"throws": _count(self._throws.value, MOST_THROWS), "follow_basket": bool(self._follow.value)})
+        return Request(
+            "practice",
+            {
+                "throws": _count(self._throws.value, MOST_THROWS),
+                "follow_basket": bool(self._follow.value),
+            },
+        )
 
-    def _button(self, label: str, request: Callable[[], Request], colour: tuple[int, int, int] | None = None) -> Any:
+    def _button(
+        self,
+        label: str,
+        request: Callable[[], Request],
+        colour: tuple[int, int, int] | None = None,
+    ) -> Any:
         button = self._gui.add_button(label, color=colour)
         button.on_click(lambda _: self._ask(request()))
         return button
@@ -230,12 +294,28 @@ class Panel:
         series = [uplot.Series(label=self._words.trials[:-1])]
         for label, colour in of_kind:
             stroke = palette.hexadecimal(colour)
-            series.append(uplot.Series(label=label, stroke=stroke, width=0, points={**point, "stroke": stroke, "fill": stroke}))
+            series.append(
+                uplot.Series(
+                    label=label,
+                    stroke=stroke,
+                    width=0,
+                    points={**point, "stroke": stroke, "fill": stroke},
+                )
+            )
         number = f"own {self._words.trials[:-1]}"
-        axes = (uplot.Axis(label=number, incrs=WHOLE_STEPS), uplot.Axis(label=f"error [{self._words.unit[0]}]"))
+        axes = (
+            uplot.Axis(label=number, incrs=WHOLE_STEPS),
+            uplot.Axis(label=f"error [{self._words.unit[0]}]"),
+        )
         none = [(np.nan, True)]
         self._curve = self._gui.add_uplot(
-            curve_data(none), tuple(series), scales=_scales(none), axes=axes, height=180, padding=(8, 16, 0, 0), visible=False
+            curve_data(none),
+            tuple(series),
+            scales=_scales(none),
+            axes=axes,
+            height=180,
+            padding=(8, 16, 0, 0),
+            visible=False,
         )
 
     def _add_switch(self, group: str, label: str) -> None:
@@ -251,7 +331,14 @@ class Panel:
         self.show_legend()
 
     def _add_knob(self, node: str, knob: Knob) -> Any:
-        number = self._gui.add_number(knob_label(knob), knob.value, min=knob.low, max=knob.high, step=_step(knob), hint=knob.description)
+        number = self._gui.add_number(
+            knob_label(knob),
+            knob.value,
+            min=knob.low,
+            max=knob.high,
+            step=_step(knob),
+            hint=knob.description,
+        )
         number.on_update(lambda event: self._changed(event, node, knob.name))
         return number
 
@@ -264,13 +351,24 @@ class Panel:
 
     def _changed(self, event: Any, node: str, name: str) -> None:
         if event.client is not None:  # not by `add_knobs`
-            self._ask(Request("set", {"node": node, "name": name, "value": float(event.target.value)}))
+            self._ask(
+                Request("set", {"node": node, "name": name, "value": float(event.target.value)})
+            )
 
 
 def curve_data(errors: Sequence[tuple[float, bool]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Number of the throw, error of those that went in, error of those that did not (n,) each, nan in the other one."""
-    values, inside = np.array([error for error, _ in errors], dtype=float), np.array([inside for _, inside in errors], dtype=bool)
-    return np.arange(1.0, len(values) + 1.0), np.where(inside, values, np.nan), np.where(inside, np.nan, values)
+    """Number of the throw, error of those that went in, error of those that did not (n,) each, nan
+    in the other one.
+    """
+    values, inside = (
+        np.array([error for error, _ in errors], dtype=float),
+        np.array([inside for _, inside in errors], dtype=bool),
+    )
+    return (
+        np.arange(1.0, len(values) + 1.0),
+        np.where(inside, values, np.nan),
+        np.where(inside, np.nan, values),
+    )
 
 
 def knob_label(knob: Knob) -> str:
@@ -289,7 +387,10 @@ def _step(knob: Knob) -> float:
 
 
 def _says(text: str, is_error: bool = False) -> str:
-    return f"<div class='ds-says{' alarm' if is_error else ''}' role='status'>{html.escape(text)}</div>"
+    return (
+        f"<div class='ds-says{' alarm' if is_error else ''}'"
+        f" role='status'>{html.escape(text)}</div>"
+    )
 
 
 def _words(text: str) -> str:
@@ -297,7 +398,9 @@ def _words(text: str) -> str:
 
 
 def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
-    """From zero to a little above the largest error: the page's own choice stumbles over what was not seen."""
+    """From zero to a little above the largest error: the page's own choice stumbles over what was
+    not seen.
+    """
     seen = [error for error, _ in errors if np.isfinite(error)]
     return {"x": {"time": False}, "y": {"auto": False, "min": 0.0, "max": 1.1 * max([1.0, *seen])}}
 
@@ -305,16 +408,29 @@ def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
 def legend(bodies: Sequence[str]) -> dict[str, tuple[int, int, int]]:
     """Which colour is what, in a scene with these bodies; a board has paint of its own."""
     first = {role: palette.BALL for role in bodies[:1]}
-    ways = {"hand's path": palette.HAND, "attractor": palette.ATTRACTOR, "demonstrations": palette.DEMONSTRATION}
+    ways = {
+        "hand's path": palette.HAND,
+        "attractor": palette.ATTRACTOR,
+        "demonstrations": palette.DEMONSTRATION,
+    }
     return first | ways | {role: palette.BASKET for role in bodies[1:] if role != "board"}
 
 
 def _swatch(label: str, colour: tuple[int, int, int]) -> str:
-    return f"<div class='ds-swatch'><span style='background:{palette.hexadecimal(colour)}'></span>{html.escape(label)}</div>"
+    return (
+        "<div class='ds-swatch'><span"
+        f" style='background:{palette.hexadecimal(colour)}'></span>{html.escape(label)}</div>"
+    )
 
 
 def _node_line(node: NodeStatus) -> str:
     level = min(max(node.level, 0), len(LEVELS) - 1)
-    dot = f"<span title='{LEVELS[level]}' style='color:{palette.hexadecimal(palette.LEVELS[level])}'>&#9679;</span>"
+    dot = (
+        f"<span title='{LEVELS[level]}'"
+        f" style='color:{palette.hexadecimal(palette.LEVELS[level])}'>&#9679;</span>"
+    )
     word = "" if level == 0 else f"{LEVELS[level]}: "
-    return f"<div class='ds-node'>{dot} <b>{html.escape(node.name)}</b> {html.escape(word + node.message)}</div>"
+    return (
+        f"<div class='ds-node'>{dot} <b>{html.escape(node.name)}</b>"
+        f" {html.escape(word + node.message)}</div>"
+    )

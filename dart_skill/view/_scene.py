@@ -1,7 +1,9 @@
-"""What is seen: arm, hand, ball, basket, cameras, demonstrations, Gaussians, attractor and paths, in a viser scene.
+"""What is seen: arm, hand, ball, basket, cameras, demonstrations, Gaussians, attractor and paths,
+in a viser scene.
 
-Positions are in metres in the world, whose origin is on the floor below the arm's base; quaternions are x, y, z, w. Methods take arrays,
-from wherever they come: a running graph, a bag, a test.
+Positions are in metres in the world, whose origin is on the floor below the arm's base;
+quaternions are x, y, z, w. Methods take arrays, from wherever they come: a running graph, a bag, a
+test.
 """
 
 from __future__ import annotations
@@ -29,12 +31,18 @@ from dart_skill.view._urdf_shapes import read_links
 if TYPE_CHECKING:
     from dart_skill.simulation import Camera
 
-EYE, LOOK_AT, FIELD_OF_VIEW = np.array([1.9, -5.4, 2.5]), np.array([1.9, 0.0, 1.1]), float(np.deg2rad(50.0))
+EYE, LOOK_AT, FIELD_OF_VIEW = (
+    np.array([1.9, -5.4, 2.5]),
+    np.array([1.9, 0.0, 1.1]),
+    float(np.deg2rad(50.0)),
+)
 """Where the page looks from and to at first [m], and its vertical angle [rad]."""
 FITS = 1.3
 """What is seen at first fits into a window of this width divided by its height."""
 TELEPHONE = 0.6
-"""A window that is so narrow for its height is one of a telephone, where the panel takes the lower part (`_page_style`)."""
+"""A window that is so narrow for its height is one of a telephone, where the panel takes the lower
+part (`_page_style`).
+"""
 NEAR = np.array([1.75, -1.7, 2.0]), np.array([0.5, 0.0, 1.2])
 """The same of skills whose bodies are within reach of the arm."""
 BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
@@ -42,10 +50,19 @@ BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
 CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
 STILL_ANGLE, STILL, STILL_TURN = 2e-3, 2e-3, 1e-2
-"""Joint angles [rad], positions [m] and quaternions that differ by less from what is shown are not sent: less than a pixel."""
+"""Joint angles [rad], positions [m] and quaternions that differ by less from what is shown are not
+sent: less than a pixel.
+"""
 PRODUCT = "components"
-"""Gaussians of the product of all task frames. Beside it those of the frames are hidden at first: of one frame alone they are wide."""
-GROUPS = {"gaussians": "Gaussians", "demonstrations": "demonstrations", "cameras": "cameras", "paths": "paths"}
+"""Gaussians of the product of all task frames. Beside it those of the frames are hidden at first:
+of one frame alone they are wide.
+"""
+GROUPS = {
+    "gaussians": "Gaussians",
+    "demonstrations": "demonstrations",
+    "cameras": "cameras",
+    "paths": "paths",
+}
 """What can be switched off: the node of the scene, and what a reader calls it."""
 
 
@@ -72,7 +89,11 @@ class Scene:
         skill: Skill | None = None,
     ):
         self._server, self._scene = server, server.scene
-        self._description, self.region, self._basket_shape = description or wam_description(), region, basket or Basket()
+        self._description, self.region, self._basket_shape = (
+            description or wam_description(),
+            region,
+            basket or Basket(),
+        )
         self._links: dict[str, Any] = {}
         self._gaussians: dict[str, Any] = {}
         self.bodies = ("ball", "basket") if skill is None else skill.bodies
@@ -85,7 +106,11 @@ class Scene:
         self._add_bodies()
         self._add_paths()
         by_pointer = skill is not None and skill.by_pointer
-        self.held_hand = HeldHand(server, parts_of(skill.solids(skill.moves))) if skill is not None and by_pointer else None
+        self.held_hand = (
+            HeldHand(server, parts_of(skill.solids(skill.moves)))
+            if skill is not None and by_pointer
+            else None
+        )
 
     @property
     def first_sight(self) -> tuple[np.ndarray, np.ndarray]:
@@ -109,16 +134,23 @@ class Scene:
     def move_hand(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """The hand as it is tracked: position (3,) and quaternion (4,)."""
         position = _array("hand", position, 3)
-        wxyz = _wxyz(check_unit_quaternions("hand", np.asarray(quaternion, dtype=float)[None], 1)[0])
+        wxyz = _wxyz(
+            check_unit_quaternions("hand", np.asarray(quaternion, dtype=float)[None], 1)[0]
+        )
         if _place(self._hand, position) or np.abs(wxyz - self._hand.wxyz).max() > STILL_TURN:
             self._hand.wxyz = wxyz
         if self.held_hand is not None:
             self.held_hand.follow(position)
 
     def move_body(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """A body of the skill as it is tracked: position (3,) and quaternion (4,). ValueError for a role that the scene does not have."""
+        """A body of the skill as it is tracked: position (3,) and quaternion (4,). ValueError for
+        a role that the scene does not have.
+        """
         if role not in self._moved:
-            raise ValueError(f"there is no {role} in this scene: choose one of {', '.join(self._moved) or 'none'}")
+            raise ValueError(
+                f"there is no {role} in this scene: choose one of"
+                f" {', '.join(self._moved) or 'none'}"
+            )
         node, position = self._moved[role], _array(role, position, 3)
         wxyz = _wxyz(check_unit_quaternions(role, np.asarray(quaternion, dtype=float)[None], 1)[0])
         if _place(node, position) or np.abs(wxyz - node.wxyz).max() > STILL_TURN:
@@ -143,7 +175,9 @@ class Scene:
         _place(self._attractor, _array("attractor", position, 3))
 
     def extend_path(self, name: str, points: np.ndarray) -> None:
-        """Add points (n, 3) to the path of the first body, "hand" or "attractor". A jump, as of a world that is reset, begins it anew."""
+        """Add points (n, 3) to the path of the first body, "hand" or "attractor". A jump, as of a
+        world that is reset, begins it anew.
+        """
         if self._trail(name).extend(_array(f"path of the {name}", points, -1, 3)):
             self._paths[name].points = self._trails[name].segments
 
@@ -154,15 +188,20 @@ class Scene:
 
     # what is learned
 
-    def show_gaussians(self, group: str, centres: np.ndarray, quaternions: np.ndarray, diameters: np.ndarray) -> None:
-        """Ellipsoids: centres (K, 3), quaternions (K, 4) of their axes, diameters (K, 3) along these; they replace those of the group.
+    def show_gaussians(
+        self, group: str, centres: np.ndarray, quaternions: np.ndarray, diameters: np.ndarray
+    ) -> None:
+        """Ellipsoids: centres (K, 3), quaternions (K, 4) of their axes, diameters (K, 3) along
+        these; they replace those of the group.
 
-        group: of which task frame they are, or of their product; each has a colour of its own, in the order of their first coming.
-        ValueError if these are not equally many.
+        group: of which task frame they are, or of their product; each has a colour of its own, in
+        the order of their first coming. ValueError if these are not equally many.
         """
         centres, diameters = _array(group, centres, -1, 3), _array(group, diameters, -1, 3)
         if len(diameters) != len(centres) or np.any(diameters < 0.0):
-            raise ValueError(f"{group}: {len(centres)} centres need as many diameters, none of them negative")
+            raise ValueError(
+                f"{group}: {len(centres)} centres need as many diameters, none of them negative"
+            )
         quaternions = check_unit_quaternions(group, quaternions, len(centres))
         if group in self._gaussians:
             self._gaussians.pop(group).remove()
@@ -190,19 +229,31 @@ class Scene:
     @property
     def gaussian_colours(self) -> dict[str, tuple[int, int, int]]:
         """Colours of the groups that there are."""
-        return {group: palette.GAUSSIANS[self._numbers[group] % len(palette.GAUSSIANS)] for group in self._gaussians}
+        return {
+            group: palette.GAUSSIANS[self._numbers[group] % len(palette.GAUSSIANS)]
+            for group in self._gaussians
+        }
 
     def show_demonstrations(self, demonstrations: Sequence[Demonstration]) -> None:
-        """The hand's way in each, and where each ball was aimed; they replace those that were shown."""
-        self.show_ways([one.hand_position for one in demonstrations], np.array([one.target for one in demonstrations]))
+        """The hand's way in each, and where each ball was aimed; they replace those that were
+        shown.
+        """
+        self.show_ways(
+            [one.hand_position for one in demonstrations],
+            np.array([one.target for one in demonstrations]),
+        )
 
     def show_ways(self, ways: Sequence[np.ndarray], places: np.ndarray) -> None:
-        """Ways of the hand (n, 3) that were shown, and places (m, 3) for which they were; they replace those that were shown."""
+        """Ways of the hand (n, 3) that were shown, and places (m, 3) for which they were; they
+        replace those that were shown.
+        """
         self._curves.points = _in_one([segments(way) for way in ways])
         self._targets.points = np.asarray(places, dtype=float).reshape(-1, 3).astype(np.float32)
 
     def show_cameras(self, cameras: Sequence[Camera]) -> None:
-        """Where the cameras of the motion capture stand and look; they replace those that were shown."""
+        """Where the cameras of the motion capture stand and look; they replace those that were
+        shown.
+        """
         if self._cameras is not None:
             self._cameras.remove()
             self._cameras = None
@@ -220,7 +271,8 @@ class Scene:
     # what somebody does
 
     def on_basket_dragged(self, callback: Callable[[np.ndarray, bool], None]) -> None:
-        """Call with the place (3,) in the region that is nearest to where the mouse drags the basket, and whether it was let go there.
+        """Call with the place (3,) in the region that is nearest to where the mouse drags the
+        basket, and whether it was let go there.
 
         The callback runs in the server's thread: hand over to your own.
         """
@@ -252,16 +304,24 @@ class Scene:
             if group in self._gaussians:
                 self._gaussians[group].visible = visible
         else:
-            raise ValueError(f"there is no group '{group}' to show: choose one of {', '.join([*GROUPS, *self._numbers])}")
+            raise ValueError(
+                f"there is no group '{group}' to show: choose one of"
+                f" {', '.join([*GROUPS, *self._numbers])}"
+            )
 
     # what is in the scene
 
     def _light(self) -> None:
-        # Without image-based light and shadows a machine without a graphics card draws ten times as many pictures a second.
+        # Without image-based light and shadows a machine without a graphics card draws ten times
+        # as many pictures a second.
         self._scene.configure_environment_map(None)
         self._scene.configure_default_lights(enabled=False, cast_shadow=False)
-        self._scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(150, 150, 150), intensity=1.6)
-        self._scene.add_light_directional("/light/lamp", intensity=1.6, cast_shadow=False, position=(1.0, -3.0, 4.0))
+        self._scene.add_light_hemisphere(
+            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 150, 150), intensity=1.6
+        )
+        self._scene.add_light_directional(
+            "/light/lamp", intensity=1.6, cast_shadow=False, position=(1.0, -3.0, 4.0)
+        )
         camera = self._server.initial_camera
         camera.position, camera.look_at = self.first_sight
         camera.fov = FIELD_OF_VIEW
@@ -275,22 +335,33 @@ class Scene:
         if 0.0 < aspect < FITS:
             eye, looked_at = map(np.asarray, self.first_sight)
             # where it looks is set after it, as viser moves that along
-            client.camera.position, client.camera.look_at = looked_at + FITS / aspect * (eye - looked_at), looked_at
+            client.camera.position, client.camera.look_at = (
+                looked_at + FITS / aspect * (eye - looked_at),
+                looked_at,
+            )
 
     def _add_ground(self) -> None:
-        self._groups = {name: self._scene.add_frame(f"/{name}", show_axes=False) for name in GROUPS}
+        self._groups = {
+            name: self._scene.add_frame(f"/{name}", show_axes=False) for name in GROUPS
+        }
         self._scene.add_grid(
             "/ground/floor", 8.0, 6.0, cell_size=0.5, position=(1.0, 0.0, 0.0), cell_color=(232, 232, 232), section_color=(210, 210, 210),
             shadow_opacity=0.0,
         )  # fmt: skip
         if self._skill is None:
             edge = segments(outline(self.region)) + [0.0, 0.0, 0.005]
-            self._scene.add_line_segments("/ground/region", edge, palette.REGION, thickness=2.0, thickness_units="screen")
+            self._scene.add_line_segments(
+                "/ground/region", edge, palette.REGION, thickness=2.0, thickness_units="screen"
+            )
 
     def _add_arm(self) -> None:
-        self._angles = np.full(len(self._description.joints), np.inf)  # so that every joint moves at first
+        self._angles = np.full(
+            len(self._description.joints), np.inf
+        )  # so that every joint moves at first
         paths = {"": "/arm"}
-        self._scene.add_frame("/arm", show_axes=False, position=(0.0, 0.0, self._description.mount_height))
+        self._scene.add_frame(
+            "/arm", show_axes=False, position=(0.0, 0.0, self._description.mount_height)
+        )
         for link in read_links(write_urdf(self._description)):
             path = paths[link.name] = f"{paths[link.parent]}/{link.name}"
             place = {"position": link.translation, "wxyz": _wxyz(link.quaternion)}
@@ -299,16 +370,32 @@ class Scene:
                 colour = palette.FINGERS if link.name.startswith("bhand") else palette.ARM
                 self._add_mesh(f"{path}/shape", link.mesh, colour)
         height = self._description.mount_height
-        self._scene.add_cylinder("/ground/mount", 0.12, height, color=palette.LIGHT, position=(0.0, 0.0, height / 2), cast_shadow=False)
+        self._scene.add_cylinder(
+            "/ground/mount",
+            0.12,
+            height,
+            color=palette.LIGHT,
+            position=(0.0, 0.0, height / 2),
+            cast_shadow=False,
+        )
 
     def _add_bodies(self) -> None:
         radius, shape = self._description.ball.radius, self._basket_shape
-        self._hand = self._scene.add_frame("/hand", axes_length=0.12, axes_radius=0.006, origin_radius=0.0, visible=False)
+        self._hand = self._scene.add_frame(
+            "/hand", axes_length=0.12, axes_radius=0.006, origin_radius=0.0, visible=False
+        )
         self._ball = self._add_mesh("/ball", sphere(radius), palette.BALL, visible=False)
         self._basket = self._add_mesh(
-            "/basket", bucket(shape.radius, shape.depth, shape.wall), palette.BASKET, visible=False, side="double", opacity=0.85
+            "/basket",
+            bucket(shape.radius, shape.depth, shape.wall),
+            palette.BASKET,
+            visible=False,
+            side="double",
+            opacity=0.85,
         )
-        self._label = self._scene.add_label("/basket_label", "", visible=False, anchor="bottom-center")
+        self._label = self._scene.add_label(
+            "/basket_label", "", visible=False, anchor="bottom-center"
+        )
         self._wanted = self._scene.add_line_segments(
             "/basket_wanted",
             segments(circle(shape.radius + shape.wall)),
@@ -317,22 +404,47 @@ class Scene:
             thickness_units="screen",
             visible=False,
         )
-        for number, solid in enumerate(self._skill.surroundings() if self._skill is not None else ()):
-            self._add_mesh(f"/surroundings/{number}", parts_of([solid])[0].mesh, palette.LIGHT, opacity=0.6, flat_shading=True)
+        for number, solid in enumerate(
+            self._skill.surroundings() if self._skill is not None else ()
+        ):
+            self._add_mesh(
+                f"/surroundings/{number}",
+                parts_of([solid])[0].mesh,
+                palette.LIGHT,
+                opacity=0.6,
+                flat_shading=True,
+            )
         for number, role in enumerate(self.bodies if self._skill is not None else ()):
-            self._moved[role] = self._add_solids(role, palette.BALL if number == 0 else palette.BASKET)
-        self._attractor = self._add_mesh("/paths/attractor_now", sphere(0.025), palette.ATTRACTOR, visible=False)
+            self._moved[role] = self._add_solids(
+                role, palette.BALL if number == 0 else palette.BASKET
+            )
+        self._attractor = self._add_mesh(
+            "/paths/attractor_now", sphere(0.025), palette.ATTRACTOR, visible=False
+        )
         self._ellipsoid = sphere(0.5, 16)
         self._numbers: dict[str, int] = {}
         self._hidden: set[str] = set()
         self._cameras = None
 
     def _add_paths(self) -> None:
-        of_path = dict(zip(self._trails, (*[palette.BALL][: len(self.bodies)], palette.HAND, palette.ATTRACTOR), strict=True))
-        self._paths = {name: self._add_lines(f"/paths/{name}", colour, 3.0) for name, colour in of_path.items()}
+        of_path = dict(
+            zip(
+                self._trails,
+                (*[palette.BALL][: len(self.bodies)], palette.HAND, palette.ATTRACTOR),
+                strict=True,
+            )
+        )
+        self._paths = {
+            name: self._add_lines(f"/paths/{name}", colour, 3.0)
+            for name, colour in of_path.items()
+        }
         self._curves = self._add_lines("/demonstrations/hand", palette.DEMONSTRATION, 1.5)
         self._targets = self._scene.add_point_cloud(
-            "/demonstrations/targets", np.empty((0, 3)), palette.DEMONSTRATION, point_size=0.04, point_shape="diamond"
+            "/demonstrations/targets",
+            np.empty((0, 3)),
+            palette.DEMONSTRATION,
+            point_size=0.04,
+            point_shape="diamond",
         )
 
     def _add_solids(self, role: str, colour: tuple[int, int, int]) -> Any:
@@ -340,33 +452,56 @@ class Scene:
         assert self._skill is not None
         frame = self._scene.add_frame(f"/{role}", show_axes=False, visible=False)
         for number, part in enumerate(parts_of(self._skill.solids(role))):
-            self._add_mesh(f"/{role}/{number}", part.mesh, part.colour or colour, side="double", flat_shading=True)
+            self._add_mesh(
+                f"/{role}/{number}",
+                part.mesh,
+                part.colour or colour,
+                side="double",
+                flat_shading=True,
+            )
         return frame
 
     def _add_lines(self, name: str, colour: tuple[int, int, int], thickness: float) -> Any:
-        return self._scene.add_line_segments(name, np.empty((0, 2, 3)), colour, thickness=thickness, thickness_units="screen")
+        return self._scene.add_line_segments(
+            name, np.empty((0, 2, 3)), colour, thickness=thickness, thickness_units="screen"
+        )
 
-    def _add_mesh(self, name: str, mesh: Mesh, colour: tuple[int, int, int], **options: Any) -> Any:
-        return self._scene.add_mesh_simple(name, *_parts(mesh), color=colour, cast_shadow=False, receive_shadow=False, **options)
+    def _add_mesh(
+        self, name: str, mesh: Mesh, colour: tuple[int, int, int], **options: Any
+    ) -> Any:
+        return self._scene.add_mesh_simple(
+            name, *_parts(mesh), color=colour, cast_shadow=False, receive_shadow=False, **options
+        )
 
     def _trail(self, name: str) -> Trail:
         if name not in self._trails:
-            raise ValueError(f"there is no path of a '{name}': choose one of {', '.join(self._trails)}")
+            raise ValueError(
+                f"there is no path of a '{name}': choose one of {', '.join(self._trails)}"
+            )
         return self._trails[name]
 
 
 def in_words(place: np.ndarray) -> str:
     """Where a basket (3,) stands."""
-    return f"{np.hypot(place[0], place[1]):.2f} m, {np.rad2deg(np.arctan2(place[1], place[0])):+.0f}°"
+    return (
+        f"{np.hypot(place[0], place[1]):.2f} m, {np.rad2deg(np.arctan2(place[1], place[0])):+.0f}°"
+    )
 
 
 def _array(what: str, values: np.ndarray, *shape: int) -> np.ndarray:
-    """Finite numbers of a shape, in which -1 stands for any length; ValueError says what they are instead."""
+    """Finite numbers of a shape, in which -1 stands for any length; ValueError says what they are
+    instead.
+    """
     values = np.asarray(values, dtype=float)
-    fits = values.ndim == len(shape) and all(wanted in (-1, n) for wanted, n in zip(shape, values.shape, strict=True))
+    fits = values.ndim == len(shape) and all(
+        wanted in (-1, n) for wanted, n in zip(shape, values.shape, strict=True)
+    )
     if not fits:
         wanted = ", ".join("n" if n < 0 else str(n) for n in shape)
-        raise ValueError(f"{what}: give an array ({wanted}{',' if len(shape) == 1 else ''}) in metres, got {values.shape}")
+        raise ValueError(
+            f"{what}: give an array ({wanted}{',' if len(shape) == 1 else ''}) in metres, got"
+            f" {values.shape}"
+        )
     if not np.all(np.isfinite(values)):
         raise ValueError(f"{what}: {values} is not finite: leave out what was not seen")
     return values

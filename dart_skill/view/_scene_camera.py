@@ -1,6 +1,8 @@
-"""Pictures of arm and bodies without a screen: what a camera that looks at the scene would see, for videos of datasets.
+"""Pictures of arm and bodies without a screen: what a camera that looks at the scene would see,
+for videos of datasets.
 
-PyBullet draws them with its software renderer, so that no graphics card is needed. Bodies look as in the live view.
+PyBullet draws them with its software renderer, so that no graphics card is needed. Bodies look as
+in the live view.
 """
 
 from __future__ import annotations
@@ -42,23 +44,38 @@ class SceneCamera:
         self._client = client = connect()
         description = skill.loaded(wam_description())
         self._arm = self._add_arm(write_urdf(description, shapes=True), description.mount_height)
-        self._joints = [k for k in range(client.getNumJoints(self._arm)) if client.getJointInfo(self._arm, k)[2] == client.JOINT_REVOLUTE]
+        self._joints = [
+            k
+            for k in range(client.getNumJoints(self._arm))
+            if client.getJointInfo(self._arm, k)[2] == client.JOINT_REVOLUTE
+        ]
         self._add_still(description.mount_height)
         for solid in skill.surroundings():
             self._body(parts_of([solid]), palette.LIGHT)
-        self._bodies = {role: self._body(self._parts(skill, role), self._colour(skill, role), AWAY) for role in skill.bodies}
+        self._bodies = {
+            role: self._body(self._parts(skill, role), self._colour(skill, role), AWAY)
+            for role in skill.bodies
+        }
         far = skill.world in ("basket", "board")
         eye, looked_at = (EYE, LOOKED_AT) if far else (BENCH_EYE, BENCH_LOOKED_AT)
         self._view = client.computeViewMatrix(eye, looked_at, (0.0, 0.0, 1.0))
         self._projection = client.computeProjectionMatrixFOV(ANGLE, width / height, NEAR, FAR)
 
-    def picture(self, joint_position: np.ndarray, poses: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        """(height, width, 3), uint8, of joints at (7,) [rad] and bodies at their positions (3,) [m] and quaternions (4,), by role."""
+    def picture(
+        self, joint_position: np.ndarray, poses: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    ) -> np.ndarray:
+        """(height, width, 3), uint8, of joints at (7,) [rad] and bodies at their positions (3,)
+        [m] and quaternions (4,), by role.
+        """
         client = self._client
-        for joint, angle in zip(self._joints, np.asarray(joint_position, dtype=float), strict=True):
+        for joint, angle in zip(
+            self._joints, np.asarray(joint_position, dtype=float), strict=True
+        ):
             client.resetJointState(self._arm, joint, float(angle))
         for role, (position, quaternion) in poses.items():
-            client.resetBasePositionAndOrientation(self._bodies[role], list(map(float, position)), list(map(float, quaternion)))
+            client.resetBasePositionAndOrientation(
+                self._bodies[role], list(map(float, position)), list(map(float, quaternion))
+            )
         seen = client.getCameraImage(
             self.width, self.height, self._view, self._projection, lightDirection=LIGHT_FROM, shadow=0,
             renderer=client.ER_TINY_RENDERER,
@@ -75,29 +92,48 @@ class SceneCamera:
             arm = self._client.loadURDF(str(path), [0.0, 0.0, height], useFixedBase=True)
         for shape in self._client.getVisualShapeData(arm):
             link = self._client.getJointInfo(arm, shape[1])[12].decode() if shape[1] >= 0 else ""
-            self._client.changeVisualShape(arm, shape[1], rgbaColor=_rgba(palette.FINGERS if link.startswith("bhand") else palette.ARM))
+            self._client.changeVisualShape(
+                arm,
+                shape[1],
+                rgbaColor=_rgba(palette.FINGERS if link.startswith("bhand") else palette.ARM),
+            )
         return arm
 
     def _add_still(self, height: float) -> None:
         """Floor and pedestal."""
         client = self._client
-        floor = client.createVisualShape(client.GEOM_BOX, halfExtents=[6.0, 6.0, 0.01], rgbaColor=_rgba((225, 225, 228)))
+        floor = client.createVisualShape(
+            client.GEOM_BOX, halfExtents=[6.0, 6.0, 0.01], rgbaColor=_rgba((225, 225, 228))
+        )
         client.createMultiBody(0, -1, floor, [0.0, 0.0, -0.01])
-        mount = client.createVisualShape(client.GEOM_CYLINDER, radius=0.12, length=height, rgbaColor=_rgba(palette.LIGHT))
+        mount = client.createVisualShape(
+            client.GEOM_CYLINDER, radius=0.12, length=height, rgbaColor=_rgba(palette.LIGHT)
+        )
         client.createMultiBody(0, -1, mount, [0.0, 0.0, height / 2])
 
     @staticmethod
     def _parts(skill: Skill, role: str) -> list[Part]:
         if skill.name == THROW:  # which says nothing of its bodies: the live view knows them
             shape = Basket()
-            return [Part(sphere(wam_description().ball.radius) if role == "ball" else bucket(shape.radius, shape.depth, shape.wall))]
+            return [
+                Part(
+                    sphere(wam_description().ball.radius)
+                    if role == "ball"
+                    else bucket(shape.radius, shape.depth, shape.wall)
+                )
+            ]
         return parts_of(skill.solids(role))
 
     @staticmethod
     def _colour(skill: Skill, role: str) -> tuple[int, int, int]:
         return palette.BALL if role == skill.moves else palette.BASKET
 
-    def _body(self, parts: list[Part], colour: tuple[int, int, int], position: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> int:
+    def _body(
+        self,
+        parts: list[Part],
+        colour: tuple[int, int, int],
+        position: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> int:
         """A body of several meshes, each a link that is fixed to the first one."""
         client, shapes = self._client, [self._shape(part, colour) for part in parts]
         n, zeros, unturned = len(shapes) - 1, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
@@ -112,7 +148,10 @@ class SceneCamera:
         vertices, faces = part.mesh.vertices.tolist(), part.mesh.faces
         both = np.concatenate([faces, faces[:, ::-1]]).ravel().tolist()  # a bucket is looked into
         return self._client.createVisualShape(
-            self._client.GEOM_MESH, vertices=vertices, indices=both, rgbaColor=_rgba(part.colour or colour)
+            self._client.GEOM_MESH,
+            vertices=vertices,
+            indices=both,
+            rgbaColor=_rgba(part.colour or colour),
         )
 
 

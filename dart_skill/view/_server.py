@@ -1,4 +1,6 @@
-"""The web server of the view: viser, an optional package, bound to this machine and closed to pages of other origins."""
+"""The web server of the view: viser, an optional package, bound to this machine and closed to
+pages of other origins.
+"""
 
 from __future__ import annotations
 
@@ -29,21 +31,30 @@ def load_viser() -> ModuleType:
     try:
         return importlib.import_module("viser")
     except ImportError as error:
-        raise ViewUnavailable(f"the live view needs the package viser, which is not there ({error}): {remedy('viser')}") from error
+        raise ViewUnavailable(
+            f"the live view needs the package viser, which is not there ({error}):"
+            f" {remedy('viser')}"
+        ) from error
 
 
-def open_server(host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill", token: str = "") -> Any:
+def open_server(
+    host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill", token: str = ""
+) -> Any:
     """A running viser.ViserServer, empty, for `Scene` and `Panel`.
 
-    host: address to listen on; port: 0 for any free one, else that one and no other. token: only who has it is let in (`with_token`);
-    empty: everybody. ViewUnavailable if viser is missing or the port is taken. Stop it with its method `stop`. title: of the page.
+    host: address to listen on; port: 0 for any free one, else that one and no other. token: only
+    who has it is let in (`with_token`); empty: everybody. ViewUnavailable if viser is missing or
+    the port is taken. Stop it with its method `stop`. title: of the page.
     """
     viser = load_viser()
     _check_free(host, port)
-    with contextlib.redirect_stdout(io.StringIO()):  # viser prints a panel; whoever opens a server says so in its own way
+    with contextlib.redirect_stdout(
+        io.StringIO()
+    ):  # viser prints a panel; whoever opens a server says so in its own way
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     _refuse_strangers(server, token)
-    server.request_share_url = _never_share  # any client may ask viser for a public address; an arm is not to be had from outside
+    # any client may ask viser for a public address; an arm is not to be had from outside
+    server.request_share_url = _never_share
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
     return server
 
@@ -61,7 +72,8 @@ def new_token() -> str:
 
 
 def with_token(url: str, token: str) -> str:
-    """The address of a page, of which the browser opens the websocket with the token: viser takes its address as a parameter.
+    """The address of a page, of which the browser opens the websocket with the token: viser takes
+    its address as a parameter.
 
     url: without the token.
     """
@@ -70,14 +82,17 @@ def with_token(url: str, token: str) -> str:
 
 def has_token(path: str, token: str) -> bool:
     """Whether a websocket was opened with the token, if there is one."""
-    return not token or hmac.compare_digest(path.partition("?")[0].strip("/").encode(), token.encode())
+    return not token or hmac.compare_digest(
+        path.partition("?")[0].strip("/").encode(), token.encode()
+    )
 
 
 def is_own_page(headers: Mapping[str, str]) -> bool:
     """Whether a websocket was opened by a page of this server, or by a program that is no browser.
 
-    Browsers let every page open a websocket to every address, so a page on the web could move the arm. Its `Origin` gives it away; and a
-    name that somebody else gave to this machine's address (DNS rebinding) is neither an address nor one of its own names.
+    Browsers let every page open a websocket to every address, so a page on the web could move the
+    arm. Its `Origin` gives it away; and a name that somebody else gave to this machine's address
+    (DNS rebinding) is neither an address nor one of its own names.
     """
     origin = headers.get("Origin")
     if origin is None:
@@ -97,14 +112,20 @@ def _is_own_name(name: str) -> bool:
 
 
 def _refuse_strangers(server: Any, token: str) -> None:
-    websockets = server._websock_server  # viser has no public way to see the request of a connection
+    websockets = (
+        server._websock_server
+    )  # viser has no public way to see the request of a connection
 
     async def check(connection: Any) -> None:
         socket_of_client = websockets._live_connections[connection.client_id]
         if not is_own_page(socket_of_client.request.headers):
-            await socket_of_client.close(POLICY_VIOLATION, "pages of other origins do not move this arm")
+            await socket_of_client.close(
+                POLICY_VIOLATION, "pages of other origins do not move this arm"
+            )
         elif not has_token(socket_of_client.request.path, token):
-            await socket_of_client.close(POLICY_VIOLATION, "open the whole address that the viewer prints")
+            await socket_of_client.close(
+                POLICY_VIOLATION, "open the whole address that the viewer prints"
+            )
 
     websockets.on_client_connect(check)
 
@@ -123,4 +144,7 @@ def _check_free(host: str, port: int) -> None:
         try:
             probe.bind((host, port))
         except OSError as error:
-            raise ViewUnavailable(f"{host}:{port} cannot be served ({error.strerror}): give another host or port, or port 0") from error
+            raise ViewUnavailable(
+                f"{host}:{port} cannot be served ({error.strerror}): give another host or port, or"
+                " port 0"
+            ) from error

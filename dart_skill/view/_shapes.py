@@ -1,4 +1,6 @@
-"""Triangle meshes of primitive shapes: what viewers are given of the arm, the ball, the basket and the cameras. Lengths in metres."""
+"""Triangle meshes of primitive shapes: what viewers are given of the arm, the ball, the basket and
+the cameras. Lengths in metres.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ SIDES = 24
 
 @dataclass(frozen=True)
 class Mesh:
-    """Vertices (n, 3) [m] and faces (m, 3), indices of their corners, counter-clockwise seen from outside."""
+    """Vertices (n, 3) [m] and faces (m, 3), indices of their corners, counter-clockwise seen from
+    outside.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -38,12 +42,21 @@ def sphere(radius: float, sides: int = SIDES) -> Mesh:
     polar = np.pi * np.arange(1, rows) / rows
     around = 2 * np.pi * np.arange(sides) / sides
     rings = np.stack(
-        [np.outer(np.sin(polar), np.cos(around)), np.outer(np.sin(polar), np.sin(around)), np.outer(np.cos(polar), np.ones(sides))], axis=-1
+        [
+            np.outer(np.sin(polar), np.cos(around)),
+            np.outer(np.sin(polar), np.sin(around)),
+            np.outer(np.cos(polar), np.ones(sides)),
+        ],
+        axis=-1,
     )
-    vertices = radius * np.concatenate([[[0.0, 0.0, 1.0]], rings.reshape(-1, 3), [[0.0, 0.0, -1.0]]])
+    vertices = radius * np.concatenate(
+        [[[0.0, 0.0, 1.0]], rings.reshape(-1, 3), [[0.0, 0.0, -1.0]]]
+    )
     here = np.arange(sides)
     there, last = (here + 1) % sides, len(vertices) - 1
-    bands = [_band(1 + row * sides + here, 1 + row * sides + there, sides) for row in range(rows - 2)]
+    bands = [
+        _band(1 + row * sides + here, 1 + row * sides + there, sides) for row in range(rows - 2)
+    ]
     top = np.column_stack([np.zeros_like(here), 1 + here, 1 + there])
     bottom = np.column_stack([np.full_like(here, last), last - sides + there, last - sides + here])
     return Mesh(vertices, np.concatenate([top, *bands, bottom]))
@@ -51,30 +64,58 @@ def sphere(radius: float, sides: int = SIDES) -> Mesh:
 
 def cylinder(radius: float, length: float, sides: int = SIDES) -> Mesh:
     """Along z, its middle at the origin, with lids."""
-    return joined([_lathe([radius, radius], [-length / 2, length / 2], sides), *_lids(radius, length / 2, sides)])
+    return joined(
+        [
+            _lathe([radius, radius], [-length / 2, length / 2], sides),
+            *_lids(radius, length / 2, sides),
+        ]
+    )
 
 
 def box(size: np.ndarray) -> Mesh:
-    """With edges (3,), its middle at the origin; its sides share no corners, so that they are shaded flat."""
+    """With edges (3,), its middle at the origin; its sides share no corners, so that they are
+    shaded flat.
+    """
     square = np.array([[-0.5, -0.5, 0.5], [0.5, -0.5, 0.5], [0.5, 0.5, 0.5], [-0.5, 0.5, 0.5]])
     x, y, z = np.eye(3)
-    sides = [np.stack(axes, axis=1) for axes in ((x, y, z), (x, -y, -z), (y, z, x), (-y, z, -x), (z, x, y), (z, -x, -y))]
+    sides = [
+        np.stack(axes, axis=1)
+        for axes in ((x, y, z), (x, -y, -z), (y, z, x), (-y, z, -x), (z, x, y), (z, -x, -y))
+    ]
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     return joined(Mesh(square @ side.T * np.asarray(size, dtype=float), faces) for side in sides)
 
 
 def pyramid(half_angles: tuple[float, float], length: float) -> Mesh:
-    """What a camera at the origin sees along z up to `length`: half_angles (2,) along x and y [rad]."""
+    """What a camera at the origin sees along z up to `length`: half_angles (2,) along x and y
+    [rad].
+    """
     x, y = length * np.tan(half_angles)
-    vertices = np.array([[0.0, 0.0, 0.0], [x, y, length], [-x, y, length], [-x, -y, length], [x, -y, length]])
-    return Mesh(vertices, np.array([[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [1, 2, 3], [1, 3, 4]]))
+    vertices = np.array(
+        [[0.0, 0.0, 0.0], [x, y, length], [-x, y, length], [-x, -y, length], [x, -y, length]]
+    )
+    return Mesh(
+        vertices, np.array([[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [1, 2, 3], [1, 3, 4]])
+    )
 
 
 def bucket(radius: float, depth: float, wall: float, sides: int = 2 * SIDES) -> Mesh:
-    """A basket: upright and open at the top, the centre of its rim at the origin; radius: of the free opening."""
+    """A basket: upright and open at the top, the centre of its rim at the origin; radius: of the
+    free opening.
+    """
     outer, floor = radius + wall, -depth - wall
-    profile = [(0.0, floor), (outer, floor), (outer, 0.0), (radius, 0.0), (radius, -depth), (0.0, -depth)]
-    rings = [_lathe((start[0], end[0]), (start[1], end[1]), sides) for start, end in zip(profile, profile[1:], strict=False)]
+    profile = [
+        (0.0, floor),
+        (outer, floor),
+        (outer, 0.0),
+        (radius, 0.0),
+        (radius, -depth),
+        (0.0, -depth),
+    ]
+    rings = [
+        _lathe((start[0], end[0]), (start[1], end[1]), sides)
+        for start, end in zip(profile, profile[1:], strict=False)
+    ]
     return joined(rings)
 
 
@@ -87,15 +128,28 @@ def circle(radius: float, sides: int = 2 * SIDES) -> np.ndarray:
 def _lathe(radii: Iterable[float], heights: Iterable[float], sides: int) -> Mesh:
     """The ring between two circles; facing outwards where the second one is higher."""
     around = 2 * np.pi * np.arange(sides) / sides
-    circles = [np.column_stack([r * np.cos(around), r * np.sin(around), np.full(sides, h)]) for r, h in zip(radii, heights, strict=True)]
+    circles = [
+        np.column_stack([r * np.cos(around), r * np.sin(around), np.full(sides, h)])
+        for r, h in zip(radii, heights, strict=True)
+    ]
     here = np.arange(sides)
     return Mesh(np.concatenate(circles), _band(here + sides, (here + 1) % sides + sides, -sides))
 
 
 def _lids(radius: float, half: float, sides: int) -> list[Mesh]:
-    return [_lathe([0.0, radius], [-half, -half], sides), _lathe([radius, 0.0], [half, half], sides)]
+    return [
+        _lathe([0.0, radius], [-half, -half], sides),
+        _lathe([radius, 0.0], [half, half], sides),
+    ]
 
 
 def _band(here: np.ndarray, there: np.ndarray, step: int) -> np.ndarray:
-    """Two triangles for each side between a ring of vertices and the one that lies `step` further in the list, below it."""
-    return np.concatenate([np.column_stack([here, here + step, there]), np.column_stack([there, here + step, there + step])])
+    """Two triangles for each side between a ring of vertices and the one that lies `step` further
+    in the list, below it.
+    """
+    return np.concatenate(
+        [
+            np.column_stack([here, here + step, there]),
+            np.column_stack([there, here + step, there + step]),
+        ]
+    )

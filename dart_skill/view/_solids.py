@@ -12,7 +12,13 @@ from dart_skill.darts import RADII, SECTOR_ANGLE
 from dart_skill.skills.protocol import Solid
 from dart_skill.view._shapes import Mesh, box, bucket, cylinder, joined, sphere
 
-BLACK, CREAM, RED, GREEN, DARK = (35, 35, 35), (235, 222, 196), (200, 45, 40), (20, 120, 70), (20, 20, 20)
+BLACK, CREAM, RED, GREEN, DARK = (
+    (35, 35, 35),
+    (235, 222, 196),
+    (200, 45, 40),
+    (20, 120, 70),
+    (20, 20, 20),
+)
 ARC = 6
 """Chords of a sector of the board."""
 THICK = 0.038
@@ -31,28 +37,48 @@ def parts_of(solids: Sequence[Solid]) -> list[Part]:
     found: list[Part] = []
     for solid in solids or (Solid("box", (0.04, 0.04, 0.04)),):
         centre = np.array(solid.centre)
-        found += [Part(part.mesh.moved(centre), part.colour) for part in MADE_OF[solid.kind](*solid.lengths)]
+        found += [
+            Part(part.mesh.moved(centre), part.colour)
+            for part in MADE_OF[solid.kind](*solid.lengths)
+        ]
     return found
 
 
 def _board() -> list[Part]:
-    """A board whose face is the plane x = 0, seen from where x is negative; z is up, and y to the left as the thrower sees it."""
+    """A board whose face is the plane x = 0, seen from where x is negative; z is up, and y to the
+    left as the thrower sees it.
+    """
     radii = np.array([0.0, *RADII]) * 1e-3
     meshes: dict[tuple[int, int, int], list[Mesh]] = {}
-    for ring, colours in enumerate([(RED, RED), (GREEN, GREEN), (BLACK, CREAM), (RED, GREEN), (BLACK, CREAM), (RED, GREEN)]):
+    for ring, colours in enumerate(
+        [(RED, RED), (GREEN, GREEN), (BLACK, CREAM), (RED, GREEN), (BLACK, CREAM), (RED, GREEN)]
+    ):
         for sector in range(20):
-            meshes.setdefault(colours[sector % 2], []).append(_ring_sector(radii[ring], radii[ring + 1], sector))
+            meshes.setdefault(colours[sector % 2], []).append(
+                _ring_sector(radii[ring], radii[ring + 1], sector)
+            )
     turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    disc = cylinder(0.5 * BOARD_DIAMETER, THICK, 48).moved(np.zeros(3), turned).moved(np.array([0.5 * THICK + 0.001, 0.0, 0.0]))
+    disc = (
+        cylinder(0.5 * BOARD_DIAMETER, THICK, 48)
+        .moved(np.zeros(3), turned)
+        .moved(np.array([0.5 * THICK + 0.001, 0.0, 0.0]))
+    )
     return [Part(disc, DARK), *(Part(joined(parts), colour) for colour, parts in meshes.items())]
 
 
 def _ring_sector(inner: float, outer: float, sector: int) -> Mesh:
-    """A bed of the board, in its face; sectors count clockwise from the top, as the thrower sees it."""
+    """A bed of the board, in its face; sectors count clockwise from the top, as the thrower sees
+    it.
+    """
     angles = (sector + np.linspace(-0.5, 0.5, ARC + 1)) * SECTOR_ANGLE
     rim = np.column_stack([np.zeros(ARC + 1), -np.sin(angles), np.cos(angles)])
     here = np.arange(ARC)
-    faces = np.concatenate([np.column_stack([here, here + 1, here + ARC + 1]), np.column_stack([here + 1, here + ARC + 2, here + ARC + 1])])
+    faces = np.concatenate(
+        [
+            np.column_stack([here, here + 1, here + ARC + 1]),
+            np.column_stack([here + 1, here + ARC + 2, here + ARC + 1]),
+        ]
+    )
     return Mesh(np.concatenate([inner * rim, outer * rim]), faces)
 
 

@@ -1,4 +1,6 @@
-"""The visual shapes and the joints of a URDF, as far as `dart_skill.arm._urdf` writes them: primitives, revolute and fixed joints."""
+"""The visual shapes and the joints of a URDF, as far as `dart_skill.arm._urdf` writes them:
+primitives, revolute and fixed joints.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,8 @@ from dart_skill.view._shapes import Mesh, box, cylinder, joined, sphere
 
 @dataclass(frozen=True)
 class UrdfLink:
-    """A link: its name, its parent's ("" for the root), its pose there at joint angle zero, translation (3,) [m] and quaternion (4,)
-    x, y, z, w, and what is seen of it, None for nothing.
+    """A link: its name, its parent's ("" for the root), its pose there at joint angle zero,
+    translation (3,) [m] and quaternion (4,) x, y, z, w, and what is seen of it, None for nothing.
     """
 
     name: str
@@ -25,16 +27,25 @@ class UrdfLink:
 
 
 def read_links(urdf: str) -> list[UrdfLink]:
-    """The links of a URDF text, parents first; ValueError for a shape or a tree that is not understood."""
+    """The links of a URDF text, parents first; ValueError for a shape or a tree that is not
+    understood.
+    """
     robot = ElementTree.fromstring(urdf)
     joints = {_asked(_child(joint, "child"), "link"): joint for joint in robot.findall("joint")}
-    links = [_link(element, joints.get(_asked(element, "name"))) for element in robot.findall("link")]
+    links = [
+        _link(element, joints.get(_asked(element, "name"))) for element in robot.findall("link")
+    ]
     placed: dict[str, UrdfLink] = {}
     while len(placed) < len(links):
-        ready = [link for link in links if link.name not in placed and link.parent in {"", *placed}]
+        ready = [
+            link for link in links if link.name not in placed and link.parent in {"", *placed}
+        ]
         if not ready:
             lost = sorted(link.name for link in links if link.name not in placed)
-            raise ValueError(f"links {', '.join(lost)} of the URDF hang on no root: check the parents of their joints")
+            raise ValueError(
+                f"links {', '.join(lost)} of the URDF hang on no root: check the parents of their"
+                " joints"
+            )
         placed |= {link.name: link for link in ready}
     return list(placed.values())
 
@@ -60,16 +71,25 @@ def _origin(element: ElementTree.Element | None) -> tuple[np.ndarray, np.ndarray
     origin = None if element is None else element.find("origin")
     if origin is None:
         return np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
-    xyz, rpy = (np.array(origin.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy"))
+    xyz, rpy = (
+        np.array(origin.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy")
+    )
     return xyz, _turned(rpy)
 
 
 def _turned(rpy: np.ndarray) -> np.ndarray:
-    """Quaternion (4,) of turns (3,) [rad] about the fixed axes x, y and z, one after the other. SciPy's would be a fourth of all that a
-    replay imports.
+    """Quaternion (4,) of turns (3,) [rad] about the fixed axes x, y and z, one after the other.
+    SciPy's would be a fourth of all that a replay imports.
     """
     (sx, sy, sz), (cx, cy, cz) = np.sin(rpy / 2), np.cos(rpy / 2)
-    return np.array([sx * cy * cz - cx * sy * sz, cx * sy * cz + sx * cy * sz, cx * cy * sz - sx * sy * cz, cx * cy * cz + sx * sy * sz])
+    return np.array(
+        [
+            sx * cy * cz - cx * sy * sz,
+            cx * sy * cz + sx * cy * sz,
+            cx * cy * sz - sx * sy * cz,
+            cx * cy * cz + sx * sy * sz,
+        ]
+    )
 
 
 def _matrix(quaternion: np.ndarray) -> np.ndarray:
@@ -100,6 +120,8 @@ def _asked(element: ElementTree.Element, attribute: str) -> str:
 
 SHAPES: dict[str, Callable[[ElementTree.Element], Mesh]] = {
     "sphere": lambda shape: sphere(float(_asked(shape, "radius"))),
-    "cylinder": lambda shape: cylinder(float(_asked(shape, "radius")), float(_asked(shape, "length"))),
+    "cylinder": lambda shape: cylinder(
+        float(_asked(shape, "radius")), float(_asked(shape, "length"))
+    ),
     "box": lambda shape: box(np.array(_asked(shape, "size").split(), dtype=float)),
 }

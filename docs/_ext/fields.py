@@ -1,9 +1,13 @@
-"""What the compact docstrings of the library say of parameters, of what is returned and of errors, as fields for Sphinx.
+"""What the compact docstrings of the library say of parameters, of what is returned and of errors,
+as fields for Sphinx.
 
-A docstring here is prose. Such parts of it are found with the signature at hand, and moved to a field; the rest stays where it is:
+A docstring here is prose. Such parts of it are found with the signature at hand, and moved to a
+field; the rest stays where it is:
 
-* `name, name: text.` in an item of a list, at the start of a line or sentence, or after a semicolon: of these parameters.
-* `name (n, 3) [m], name [s], text.` in the same places: of parameters whose shape or unit is all that is to be said.
+* `name, name: text.` in an item of a list, at the start of a line or sentence, or after a
+  semicolon: of these parameters.
+* `name (n, 3) [m], name [s], text.` in the same places: of parameters whose shape or unit is all
+  that is to be said.
 * `Returns text.`, or `; returns text`, or `; whether text` of a bool: of the result.
 * A sentence, or what follows a semicolon, that begins with the name of an exception: of errors.
 
@@ -35,7 +39,8 @@ GAP = re.compile(r"(?<=[.!?])\s+|;\s+")
 ERRORS = re.compile(r"(?:Raises )?([A-Z]\w+(?:(?:, or |, | or | and )[A-Z]\w+)*)\b")
 RETURNS = re.compile(r"(?:and )?returns? (?!(?:to|from)\b)", re.IGNORECASE)
 AS_ELSEWHERE = re.compile(
-    r"(?:^|[.;,] )(?:The rest|Others|Arguments|Parameters are those|As|Learn as|which are given as to)\b(?: (?:as|in|of|for))*[^.`]*`",
+    r"(?:^|[.;,] )(?:The rest|Others|Arguments|Parameters are those|As|Learn as|which are given as"
+    r" to)\b(?: (?:as|in|of|for))*[^.`]*`",
     re.IGNORECASE,
 )
 WORD = re.compile(r"'[^']*'|\"[^\"]*\"|[A-Za-z_][\w.]*")
@@ -116,7 +121,8 @@ OTHER_WORDS = {
 class Part:
     """Words of one kind: of parameters, attributes, the result, errors, or prose.
 
-    kind: "Parameters", "Attributes", "Returns", "Raises" or "". names: each with its shape and unit.
+    kind: "Parameters", "Attributes", "Returns", "Raises" or "". names: each with its shape and
+    unit.
     """
 
     kind: str
@@ -128,8 +134,9 @@ class Part:
 class Documented:
     """An object with what is known of it without its docstring.
 
-    parameters: annotations by name, as they stand in the code; result: likewise, None where there is none to speak of.
-    attributes: names; look_up: what a dotted name of the code stands for. inherited: words of the base classes of a class by name.
+    parameters: annotations by name, as they stand in the code; result: likewise, None where there
+    is none to speak of. attributes: names; look_up: what a dotted name of the code stands for.
+    inherited: words of the base classes of a class by name.
     """
 
     parameters: dict[str, str]
@@ -165,13 +172,25 @@ def _written(obj: Any) -> dict[str, str]:
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
                 found[node.target.id] = ast.unparse(node.annotation)
             elif isinstance(node, ast.FunctionDef) and (node is body or node.name == "__init__"):
-                every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg]
-                found |= {arg.arg: ast.unparse(arg.annotation).strip("'") for arg in every if arg and arg.annotation}
+                every = [
+                    *node.args.posonlyargs,
+                    *node.args.args,
+                    *node.args.kwonlyargs,
+                    node.args.vararg,
+                    node.args.kwarg,
+                ]
+                found |= {
+                    arg.arg: ast.unparse(arg.annotation).strip("'")
+                    for arg in every
+                    if arg and arg.annotation
+                }
     return found
 
 
 def _has_parameters(obj: Any) -> bool:
-    """Whether the signature is for whoever reads: not of an enumeration, an exception, or a protocol."""
+    """Whether the signature is for whoever reads: not of an enumeration, an exception, or a
+    protocol.
+    """
     if not inspect.isclass(obj):
         return callable(obj)
     return not (issubclass(obj, (Enum, BaseException)) or getattr(obj, "_is_protocol", False))
@@ -185,7 +204,11 @@ def _names_in(module: str) -> dict[str, Any]:
 def documented(obj: Any) -> Documented:
     """What is known of a function, a method, a property or a class."""
     obj = inspect.unwrap(obj.fget if isinstance(obj, property) else obj)
-    where = [_names_in(cls.__module__) for cls in obj.__mro__] if inspect.isclass(obj) else [_names_in(obj.__module__)]
+    where = (
+        [_names_in(cls.__module__) for cls in obj.__mro__]
+        if inspect.isclass(obj)
+        else [_names_in(obj.__module__)]
+    )
 
     def look_up(name: str) -> Any:
         first, *rest = name.split(".")
@@ -204,12 +227,21 @@ def documented(obj: Any) -> Documented:
     if any(not isinstance(one.annotation, str) for one in signature.parameters.values()):
         written = _written(obj)
         signature = signature.replace(
-            parameters=[one.replace(annotation=written.get(one.name, one.annotation)) for one in signature.parameters.values()]
+            parameters=[
+                one.replace(annotation=written.get(one.name, one.annotation))
+                for one in signature.parameters.values()
+            ]
         )
-    given = [one for one in signature.parameters.values() if one.name not in ("self", "cls") and not one.name.startswith("_")]
+    given = [
+        one
+        for one in signature.parameters.values()
+        if one.name not in ("self", "cls") and not one.name.startswith("_")
+    ]
     parameters = {one.name: _as_written(one.annotation) for one in given}
     result = "" if inspect.isclass(obj) else _as_written(signature.return_annotation)
-    known = Documented(parameters, None if result in ("", "None") else result, _attributes(obj), look_up)
+    known = Documented(
+        parameters, None if result in ("", "None") else result, _attributes(obj), look_up
+    )
     if inspect.isclass(obj):
         known.inherited = _inherited(known, obj)
     return known
@@ -222,7 +254,10 @@ def _inherited(known: Documented, cls: type) -> dict[str, Part]:
         if base.__module__.startswith("dart_skill") and base.__doc__:
             for part in split(known, inspect.cleandoc(base.__doc__).splitlines())[1]:
                 if part.kind == "Parameters":
-                    said |= {name: Part("Parameters", [(name, shape)], part.words) for name, shape in part.names}
+                    said |= {
+                        name: Part("Parameters", [(name, shape)], part.words)
+                        for name, shape in part.names
+                    }
     return said
 
 
@@ -243,11 +278,15 @@ def _attributes(obj: Any) -> set[str]:
 
 
 def _pieces(text: str) -> Iterator[tuple[str, str]]:
-    """Sentences and what semicolons part, outside brackets and backticks, each with the gap before it."""
+    """Sentences and what semicolons part, outside brackets and backticks, each with the gap before
+    it.
+    """
     start, gap = 0, ""
     for found in GAP.finditer(text):
         before = text[start : found.start()]
-        if before.count("`") % 2 == 0 and sum(map(before.count, "([")) <= sum(map(before.count, ")]")):
+        if before.count("`") % 2 == 0 and sum(map(before.count, "([")) <= sum(
+            map(before.count, ")]")
+        ):
             yield gap, before
             start, gap = found.end(), "; " if ";" in found[0] else " "
     yield gap, text[start:]
@@ -262,12 +301,22 @@ def _entries(known: Documented, piece: str) -> list[Part]:
         heads, rest = re.findall(NAME, colon[1]), piece[colon.end() :]
     else:
         heads, rest = [], piece
-        while (one := SHAPED.match(rest)) and one[2] and known.parameters.keys() | known.attributes >= {one[1]}:
+        while (
+            (one := SHAPED.match(rest))
+            and one[2]
+            and known.parameters.keys() | known.attributes >= {one[1]}
+        ):
             heads, rest = [*heads, (one[1], one[2])], rest[one.end() :]
         if not heads or GOES_ON.match(rest):
             return []
     names = {name for name, _ in heads}
-    kind = "Parameters" if names <= known.parameters.keys() else "Attributes" if names <= known.attributes | known.parameters.keys() else ""
+    kind = (
+        "Parameters"
+        if names <= known.parameters.keys()
+        else "Attributes"
+        if names <= known.attributes | known.parameters.keys()
+        else ""
+    )
     if not kind:
         return []
     heads = [(name, shape.strip()) for name, shape in heads]
@@ -283,7 +332,11 @@ def _errors(known: Documented, piece: str) -> Part | None:
     names = re.findall(r"[A-Z]\w+", found[1]) if found else []
     if not found or not all(map(known.is_error, names)):
         return None
-    return Part("Raises", [(name, "") for name in names], piece[found.end() :].strip(" ,:").removeprefix("."))
+    return Part(
+        "Raises",
+        [(name, "") for name in names],
+        piece[found.end() :].strip(" ,:").removeprefix("."),
+    )
 
 
 def _returns(known: Documented, gap: str, piece: str) -> Part | None:
@@ -292,11 +345,17 @@ def _returns(known: Documented, gap: str, piece: str) -> Part | None:
     found = RETURNS.match(piece)
     if found and gap:
         return Part("Returns", words=piece[found.end() :])
-    return Part("Returns", words=piece) if gap == "; " and known.result == "bool" and piece.startswith("whether ") else None
+    return (
+        Part("Returns", words=piece)
+        if gap == "; " and known.result == "bool" and piece.startswith("whether ")
+        else None
+    )
 
 
 def parts_of(known: Documented, text: str, first: Part | None = None) -> list[Part]:
-    """The parts of a paragraph or of an item, in order; first: what words belong to that say of nothing in particular."""
+    """The parts of a paragraph or of an item, in order; first: what words belong to that say of
+    nothing in particular.
+    """
     prose = first or Part("")
     parts = [prose]
     for gap, piece in _pieces(text):
@@ -324,9 +383,15 @@ def split(known: Documented, lines: list[str]) -> tuple[list[list[str]], list[Pa
     """A docstring's paragraphs without what goes to fields, and that, in order."""
     prose: list[list[str]] = []
     parts: list[Part] = []
-    blocks = [list(block) for is_text, block in groupby(lines, key=lambda line: bool(line.strip())) if is_text]
+    blocks = [
+        list(block)
+        for is_text, block in groupby(lines, key=lambda line: bool(line.strip()))
+        if is_text
+    ]
     for block in blocks:
-        is_of_entries = bool(_entries(known, block[0])) and all(line.startswith(" ") or _entries(known, line) for line in block)
+        is_of_entries = bool(_entries(known, block[0])) and all(
+            line.startswith(" ") or _entries(known, line) for line in block
+        )
         if is_list(block) or (is_as_it_stands(block) and is_of_entries):
             found = [(item, parts_of(known, item)) for item in _items(block)]
             stays = [f"* {item}" for item, its in found if not its[0].kind]
@@ -336,13 +401,19 @@ def split(known: Documented, lines: list[str]) -> tuple[list[list[str]], list[Pa
             elif prose and (header := HEADER.match(" ".join(prose[-1]))):
                 prose.pop()
                 said = header[2].strip()
-                moved[:0] = [Part(moved[0].kind, words=f"{said[0].upper()}{said[1:]}:")] if said else []
+                moved[:0] = (
+                    [Part(moved[0].kind, words=f"{said[0].upper()}{said[1:]}:")] if said else []
+                )
             parts += moved
         elif is_as_it_stands(block):
             prose.append(block)
         else:
             its = parts_of(known, " ".join(line.strip() for line in block))
-            words = [part.words if part is its[-1] else _ended(part.words) for part in its if not part.kind]
+            words = [
+                part.words if part is its[-1] else _ended(part.words)
+                for part in its
+                if not part.kind
+            ]
             prose += [[" ".join(words)]] if words else []
             parts += [part for part in its if part.kind]
     return prose, parts
@@ -354,7 +425,9 @@ def _ended(text: str) -> str:
 
 
 def shown_type(known: Documented, annotation: str) -> str:
-    """An annotation as reStructuredText: names without their modules, those of the library as links."""
+    """An annotation as reStructuredText: names without their modules, those of the library as
+    links.
+    """
 
     def one(found: re.Match[str]) -> str:
         if found[0][0] in "'\"":
@@ -369,14 +442,23 @@ def shown_type(known: Documented, annotation: str) -> str:
 
 def _shown(known: Documented, part: Part) -> str:
     """One item of a field."""
-    types = [known.parameters.get(name, "") if part.kind == "Parameters" else "" for name, _ in part.names]
+    types = [
+        known.parameters.get(name, "") if part.kind == "Parameters" else ""
+        for name, _ in part.names
+    ]
     together = len(set(types)) == 1 and not any(shape for _, shape in part.names)
     shown = []
     for (name, shape), annotation in zip(part.names, types, strict=True):
         kind = "" if together else shown_type(known, annotation)
-        in_brackets = f" ({kind}{' ' * bool(shape)}{plain(shape)})" if kind else f" {plain(shape)}" * bool(shape)
+        in_brackets = (
+            f" ({kind}{' ' * bool(shape)}{plain(shape)})"
+            if kind
+            else f" {plain(shape)}" * bool(shape)
+        )
         shown.append(f"**{plain(name)}**{in_brackets}")
-    head = ", ".join(shown) + (f" ({shown_type(known, types[0])})" if together and types[0] else "")
+    head = ", ".join(shown) + (
+        f" ({shown_type(known, types[0])})" if together and types[0] else ""
+    )
     words = _without_type(part, types)
     return " – ".join(filter(None, (head, plain(_ended(words)))))
 
@@ -390,24 +472,39 @@ def _without_type(part: Part, types: list[str]) -> str:
 
 
 def without_words(known: Documented, lines: list[str]) -> set[str]:
-    """Parameters of which a docstring says nothing, neither in a field nor anywhere in it, and which no base class explains."""
+    """Parameters of which a docstring says nothing, neither in a field nor anywhere in it, and
+    which no base class explains.
+    """
     text = " ".join(lines)
-    said = {name for part in split(known, lines)[1] for name, _ in part.names} | known.inherited.keys()
-    return set() if AS_ELSEWHERE.search(text) else {name for name in known.parameters if name not in said and not _is_told(name, text)}
+    said = {
+        name for part in split(known, lines)[1] for name, _ in part.names
+    } | known.inherited.keys()
+    return (
+        set()
+        if AS_ELSEWHERE.search(text)
+        else {name for name in known.parameters if name not in said and not _is_told(name, text)}
+    )
 
 
 def _is_told(name: str, text: str) -> bool:
     """Whether a text has a name, or all words of it, in one number or the other."""
-    if name in OTHER_WORDS and re.search(rf"(?<!\w)(?:{OTHER_WORDS[name]})(?!\w)", text, re.IGNORECASE):
+    if name in OTHER_WORDS and re.search(
+        rf"(?<!\w)(?:{OTHER_WORDS[name]})(?!\w)", text, re.IGNORECASE
+    ):
         return True
     if re.search(rf"\b{re.escape(name)}\b", text):
         return True
     words = [word for word in name.split("_") if word not in ("n", "is", "has", "ns")]
-    return all(re.search(rf"\b{re.escape(word.removesuffix('s'))}(?:s|es|ed|d)?\b", text, re.IGNORECASE) for word in words)
+    return all(
+        re.search(rf"\b{re.escape(word.removesuffix('s'))}(?:s|es|ed|d)?\b", text, re.IGNORECASE)
+        for word in words
+    )
 
 
 def fields(known: Documented, parts: list[Part], unsaid: set[str]) -> list[str]:
-    """The fields as reStructuredText; unsaid: parameters of which nothing is said, which get the words of `COMMON`."""
+    """The fields as reStructuredText; unsaid: parameters of which nothing is said, which get the
+    words of `COMMON`.
+    """
     said: dict[str, list[Part]] = {}
     for part in parts:
         for name, _ in part.names if part.kind == "Parameters" else ():
@@ -433,11 +530,17 @@ def fields(known: Documented, parts: list[Part], unsaid: set[str]) -> list[str]:
         else:
             told.append(Part("Parameters", [(name, "")]))
     lines = _field("Parameters", [_shown(known, part) for part in told])
-    lines += _field("Attributes", [_shown(known, part) for part in parts if part.kind == "Attributes"])
+    lines += _field(
+        "Attributes", [_shown(known, part) for part in parts if part.kind == "Attributes"]
+    )
     if known.result is not None:
         words = " ".join(plain(_ended(part.words)) for part in parts if part.kind == "Returns")
-        lines += _field("Returns", [" – ".join(filter(None, (shown_type(known, known.result), words)))])
-    return lines + _field("Raises", [_shown(known, part) for part in parts if part.kind == "Raises"])
+        lines += _field(
+            "Returns", [" – ".join(filter(None, (shown_type(known, known.result), words)))]
+        )
+    return lines + _field(
+        "Raises", [_shown(known, part) for part in parts if part.kind == "Raises"]
+    )
 
 
 def _field(name: str, items: list[str]) -> list[str]:
@@ -450,7 +553,13 @@ def _field(name: str, items: list[str]) -> list[str]:
 def as_rest(lines: list[str], known: Documented | None = None) -> list[str]:
     """A docstring as reStructuredText; known: of what, if it is to have fields."""
     if known is None:
-        blocks = [list(block) for is_text, block in groupby(lines, key=lambda line: bool(line.strip())) if is_text]
+        blocks = [
+            list(block)
+            for is_text, block in groupby(lines, key=lambda line: bool(line.strip()))
+            if is_text
+        ]
         return [shown for block in blocks for shown in [*paragraph(block), ""]]
     prose, parts = split(known, lines)
-    return [shown for block in prose for shown in [*paragraph(block), ""]] + fields(known, parts, without_words(known, lines))
+    return [shown for block in prose for shown in [*paragraph(block), ""]] + fields(
+        known, parts, without_words(known, lines)
+    )

@@ -1,10 +1,10 @@
-"""
-A letter, written to where nobody wrote it
+"""A letter, written to where nobody wrote it
 ==========================================
 
-Six demonstrations of one letter S, with noise, each of another size and at another place. DS-GMR (thesis 7.18 to 7.21) encodes the
-attractor that would have pulled the pen, in two task frames: one stands where the letter begins, the other where it ends. For a new
-letter it is retrieved from the frames there and followed by a spring and a damper.
+Six demonstrations of one letter S, with noise, each of another size and at another place. DS-GMR
+(thesis 7.18 to 7.21) encodes the attractor that would have pulled the pen, in two task frames: one
+stands where the letter begins, the other where it ends. For a new letter it is retrieved from the
+frames there and followed by a spring and a damper.
 """
 
 import matplotlib.pyplot as plt
@@ -33,7 +33,9 @@ def letter(start, end):
 
 
 def frames(start, end):
-    """Two points of view: world = A local + b. Time comes first, and passes through. Each is turned along the letter, and has its size."""
+    """Two points of view: world = A local + b. Time comes first, and passes through. Each is
+    turned along the letter, and has its size.
+    """
     along = end - start
     turned = np.column_stack([along, [-along[1], along[0]]])
     A = np.block([[np.eye(1), np.zeros((1, 2))], [np.zeros((2, 1)), turned]])
@@ -53,7 +55,10 @@ model.fit([model.encode(time, path) for path in shown], [frames(*task) for task 
 new = np.array([0.1, 0.05]), np.array([-0.05, 0.35])
 written = model.reproduce(frames(*new), time, position0=new[0], velocity0=np.zeros(2))
 off = np.linalg.norm(written.position - letter(*new), axis=1)
-print(f"at most {1e3 * off.max():.1f} mm beside the letter that was meant, {1e3 * off[-1]:.1f} mm at its end")
+print(
+    f"at most {1e3 * off.max():.1f} mm beside the letter that was meant, {1e3 * off[-1]:.1f} mm at"
+    " its end"
+)
 
 # %%
 # The new letter goes up instead of to the right, and is larger than all that were shown.

@@ -1,10 +1,9 @@
-"""
-PoWER against CMA-ES
+"""PoWER against CMA-ES
 ====================
 
-Two searches for parameters with a high return, on a landscape that is ten thousand times steeper in one direction than in another, and
-turned. PoWER (thesis 5.1, 5.2) weights what was tried with what it was worth. CMA-ES is that of the package ``cma``. Both see nothing but
-returns.
+Two searches for parameters with a high return, on a landscape that is ten thousand times steeper
+in one direction than in another, and turned. PoWER (thesis 5.1, 5.2) weights what was tried with
+what it was worth. CMA-ES is that of the package ``cma``. Both see nothing but returns.
 """
 
 import matplotlib.pyplot as plt
@@ -51,7 +50,9 @@ for (name, runs), colour in zip(curves.items(), ("tab:blue", "tab:orange"), stri
     for curve in runs:
         axes.semilogy(curve, color=colour, linewidth=0.6, alpha=0.5)
     axes.semilogy(np.median(runs, axis=0), color=colour, label=name)
-axes.set(xlabel="trial", ylabel="lowest loss so far", title="thin: three runs, thick: their median")
+axes.set(
+    xlabel="trial", ylabel="lowest loss so far", title="thin: three runs, thick: their median"
+)
 axes.legend()
 plt.show()
 

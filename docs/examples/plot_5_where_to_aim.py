@@ -1,9 +1,8 @@
-"""
-Darts: where to aim with how much precision
+"""Darts: where to aim with how much precision
 ===========================================
 
-A dart lands about its aim with a spread, the standard deviation sigma. For each spread there is a best aim (thesis chapter 6). It moves
-as the thrower gets better, and it jumps once.
+A dart lands about its aim with a spread, the standard deviation sigma. For each spread there is a
+best aim (thesis chapter 6). It moves as the thrower gets better, and it jumps once.
 """
 
 import matplotlib.pyplot as plt
@@ -33,7 +32,10 @@ plt.show()
 
 path = optimum_path(8.0, 30.0)
 [jump] = path.jumps
-print(f"from {jump.below.bed} to {jump.above.bed} at sigma {jump.sigma:.2f} mm, where both score {jump.below.expected_score:.2f}")
+print(
+    f"from {jump.below.bed} to {jump.above.bed} at sigma {jump.sigma:.2f} mm, where both score"
+    f" {jump.below.expected_score:.2f}"
+)
 
 figure, axes = plt.subplots(figsize=(5.6, 5.2), layout="constrained")
 draw_board(axes)

@@ -1,9 +1,9 @@
-"""
-Learn to throw from a bag, and throw
+"""Learn to throw from a bag, and throw
 ====================================
 
-A recording of thirteen guided throws teaches the arm (``bags/demonstrations``). Then it throws in the simulated world, at a basket that
-nobody demonstrated. Everything runs in this process, without ROS.
+A recording of thirteen guided throws teaches the arm (``bags/demonstrations``). Then it throws in
+the simulated world, at a basket that nobody demonstrated. Everything runs in this process, without
+ROS.
 """
 
 from pathlib import Path
@@ -14,24 +14,25 @@ import numpy as np
 from dart_skill.figures import RIM_RADIUS
 from dart_skill.session import Session, learn_from_bag
 
-# %%
-# From the bag to a plan
-# ----------------------
-# The throws are cut out of the recording, and learned. The plan knows where the ball will come down.
+# %% From the bag to a plan ---------------------- The throws are cut out of the recording, and
+# learned. The plan knows where the ball will come down.
 
 here = Path.cwd()
-checkout = next(folder for folder in (here, *here.parents) if (folder / "bags/demonstrations").is_dir())
+checkout = next(
+    folder for folder in (here, *here.parents) if (folder / "bags/demonstrations").is_dir()
+)
 skill, report = learn_from_bag(checkout / "bags/demonstrations")
 print(f"learned from {len(report.learned_from)} throws")
 
 basket = np.array([1.9, 0.7, 0.4])  # centre of the rim [m]
 plan = skill.plan(basket)
-print(f"releases after {plan.release:.2f} s; comes down {1e3 * np.linalg.norm(plan.predicted_landing - basket):.1f} mm from the middle")
+print(
+    f"releases after {plan.release:.2f} s; comes down"
+    f" {1e3 * np.linalg.norm(plan.predicted_landing - basket):.1f} mm from the middle"
+)
 
-# %%
-# The throw
-# ---------
-# The simulated arm has friction, motor limits and a hand that opens late. Cameras judge where the ball came down.
+# %% The throw --------- The simulated arm has friction, motor limits and a hand that opens late.
+# Cameras judge where the ball came down.
 
 session = Session(seed=1)
 trial = session.throw(plan)
@@ -47,7 +48,12 @@ for one in report.learned_from:
 axes.plot(*plan.path.position[:, :2].T, color="tab:blue", label="path of the hand")
 axes.add_patch(plt.Circle(basket[:2], RIM_RADIUS, fill=False, color="tab:orange"))
 axes.plot(*trial.outcome.landing[:2], "x", color="tab:red", label="where the ball came down")
-axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="from above; grey: baskets of the demonstrations")
+axes.set(
+    xlabel="x [m]",
+    ylabel="y [m]",
+    aspect="equal",
+    title="from above; grey: baskets of the demonstrations",
+)
 axes.legend()
 plt.show()
 

@@ -1,10 +1,10 @@
-"""
-A skill of one's own
+"""A skill of one's own
 ====================
 
-A skill says what is particular to it: which bodies it needs, and what counts as done. The rest, from recordings to plans, is the same for
-all skills. Here the hand presses a button from above. Eight demonstrations come from formulas, with the noise of cameras; those of a real
-arm have the same form. The plan for a button at a new place can be carried out by any arm that follows poses.
+A skill says what is particular to it: which bodies it needs, and what counts as done. The rest,
+from recordings to plans, is the same for all skills. Here the hand presses a button from above.
+Eight demonstrations come from formulas, with the noise of cameras; those of a real arm have the
+same form. The plan for a button at a new place can be carried out by any arm that follows poses.
 """
 
 import matplotlib.pyplot as plt
@@ -13,7 +13,15 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from dart_skill.arm import ArmModel
 from dart_skill.skills.learning import LearnedSkill
-from dart_skill.skills.protocol import HAND, Pose, Situation, Skill, TaskDemonstration, TaskOutcome, Track
+from dart_skill.skills.protocol import (
+    HAND,
+    Pose,
+    Situation,
+    Skill,
+    TaskDemonstration,
+    TaskOutcome,
+    Track,
+)
 
 
 class Press(Skill):
@@ -25,8 +33,12 @@ class Press(Skill):
     def judge(self, seen, situation):
         """Of what the cameras saw: is the hand over the button, and near to it?"""
         last = seen.track(HAND).pose_at(seen.hand_time[-1])
-        error = float(np.linalg.norm(situation.pose("button").sees(last).position - ABOVE.position))
-        return TaskOutcome(error < 0.01, error, "" if error < 0.01 else "the hand ended beside the button")
+        error = float(
+            np.linalg.norm(situation.pose("button").sees(last).position - ABOVE.position)
+        )
+        return TaskOutcome(
+            error < 0.01, error, "" if error < 0.01 else "the hand ended beside the button"
+        )
 
 
 # %%
@@ -37,7 +49,9 @@ class Press(Skill):
 POSTURE = np.array([-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0])  # where every movement starts [rad]
 place, turn = ArmModel().hand_pose(POSTURE)
 START = Pose(place, Rotation.from_matrix(turn).as_quat())
-ABOVE = Pose(np.array([0.0, 0.0, 0.15]), np.array([0.0, 1.0, 0.0, 0.0]))  # of the hand at the end, as the button sees it
+ABOVE = Pose(
+    np.array([0.0, 0.0, 0.15]), np.array([0.0, 1.0, 0.0, 0.0])
+)  # of the hand at the end, as the button sees it
 time = np.arange(0.0, 4.0, 0.01)  # [s]
 
 
@@ -58,7 +72,9 @@ def show(number, body, rng):
     over, down, last = smooth(share / 0.6), smooth((share - 0.5) / 0.5), body.place(ABOVE)
     hand = START.position + np.outer(over, last.position - START.position)
     hand[:, 2] += 0.08 * over * (1.0 - down)
-    turned = Slerp([0.0, 1.0], Rotation.from_quat([START.quaternion, last.quaternion]))(np.minimum(over, 1.0))
+    turned = Slerp([0.0, 1.0], Rotation.from_quat([START.quaternion, last.quaternion]))(
+        np.minimum(over, 1.0)
+    )
     shaken = Rotation.from_rotvec(rng.normal(0.0, 1e-3, hand.shape)) * turned
     noise = rng.normal(0.0, 1e-4, (2, *hand.shape))
     tracks = {
@@ -81,9 +97,15 @@ learned = LearnedSkill(Press(), shown)
 situations = [Situation({HAND: START, "button": button(rng)}) for _ in range(3)]
 plans = [learned.plan(situation) for situation in situations]
 ends = [Pose(plan.path.position[-1], plan.path.quaternion[-1]) for plan in plans]
-ends = [situation.pose("button").sees(end) for situation, end in zip(situations, ends, strict=True)]
+ends = [
+    situation.pose("button").sees(end) for situation, end in zip(situations, ends, strict=True)
+]
 errors = [1e3 * np.linalg.norm(end.position - ABOVE.position) for end in ends]
-print("the plans end", ", ".join(f"{error:.1f}" for error in errors), "mm from where the hand shall press")
+print(
+    "the plans end",
+    ", ".join(f"{error:.1f}" for error in errors),
+    "mm from where the hand shall press",
+)
 
 # %%
 
@@ -93,7 +115,11 @@ for one in shown:
 for situation, plan in zip(situations, plans, strict=True):
     axes.plot(*plan.path.position[:, [1, 2]].T, color="tab:blue")
     axes.plot(*situation.pose("button").position[[1, 2]], "s", color="tab:orange")
-axes.set(xlabel="y [m]", ylabel="height [m]", title="from the front; grey: shown, blue: planned, squares: buttons")
+axes.set(
+    xlabel="y [m]",
+    ylabel="height [m]",
+    title="from the front; grey: shown, blue: planned, squares: buttons",
+)
 plt.show()
 
 assert max(errors) < 5.0

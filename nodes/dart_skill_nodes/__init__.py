@@ -1,1 +1,3 @@
-"""The ROS 2 nodes of dart_skill, one module each; installed as the import package `dart_skill_nodes`."""
+"""The ROS 2 nodes of dart_skill, one module each; installed as the import package
+`dart_skill_nodes`.
+"""

@@ -1,1 +1,3 @@
-"""A second arm, in MuJoCo, with a driver, cameras and a person of its own: it knows dart_skill by its documented topics only."""
+"""A second arm, in MuJoCo, with a driver, cameras and a person of its own: it knows dart_skill by
+its documented topics only.
+"""

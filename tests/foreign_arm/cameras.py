@@ -1,4 +1,6 @@
-"""A camera system: poses at 100 Hz that come late, with noise, with lost frames, and of bodies that were registered a little wrong."""
+"""A camera system: poses at 100 Hz that come late, with noise, with lost frames, and of bodies
+that were registered a little wrong.
+"""
 
 from collections import deque
 from dataclasses import dataclass
@@ -9,12 +11,16 @@ from tests.foreign_arm.plant import PERIOD
 
 BODIES = ("hand", "ball", "basket")
 FRAME_STEPS = 5  # of the plant: 100 Hz
-MARKER_SPREAD = 0.1  # of a body's markers, which makes noise of a direction of noise of a place [m]
+MARKER_SPREAD = (
+    0.1  # of a body's markers, which makes noise of a direction of noise of a place [m]
+)
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """One pose: the body, the plant's step at which the frame was taken, place (3,) [m], attitude (4,) as x, y, z, w."""
+    """One pose: the body, the plant's step at which the frame was taken, place (3,) [m], attitude
+    (4,) as x, y, z, w.
+    """
 
     body: str
     step: int
@@ -38,7 +44,14 @@ def attitude(rotation):
     squares = np.append(1.0 + 2.0 * np.diag(rotation) - trace, 1.0 + trace)
     largest = int(np.argmax(squares))
     if largest == 3:
-        result = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1], squares[3]])
+        result = np.array(
+            [
+                rotation[2, 1] - rotation[1, 2],
+                rotation[0, 2] - rotation[2, 0],
+                rotation[1, 0] - rotation[0, 1],
+                squares[3],
+            ]
+        )
     else:
         i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
         result = np.zeros(4)
@@ -57,7 +70,9 @@ class Cameras:
         self._pending = deque()
         self.hidden = lambda body: False  # whether something stands before a body now
         self.shift = {body: laboratory.registration_shift * self._direction() for body in BODIES}
-        self.turn = {body: turned_by(laboratory.registration_turn * self._direction()) for body in BODIES}
+        self.turn = {
+            body: turned_by(laboratory.registration_turn * self._direction()) for body in BODIES
+        }
 
     def _direction(self):
         vector = self._random.standard_normal(3)
@@ -74,7 +89,11 @@ class Cameras:
         """Sightings that arrive at this step of the plant."""
         if plant.steps % FRAME_STEPS == 0:
             arrives = [self._random.random() >= self._laboratory.camera_loss for _ in BODIES]
-            seen = [body for body, whole in zip(BODIES, arrives, strict=True) if whole and not self.hidden(body)]
+            seen = [
+                body
+                for body, whole in zip(BODIES, arrives, strict=True)
+                if whole and not self.hidden(body)
+            ]
             self._pending.extend(self._see(plant, body) for body in seen)
         arrived = []
         while self._pending and self._pending[0].step + self._delay <= plant.steps:

@@ -1,4 +1,6 @@
-"""The driver of the second arm, its cameras and its person as one rclpy node, which speaks the topics of docs/hardware.md only."""
+"""The driver of the second arm, its cameras and its person as one rclpy node, which speaks the
+topics of docs/hardware.md only.
+"""
 
 import time
 
@@ -19,11 +21,18 @@ from tests.foreign_arm.plant import PERIOD, NominalArm, Plant
 FRAME = "world"
 WATCHDOG = 0.05  # age of a command at which the arm is stopped [s]
 STOPPING = np.array([20.0, 30.0, 10.0, 8.0, 1.0, 1.0, 0.1])
-"""Damping of the joints (7,) while it is stopped: about twice that of libbarrett's joint controllers [N m s/rad]."""
+"""Damping of the joints (7,) while it is stopped: about twice that of libbarrett's joint
+controllers [N m s/rad].
+"""
 PATIENCE = 5.0  # lockstep: wall-clock time after which a state counts as not answered [s]
-LATEST = 0.01  # real time: a step that is later than this puts the clock of the plant back, instead of hurrying after it [s]
+# real time: a step that is later than this puts the clock of the plant back, instead of hurrying
+# after it [s]
+LATEST = 0.01
 STATES = QoSProfile(depth=1000)  # reliable: 2 s
-NAMES = ["bhand_spread", *reversed(published.JOINTS)]  # of the joint states: a driver may have more, in an order of its own
+NAMES = [
+    "bhand_spread",
+    *reversed(published.JOINTS),
+]  # of the joint states: a driver may have more, in an order of its own
 
 
 def nanoseconds(stamp):
@@ -34,10 +43,12 @@ def nanoseconds(stamp):
 class Driver(Node):
     """Steps a plant: in lockstep with the commands that answer its states, or with the wall clock.
 
-    Nothing runs by itself: `tick` makes one step of 2 ms and spins the executor meanwhile, in which other nodes may be, too.
+    Nothing runs by itself: `tick` makes one step of 2 ms and spins the executor meanwhile, in
+    which other nodes may be, too.
 
-    Joint states and poses are best effort in real time. In lockstep they are reliable, as poses of vrpn_mocap without `sensor_data_qos`:
-    nobody waits for the recorder, and where the machine starves it, it would lose frames of a world that runs ahead.
+    Joint states and poses are best effort in real time. In lockstep they are reliable, as poses of
+    vrpn_mocap without `sensor_data_qos`: nobody waits for the recorder, and where the machine
+    starves it, it would lose frames of a world that runs ahead.
     """
 
     def __init__(self, executor, laboratory, lockstep=True):
@@ -50,14 +61,20 @@ class Driver(Node):
         self._nominal = NominalArm(Laboratory.quiet())
         self._command, self._command_step = None, 0
         self.answered, self.unanswered, self.late = 0, 0, 0
-        self.lags = []  # steps between the state that the newest command answers and the one in which it acts
+        # steps between the state that the newest command answers and the one in which it acts
+        self.lags = []
         self.stops, self._stopped = 0, True
-        self.tells_button = True  # say with every frame of the cameras that the button is not pressed, too
+        self.tells_button = (
+            True  # say with every frame of the cameras that the button is not pressed, too
+        )
         self.openings = []  # stamps of commands that open the hand, and of the button [ns]
         sensors = STATES if lockstep else qos_profile_sensor_data
         self._state_publisher = self.create_publisher(JointState, "/joint_states", sensors)
         self._button_publisher = self.create_publisher(WamCommand, "/wam/teacher_wrench", STATES)
-        self._pose_publishers = {body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", sensors) for body in BODIES}
+        self._pose_publishers = {
+            body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", sensors)
+            for body in BODIES
+        }
         self.create_subscription(WamCommand, "/wam/command", self._take, STATES)
         self._begin = time.time_ns()
         self._pace = 1.0
@@ -65,7 +82,9 @@ class Driver(Node):
 
     def _take(self, message):
         if message.header.frame_id != FRAME:
-            self.get_logger().error(f"a command in frame {message.header.frame_id!r} is not carried out", once=True)
+            self.get_logger().error(
+                f"a command in frame {message.header.frame_id!r} is not carried out", once=True
+            )
             return
         self._command, self._command_step = message, self.plant.steps
         if message.grip == WamCommand.GRIP_OPEN:
@@ -101,7 +120,9 @@ class Driver(Node):
         self._button_publisher.publish(message)
 
     def _is_answered(self):
-        return self._command is not None and nanoseconds(self._command.header.stamp) >= nanoseconds(self.stamp(self.plant.steps))
+        return self._command is not None and nanoseconds(
+            self._command.header.stamp
+        ) >= nanoseconds(self.stamp(self.plant.steps))
 
     def _wait_for_answer(self):
         """Lockstep: spin until the command for this state has come, or patience ends."""
@@ -126,24 +147,34 @@ class Driver(Node):
             self._executor.spin_once(timeout_sec=left)
 
     def slow_down(self, pace):
-        """From now on a second of the plant takes `pace` seconds of the wall clock. Nobody waits for anybody all the same."""
+        """From now on a second of the plant takes `pace` seconds of the wall clock. Nobody waits
+        for anybody all the same.
+        """
         self._pace, self._wall_begin = pace, time.monotonic() - self.plant.steps * PERIOD * pace
 
     def _torque(self):
         """What the newest command asks for, on top of gravity compensation (7,) [N m]."""
         encoders = self.plant.encoders
         self._nominal.take(encoders.angles)
-        stopped = self._command is None or (self.plant.steps - self._command_step) * PERIOD > WATCHDOG
+        stopped = (
+            self._command is None or (self.plant.steps - self._command_step) * PERIOD > WATCHDOG
+        )
         self.stops += stopped and not self._stopped
         self._stopped = stopped
         if self._command is not None:
-            answered = round((nanoseconds(self._command.header.stamp) - self._begin) * 1e-9 / PERIOD)
+            answered = round(
+                (nanoseconds(self._command.header.stamp) - self._begin) * 1e-9 / PERIOD
+            )
             self.lags.append(self.plant.steps - answered)
         if stopped:
             return self._nominal.gravity() - STOPPING * encoders.speeds
         force, moment = self._command.wrench.force, self._command.wrench.torque
         wrench = np.array([force.x, force.y, force.z, moment.x, moment.y, moment.z])
-        return self._nominal.gravity() + self._nominal.jacobian().T @ wrench + self._command.joint_torque
+        return (
+            self._nominal.gravity()
+            + self._nominal.jacobian().T @ wrench
+            + self._command.joint_torque
+        )
 
     def tick(self):
         """One step: publish, wait, act."""

@@ -13,7 +13,9 @@ def _seven(value):
 
 @dataclass(frozen=True)
 class Laboratory:
-    """The nuisances of one arm, hand, camera system and person. Arrays (7,) are per joint; SI units."""
+    """The nuisances of one arm, hand, camera system and person. Arrays (7,) are per joint; SI
+    units.
+    """
 
     seed: int = 0
     mass_scale: np.ndarray = field(default_factory=_seven(1.0))  # true over published link mass
@@ -47,8 +49,9 @@ class Laboratory:
     def drawn(cls, seed):
         """One laboratory, always the same for a seed.
 
-        Friction within a factor of 1.4 of the identified values. The drive's stiffness is chosen, no published value was found: it puts the
-        arm's first elastic modes at 20 Hz and above. Motor encoders of 4096 counts are chosen, too.
+        Friction within a factor of 1.4 of the identified values. The drive's stiffness is chosen,
+        no published value was found: it puts the arm's first elastic modes at 20 Hz and above.
+        Motor encoders of 4096 counts are chosen, too.
         """
         random = np.random.default_rng([seed, 71])
         sign = random.choice([-1.0, 1.0], size=9)
@@ -62,7 +65,8 @@ class Laboratory:
             stiction=random.uniform(1.1, 1.4),
             stribeck_speed=random.uniform(0.03, 0.08),
             viscous=published.VISCOUS * 1.4 ** random.uniform(-1.0, 1.0, 7),
-            stiffness=np.array([2.5e4, 2.5e4, 1e4, 6e3, 800.0, 800.0, 100.0]) * 1.3 ** random.uniform(-1.0, 1.0, 7),
+            stiffness=np.array([2.5e4, 2.5e4, 1e4, 6e3, 800.0, 800.0, 100.0])
+            * 1.3 ** random.uniform(-1.0, 1.0, 7),
             real_motors=True,
             encoder_counts=4096,
             hand_spread=0.006,

@@ -1,4 +1,6 @@
-"""What a person with a terminal does: services and the action of the graph, called by a plain rclpy node while the driver goes on."""
+"""What a person with a terminal does: services and the action of the graph, called by a plain
+rclpy node while the driver goes on.
+"""
 
 import json
 import os
@@ -23,16 +25,24 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill_nodes.process.signals import ENDS_WITH
 
 LIMIT, LONG = 240.0, 600.0
-"""Nothing takes longer, on whatever machine: answers and starting nodes; commands and what a person does [s, wall clock]."""
+"""Nothing takes longer, on whatever machine: answers and starting nodes; commands and what a
+person does [s, wall clock].
+"""
 PENDING = 30.0
-"""What comes late is waited for so long [s, wall clock]. Fast DDS repeats what got lost on a busy machine after 3 s, or twice that."""
+"""What comes late is waited for so long [s, wall clock]. Fast DDS repeats what got lost on a busy
+machine after 3 s, or twice that.
+"""
 RECORDERS = ("/demonstration_recorder", "/again")
 """The one of the layout, and one that a test starts."""
 SERVICES = {
     "/commander/release_arm": SetBool,
     "/commander/stop": Trigger,
     "/commander/reset": Trigger,
-    **{f"{recorder}/{name}": kind for recorder in RECORDERS for name, kind in (("start", Trigger), ("stop", StopDemonstration))},
+    **{
+        f"{recorder}/{name}": kind
+        for recorder in RECORDERS
+        for name, kind in (("start", Trigger), ("stop", StopDemonstration))
+    },
     "/skill_learner/learn": Learn,
     "/skill_learner/demonstrations": ListDemonstrations,
     "/skill_learner/drop_demonstration": DropDemonstration,
@@ -50,7 +60,14 @@ def running(command, log):
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("w") as output:
         ends = {**os.environ, ENDS_WITH: str(os.getpid())}  # whatever becomes of the tests
-        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True, cwd=log.parent, env=ends)
+        process = subprocess.Popen(
+            command,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            cwd=log.parent,
+            env=ends,
+        )
         try:
             yield process
         finally:
@@ -63,7 +80,9 @@ def running(command, log):
 
 
 def hardware_graph(folder):
-    """The hardware layout, until the end of the context; its log and the bag of demonstrations are in the folder."""
+    """The hardware layout, until the end of the context; its log and the bag of demonstrations are
+    in the folder.
+    """
     settings = (
         "coach.stand_back=1.0",
         "commander.states_timeout=20.0",
@@ -83,14 +102,26 @@ class Outsider(Node):
         self._calls = {name: self.create_client(kind, name) for name, kind in SERVICES.items()}
         self._throw = ActionClient(self, Execute, "/execute")
         self._practice = ActionClient(self, Practice, "/practice")
-        self.create_subscription(Practice.Impl.FeedbackMessage, "/practice/_action/feedback", self._hear, 50)
-        self.asked, self.helps = [], False  # what the coach asked of the person, in words, and whether the person does it
+        self.create_subscription(
+            Practice.Impl.FeedbackMessage, "/practice/_action/feedback", self._hear, 50
+        )
+        self.asked, self.helps = (
+            [],
+            False,
+        )  # what the coach asked of the person, in words, and whether the person does it
 
     def wait_for_graph(self, limit=LIMIT):
-        """Until every service and the action are there, and a second longer: a server may find its client later."""
+        """Until every service and the action are there, and a second longer: a server may find its
+        client later.
+        """
         actions = (self._throw, self._practice)
-        there = [client for name, client in self._calls.items() if not name.startswith(RECORDERS[1])]
-        parts = [*(client.service_is_ready for client in there), *(action.server_is_ready for action in actions)]
+        there = [
+            client for name, client in self._calls.items() if not name.startswith(RECORDERS[1])
+        ]
+        parts = [
+            *(client.service_is_ready for client in there),
+            *(action.server_is_ready for action in actions),
+        ]
         self.driver.run_until(lambda: all(part() for part in parts), limit)
         self.driver.run(1.0)
 
@@ -99,11 +130,15 @@ class Outsider(Node):
         return future.result()
 
     def call(self, name, limit=LIMIT, **fields):
-        """Call a service until it no longer says that its answer is pending, for PENDING on the wall clock at most."""
+        """Call a service until it no longer says that its answer is pending, for PENDING on the
+        wall clock at most.
+        """
         self.driver.run_until(self._calls[name].service_is_ready, limit)
         until = time.monotonic() + PENDING
         while True:
-            response = self._wait(self._calls[name].call_async(SERVICES[name].Request(**fields)), limit)
+            response = self._wait(
+                self._calls[name].call_async(SERVICES[name].Request(**fields)), limit
+            )
             if not getattr(response, "pending", False) or time.monotonic() > until:
                 return response
             self.driver.run(0.1)
@@ -114,7 +149,9 @@ class Outsider(Node):
         self.driver.run_until(lambda: not self.driver.person.busy, limit)
 
     def teach(self, rim, keep=False):
-        """One guided throw at a basket (3,): whether it went in, and the recorder's answer to ~/stop; misses are kept only with `keep`."""
+        """One guided throw at a basket (3,): whether it went in, and the recorder's answer to
+        ~/stop; misses are kept only with `keep`.
+        """
         person = self.driver.person
         self.driver.plant.place_basket(rim)
         self.do(person.cock(rim), person.bring_ball(), person.wait(0.3))
@@ -122,7 +159,9 @@ class Outsider(Node):
             started = self.call(f"{self.recorder}/start")
             if started.success:
                 break
-            self.driver.run(0.1)  # a recorder that has just been started has not heard of everything yet
+            self.driver.run(
+                0.1
+            )  # a recorder that has just been started has not heard of everything yet
         assert started.success, started.message
         self.do(person.throw(rim))
         hit = person.in_basket(rim)
@@ -132,7 +171,9 @@ class Outsider(Node):
     def stop(self, keep):
         """End the recording of a throw with what was published up to now; the recorder's answer."""
         until = self.driver.stamp(self.driver.plant.steps - 1)
-        return self.call(f"{self.recorder}/stop", keep=keep, reason="" if keep else "missed", until=until)
+        return self.call(
+            f"{self.recorder}/stop", keep=keep, reason="" if keep else "missed", until=until
+        )
 
     def prepare(self, rim):
         """The basket stands there (3,), the ball is in the hand."""
@@ -159,7 +200,9 @@ class Outsider(Node):
 
     @contextmanager
     def practising(self, **goal):
-        """A goal of the coach's, which is cancelled at the end, whatever comes meanwhile: its result is that of the context then."""
+        """A goal of the coach's, which is cancelled at the end, whatever comes meanwhile: its
+        result is that of the context then.
+        """
         practice, handle = SimpleNamespace(result=None), self.start_practice(**goal)
         assert handle.accepted
         try:
@@ -173,18 +216,28 @@ class Outsider(Node):
         return self._wait(handle.get_result_async(), limit).result
 
     def type(self, *words, before_enter=(), limit=LONG):
-        """Type a command, with a person who does what the coach asks; the object that it prints as JSON, and what it says meanwhile.
+        """Type a command, with a person who does what the coach asks; the object that it prints as
+        JSON, and what it says meanwhile.
 
-        before_enter: what is done, one after the other, before the command is given the Enter key that it asks for.
+        before_enter: what is done, one after the other, before the command is given the Enter key
+        that it asks for.
         """
         self.asked, self.helps = [], True
         with tempfile.TemporaryDirectory() as folder:
             told, said = Path(folder) / "told", Path(folder) / "said"
             with told.open("w") as out, said.open("w") as err:
-                process = subprocess.Popen([*words, "--json"], stdin=subprocess.PIPE, stdout=out, stderr=err, text=True)
+                process = subprocess.Popen(
+                    [*words, "--json"], stdin=subprocess.PIPE, stdout=out, stderr=err, text=True
+                )
             try:
                 for number, act in enumerate(before_enter, start=1):
-                    self.driver.run_until(lambda n=number: said.read_text().count("press Enter") >= n or process.poll() is not None, limit)
+                    self.driver.run_until(
+                        lambda n=number: (
+                            said.read_text().count("press Enter") >= n
+                            or process.poll() is not None
+                        ),
+                        limit,
+                    )
                     assert process.poll() is None, said.read_text()
                     act()
                     assert process.poll() is None, said.read_text()
@@ -209,7 +262,9 @@ class Outsider(Node):
         if "put the ball into the hand" in feedback.message:
             self.driver.person.begin(self.driver.person.bring_ball())
         elif feedback.message.startswith("put the basket at"):
-            x, y, z = (float(word) for word in re.findall(r"[xyz] (-?[0-9.]+)", feedback.message)[:3])
+            x, y, z = (
+                float(word) for word in re.findall(r"[xyz] (-?[0-9.]+)", feedback.message)[:3]
+            )
             self.driver.plant.place_basket(np.array([x, y, z]))
 
     def _act(self, client, goal, limit):

@@ -1,4 +1,6 @@
-"""A person who guides the arm by hand and elbow through a throw, opens the hand with a button, and puts the ball back into it."""
+"""A person who guides the arm by hand and elbow through a throw, opens the hand with a button, and
+puts the ball back into it.
+"""
 
 from dataclasses import dataclass
 
@@ -10,15 +12,22 @@ from tests.foreign_arm.plant import AIR_DENSITY, PERIOD, SHOULDER
 COCKED = np.array([0.0, -1.10, 0.0, -0.60, 0.0, -0.55, 0.0])
 """Wound up behind the shoulder: where a swing begins; J1 turns it to the basket [rad]."""
 FOLLOWED = np.array([0.0, 0.20, 0.0, 0.45, 0.0, 0.55, 0.0])
-"""Where the swing would end; the ball leaves half way, where the arm is fastest, nearly straight and 30 degrees backwards."""
-EXPECTED_DELAY = 0.045  # between the button and the free ball, which the person has got used to [s]
+"""Where the swing would end; the ball leaves half way, where the arm is fastest, nearly straight
+and 30 degrees backwards.
+"""
+EXPECTED_DELAY = (
+    0.045  # between the button and the free ball, which the person has got used to [s]
+)
 FASTEST, SLOWEST = 0.9, 1.8  # durations of a swing [s]
 
 HAND_GRASP = (4000.0, 250.0)  # stiffness and damping of the hold at the hand [N/m, N s/m]
 HAND_TWIST = (30.0, 0.6)  # the same for turning [N m/rad, N m s/rad]
 ELBOW_GRASP = (1500.0, 60.0)
 STRONGEST_PUSH, STRONGEST_TWIST = 150.0, 12.0  # [N, N m]
-TREMBLE, TREMBLE_RATE = 0.5, 60.0  # standard deviation of a force [N] and its corner frequency [rad/s]
+TREMBLE, TREMBLE_RATE = (
+    0.5,
+    60.0,
+)  # standard deviation of a force [N] and its corner frequency [rad/s]
 
 
 def minimum_jerk(count):
@@ -42,7 +51,9 @@ def rotation_vector(rotation):
 
 
 def fall(place, velocity, height, drag):
-    """Where a ball comes down through a height (3,): drag is its deceleration over the square of its speed [1/m]."""
+    """Where a ball comes down through a height (3,): drag is its deceleration over the square of
+    its speed [1/m].
+    """
     place, velocity = np.array(place, float), np.array(velocity, float)
     gravity = np.array([0.0, 0.0, -published.GRAVITY])
     while place[2] > height or velocity[2] > 0.0:
@@ -56,7 +67,9 @@ def fall(place, velocity, height, drag):
 
 @dataclass(frozen=True)
 class Way:
-    """What both hands are led along, a row for each step: hand (n, 3), its attitude (n, 3, 3), elbow (n, 3), and velocities (n, 3)."""
+    """What both hands are led along, a row for each step: hand (n, 3), its attitude (n, 3, 3),
+    elbow (n, 3), and velocities (n, 3).
+    """
 
     hand: np.ndarray
     attitude: np.ndarray
@@ -69,10 +82,21 @@ class Way:
     def through(cls, angles, shift=(0.0, 0.0, 0.0)):
         """Of joint angles (n, 7), shifted as a whole (3,)."""
         rotations, origins = published.frames(angles)
-        hand, elbow, attitude = origins[:, 7] + SHOULDER + shift, origins[:, 3] + SHOULDER + shift, rotations[:, 7]
+        hand, elbow, attitude = (
+            origins[:, 7] + SHOULDER + shift,
+            origins[:, 3] + SHOULDER + shift,
+            rotations[:, 7],
+        )
         turns = rotation_vector(attitude[1:] @ np.swapaxes(attitude[:-1], -1, -2))
         spin = np.vstack([turns, turns[-1:]]) / PERIOD
-        return cls(hand, attitude, elbow, np.gradient(hand, PERIOD, axis=0), spin, np.gradient(elbow, PERIOD, axis=0))
+        return cls(
+            hand,
+            attitude,
+            elbow,
+            np.gradient(hand, PERIOD, axis=0),
+            spin,
+            np.gradient(elbow, PERIOD, axis=0),
+        )
 
     def ball(self, step):
         """Place and velocity (3,), (3,) of a held ball."""
@@ -90,7 +114,9 @@ def swing_angles(azimuth, duration, amplitude=1.0):
 
 
 class Aim:
-    """How long a swing towards a place takes: thought out with a parabola with drag, then corrected by what came of it."""
+    """How long a swing towards a place takes: thought out with a parabola with drag, then
+    corrected by what came of it.
+    """
 
     def __init__(self, drag):
         self._drag = drag
@@ -112,7 +138,9 @@ class Aim:
         fast, slow = FASTEST, SLOWEST
         for _ in range(30):
             middle = 0.5 * (fast + slow)
-            fast, slow = (middle, slow) if self._reach(middle, rim[2]) > distance else (fast, middle)
+            fast, slow = (
+                (middle, slow) if self._reach(middle, rim[2]) > distance else (fast, middle)
+            )
         return np.arctan2(rim[1], rim[0]) + self.correction[1], 0.5 * (fast + slow)
 
     def learn(self, rim, landing, share=0.8):
@@ -123,7 +151,9 @@ class Aim:
 
 
 class Person:
-    """Does one thing at a time: `act` gives the pushes on the arm, and where the ball is carried to, for the next step."""
+    """Does one thing at a time: `act` gives the pushes on the arm, and where the ball is carried
+    to, for the next step.
+    """
 
     def __init__(self, laboratory, plant):
         self._laboratory, self._plant = laboratory, plant
@@ -154,14 +184,26 @@ class Person:
         place, rotation = self._plant.pose("hand")
         velocity, spin = self._plant.velocity("hand")
         keep = np.exp(-TREMBLE_RATE * PERIOD)
-        self._tremble = keep * self._tremble + np.sqrt(1.0 - keep**2) * TREMBLE * self._laboratory.human * self._random.standard_normal(3)
-        force = HAND_GRASP[0] * (way.hand[step] - place) + HAND_GRASP[1] * (way.hand_velocity[step] - velocity) + self._tremble
+        self._tremble = keep * self._tremble + np.sqrt(
+            1.0 - keep**2
+        ) * TREMBLE * self._laboratory.human * self._random.standard_normal(3)
+        force = (
+            HAND_GRASP[0] * (way.hand[step] - place)
+            + HAND_GRASP[1] * (way.hand_velocity[step] - velocity)
+            + self._tremble
+        )
         turn = rotation_vector(way.attitude[step] @ rotation.T)
         moment = HAND_TWIST[0] * turn + HAND_TWIST[1] * (way.spin[step] - spin)
         elbow, elbow_velocity = self._plant.pose("link4")[0], self._plant.velocity("link4")[0]
-        second = ELBOW_GRASP[0] * (way.elbow[step] - elbow) + ELBOW_GRASP[1] * (way.elbow_velocity[step] - elbow_velocity)
+        second = ELBOW_GRASP[0] * (way.elbow[step] - elbow) + ELBOW_GRASP[1] * (
+            way.elbow_velocity[step] - elbow_velocity
+        )
         return (
-            ("hand", firmness * limited(force, STRONGEST_PUSH), firmness * limited(moment, STRONGEST_TWIST)),
+            (
+                "hand",
+                firmness * limited(force, STRONGEST_PUSH),
+                firmness * limited(moment, STRONGEST_TWIST),
+            ),
             ("link4", firmness * limited(second, STRONGEST_PUSH), np.zeros(3)),
         )
 
@@ -186,7 +228,9 @@ class Person:
         longer = 1.0 + self._varies(0.04)
         duration *= 1.0 + self._varies(0.008)
         shift = np.array([self._varies(0.01) for _ in range(3)])
-        way = Way.through(swing_angles(azimuth + self._varies(0.006), duration * longer, longer), shift)
+        way = Way.through(
+            swing_angles(azimuth + self._varies(0.006), duration * longer, longer), shift
+        )
         release = 0.5 * duration * longer - EXPECTED_DELAY + self._varies(0.005)
         self.landing = None
         last = self._plant.pose("ball")[0]

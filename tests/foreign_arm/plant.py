@@ -1,4 +1,6 @@
-"""The plant: arm with elastic drives, hand that holds the ball by contact, ball, floor and basket in MuJoCo, stepped at 500 Hz."""
+"""The plant: arm with elastic drives, hand that holds the ball by contact, ball, floor and basket
+in MuJoCo, stepped at 500 Hz.
+"""
 
 import xml.etree.ElementTree as ElementTree
 
@@ -16,12 +18,16 @@ MOUNT_HEIGHT = yaml.safe_load((CONFIG / "wam.yaml").read_text(encoding="utf-8"))
 SHOULDER = np.array([0.0, 0.0, MOUNT_HEIGHT + published.SHOULDER_HEIGHT])
 
 FINGER_RADIUS = 0.070  # of the knuckles about the hand's axis [m]
-FINGERTIP = np.array([-0.0305, 0.0, 0.052])  # from the knuckle, x outwards: on the ball, 25 degrees beyond its equator [m]
+FINGERTIP = np.array(
+    [-0.0305, 0.0, 0.052]
+)  # from the knuckle, x outwards: on the ball, 25 degrees beyond its equator [m]
 FINGERTIP_RADIUS = 0.010
 FINGER_OPEN = 1.1  # angle of an open finger, 0: tip on the ball [rad]
 GRIP_TORQUE = 0.5  # at a knuckle: 8 N at the tip, published are 15 [N m]
 OPENING_RAMP = 0.015  # of the torque from closing to opening [s]
-OPENING_LAG = 0.0095  # from the start of that ramp until the tips leave the ball, measured on this plant [s]
+OPENING_LAG = (
+    0.0095  # from the start of that ramp until the tips leave the ball, measured on this plant [s]
+)
 
 BASKET_RADIUS, BASKET_DEPTH, BASKET_WALLS = 0.15, 0.35, 16
 
@@ -41,17 +47,35 @@ def quaternion(rotation):
 def add_inertial(body, mass, centre, inertia):
     """An inertial element; `inertia` (3, 3) about the centre in the axes of the body."""
     six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    ElementTree.SubElement(body, "inertial", mass=text(mass), pos=text(centre), fullinertia=text(six))
+    ElementTree.SubElement(
+        body, "inertial", mass=text(mass), pos=text(centre), fullinertia=text(six)
+    )
 
 
 def add_link(parent, joint, place, laboratory):
-    """Link `joint` with its motor's coordinate, and its drive's deflection if that is elastic; the frame is the joint's."""
-    body = ElementTree.SubElement(parent, "body", name=f"link{joint + 1}", pos=text(place[0]), quat=text(quaternion(place[1])))
-    hard = {"solimpfriction": "0.9999 0.9999 0.001", "solreffriction": "0.002 1"}  # stiction does not creep
+    """Link `joint` with its motor's coordinate, and its drive's deflection if that is elastic; the
+    frame is the joint's.
+    """
+    body = ElementTree.SubElement(
+        parent,
+        "body",
+        name=f"link{joint + 1}",
+        pos=text(place[0]),
+        quat=text(quaternion(place[1])),
+    )
+    hard = {
+        "solimpfriction": "0.9999 0.9999 0.001",
+        "solreffriction": "0.002 1",
+    }  # stiction does not creep
     common = {"axis": "0 0 1", "type": "hinge", **hard}
     ends = text([published.LOWER[joint], published.UPPER[joint]])
-    motor = {"armature": text(published.reflected_inertia()[joint]), "damping": text(laboratory.viscous[joint])}
-    ElementTree.SubElement(body, "joint", name=f"motor{joint + 1}", limited="true", range=ends, **motor, **common)
+    motor = {
+        "armature": text(published.reflected_inertia()[joint]),
+        "damping": text(laboratory.viscous[joint]),
+    }
+    ElementTree.SubElement(
+        body, "joint", name=f"motor{joint + 1}", limited="true", range=ends, **motor, **common
+    )
     if laboratory.stiffness is not None:
         stiffness = laboratory.stiffness[joint]
         spring = {"stiffness": text(stiffness), "damping": text(2e-4 * stiffness)}
@@ -66,21 +90,32 @@ def add_link(parent, joint, place, laboratory):
 
 
 def finger_places():
-    """Rotations (3, 3, 3) and knuckles (3, 3) of the fingers in the frame of the hand; the third points along y."""
+    """Rotations (3, 3, 3) and knuckles (3, 3) of the fingers in the frame of the hand; the third
+    points along y.
+    """
     turns = np.array([published.about_z(angle) for angle in np.deg2rad([210.0, 330.0, 90.0])])
     return turns, turns @ [FINGER_RADIUS, 0.0, 0.0] + [0.0, 0.0, published.PALM_HEIGHT]
 
 
 def palm_inertial(finger_centres):
-    """Mass, centre (3,) and tensor (3, 3) of the hand without its fingers, so that the closed hand is as published."""
+    """Mass, centre (3,) and tensor (3, 3) of the hand without its fingers, so that the closed hand
+    is as published.
+    """
     mass = published.HAND_MASS - 3 * published.FINGER_MASS
-    centre = (published.HAND_MASS * published.HAND_CENTRE - published.FINGER_MASS * finger_centres.sum(axis=0)) / mass
+    centre = (
+        published.HAND_MASS * published.HAND_CENTRE
+        - published.FINGER_MASS * finger_centres.sum(axis=0)
+    ) / mass
 
     def about_origin(mass, at):
         return mass * (at @ at * np.eye(3) - np.outer(at, at))
 
-    whole = published.tensor(published.HAND_INERTIA) + about_origin(published.HAND_MASS, published.HAND_CENTRE)
-    fingers = sum(about_origin(published.FINGER_MASS, at) + 3e-5 * np.eye(3) for at in finger_centres)
+    whole = published.tensor(published.HAND_INERTIA) + about_origin(
+        published.HAND_MASS, published.HAND_CENTRE
+    )
+    fingers = sum(
+        about_origin(published.FINGER_MASS, at) + 3e-5 * np.eye(3) for at in finger_centres
+    )
     return mass, centre, whole - fingers - about_origin(mass, centre)
 
 
@@ -88,16 +123,35 @@ def add_fingers(hand, scale):
     """Three fingers with a hinge each, whose tips hold the ball; positive angles open."""
     turns, knuckles = finger_places()
     for number, (turn, knuckle) in enumerate(zip(turns, knuckles, strict=True), 1):
-        finger = ElementTree.SubElement(hand, "body", name=f"finger{number}", pos=text(knuckle), quat=text(quaternion(turn)))
-        hinge = {"axis": "0 1 0", "limited": "true", "range": f"-0.2 {FINGER_OPEN}", "armature": "1e-4", "damping": "2e-3"}
+        finger = ElementTree.SubElement(
+            hand, "body", name=f"finger{number}", pos=text(knuckle), quat=text(quaternion(turn))
+        )
+        hinge = {
+            "axis": "0 1 0",
+            "limited": "true",
+            "range": f"-0.2 {FINGER_OPEN}",
+            "armature": "1e-4",
+            "damping": "2e-3",
+        }
         ElementTree.SubElement(finger, "joint", name=f"knuckle{number}", **hinge)
-        add_inertial(finger, scale * published.FINGER_MASS, 0.5 * FINGERTIP, scale * 3e-5 * np.eye(3))
-        ElementTree.SubElement(finger, "geom", {"class": "grip"}, name=f"tip{number}", pos=text(FINGERTIP), size=text(FINGERTIP_RADIUS))
+        add_inertial(
+            finger, scale * published.FINGER_MASS, 0.5 * FINGERTIP, scale * 3e-5 * np.eye(3)
+        )
+        ElementTree.SubElement(
+            finger,
+            "geom",
+            {"class": "grip"},
+            name=f"tip{number}",
+            pos=text(FINGERTIP),
+            size=text(FINGERTIP_RADIUS),
+        )
 
 
 def add_hand(parent, place, laboratory, fingers):
     """The hand on the tool plate; without `fingers` it is one lump."""
-    hand = ElementTree.SubElement(parent, "body", name="hand", pos=text(place[0]), quat=text(quaternion(place[1])))
+    hand = ElementTree.SubElement(
+        parent, "body", name="hand", pos=text(place[0]), quat=text(quaternion(place[1]))
+    )
     scale = laboratory.hand_mass_scale
     if not fingers:
         inertia = scale * published.tensor(published.HAND_INERTIA)
@@ -107,7 +161,11 @@ def add_hand(parent, place, laboratory, fingers):
     mass, centre, inertia = palm_inertial(knuckles + turns @ (0.5 * FINGERTIP))
     add_inertial(hand, scale * mass, centre, scale * inertia)
     height, radius = published.PALM_HEIGHT, published.PALM_RADIUS
-    palm = {"type": "cylinder", "size": text([radius, height / 2]), "pos": text([0.0, 0.0, height / 2])}
+    palm = {
+        "type": "cylinder",
+        "size": text([radius, height / 2]),
+        "pos": text([0.0, 0.0, height / 2]),
+    }
     ElementTree.SubElement(hand, "geom", {"class": "grip"}, name="palm", **palm)
     add_fingers(hand, scale)
 
@@ -118,17 +176,35 @@ def add_ball(world, laboratory):
     ElementTree.SubElement(ball, "freejoint", name="ball")
     mass, radius = laboratory.ball_mass, published.BALL_RADIUS
     add_inertial(ball, mass, np.zeros(3), 2 / 3 * mass * radius**2 * np.eye(3))
-    ElementTree.SubElement(ball, "geom", {"class": "grip"}, name="ball", type="sphere", size=text(radius), contype="1", conaffinity="0")
+    ElementTree.SubElement(
+        ball,
+        "geom",
+        {"class": "grip"},
+        name="ball",
+        type="sphere",
+        size=text(radius),
+        contype="1",
+        conaffinity="0",
+    )
 
 
 def add_basket(world):
-    """A ring of boards with a floor that may be put anywhere; its frame is at the centre of the rim."""
+    """A ring of boards with a floor that may be put anywhere; its frame is at the centre of the
+    rim.
+    """
     basket = ElementTree.SubElement(world, "body", name="basket", mocap="true", pos="2 0 0.4")
     for angle in 2 * np.pi * np.arange(BASKET_WALLS) / BASKET_WALLS:
         turn = published.about_z(angle)
         size = [0.005, 1.02 * BASKET_RADIUS * np.tan(np.pi / BASKET_WALLS), BASKET_DEPTH / 2]
         place = turn @ [BASKET_RADIUS + 0.005, 0.0, -BASKET_DEPTH / 2]
-        ElementTree.SubElement(basket, "geom", type="box", size=text(size), pos=text(place), quat=text(quaternion(turn)))
+        ElementTree.SubElement(
+            basket,
+            "geom",
+            type="box",
+            size=text(size),
+            pos=text(place),
+            quat=text(quaternion(turn)),
+        )
     floor = {"size": text([BASKET_RADIUS, 0.01]), "pos": text([0.0, 0.0, -BASKET_DEPTH - 0.01])}
     ElementTree.SubElement(basket, "geom", type="cylinder", **floor)
 
@@ -137,8 +213,13 @@ def describe(laboratory, world_too=True):
     """The MJCF of the arm, or of arm, fingers, ball, floor and basket."""
     root = ElementTree.Element("mujoco", model="wam")
     ElementTree.SubElement(root, "compiler", angle="radian")
-    options = {"timestep": text(PERIOD / SUBSTEPS), "gravity": text([0.0, 0.0, -published.GRAVITY])}
-    option = ElementTree.SubElement(root, "option", integrator="implicitfast", cone="elliptic", impratio="5", **options)
+    options = {
+        "timestep": text(PERIOD / SUBSTEPS),
+        "gravity": text([0.0, 0.0, -published.GRAVITY]),
+    }
+    option = ElementTree.SubElement(
+        root, "option", integrator="implicitfast", cone="elliptic", impratio="5", **options
+    )
     ElementTree.SubElement(option, "flag", energy="enable")
     defaults = ElementTree.SubElement(root, "default")
     ElementTree.SubElement(defaults, "geom", contype="0", conaffinity="1")
@@ -148,7 +229,9 @@ def describe(laboratory, world_too=True):
     if world_too:
         ElementTree.SubElement(world, "geom", name="floor", type="plane", size="10 10 0.1")
     turn = published.about_z(laboratory.base_turn)
-    body = ElementTree.SubElement(world, "body", name="base", pos=text(SHOULDER), quat=text(quaternion(turn)))
+    body = ElementTree.SubElement(
+        world, "body", name="base", pos=text(SHOULDER), quat=text(quaternion(turn))
+    )
     place = (np.zeros(3), np.eye(3))
     for joint in range(7):
         body, place = add_link(body, joint, place, laboratory)
@@ -160,7 +243,9 @@ def describe(laboratory, world_too=True):
 
 
 class NominalArm:
-    """The arm as its controller believes it to be: published masses, a closed hand without a ball, a base that was not turned."""
+    """The arm as its controller believes it to be: published masses, a closed hand without a ball,
+    a base that was not turned.
+    """
 
     def __init__(self, laboratory):
         self.model = mujoco.MjModel.from_xml_string(describe(laboratory, world_too=False))
@@ -223,12 +308,17 @@ class Encoders:
         if not self._counts:
             return angles + self._offset
         step = 2 * np.pi / self._counts
-        return self._from_motor @ (step * np.floor(published.JOINT_TO_MOTOR @ angles / step)) + self._offset
+        return (
+            self._from_motor @ (step * np.floor(published.JOINT_TO_MOTOR @ angles / step))
+            + self._offset
+        )
 
     def read(self, angles):
         """Take the true angles (7,) of the motors, seen from the joints."""
         measured = self._measured(angles)
-        self.speeds = self._keep * self.speeds + (1.0 - self._keep) * (measured - self.angles) / PERIOD
+        self.speeds = (
+            self._keep * self.speeds + (1.0 - self._keep) * (measured - self.angles) / PERIOD
+        )
         self.angles = measured
 
 
@@ -248,7 +338,9 @@ class Hand:
     def open(self, now):
         """The command to open; a second one changes nothing."""
         if self._begin is None:
-            delay = self._laboratory.hand_delay + self._laboratory.hand_spread * np.clip(self._random.standard_normal(), -3.0, 3.0)
+            delay = self._laboratory.hand_delay + self._laboratory.hand_spread * np.clip(
+                self._random.standard_normal(), -3.0, 3.0
+            )
             self._begin = now + delay - OPENING_LAG
 
     def close(self):
@@ -257,13 +349,17 @@ class Hand:
 
     def act(self, now):
         """The torque at each knuckle [N m]."""
-        opened = 0.0 if self._begin is None else np.clip((now - self._begin) / OPENING_RAMP, 0.0, 1.0)
+        opened = (
+            0.0 if self._begin is None else np.clip((now - self._begin) / OPENING_RAMP, 0.0, 1.0)
+        )
         self.torque = GRIP_TORQUE * (2.0 * opened - 1.0)
         return self.torque
 
 
 class Plant:
-    """The world at 500 Hz: `step` takes joint torques, the person's push, and where a person carries the ball."""
+    """The world at 500 Hz: `step` takes joint torques, the person's push, and where a person
+    carries the ball.
+    """
 
     def __init__(self, laboratory, posture):
         self.laboratory = laboratory
@@ -272,14 +368,21 @@ class Plant:
         names = [self.model.joint(index).name for index in range(self.model.njnt)]
         address = {name: self.model.joint(name).dofadr[0] for name in names}
         self._motor = np.array([address[f"motor{number}"] for number in range(1, 8)])
-        self._drive = np.array([address[f"drive{number}"] for number in range(1, 8) if f"drive{number}" in address], int)
+        self._drive = np.array(
+            [address[f"drive{number}"] for number in range(1, 8) if f"drive{number}" in address],
+            int,
+        )
         self._finger = np.array([address[f"knuckle{number}"] for number in (1, 2, 3)])
         self._ball_position = self.model.joint("ball").qposadr[0]
         self._ball_speed = address["ball"]
-        self._bodies = {name: self.model.body(name).id for name in ("hand", "ball", "basket", "link4")}
+        self._bodies = {
+            name: self.model.body(name).id for name in ("hand", "ball", "basket", "link4")
+        }
         self._tips = {self.model.geom(f"tip{number}").id for number in (1, 2, 3)}
         self._ball_geom = self.model.geom("ball").id
-        self._area = 0.5 * AIR_DENSITY * laboratory.drag_coefficient * np.pi * published.BALL_RADIUS**2
+        self._area = (
+            0.5 * AIR_DENSITY * laboratory.drag_coefficient * np.pi * published.BALL_RADIUS**2
+        )
         self._motors = Motors()
         self.hand = Hand(laboratory, np.random.default_rng([laboratory.seed, 72]))
         self.steps = 0
@@ -309,14 +412,18 @@ class Plant:
         return angles
 
     def pose(self, body):
-        """Position (3,) and rotation (3, 3) of hand, ball, basket or link4 (its origin is the elbow) in the world."""
+        """Position (3,) and rotation (3, 3) of hand, ball, basket or link4 (its origin is the
+        elbow) in the world.
+        """
         index = self._bodies[body]
         return self.data.xpos[index].copy(), self.data.xmat[index].reshape(3, 3).copy()
 
     def velocity(self, body):
         """Linear (3,) and angular (3,) velocity of the origin of a body in world axes."""
         both = np.zeros(6)
-        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_XBODY, self._bodies[body], both, 0)
+        mujoco.mj_objectVelocity(
+            self.model, self.data, mujoco.mjtObj.mjOBJ_XBODY, self._bodies[body], both, 0
+        )
         return both[3:], both[:3]
 
     def grasp(self):
@@ -327,11 +434,19 @@ class Plant:
     def fingers_touch(self):
         """How many fingertips touch the ball."""
         pairs = self.data.contact.geom
-        return sum(bool(self._tips & set(pair)) and self._ball_geom in pair for pair in pairs.tolist())
+        return sum(
+            bool(self._tips & set(pair)) and self._ball_geom in pair for pair in pairs.tolist()
+        )
 
     def put_ball(self, place, velocity=(0.0, 0.0, 0.0)):
         """The ball is there, and moves so."""
-        self.data.qpos[self._ball_position : self._ball_position + 7] = [*place, 1.0, 0.0, 0.0, 0.0]
+        self.data.qpos[self._ball_position : self._ball_position + 7] = [
+            *place,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+        ]
         self.data.qvel[self._ball_speed : self._ball_speed + 6] = [*velocity, 0.0, 0.0, 0.0]
 
     def place_basket(self, rim):
@@ -342,7 +457,9 @@ class Plant:
         """Coulomb friction with stiction that fades with speed, at the motors (Stribeck)."""
         laboratory = self.laboratory
         fade = np.exp(-((self.data.qvel[self._motor] / laboratory.stribeck_speed) ** 2))
-        self.model.dof_frictionloss[self._motor] = laboratory.coulomb * (1.0 + (laboratory.stiction - 1.0) * fade)
+        self.model.dof_frictionloss[self._motor] = laboratory.coulomb * (
+            1.0 + (laboratory.stiction - 1.0) * fade
+        )
 
     def _push(self, body, force, moment):
         """A wrench at the origin of a body for this step, world axes."""
@@ -352,7 +469,9 @@ class Plant:
         self.data.xfrc_applied[index, 3:] = moment + np.cross(lever, force)
 
     def step(self, torque, push=(), carried=None):
-        """Advance by 2 ms: joint torques (7,), pushes (body, force (3,), moment (3,)), the place (3,) of a carried ball."""
+        """Advance by 2 ms: joint torques (7,), pushes (body, force (3,), moment (3,)), the place
+        (3,) of a carried ball.
+        """
         self.torque = np.asarray(torque, float)
         if self.laboratory.real_motors:
             self.torque = self._motors.available(self.torque, self.data.qvel[self._motor])
@@ -360,7 +479,9 @@ class Plant:
         for body, force, moment in push:
             self._push(body, force, moment)
         speed = self.data.qvel[self._ball_speed : self._ball_speed + 3]
-        self.data.xfrc_applied[self._bodies["ball"], :3] = -self._area * np.linalg.norm(speed) * speed
+        self.data.xfrc_applied[self._bodies["ball"], :3] = (
+            -self._area * np.linalg.norm(speed) * speed
+        )
         self.data.qfrc_applied[self._motor] = self.torque
         self.data.qfrc_applied[self._finger] = self.hand.act(self.time)
         self._rub()

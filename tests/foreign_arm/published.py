@@ -1,7 +1,9 @@
-"""Published numbers of the Barrett WAM with BH8-280 hand, and kinematics and gravity computed from them with numpy alone.
+"""Published numbers of the Barrett WAM with BH8-280 hand, and kinematics and gravity computed from
+them with numpy alone.
 
-Kinematics, masses and transmission: BarrettTechnology/libbarrett, config/wam7w.conf, commit 109faf60. Motors: Barrett's support wiki. Hand:
-support.barrett.com by way of herb_description. Friction: personalrobotics/owd. SI units.
+Kinematics, masses and transmission: BarrettTechnology/libbarrett, config/wam7w.conf, commit
+109faf60. Motors: Barrett's support wiki. Hand: support.barrett.com by way of herb_description.
+Friction: personalrobotics/owd. SI units.
 """
 
 import numpy as np
@@ -47,14 +49,17 @@ PRINTED_INERTIA = np.array(
         [0.00003911, 0.00000019, 0.0, 0.00003877, 0.0, 0.00007614],
     ]
 )
-"""Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centres of mass as printed (7, 6): products with the sign of +int(xy dm) [kg m^2]."""
+"""Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centres of mass as printed (7, 6): products with the sign
+of +int(xy dm) [kg m^2].
+"""
 
 LOWER = np.array([-2.6, -2.0, -2.8, -0.9, -4.76, -1.6, -3.0])
 UPPER = np.array([2.6, 2.0, 2.8, 3.14, 1.24, 1.6, 3.0])
 """Ends of the joints' ranges: manual, table 6, and the home pose of J4 [rad]."""
 COULOMB = np.array([2.7, 2.5, 1.5, 1.1, 0.4, 0.4, 0.1])
 VISCOUS = np.array([1.5, 0.9, 0.5, 0.25, 0.016, 0.1, 0.0027])
-"""Joint friction (7,): identified by owd; viscous of J5 and J7 from the motors [N m, N m s/rad]."""
+"""Joint friction (7,): identified by owd; viscous of J5 and J7 from the motors [N m, N m s/rad].
+"""
 
 JOINT_TO_MOTOR = np.zeros((7, 7))
 JOINT_TO_MOTOR[[0, 3, 6], [0, 3, 6]] = -42.0, -18.0, -14.93
@@ -73,8 +78,12 @@ SPEED_FILTER = 180.0
 
 HAND_MASS = 1.202157
 HAND_CENTRE = np.array([-0.000022, -0.009457, 0.065545])
-HAND_INERTIA = np.array([3.80754648e-3, 3.77174367e-6, -3.83721486e-6, 2.75084711e-3, 3.12076618e-4, 2.14983398e-3])
-"""Closed on a ball, lumped, in the frame of the mounting face; products with the sign of -int(xy dm)."""
+HAND_INERTIA = np.array(
+    [3.80754648e-3, 3.77174367e-6, -3.83721486e-6, 2.75084711e-3, 3.12076618e-4, 2.14983398e-3]
+)
+"""Closed on a ball, lumped, in the frame of the mounting face; products with the sign of -int(xy
+dm).
+"""
 FINGER_MASS = 0.062139 + 0.04166
 """Inner link and tip of one finger (BH8-280) [kg]."""
 PALM_HEIGHT, PALM_RADIUS = 0.08, 0.0445
@@ -103,12 +112,15 @@ def about_z(angle):
 
 
 def reflected_inertia():
-    """Rotor inertia at the joints (7,): the diagonal, its only other entry is 6e-5 between J5 and J6 [kg m^2]."""
+    """Rotor inertia at the joints (7,): the diagonal, its only other entry is 6e-5 between J5 and
+    J6 [kg m^2].
+    """
     return np.diag(JOINT_TO_MOTOR.T @ np.diag(ROTOR_INERTIA) @ JOINT_TO_MOTOR)
 
 
 def frames(angles):
-    """Rotations (n, 8, 3, 3) and origins (n, 8, 3) of the DH frames 0 to 7 from the shoulder centre, for joint angles (n, 7).
+    """Rotations (n, 8, 3, 3) and origins (n, 8, 3) of the DH frames 0 to 7 from the shoulder
+    centre, for joint angles (n, 7).
 
     Without n for one posture (7,).
     """
@@ -124,7 +136,9 @@ def frames(angles):
 
 
 def gravity_torque(angles, masses=MASS, hand_mass=HAND_MASS):
-    """Joint torques (7,) that hold arm and hand still in the posture (7,), from the table alone [N m]."""
+    """Joint torques (7,) that hold arm and hand still in the posture (7,), from the table alone [N
+    m].
+    """
     rotations, origins = frames(angles)
     centres = origins[1:] + np.einsum("jab,jb->ja", rotations[1:], CENTRE)
     hand = origins[7] + rotations[7] @ HAND_CENTRE

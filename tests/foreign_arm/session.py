@@ -19,13 +19,18 @@ def rim(distance, azimuth):
     return np.array([distance * np.cos(azimuth), distance * np.sin(azimuth), RIM])
 
 
-LESSONS = [rim(*place) for place in ((1.6, -0.5), (2.1, -0.3), (1.85, 0.0), (1.55, 0.25), (2.15, 0.4), (1.8, 0.6))]
+LESSONS = [
+    rim(*place)
+    for place in ((1.6, -0.5), (2.1, -0.3), (1.85, 0.0), (1.55, 0.25), (2.15, 0.4), (1.8, 0.6))
+]
 TARGETS = [rim(*place) for place in ((1.8, -0.35), (2.0, 0.2), (1.7, 0.45))]
 
 
 @contextmanager
 def session(folder, seed, lockstep):
-    """A driver, somebody at a terminal, and the hardware layout beside them; the arm is free to be guided."""
+    """A driver, somebody at a terminal, and the hardware layout beside them; the arm is free to be
+    guided.
+    """
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with hardware_graph(folder):

@@ -1,4 +1,6 @@
-"""The hardware layout beside an arm, cameras and a person that are not ours, driven as docs/hardware.md says."""
+"""The hardware layout beside an arm, cameras and a person that are not ours, driven as
+docs/hardware.md says.
+"""
 
 import re
 from itertools import pairwise
@@ -6,7 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup")
+pytest.importorskip(
+    "mujoco",
+    reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup",
+)
 
 from dart_skill_msgs.action import Execute  # noqa: E402
 
@@ -35,7 +40,9 @@ def lesson(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def throws(lesson):
-    """Target (3,), result of the action, and whether the ball lies in the basket, of throws at baskets that nobody demonstrated."""
+    """Target (3,), result of the action, and whether the ball lies in the basket, of throws at
+    baskets that nobody demonstrated.
+    """
     made = []
     for target in TARGETS[:2]:
         lesson.prepare(target)
@@ -64,7 +71,9 @@ def test_every_state_of_the_arm_is_answered(lesson):
 def test_a_demonstration_has_what_the_cameras_and_the_arm_said(lesson):
     assert set(lesson.hits) <= set(lesson.pressed) and lesson.hits == sorted(set(lesson.hits))
     for demonstration, place in zip(lesson.demonstrations, LESSONS, strict=True):
-        assert demonstration.skill == "throw" and list(demonstration.situation.bodies) == ["basket"]
+        assert demonstration.skill == "throw" and list(demonstration.situation.bodies) == [
+            "basket"
+        ]
         target = demonstration.situation.poses[0].position
         assert [target.x, target.y, target.z] == pytest.approx(place, abs=0.003)
         poses = {track.body: len(track.poses) for track in demonstration.tracks}
@@ -96,22 +105,32 @@ def test_the_hand_is_told_to_open_for_longer_than_one_command(lesson, throws):
 
 
 def test_the_arm_practises_at_the_basket_that_the_cameras_see(lesson, throws):
-    """A person puts the ball back when the coach asks for it; the arm goes back to where it starts, not where it came to rest."""
+    """A person puts the ball back when the coach asks for it; the arm goes back to where it
+    starts, not where it came to rest.
+    """
     lesson.driver.plant.place_basket(TARGETS[0])
     result, said = lesson.type("dart-skill", "practice", "--running", "--throws", "1")
     assert (result["thrown"], result["learned"]) == (1, 1), said
-    assert result["throws"][0]["error_m"] is not None and result["throws"][0]["error_m"] < 0.15, said
+    assert result["throws"][0]["error_m"] is not None and result["throws"][0]["error_m"] < 0.15, (
+        said
+    )
     assert result["throws"][0]["target_m"] == pytest.approx(TARGETS[0], abs=0.003)
     assert "put the ball into the hand, then stand back" in lesson.asked
-    assert all(text in said for text in lesson.asked), "the command line says what the person should do"
-    assert lesson.driver.plant.encoders.angles == pytest.approx(np.array(throws[0][1].plan.start_posture), abs=0.1)
+    assert all(text in said for text in lesson.asked), (
+        "the command line says what the person should do"
+    )
+    assert lesson.driver.plant.encoders.angles == pytest.approx(
+        np.array(throws[0][1].plan.start_posture), abs=0.1
+    )
 
 
 def test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it(lesson, throws):
     x, y, z = (round(float(value), 2) for value in TARGETS[2])
     lesson.driver.plant.place_basket(TARGETS[1])
     result, said = lesson.type("dart-skill", "throw", "--at", str(x), str(y), str(z))
-    assert lesson.asked[0] == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
+    assert (
+        lesson.asked[0] == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
+    )
     assert result["throws"][0]["error_m"] < 0.12 and result["throws"][0]["in_basket"], said
 
 
@@ -162,7 +181,10 @@ def test_a_target_without_a_plan_costs_one_throw_and_nobody_carries_a_basket_the
     with lesson.practising(situations=targets, only_execute=True) as practice:
         lesson.until_asked("")
         x, y, z = TARGETS[0]
-        assert lesson.asked[0] == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
+        assert (
+            lesson.asked[0]
+            == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
+        )
     result = practice.result
     assert (result.executed, len(result.outcomes), result.outcomes[0].seen) == (0, 1, False)
 
@@ -194,7 +216,9 @@ def test_a_recording_ends_when_the_button_was_pressed_once(lesson, throws):
 def test_a_bad_demonstration_is_dropped_and_restored(lesson, throws):
     listed, _ = lesson.type("dart-skill", "demonstrations")
     rows = listed["demonstrations"]
-    assert [row["id"] for row in rows][: len(LESSONS)] == [f"demonstration_{stamp}" for stamp in lesson.hits]
+    assert [row["id"] for row in rows][: len(LESSONS)] == [
+        f"demonstration_{stamp}" for stamp in lesson.hits
+    ]
     for row in rows[: len(LESSONS)]:
         assert row["readable"] and not row["dropped"] and 0.3 < row["duration"] < 3.0, row
     bad = rows[1]["id"]
@@ -211,16 +235,28 @@ def test_a_bad_demonstration_is_dropped_and_restored(lesson, throws):
 
 @pytest.fixture(scope="module")
 def unseen(lesson, throws, tmp_path_factory):
-    """A guided throw whose landing nobody saw, recorded by a recorder that was started again after one was dropped: ids before, the dropped
-    one, the recorder's answer, and its bag.
+    """A guided throw whose landing nobody saw, recorded by a recorder that was started again after
+    one was dropped: ids before, the dropped one, the recorder's answer, and its bag.
     """
     folder = tmp_path_factory.mktemp("again")
     before = [one.id for one in lesson.call("/skill_learner/demonstrations").demonstrations]
     assert lesson.call("/skill_learner/drop_demonstration", id=before[2]).success
     assert lesson.call("/commander/release_arm", data=True).success
     cameras, plant = lesson.driver.cameras, lesson.driver.plant
-    cameras.hidden = lambda body: body == "ball" and plant.hand.told_to_open and plant.pose("ball")[0][2] < 1.2
-    command = ["ros2", "run", "dart_skill", "demonstration_recorder", "--ros-args", "-r", "__node:=again", "-p", f"bag:={folder / 'bag'}"]
+    cameras.hidden = lambda body: (
+        body == "ball" and plant.hand.told_to_open and plant.pose("ball")[0][2] < 1.2
+    )
+    command = [
+        "ros2",
+        "run",
+        "dart_skill",
+        "demonstration_recorder",
+        "--ros-args",
+        "-r",
+        "__node:=again",
+        "-p",
+        f"bag:={folder / 'bag'}",
+    ]
     with running(command, folder / "again.log"):
         lesson.recorder = "/again"
         try:
@@ -252,5 +288,7 @@ def test_a_recorder_that_is_started_again_overwrites_no_demonstration(lesson, un
 def test_an_arm_that_somebody_may_hold_is_not_thrown_with(lesson, throws):
     assert lesson.call("/commander/release_arm", data=True).success
     refused = lesson.throw(TARGETS[0])
-    assert refused.code != Execute.Goal.OUTCOME_EXECUTED and "released" in refused.message, refused.message
+    assert refused.code != Execute.Goal.OUTCOME_EXECUTED and "released" in refused.message, (
+        refused.message
+    )
     assert lesson.call("/commander/release_arm", data=False).success

@@ -1,4 +1,6 @@
-"""The second plant, its cameras and its person do what physics, the published tables and this file say. No ROS."""
+"""The second plant, its cameras and its person do what physics, the published tables and this file
+say. No ROS.
+"""
 
 import dataclasses
 import time
@@ -6,7 +8,10 @@ import time
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup")
+pytest.importorskip(
+    "mujoco",
+    reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup",
+)
 
 import mujoco  # noqa: E402
 
@@ -14,7 +19,14 @@ from tests.foreign_arm import published  # noqa: E402
 from tests.foreign_arm.cameras import BODIES, Cameras  # noqa: E402
 from tests.foreign_arm.laboratory import Laboratory  # noqa: E402
 from tests.foreign_arm.person import COCKED, Aim, Person, Way, fall, swing_angles  # noqa: E402
-from tests.foreign_arm.plant import PERIOD, SHOULDER, Encoders, Motors, NominalArm, Plant  # noqa: E402
+from tests.foreign_arm.plant import (
+    PERIOD,
+    SHOULDER,
+    Encoders,
+    Motors,
+    NominalArm,
+    Plant,
+)  # noqa: E402
 
 AWAY = np.array([3.0, 0.0, published.BALL_RADIUS])
 POSES = {
@@ -77,7 +89,10 @@ def test_energy_is_conserved_without_friction():
     plant.hand.act = lambda now: 0.0
     for name in ("knuckle1", "knuckle2", "knuckle3"):
         address = plant.model.joint(name).dofadr[0]
-        plant.model.dof_damping[address], plant.model.dof_armature[address] = 0.0, 10.0  # fingers hardly move
+        plant.model.dof_damping[address], plant.model.dof_armature[address] = (
+            0.0,
+            10.0,
+        )  # fingers hardly move
     before, energies, kinetic = None, [], []
     for _ in range(200):
         plant.step(np.zeros(7))
@@ -107,13 +122,17 @@ def test_motors_give_less_torque_the_faster_they_turn_and_never_more_than_their_
     wanted = np.array([1000.0, 0, 0, 0, 0, 0, 0])
     assert motors.available(wanted, np.zeros(7))[0] == pytest.approx(published.PUCK_PEAK_JOINT[0])
     at_full_speed = published.NO_LOAD_SPEED[0] / 42.0
-    assert motors.available(wanted, np.array([at_full_speed, 0, 0, 0, 0, 0, 0]))[0] == pytest.approx(0.0, abs=1e-9)
+    assert motors.available(wanted, np.array([at_full_speed, 0, 0, 0, 0, 0, 0]))[
+        0
+    ] == pytest.approx(0.0, abs=1e-9)
     small = np.array([1.0, -2.0, 0.5, 1.0, 0.2, -0.1, 0.05])
     assert motors.available(small, np.zeros(7)) == pytest.approx(small)
 
 
 def test_encoders_count_the_motors_turns_and_speeds_follow_as_a_low_pass():
-    laboratory = dataclasses.replace(Laboratory.quiet(), encoder_counts=4096, joint_offset=np.full(7, 0.005))
+    laboratory = dataclasses.replace(
+        Laboratory.quiet(), encoder_counts=4096, joint_offset=np.full(7, 0.005)
+    )
     encoders = Encoders(laboratory, np.zeros(7))
     times = PERIOD * np.arange(1, 101)
     for instant in times:
@@ -125,7 +144,9 @@ def test_encoders_count_the_motors_turns_and_speeds_follow_as_a_low_pass():
 
 
 def test_drives_give_way_under_load_and_encoders_do_not_see_it(nominal):
-    laboratory = dataclasses.replace(Laboratory.quiet(), stiffness=Laboratory.drawn(3).stiffness, viscous=published.VISCOUS)
+    laboratory = dataclasses.replace(
+        Laboratory.quiet(), stiffness=Laboratory.drawn(3).stiffness, viscous=published.VISCOUS
+    )
     plant = Plant(laboratory, COCKED)
     hold(plant, nominal, 0.3)
     sag = plant.link_angles - plant.motor_angles
@@ -145,7 +166,9 @@ def test_a_free_ball_flies_on_a_parabola_with_drag(drag):
     resistance = Aim.resistance(plant.laboratory)
     assert fall(start, velocity, place[2], resistance) == pytest.approx(place, abs=0.003)
     if not drag:
-        assert place == pytest.approx(start + 0.6 * velocity - [0.0, 0.0, 0.5 * published.GRAVITY * 0.36], abs=0.003)
+        assert place == pytest.approx(
+            start + 0.6 * velocity - [0.0, 0.0, 0.5 * published.GRAVITY * 0.36], abs=0.003
+        )
 
 
 def test_a_ball_falls_onto_the_floor_and_into_the_basket():
@@ -242,7 +265,12 @@ def test_cameras_are_late_noisy_and_sometimes_blind():
     laboratory = Laboratory.drawn(6)
     plant, cameras = Plant(laboratory, COCKED), Cameras(laboratory)
     nominal, seen = NominalArm(Laboratory.quiet()), []
-    hold(plant, nominal, 3.0, each=lambda: seen.extend((plant.steps, sighting) for sighting in cameras.look(plant)))
+    hold(
+        plant,
+        nominal,
+        3.0,
+        each=lambda: seen.extend((plant.steps, sighting) for sighting in cameras.look(plant)),
+    )
     assert {step - sighting.step for step, sighting in seen} == {6}, "12 ms"
     balls = np.array([sighting.place for _, sighting in seen if sighting.body == "ball"])
     assert 0.97 < len(seen) / (3 * 300) < 1.0
@@ -258,7 +286,9 @@ def test_the_same_seed_is_the_same_laboratory_and_another_is_not():
 
 
 def test_a_step_leaves_time_for_real_time(nominal):
-    """CPU time of a step with gravity compensation, the best of some runs: others compute on the machine, too."""
+    """CPU time of a step with gravity compensation, the best of some runs: others compute on the
+    machine, too.
+    """
     plant, best = Plant(Laboratory.drawn(7), COCKED), np.inf
     for _ in range(5):
         begin = time.process_time()

@@ -2,7 +2,10 @@
 
 import pytest
 
-pytest.importorskip("mujoco", reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup")
+pytest.importorskip(
+    "mujoco",
+    reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup",
+)
 
 import numpy as np  # noqa: E402
 from dart_skill_msgs.action import Execute  # noqa: E402
@@ -10,7 +13,9 @@ from dart_skill_msgs.action import Execute  # noqa: E402
 from tests.foreign_arm.session import LESSONS, TARGETS, session, teach  # noqa: E402
 
 LATE, FEW = 3, 0.01
-"""Periods, and the share of commands that may come later: beyond, they come later than any arm's bus would bring them."""
+"""Periods, and the share of commands that may come later: beyond, they come later than any arm's
+bus would bring them.
+"""
 SLOWER = 4.0
 """On a machine that is too busy for that, a second of the arm takes so many seconds."""
 
@@ -24,7 +29,9 @@ def late_share(outsider):
 
 @pytest.mark.slow
 def test_in_real_time_three_throws_are_guided_and_one_goes_into_a_basket(tmp_path):
-    """A busy machine makes the plant's clock stand still now and then: the arm then has up to three throws."""
+    """A busy machine makes the plant's clock stand still now and then: the arm then has up to
+    three throws.
+    """
     with session(tmp_path, seed=1, lockstep=False) as outsider:
         outsider.driver.lags.clear()
         teach(outsider, LESSONS[1:2])
@@ -43,6 +50,9 @@ def test_in_real_time_three_throws_are_guided_and_one_goes_into_a_basket(tmp_pat
             if outsider.driver.person.in_basket(TARGETS[1]):
                 break
             if late > FEW:
-                pytest.skip(f"too busy even for a slower clock: {late:.1%} of the commands came later than {LATE} periods")
+                pytest.skip(
+                    f"too busy even for a slower clock: {late:.1%} of the commands came later than"
+                    f" {LATE} periods"
+                )
         assert result.code == Execute.Goal.OUTCOME_EXECUTED, result.message
         assert result.outcome.success

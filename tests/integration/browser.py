@@ -1,4 +1,6 @@
-"""A headless Chromium for tests, driven through the DevTools protocol over the websockets package that viser brings."""
+"""A headless Chromium for tests, driven through the DevTools protocol over the websockets package
+that viser brings.
+"""
 
 import base64
 import functools
@@ -26,15 +28,18 @@ OPTIONS = (
 )  # fmt: skip
 """No name is looked up: whatever a page asks for outside this machine is listed, and fails."""
 SIZE, SMALL = (1280, 800), (1120, 560)
-"""Of a page [pixels]. Without a graphics card a large one takes several seconds of a core for a second of movement. The panel takes 320
-of the width: what is beside the middle must not be under it.
+"""Of a page [pixels]. Without a graphics card a large one takes several seconds of a core for a
+second of movement. The panel takes 320 of the width: what is beside the middle must not be under
+it.
 """
 FEW_FRAMES = """(() => {
   const frame = window.requestAnimationFrame.bind(window);
   window.requestAnimationFrame = (draw) => setTimeout(() => frame(draw), 100);
   window.cancelAnimationFrame = (timer) => clearTimeout(timer);
 })()"""
-"""A page draws ten times in a second at most: without a graphics card each picture takes a tenth of a second of a core."""
+"""A page draws ten times in a second at most: without a graphics card each picture takes a tenth
+of a second of a core.
+"""
 STILL = 2e-3
 """Share of pixels that may differ between two pictures of a page that stands still."""
 CORRECTIONS = 6
@@ -45,32 +50,51 @@ SHIFT = 8
 
 @functools.lru_cache(maxsize=1)
 def find_chromium():
-    """Path of a Chromium on this machine, named by $CHROMIUM or found on PATH; None if there is none."""
-    return os.environ.get("CHROMIUM") or next((path for name in NAMES if (path := shutil.which(name)) and _runs(path)), None)
+    """Path of a Chromium on this machine, named by $CHROMIUM or found on PATH; None if there is
+    none.
+    """
+    return os.environ.get("CHROMIUM") or next(
+        (path for name in NAMES if (path := shutil.which(name)) and _runs(path)), None
+    )
 
 
 def _runs(path):
-    """Whether it is a browser; on Ubuntu the command may be there only to say that a snap is wanted."""
+    """Whether it is a browser; on Ubuntu the command may be there only to say that a snap is
+    wanted.
+    """
     return subprocess.run([path, "--version"], capture_output=True).returncode == 0
 
 
 needs_chromium = pytest.mark.skipif(
-    find_chromium() is None, reason="no Chromium: `apt-get install chromium` as root on Debian, or name another one in $CHROMIUM"
+    find_chromium() is None,
+    reason=(
+        "no Chromium: `apt-get install chromium` as root on Debian, or name another one in"
+        " $CHROMIUM"
+    ),
 )
 
 
 def project(points, eye, look_at, size=SIZE, field_of_view=FIELD_OF_VIEW):
-    """Points of the world (n, 3) as pixels (n, 2) of a page of a size that looks from one place to another, upright."""
+    """Points of the world (n, 3) as pixels (n, 2) of a page of a size that looks from one place to
+    another, upright.
+    """
     forward = (look_at - eye) / np.linalg.norm(look_at - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     away = np.atleast_2d(points) - eye
     scale = size[1] / 2 / np.tan(field_of_view / 2) / (away @ forward)
-    return np.column_stack([size[0] / 2 + scale * (away @ right), size[1] / 2 - scale * (away @ np.cross(right, forward))])
+    return np.column_stack(
+        [
+            size[0] / 2 + scale * (away @ right),
+            size[1] / 2 - scale * (away @ np.cross(right, forward)),
+        ]
+    )
 
 
 def _differ(one, other):
-    """Whether two pictures show something else: a line of text, or a path that goes on, does not count."""
+    """Whether two pictures show something else: a line of text, or a path that goes on, does not
+    count.
+    """
     return (np.abs(one.astype(int) - other).max(axis=2) > 0).mean() > STILL
 
 
@@ -92,14 +116,24 @@ class Page:
             "--window-size={},{}".format(*size),
             "about:blank",
         ]
-        self._process = subprocess.Popen(command, stdout=self._log, stderr=self._log, start_new_session=True)
+        self._process = subprocess.Popen(
+            command, stdout=self._log, stderr=self._log, start_new_session=True
+        )
         try:
             # A film is made without a word to this socket for minutes.
-            self._socket = connect(self._address(), max_size=None, open_timeout=30, ping_interval=None)
+            self._socket = connect(
+                self._address(), max_size=None, open_timeout=30, ping_interval=None
+            )
             for domain in ("Page", "Runtime", "Network"):
                 self.call(f"{domain}.enable")
             width, height = self.size = size
-            self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+            self.call(
+                "Emulation.setDeviceMetricsOverride",
+                width=width,
+                height=height,
+                deviceScaleFactor=1,
+                mobile=False,
+            )
             if few_frames:
                 self.call("Page.addScriptToEvaluateOnNewDocument", source=FEW_FRAMES)
             self.call("Page.navigate", url=url)
@@ -110,7 +144,11 @@ class Page:
     def _address(self):
         """Of the page's own DevTools socket."""
         port_file = Path(self._profile.name) / "DevToolsActivePort"
-        self._wait(lambda: port_file.is_file() and len(port_file.read_text().splitlines()) == 2, 60.0, "Chromium's port")
+        self._wait(
+            lambda: port_file.is_file() and len(port_file.read_text().splitlines()) == 2,
+            60.0,
+            "Chromium's port",
+        )
         port = port_file.read_text().splitlines()[0]
 
         def pages():
@@ -124,12 +162,17 @@ class Page:
         until = time.monotonic() + limit
         while not condition():
             meanwhile()
-            assert self._process.poll() is None, f"Chromium ended:\n{(self._folder / 'chromium.txt').read_text(errors='replace')[-2000:]}"
+            assert self._process.poll() is None, (
+                "Chromium"
+                f" ended:\n{(self._folder / 'chromium.txt').read_text(errors='replace')[-2000:]}"
+            )
             assert time.monotonic() < until, f"{what} did not come in {limit:.0f} s"
             time.sleep(0.05)
 
     def call(self, method, **parameters):
-        """Result of a DevTools command; errors of the page's program, and what it fetches meanwhile, are kept."""
+        """Result of a DevTools command; errors of the page's program, and what it fetches
+        meanwhile, are kept.
+        """
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
@@ -147,7 +190,9 @@ class Page:
 
     def run(self, script):
         """Value of a JavaScript expression."""
-        result = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        result = self.call(
+            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
+        )
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
@@ -156,18 +201,29 @@ class Page:
         return self.run("document.body ? document.body.innerText : ''")
 
     def button(self, label):
-        """Middle of the button with this label, in pixels, scrolled into view; None while there is none, or while it cannot be clicked."""
+        """Middle of the button with this label, in pixels, scrolled into view; None while there is
+        none, or while it cannot be clicked.
+        """
         return self.run(
-            "(() => {const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === " + json.dumps(label) + ");"
-            "if (!b || b.disabled) return null; b.scrollIntoView({block: 'center'});"
-            "const r = b.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2];})()"
+            "(() => {const b = [...document.querySelectorAll('button')].find(b =>"
+            " b.innerText.trim() === "
+            + json.dumps(label)
+            + ");if (!b || b.disabled) return null; b.scrollIntoView({block: 'center'});const r ="
+            " b.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2];})()"
         )
 
     def mouse(self, kind, place, buttons=0, shift=False):
         """A mouse event: "mouseMoved", "mousePressed" or "mouseReleased" at a place in pixels."""
         pressed = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
         held = {"buttons": buttons, "modifiers": SHIFT if shift else 0}
-        self.call("Input.dispatchMouseEvent", type=kind, x=float(place[0]), y=float(place[1]), **held, **pressed)
+        self.call(
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=float(place[0]),
+            y=float(place[1]),
+            **held,
+            **pressed,
+        )
 
     def draw(self, pictures):
         """Wait until the page has drawn so many pictures."""
@@ -176,13 +232,22 @@ class Page:
 
     def cursor(self, place):
         """How the page shows the mouse at a place in pixels."""
-        return self.run(f"getComputedStyle(document.elementFromPoint({float(place[0])}, {float(place[1])})).cursor")
+        return self.run(
+            f"getComputedStyle(document.elementFromPoint({float(place[0])},"
+            f" {float(place[1])})).cursor"
+        )
 
     def key(self, key):
         """A key is pressed and let go: a letter, or "Enter"."""
         code, number = (key, 13) if key == "Enter" else (f"Key{key.upper()}", ord(key.upper()))
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=code, windowsVirtualKeyCode=number)
+            self.call(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=code,
+                windowsVirtualKeyCode=number,
+            )
 
     def click(self, label):
         """A click with the mouse on the button with this label."""
@@ -193,10 +258,14 @@ class Page:
         self.mouse("mouseReleased", place)
 
     def drag(self, start, end, steps=8, shift=False, correct=lambda end: None):
-        """Hold the mouse from one place to another, in pixels; shift: with that key; correct: gives a better end, or None to let go."""
+        """Hold the mouse from one place to another, in pixels; shift: with that key; correct:
+        gives a better end, or None to let go.
+        """
 
         def seen():
-            """The page sees with a picture what is under the mouse, and shows it by the cursor; else it would turn its view."""
+            """The page sees with a picture what is under the mouse, and shows it by the cursor;
+            else it would turn its view.
+            """
             self.mouse("mouseMoved", start, shift=shift)
             self.draw(3)
             return self.cursor(start) == "pointer"

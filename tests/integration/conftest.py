@@ -1,4 +1,6 @@
-"""The real nodes as processes over real DDS, on a ROS domain of this test run's own (tests/conftest.py)."""
+"""The real nodes as processes over real DDS, on a ROS domain of this test run's own
+(tests/conftest.py).
+"""
 
 import time
 from contextlib import contextmanager
@@ -28,7 +30,9 @@ def pytest_runtest_makereport(item, call):
     if report.failed:
         folders = {*RUNNING, *([item.funcargs["tmp_path"]] if "tmp_path" in item.funcargs else [])}
         for log in sorted({log for folder in folders for log in folder.rglob("*.log")}):
-            report.sections.append((f"end of {log.name}", log.read_text(encoding="utf-8", errors="replace")[-2000:]))
+            report.sections.append(
+                (f"end of {log.name}", log.read_text(encoding="utf-8", errors="replace")[-2000:])
+            )
 
 
 @pytest.fixture(scope="module")
@@ -40,16 +44,20 @@ def ros():
 
 @contextmanager
 def graphs(folder):
-    """A function that starts layouts of the graph with a client for each; everything is ended afterwards.
+    """A function that starts layouts of the graph with a client for each; everything is ended
+    afterwards.
 
-    The demonstrations of the n-th are recorded to `bag_n` in the folder. Two that are there at once must have no node in common.
+    The demonstrations of the n-th are recorded to `bag_n` in the folder. Two that are there at
+    once must have no node in common.
     """
     started = []
 
     def make(layout="composed", seed=0, extra=None, remappings=None, skill="", namespace=""):
         graph = Graph(folder / f"logs_{len(started)}", remappings or {}, namespace=namespace)
         name = f"coach_{len(started)}"
-        client = GraphClient(graph.dead, name, appears=60.0, namespace=namespace)  # a busy machine starts nodes slowly
+        client = GraphClient(
+            graph.dead, name, appears=60.0, namespace=namespace
+        )  # a busy machine starts nodes slowly
         started.append((graph, client))
         if layout is not None:
             graph.start_all(layout, seed, folder / f"bag_{len(started)}", extra, skill)
@@ -75,7 +83,9 @@ def make_graph(ros, tmp_path):
 
 @pytest.fixture(scope="module")
 def make_shared_graph(ros, tmp_path_factory):
-    """Starts layouts of the graph for all tests of a module: each leaves it as it found it, and none starts one of its own meanwhile."""
+    """Starts layouts of the graph for all tests of a module: each leaves it as it found it, and
+    none starts one of its own meanwhile.
+    """
     with graphs(tmp_path_factory.mktemp("shared")) as make:
         yield make
 
@@ -89,14 +99,18 @@ def teach_and_learn(client, targets):
 
 
 def processes_of(node):
-    """DDS topics that each process of the graph publishes, those that it subscribes to, and namespace and name of each of its nodes.
+    """DDS topics that each process of the graph publishes, those that it subscribes to, and
+    namespace and name of each of its nodes.
 
-    Topics of hidden nodes are among them. Namespaces are as Graph has them: "", "/arm1". The process of the tests is left out: other tests
-    may have made nodes of any names in it. One that was killed is there until the middleware forgets it.
+    Topics of hidden nodes are among them. Namespaces are as Graph has them: "", "/arm1". The
+    process of the tests is left out: other tests may have made nodes of any names in it. One that
+    was killed is there until the middleware forgets it.
     """
     ends, own = {}, (node.get_namespace().rstrip("/"), node.get_name())
     for topic, _ in node.get_topic_names_and_types(no_demangle=True):
-        for k, look in enumerate((node.get_publishers_info_by_topic, node.get_subscriptions_info_by_topic)):
+        for k, look in enumerate(
+            (node.get_publishers_info_by_topic, node.get_subscriptions_info_by_topic)
+        ):
             for end in look(topic, no_mangle=True):
                 process = ends.setdefault(bytes(end.endpoint_gid)[:12], (set(), set(), set()))
                 process[k].add(topic)
@@ -105,9 +119,11 @@ def processes_of(node):
 
 
 def endpoints_of_processes(node, alone=False):
-    """By namespace and name of each of our nodes, the topics of its process: published, and subscribed to.
+    """By namespace and name of each of our nodes, the topics of its process: published, and
+    subscribed to.
 
-    alone: of processes with one of our nodes only, which are those of this graph where other tests have left several nodes in one process.
+    alone: of processes with one of our nodes only, which are those of this graph where other tests
+    have left several nodes in one process.
     """
     found = {}
     for publishes, hears, nodes in processes_of(node):
@@ -131,14 +147,23 @@ class Diagnoses:
 
     def _take(self, message):
         self.of.update({status.name: status.message for status in message.status})
-        self.values.update({status.name: {pair.key: pair.value for pair in status.values} for status in message.status})
+        self.values.update(
+            {
+                status.name: {pair.key: pair.value for pair in status.values}
+                for status in message.status
+            }
+        )
 
 
 def wait_for(client, condition, limit=60.0, what="the condition"):
-    """Spin until the condition holds; the test fails with its name when it never does. what: in words, or a function that has them then."""
+    """Spin until the condition holds; the test fails with its name when it never does. what: in
+    words, or a function that has them then.
+    """
     until = time.monotonic() + limit
     while not condition():
-        assert time.monotonic() < until, f"{what() if callable(what) else what} did not come true in {limit:.0f} s"
+        assert time.monotonic() < until, (
+            f"{what() if callable(what) else what} did not come true in {limit:.0f} s"
+        )
         client.spin()
 
 
@@ -189,7 +214,9 @@ def start_throw(client, target):
 
 
 def begin_slow_throw(client, joints, target, speed_factor=0.4):
-    """A throw that is under way, with time to interfere: the arm moves. Future of its result, and the goal's handle."""
+    """A throw that is under way, with time to interfere: the arm moves. Future of its result, and
+    the goal's handle.
+    """
     client.set_parameters("/wam_simulator", {"speed_factor": speed_factor})
     result, handle = start_throw(client, target)
 

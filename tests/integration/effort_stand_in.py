@@ -1,6 +1,8 @@
-"""A stand-in for ros2_control: an arm with joint friction that takes efforts, and publishes its joints with the wall clock, whatever comes.
+"""A stand-in for ros2_control: an arm with joint friction that takes efforts, and publishes its
+joints with the wall clock, whatever comes.
 
-Nothing compensates its gravity but the efforts. /stand_in/speeds gives its joints speeds, as a push does. Run as a process of its own.
+Nothing compensates its gravity but the efforts. /stand_in/speeds gives its joints speeds, as a
+push does. Run as a process of its own.
 """
 
 import signal
@@ -32,8 +34,12 @@ class StandIn(Node):
         self._model, self._q, self._qd, self._effort = ArmModel(), START.copy(), np.zeros(7), None
         self._friction = Actuation(self._model.description)
         self._states = self.create_publisher(JointState, "/joint_states", QoSProfile(depth=10))
-        self.create_subscription(Float64MultiArray, "/effort_controller/commands", self._take, QoSProfile(depth=10))
-        self.create_subscription(Float64MultiArray, "/stand_in/speeds", self._push, QoSProfile(depth=10))
+        self.create_subscription(
+            Float64MultiArray, "/effort_controller/commands", self._take, QoSProfile(depth=10)
+        )
+        self.create_subscription(
+            Float64MultiArray, "/stand_in/speeds", self._push, QoSProfile(depth=10)
+        )
 
     def _take(self, message):
         assert len(message.data) == 7 and np.isfinite(message.data).all(), message.data
@@ -45,9 +51,13 @@ class StandIn(Node):
     def step(self):
         """2 ms; until the first effort comes the arm has its brakes on."""
         if self._effort is not None:
-            load = self._model.gravity_torque(self._q) + self._model.coriolis_torque(self._q, self._qd)
+            load = self._model.gravity_torque(self._q) + self._model.coriolis_torque(
+                self._q, self._qd
+            )
             inertia = self._model.mass_matrix(self._q)
-            self._qd = self._qd + PERIOD * self._friction.acceleration(inertia, self._effort - load, self._qd, PERIOD)
+            self._qd = self._qd + PERIOD * self._friction.acceleration(
+                inertia, self._effort - load, self._qd, PERIOD
+            )
             self._q = self._q + PERIOD * self._qd
 
     def tell(self):

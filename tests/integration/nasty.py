@@ -5,8 +5,37 @@ from random import Random
 
 from dart_skill_nodes.comms.matching_qos import message_class
 
-NUMBERS = (0.0, -0.0, 1.0, -1.0, 0.5, 3.0, 1e-308, 1e9, -1e9, 1e154, 1e308, -1e308, float("nan"), float("inf"), float("-inf"))
-TEXTS = ("", "world", "attractor", "hand", "default", "x", "\x1b[2J", "ünïcode", "../../x", "a b;c", "%s{}", "w" * 1000)
+NUMBERS = (
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    3.0,
+    1e-308,
+    1e9,
+    -1e9,
+    1e154,
+    1e308,
+    -1e308,
+    float("nan"),
+    float("inf"),
+    float("-inf"),
+)
+TEXTS = (
+    "",
+    "world",
+    "attractor",
+    "hand",
+    "default",
+    "x",
+    "\x1b[2J",
+    "ünïcode",
+    "../../x",
+    "a b;c",
+    "%s{}",
+    "w" * 1000,
+)
 LENGTHS = (0, 0, 1, 2, 3, 7)
 SCALAR = {"double": float, "float": float, "boolean": bool, "string": str}
 
@@ -42,7 +71,9 @@ def _value(type_name: str, random: Random):
 
 
 def spoil(message, random: Random, times: int = 2):
-    """The same message with a few of its values made nasty, or items of its lists lost or repeated."""
+    """The same message with a few of its values made nasty, or items of its lists lost or
+    repeated.
+    """
     for _ in range(times):
         _spoil_one(message, random)
     return message
@@ -56,7 +87,11 @@ def _spoil_one(message, random: Random) -> None:
         _spoil_one(value, random)
     elif sequence and len(value) and random.random() < 0.3:
         where = random.randrange(len(value))
-        cut, gap, more = value[:where], [*value[:where], *value[where + 1 :]], [*value, *value[where:]]
+        cut, gap, more = (
+            value[:where],
+            [*value[:where], *value[where + 1 :]],
+            [*value, *value[where:]],
+        )
         setattr(message, name, random.choice((cut, gap, more)))
     elif sequence and len(value) and hasattr(value[0], "get_fields_and_field_types"):
         _spoil_one(value[random.randrange(len(value))], random)

@@ -23,9 +23,17 @@ print(frozen, flush=True)
 
 @pytest.mark.parametrize(
     ("gap", "busy", "frozen"),
-    [(0.1, 0.0, 0.0), (LEASE - 0.1, 0.0, 0.0), (LEASE + 1.0, 0.1, LEASE + 0.9), (LEASE + 1.0, 1.1, 0.0), (20.0, 19.9, 0.0)],
+    [
+        (0.1, 0.0, 0.0),
+        (LEASE - 0.1, 0.0, 0.0),
+        (LEASE + 1.0, 0.1, LEASE + 0.9),
+        (LEASE + 1.0, 1.1, 0.0),
+        (20.0, 19.9, 0.0),
+    ],
 )
-def test_what_counts_is_the_time_without_work_and_without_wanting_any(monkeypatch, gap, busy, frozen):
+def test_what_counts_is_the_time_without_work_and_without_wanting_any(
+    monkeypatch, gap, busy, frozen
+):
     now = {"time": 100.0, "busy": 7.0}
     monkeypatch.setattr(awake, "busy_time", lambda: now["busy"])
     monkeypatch.setattr(awake.time, "monotonic", lambda: now["time"])
@@ -48,7 +56,9 @@ def test_a_thread_that_computes_is_busy_and_one_that_sleeps_is_not():
 
 
 def test_a_process_that_is_stopped_by_a_signal_knows_it_afterwards():
-    with subprocess.Popen([sys.executable, "-c", ASKS], stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", ASKS], stdout=subprocess.PIPE, text=True
+    ) as process:
         assert process.stdout.readline().strip() == "asks"
         process.send_signal(signal.SIGSTOP)
         stopped = time.monotonic()

@@ -1,4 +1,6 @@
-"""Bags of the running graph: recorded whole, played again as they were recorded, and not lost with the process that wrote them."""
+"""Bags of the running graph: recorded whole, played again as they were recorded, and not lost with
+the process that wrote them.
+"""
 
 import json
 import random
@@ -31,7 +33,11 @@ TARGET = np.array([1.9, -0.1, 0.4])
 POSES = [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]
 STATES = 1000
 """That are recorded of each topic at least: two seconds."""
-STEPPED = {"/joint_states": 2_000_000, "/wam/command": 2_000_000, "/wam/tool_pose": 2_000_000} | dict.fromkeys(POSES, 10_000_000)
+STEPPED = {
+    "/joint_states": 2_000_000,
+    "/wam/command": 2_000_000,
+    "/wam/tool_pose": 2_000_000,
+} | dict.fromkeys(POSES, 10_000_000)
 
 
 class Listener:
@@ -64,11 +70,18 @@ def recorded(ros, tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     with graphs(folder) as make:
         graph, client = make(None)
-        graph.start("composed", {"bag": str(folder / "shown"), "dropout_rate": 0.0, "rest_after": 0.0})
-        graph.start("recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"})
+        graph.start(
+            "composed", {"bag": str(folder / "shown"), "dropout_rate": 0.0, "rest_after": 0.0}
+        )
+        graph.start(
+            "recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"}
+        )
         diagnoses = Diagnoses(client)
-        # Each topic is recorded from when it was discovered, the last one long after the first on a busy machine.
-        wanted = {topic: STATES * STEPPED["/joint_states"] // period for topic, period in STEPPED.items()}
+        # Each topic is recorded from when it was discovered, the last one long after the first on
+        # a busy machine.
+        wanted = {
+            topic: STATES * STEPPED["/joint_states"] // period for topic, period in STEPPED.items()
+        }
 
         def are_there():
             counts = diagnoses.values.get("recorder", {})
@@ -85,24 +98,37 @@ def test_the_recorder_misses_nothing_and_says_so(recorded):
         assert set(json.loads(bag.custom_data["lost"])) <= {"/clock"}, "best effort may lose some"
         assert bag.custom_data["seed"] == "0"
         for topic, period in STEPPED.items():
-            stamps = np.array([conversions.leading_stamp_ns(m.data) for m in bag.messages([topic], decode=False)])
+            stamps = np.array(
+                [conversions.leading_stamp_ns(m.data) for m in bag.messages([topic], decode=False)]
+            )
             stamps = np.unique(stamps)  # a state that nobody answered yet is published again
-            assert len(stamps) > STATES * 2_000_000 // period and set(np.diff(stamps)) == {period}, topic
+            assert len(stamps) > STATES * 2_000_000 // period and set(np.diff(stamps)) == {
+                period
+            }, topic
         logged = [m.stamp_ns for m in bag.messages(decode=False)]
         assert logged == sorted(logged)
 
 
 def test_log_times_are_those_of_the_simulation(recorded):
     with BagReader(recorded) as bag:
-        behind = [m.stamp_ns - conversions.leading_stamp_ns(m.data) for m in bag.messages(["/joint_states"], decode=False)]
+        behind = [
+            m.stamp_ns - conversions.leading_stamp_ns(m.data)
+            for m in bag.messages(["/joint_states"], decode=False)
+        ]
     assert np.median(behind) == 0 and np.quantile(np.abs(behind), 0.9) <= 20_000_000
 
 
 def test_quality_of_service_and_types_are_those_of_the_publishers(recorded):
     with BagReader(recorded) as bag:
-        for name, type_name in {"/joint_states": "sensor_msgs/msg/JointState", "/wam/command": "dart_skill_msgs/msg/WamCommand"}.items():
+        for name, type_name in {
+            "/joint_states": "sensor_msgs/msg/JointState",
+            "/wam/command": "dart_skill_msgs/msg/WamCommand",
+        }.items():
             topic = bag.topics[name]
-            assert (topic.type_name, topic.type_hash) == (type_name, type_hash(types_for(type_name), type_name))
+            assert (topic.type_name, topic.type_hash) == (
+                type_name,
+                type_hash(types_for(type_name), type_name),
+            )
             assert topic.qos[0].reliability.name == "RELIABLE"
         assert bag.topics["/clock"].qos[0].reliability.name == "BEST_EFFORT"
         assert bag.topics["/robot_description"].qos[0].durability.name == "TRANSIENT_LOCAL"
@@ -116,7 +142,12 @@ def test_viewers_find_the_arm_its_description_and_its_transforms(recorded):
     for message in read_ros2_messages(str(file), topics=topics):
         messages[message.channel.topic].append(message.ros_msg)
     assert "<robot" in messages["/robot_description"][0].data
-    edges = {(t.header.frame_id, t.child_frame_id) for topic in ("/tf", "/tf_static") for m in messages[topic] for t in m.transforms}
+    edges = {
+        (t.header.frame_id, t.child_frame_id)
+        for topic in ("/tf", "/tf_static")
+        for m in messages[topic]
+        for t in m.transforms
+    }
     links = ["world", "wam_base", *(f"wam_link{k}" for k in range(1, 8)), "bhand_base"]
     assert set(zip(links, links[1:], strict=False)) <= edges
     assert {("world", body) for body in ("hand", "ball", "basket")} <= edges
@@ -127,7 +158,10 @@ def test_viewers_find_the_arm_its_description_and_its_transforms(recorded):
 def test_a_bag_plays_as_it_was_recorded(recorded, make_graph):
     graph, client = make_graph(None)
     listener = Listener(client, STEPPED)
-    graph.start("bag_player", {"bag": str(recorded), "rate": 4.0, "commands": True, "awaited": f"[{','.join(STEPPED)}]"})
+    graph.start(
+        "bag_player",
+        {"bag": str(recorded), "rate": 4.0, "commands": True, "awaited": f"[{','.join(STEPPED)}]"},
+    )
     player = wait_for_end(graph, client, "bag_player")
     client.spin()
     listener.close()
@@ -147,7 +181,11 @@ def test_topics_are_offered_as_they_were_recorded(recorded, make_graph):
         "/robot_description": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
     }
     for topic, policies in wanted.items():
-        wait_for(client, lambda topic=topic: client.node.get_publishers_info_by_topic(topic), what=f"a publisher of {topic}")
+        wait_for(
+            client,
+            lambda topic=topic: client.node.get_publishers_info_by_topic(topic),
+            what=f"a publisher of {topic}",
+        )
         (offer,) = (info.qos_profile for info in client.node.get_publishers_info_by_topic(topic))
         assert (offer.reliability, offer.durability) == policies, topic
 
@@ -156,15 +194,24 @@ def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_
     for clock, period_ns in (("/clock", 2_000_000), ("nothing", 40_000_000)):
         graph, client = make_graph(None)
         listener = Listener(client, ["/clock"])
-        wanted = {"topics": f"[/vrpn_mocap/.*,{clock}]", "duration": 2.0, "loop": True, "clock_rate": 25.0, "awaited": "[/clock]"}
+        wanted = {
+            "topics": f"[/vrpn_mocap/.*,{clock}]",
+            "duration": 2.0,
+            "loop": True,
+            "clock_rate": 25.0,
+            "awaited": "[/clock]",
+        }
         graph.start("bag_player", {"bag": str(recorded), **wanted})
-        # The clock is best effort: nobody repeats what was said before the listener's side of the discovery was over.
+        # The clock is best effort: nobody repeats what was said before the listener's side of the
+        # discovery was over.
         wait_for(client, lambda listener=listener: listener.count >= 30, what="30 ticks")
         listener.close()
         graph.stop()
         steps = np.diff([conversions.leading_stamp_ns(data) for data in listener.heard["/clock"]])
         # a state that nobody answered yet was published again, and its time with it
-        assert np.median(steps) == period_ns and (steps < 0).sum() <= 1, "it goes back once in a round at most"
+        assert np.median(steps) == period_ns and (steps < 0).sum() <= 1, (
+            "it goes back once in a round at most"
+        )
 
 
 @pytest.fixture(scope="module")
@@ -174,14 +221,20 @@ def without_nodes(recorded_session):
 
 
 @pytest.mark.parametrize("rate", [pytest.param(5.0, marks=pytest.mark.slow), 0.0])
-def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, recorded_session, without_nodes, tmp_path, rate):
+def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(
+    make_graph, recorded_session, without_nodes, tmp_path, rate
+):
     """From raw poses to a model, at any rate: to the last bit."""
     (bag, taught, _), (expected, report) = recorded_session, without_nodes
     graph, client = make_graph(None)
     graph.start("skill_learner")
     graph.start("demonstration_recorder", {"bag": str(tmp_path / "again"), "automatic": True})
     inputs = ["/joint_states", "/wam/command", "/wam/teacher_wrench", *POSES]
-    played = {"topics": f"[{','.join(inputs)}]", "awaited": f"[{','.join(inputs)}]", "clock_rate": 0.0}
+    played = {
+        "topics": f"[{','.join(inputs)}]",
+        "awaited": f"[{','.join(inputs)}]",
+        "clock_rate": 0.0,
+    }
     graph.start("bag_player", {"bag": str(bag), "rate": rate, "commands": True, **played})
     wait_for_end(graph, client, "bag_player")
     learned = client.learn(at_least=len(taught))
@@ -190,7 +243,9 @@ def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, rec
     plan = client.call(ask, plan_request(TARGET)).plan
     assert same_plan(conversions.throw_plan(plan), expected.plan(TARGET))
     graph.stop()
-    for one, other in zip(read_demonstrations(tmp_path / "again"), report.learned_from, strict=True):
+    for one, other in zip(
+        read_demonstrations(tmp_path / "again"), report.learned_from, strict=True
+    ):
         assert same(one, other) == []
 
 
@@ -201,13 +256,18 @@ def texts(tmp_path):
 
 
 def numbers(listener, topic="/said"):
-    return [int(types_for(TEXT).deserialize_cdr(data, TEXT).data) for data in listener.heard[topic]]
+    return [
+        int(types_for(TEXT).deserialize_cdr(data, TEXT).data) for data in listener.heard[topic]
+    ]
 
 
 def test_a_paused_bag_is_stepped_and_goes_on_at_another_rate(texts, make_graph):
     graph, client = make_graph(None)
     listener = Listener(client, ["/said"])
-    graph.start("bag_player", {"bag": str(texts), "start_paused": True, "awaited": "[/said]", "clock_rate": 0.0})
+    graph.start(
+        "bag_player",
+        {"bag": str(texts), "start_paused": True, "awaited": "[/said]", "clock_rate": 0.0},
+    )
     step = client.node.create_client(Step, "/bag_player/step")
     pause = client.node.create_client(SetBool, "/bag_player/pause")
     for steps in (1, 3):
@@ -226,9 +286,16 @@ def test_playing_begins_when_every_awaited_topic_is_heard(tmp_path, make_graph):
     bag = write_texts(tmp_path / "two", ("/said", "/sung"))
     graph, client = make_graph(None)
     diagnoses, first = Diagnoses(client), Listener(client, ["/said"])
-    graph.start("bag_player", {"bag": str(bag), "rate": 0.0, "awaited": "['/s.*g', '/said']", "clock_rate": 0.0})
+    graph.start(
+        "bag_player",
+        {"bag": str(bag), "rate": 0.0, "awaited": "['/s.*g', '/said']", "clock_rate": 0.0},
+    )
     waits = "waiting for a subscriber of /sung"
-    wait_for(client, lambda: diagnoses.of.get("bag_player") == waits, what="the player waits for the other topic")
+    wait_for(
+        client,
+        lambda: diagnoses.of.get("bag_player") == waits,
+        what="the player waits for the other topic",
+    )
     assert first.count == 0
     second = Listener(client, ["/sung"])
     wait_for_end(graph, client, "bag_player")
@@ -240,7 +307,13 @@ def test_playing_begins_when_every_awaited_topic_is_heard(tmp_path, make_graph):
 def test_a_loop_goes_on_until_it_is_ended(texts, make_graph):
     graph, client = make_graph(None)
     listener = Listener(client, ["/heard"])
-    wanted = {"remap": "[/said=/heard]", "start": 0.5, "duration": 0.1, "loop": True, "awaited": "[/heard]"}
+    wanted = {
+        "remap": "[/said=/heard]",
+        "start": 0.5,
+        "duration": 0.1,
+        "loop": True,
+        "awaited": "[/heard]",
+    }
     graph.start("bag_player", {"bag": str(texts), **wanted})
     wait_for(client, lambda: listener.count >= 33, what="three rounds")
     assert numbers(listener, "/heard")[:33] == [*range(50, 61)] * 3
@@ -255,7 +328,9 @@ def test_bags_of_others_and_bags_without_metadata_play(texts, tmp_path, make_gra
     with Writer(foreign, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         connection = writer.add_connection("/said", TEXT, typestore=types)
         for k in range(100):
-            writer.write(connection, 10_000_000 * k, types.serialize_cdr(types.types[TEXT](str(k)), TEXT))
+            writer.write(
+                connection, 10_000_000 * k, types.serialize_cdr(types.types[TEXT](str(k)), TEXT)
+            )
     for bag in (texts, foreign):
         graph, client = make_graph(None)
         listener = Listener(client, ["/said"])
@@ -281,21 +356,30 @@ def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp
     graph.start("composed", {"bag": str(tmp_path / "throws"), "rest_after": 0.0})
     graph.start("recorder", {"bag": str(tmp_path / "bag"), "use_sim_time": False})
     diagnoses = Diagnoses(client)
-    wait_for(client, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 2000, what="2000 recorded states")
+    wait_for(
+        client,
+        lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 2000,
+        what="2000 recorded states",
+    )
     recorder = graph.processes.pop("recorder")
     recorder.kill()
     recorder.wait()
-    # What diagnostics had counted by then was said up to a second before the end, and is flushed every second.
+    # What diagnostics had counted by then was said up to a second before the end, and is flushed
+    # every second.
     before = int(diagnoses.values["recorder"]["/joint_states"])
     rescued = recover(tmp_path / "bag", tmp_path / "rescued")
     with BagReader(tmp_path / "rescued") as bag:
         assert bag.topics["/joint_states"].count == rescued.messages["/joint_states"]
         times = [m.stamp_ns for m in bag.messages(["/joint_states"], decode=False)]
-    assert len(times) > 0 and before - len(times) < np.sum(np.array(times) > times[-1] - 2_000_000_000)
+    assert len(times) > 0 and before - len(times) < np.sum(
+        np.array(times) > times[-1] - 2_000_000_000
+    )
 
 
 def test_what_a_recorder_that_is_held_up_never_got_is_counted(make_graph, tmp_path):
-    """Its publisher repeats the last five messages only, and the shared memory has no room for so many."""
+    """Its publisher repeats the last five messages only, and the shared memory has no room for so
+    many.
+    """
     (graph, client), ballast = make_graph(None), 20_000 * " "
     said, total = client.node.create_publisher(String, "/said", 5), 0
     graph.start("recorder", {"bag": str(tmp_path / "bag"), "topics": "[/said]"})
@@ -325,7 +409,10 @@ def test_what_a_recorder_that_is_held_up_never_got_is_counted(make_graph, tmp_pa
     assert said.wait_for_all_acked(Duration(seconds=20))
     graph.stop()
     with BagReader(tmp_path / "bag") as bag:
-        heard = [int(types_for(TEXT).deserialize_cdr(m.data, TEXT).data) for m in bag.messages(["/said"], decode=False)]
+        heard = [
+            int(types_for(TEXT).deserialize_cdr(m.data, TEXT).data)
+            for m in bag.messages(["/said"], decode=False)
+        ]
         lost = json.loads(bag.custom_data["lost"])["/said"]
     assert heard == sorted(heard) and heard[-1] == total - 1
     assert lost == heard[-1] - heard[0] + 1 - len(heard) and 0 < lost <= 500
@@ -344,7 +431,10 @@ def test_a_recording_goes_on_in_another_file(make_graph, tmp_path, limit):
     assert said.wait_for_all_acked(Duration(seconds=20))
     graph.stop()
     with BagReader(tmp_path / "bag") as bag:
-        heard = [types_for(TEXT).deserialize_cdr(m.data, TEXT).data for m in bag.messages(["/said"], decode=False)]
+        heard = [
+            types_for(TEXT).deserialize_cdr(m.data, TEXT).data
+            for m in bag.messages(["/said"], decode=False)
+        ]
     assert heard and heard == texts[-len(heard) :]
 
 
@@ -379,7 +469,10 @@ def test_a_recorder_that_cannot_start_says_why(make_graph, tmp_path):
     graph, client = make_graph(None)
     graph.start("recorder", {"bag": str(tmp_path), "topics": "['(']"})
     wait_for_end(graph, client, "recorder")
-    assert "not configured: topics: '(' is no regular expression: missing )" in (graph.logs / "recorder.log").read_text()
+    assert (
+        "not configured: topics: '(' is no regular expression: missing )"
+        in (graph.logs / "recorder.log").read_text()
+    )
 
 
 def test_a_rate_below_zero_is_refused_while_a_bag_plays(texts, make_graph):

@@ -1,4 +1,6 @@
-"""`dart-skill check arm` on a real graph whose cameras are registered badly: the truth is known there, and found."""
+"""`dart-skill check arm` on a real graph whose cameras are registered badly: the truth is known
+there, and found.
+"""
 
 import json
 import signal
@@ -55,9 +57,15 @@ class Leader:
         self._first_ns = self._first_ns or state.stamp_ns
         time = (state.stamp_ns - self._first_ns) * 1e-9
         self._swings += np.clip(self.swing - self._swings, -5e-4, 5e-4)  # nobody jerks an arm
-        wanted = MIDDLE + self._swings * np.sin(time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
-        torque = self._servo.torque(state.position, state.velocity, wanted, np.zeros(7), np.zeros(7))
-        self._command.publish(self._writer.write(Command(state.stamp_ns, joint_torque=torque, speed=Speed.THROW)))
+        wanted = MIDDLE + self._swings * np.sin(
+            time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7)
+        )
+        torque = self._servo.torque(
+            state.position, state.velocity, wanted, np.zeros(7), np.zeros(7)
+        )
+        self._command.publish(
+            self._writer.write(Command(state.stamp_ns, joint_torque=torque, speed=Speed.THROW))
+        )
         self.count += 1
         self.fastest = np.abs(state.velocity).max()
 
@@ -80,7 +88,9 @@ class Check:
         self._said = folder / "said.txt"
         command = ["dart-skill", "check", "arm", *arguments]
         with self._said.open("w") as said:
-            self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, stdin=subprocess.DEVNULL, text=True)
+            self.process = subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=said, stdin=subprocess.DEVNULL, text=True
+            )
 
     @property
     def said(self):
@@ -98,10 +108,16 @@ class Check:
 
 
 def check(led, folder, states, *arguments, said=""):
-    """Run the command until it has said something and heard so many states, and Ctrl-C: exit status, output, and what it said meanwhile."""
+    """Run the command until it has said something and heard so many states, and Ctrl-C: exit
+    status, output, and what it said meanwhile.
+    """
     client, leader, _ = led
     running = Check(folder, "--duration", "100", *arguments)
-    wait_for(client, lambda: running.listens() and said in running.said, what=f"the check listens, and says '{said}'")
+    wait_for(
+        client,
+        lambda: running.listens() and said in running.said,
+        what=f"the check listens, and says '{said}'",
+    )
     until = leader.count + states
     wait_for(client, lambda: leader.count >= until, what=f"{states} states of an arm that is led")
     running.process.send_signal(signal.SIGINT)
@@ -118,10 +134,15 @@ def test_the_registration_of_loose_cameras_is_found_and_written(led, tmp_path):
     assert told["written"] == str(file)
     assert lines["hand against kinematics"]["verdict"] == lines["postures"]["verdict"] == "GO"
     assert lines["/joint_states: publisher"]["measured"] == "wam_simulator"
-    truth, known = MotionCapture({**node_parameters("optitrack.yaml", "mock_optitrack"), **CAMERAS}, SEED), load_registration(file)
+    truth, known = (
+        MotionCapture({**node_parameters("optitrack.yaml", "mock_optitrack"), **CAMERAS}, SEED),
+        load_registration(file),
+    )
     found, (shift, turn) = known.registration, truth._registration
     assert (Rotation.from_quat(found.turn).inv() * Rotation.from_quat(turn)).magnitude() < 1.5e-3
-    assert (Rotation.from_quat(found.hand_turn).inv() * Rotation.from_quat(truth._turns[0])).magnitude() < 1.5e-3
+    assert (
+        Rotation.from_quat(found.hand_turn).inv() * Rotation.from_quat(truth._turns[0])
+    ).magnitude() < 1.5e-3
     assert np.linalg.norm(np.subtract(found.shift, shift)) < 2.5e-3
     assert np.linalg.norm(np.subtract(found.hand_shift, truth._offsets[0])) < 1.5e-3
 
@@ -140,7 +161,9 @@ def test_a_second_publisher_is_no_go_and_the_table_says_so(led, tmp_path):
 
 @pytest.mark.slow
 def test_learner_and_commander_start_from_the_file(led, tmp_path):
-    """A file that says 30 mm where thirteen throws say none is felt, though they outweigh it; one that is none ends the node."""
+    """A file that says 30 mm where thirteen throws say none is felt, though they outweigh it; one
+    that is none ends the node.
+    """
     client, _, graph = led
     file, none = tmp_path / "registration.yaml", tmp_path / "none.yaml"
     save_registration(file, far_and_firm())
@@ -155,7 +178,9 @@ def test_learner_and_commander_start_from_the_file(led, tmp_path):
     client.learn(bag=str(BAGS / "demonstrations"))
     planner = client.node.create_client(Plan, "/skill_learner/plan")
     plan = client.call(planner, plan_request(np.array([1.9, 0.1, 0.4]))).plan
-    alone = fit_registration([sightings(one, ArmModel()) for one in read_demonstrations(BAGS / "demonstrations")]).shift[0]
+    alone = fit_registration(
+        [sightings(one, ArmModel()) for one in read_demonstrations(BAGS / "demonstrations")]
+    ).shift[0]
     assert abs(alone) < 0.003 and alone + 0.003 < plan.base.translation.x < 0.03
 
 

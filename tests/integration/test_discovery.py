@@ -1,4 +1,6 @@
-"""Who can be heard, and by whom: sockets of nodes that stay on this machine listen on loopback alone, and every plain client finds them."""
+"""Who can be heard, and by whom: sockets of nodes that stay on this machine listen on loopback
+alone, and every plain client finds them.
+"""
 
 import os
 import socket
@@ -10,15 +12,27 @@ from pathlib import Path
 import pytest
 
 from dart_skill.common.configuration import config_path
-from dart_skill_nodes.process.discovery import PEERS, PROFILES, RANGE, hear_loopback_alone, stay_on_this_machine
+from dart_skill_nodes.process.discovery import (
+    PEERS,
+    PROFILES,
+    RANGE,
+    hear_loopback_alone,
+    stay_on_this_machine,
+)
 from tests.integration.conftest import wait_for
 
 EVERYWHERE = "0.0.0.0"
 
 
 def listening(pid):
-    """Address and port of the UDP sockets of a process that have a port of its domain: DDS hears them; it sends from others."""
-    sockets = {os.readlink(link) for link in Path(f"/proc/{pid}/fd").iterdir() if link.exists() or link.is_symlink()}
+    """Address and port of the UDP sockets of a process that have a port of its domain: DDS hears
+    them; it sends from others.
+    """
+    sockets = {
+        os.readlink(link)
+        for link in Path(f"/proc/{pid}/fd").iterdir()
+        if link.exists() or link.is_symlink()
+    }
     first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
     found = []
     for line in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]:
@@ -38,7 +52,9 @@ def test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds
     assert client.is_simulated(), "it answers"
     heard = listening(process.pid)
     assert heard and {address for address, _ in heard} == {"127.0.0.1"}, heard
-    assert EVERYWHERE in {address for address, _ in listening(os.getpid())}, "without the profile DDS listens everywhere"
+    assert EVERYWHERE in {address for address, _ in listening(os.getpid())}, (
+        "without the profile DDS listens everywhere"
+    )
 
 
 NODE = """
@@ -54,7 +70,13 @@ print("made")
 def test_the_middleware_understands_every_element_of_the_profile():
     """It says so of one that it does not know, and goes on without."""
     profile = {PROFILES[0]: str(config_path("fastdds_loopback.xml"))}
-    said = subprocess.run([sys.executable, "-c", NODE], capture_output=True, text=True, timeout=60, env=os.environ | profile)
+    said = subprocess.run(
+        [sys.executable, "-c", NODE],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=os.environ | profile,
+    )
     assert (said.stdout, said.stderr) == ("made\n", "")
 
 
@@ -81,10 +103,16 @@ def environment(monkeypatch):
         ({RANGE: "LOCALHOST", PEERS: "robot.local"}, False),
     ],
 )
-def test_the_profile_is_used_where_discovery_is_limited_to_this_machine(environment, variables, limited):
+def test_the_profile_is_used_where_discovery_is_limited_to_this_machine(
+    environment, variables, limited
+):
     environment(**variables)
     hear_loopback_alone()
-    assert all(Path(os.environ[name]).is_file() for name in PROFILES) if limited else not any(name in os.environ for name in PROFILES)
+    assert (
+        all(Path(os.environ[name]).is_file() for name in PROFILES)
+        if limited
+        else not any(name in os.environ for name in PROFILES)
+    )
 
 
 def test_a_profile_of_the_users_stays_and_ours_goes_with_the_range(environment):

@@ -1,7 +1,9 @@
-"""Every command that README and docs/ show, as a new user would type it: it runs, and what it promises comes.
+"""Every command that README and docs/ show, as a new user would type it: it runs, and what it
+promises comes.
 
-The tables below say how each one is run: as it stands, smaller, on a graph that runs, by another test, or not at all, and why. A command
-in the docs that no table has fails the first test, and so does a line of a table that is in the docs no more.
+The tables below say how each one is run: as it stands, smaller, on a graph that runs, by another
+test, or not at all, and why. A command in the docs that no table has fails the first test, and so
+does a line of a table that is in the docs no more.
 """
 
 import importlib
@@ -24,7 +26,12 @@ from dart_skill.cli._main import _parser
 from tests.paths import ROOT
 
 PAGES = {
-    str(path.relative_to(ROOT)): path for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
+    str(path.relative_to(ROOT)): path
+    for path in (
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        *sorted((ROOT / "docs").rglob("*.md")),
+    )
 }
 PROGRAMS = (
     "dart-skill", "ros2", "make", "pre-commit", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun",
@@ -36,9 +43,10 @@ PATIENCE = 180.0
 
 @dataclass(frozen=True)
 class Run:
-    """Run it. with_: options that replace those of the same name, or are added. says: regular expression that its output matches, on
-    stdout or stderr. leaves: pattern of a file that is there afterwards. then: what is typed next. until: it stays until Ctrl-C, and says
-    this when it is ready. slow: `make test` leaves it out.
+    """Run it. with_: options that replace those of the same name, or are added. says: regular
+    expression that its output matches, on stdout or stderr. leaves: pattern of a file that is
+    there afterwards. then: what is typed next. until: it stays until Ctrl-C, and says this when it
+    is ready. slow: `make test` leaves it out.
     """
 
     with_: str = ""
@@ -79,44 +87,91 @@ class Not:
 
 
 COMPILES = Not("compiles into the checkout, beside tests that use it; `make setup` does the same")
-MAKE = Not("sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the target is looked up")
+MAKE = Not(
+    "sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the"
+    " target is looked up"
+)
 TESTS = Not("is about the tests themselves")
-FLAME = Elsewhere("unit/repository/test_draw_flame.py::test_a_box_is_as_wide_as_its_share_of_the_samples_and_has_the_colour_of_its_node")
-PICTURES = Not("teaches and practises for minutes, and writes over the pictures of the documentation")
-FULL_ROS = Not("needs a full ROS installation; names and types are compared with docs/reference.md")
+FLAME = Elsewhere(
+    "unit/repository/test_draw_flame.py::test_a_box_is_as_wide_as_its_share_of_the_samples_and_has_the_colour_of_its_node"
+)
+PICTURES = Not(
+    "teaches and practises for minutes, and writes over the pictures of the documentation"
+)
+FULL_ROS = Not(
+    "needs a full ROS installation; names and types are compared with docs/reference.md"
+)
 COLCON = Elsewhere(
     "unit/repository/test_messages_with_colcon.py::test_the_messages_are_built_beside_the_package_and_brought_up_to_date_the_next_time"
 )
-ROSBAG2 = Not("is a command of rosbag2, which needs a full ROS installation; what it writes is read in unit/recording/test_corpus.py")
+ROSBAG2 = Not(
+    "is a command of rosbag2, which needs a full ROS installation; what it writes is read in"
+    " unit/recording/test_corpus.py"
+)
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
 MACHINES = Not("is about other machines")
-WHEEL = Elsewhere("unit/repository/test_wheel.py::test_the_main_job_runs_without_ros_and_says_what_it_leaves_out")
-RERUN = Elsewhere("unit/recording/test_others.py::test_rerun_counts_every_message_and_finds_no_fault")
+WHEEL = Elsewhere(
+    "unit/repository/test_wheel.py::test_the_main_job_runs_without_ros_and_says_what_it_leaves_out"
+)
+RERUN = Elsewhere(
+    "unit/recording/test_others.py::test_rerun_counts_every_message_and_finds_no_fault"
+)
 NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint")
-ARM = Elsewhere("integration/test_check_arm.py::test_the_registration_of_loose_cameras_is_found_and_written")
-MODEL = Elsewhere("integration/test_up.py::test_a_model_that_was_learned_from_a_bag_throws_at_once")
+ARM = Elsewhere(
+    "integration/test_check_arm.py::test_the_registration_of_loose_cameras_is_found_and_written"
+)
+MODEL = Elsewhere(
+    "integration/test_up.py::test_a_model_that_was_learned_from_a_bag_throws_at_once"
+)
 REACH = Elsewhere("integration/test_reach.py::test_the_hand_reaches_into_cups_that_move_otherwise")
-SKILLS = Elsewhere("integration/test_skills.py::test_a_skill_of_another_package_runs_through_all_nodes_and_the_command")
-PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
+SKILLS = Elsewhere(
+    "integration/test_skills.py::test_a_skill_of_another_package_runs_through_all_nodes_and_the_command"
+)
+PRACTICE = Elsewhere(
+    "integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw"
+)
 REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_model")
-BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
+BY_HAND = Elsewhere(
+    "integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without"
+)
 ROS1 = Elsewhere("unit/recording/test_recordings_page.py::test_a_bag_of_ros1_is_named_itself")
-FOREIGN = Elsewhere("unit/session/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults")
-CAUSE = Elsewhere("unit/session/test_disagreement.py::test_learn_tells_the_cause_instead_of_a_guess")
-AUTO = Elsewhere("unit/session/test_disagreement.py::test_learn_finds_the_mapping_of_another_laboratory_and_writes_it")
+FOREIGN = Elsewhere(
+    "unit/session/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults"
+)
+CAUSE = Elsewhere(
+    "unit/session/test_disagreement.py::test_learn_tells_the_cause_instead_of_a_guess"
+)
+AUTO = Elsewhere(
+    "unit/session/test_disagreement.py::test_learn_finds_the_mapping_of_another_laboratory_and_writes_it"
+)
 REPORT = Elsewhere("unit/report/test_page.py::test_the_command_writes_the_page_and_says_where")
 HARDWARE = "foreign_arm/test_foreign_arm.py::"
-WITHOUT = Elsewhere("unit/session/test_from_bag.py::test_a_demonstration_can_be_left_out_by_its_id")
+WITHOUT = Elsewhere(
+    "unit/session/test_from_bag.py::test_a_demonstration_can_be_left_out_by_its_id"
+)
 ON_HARDWARE = Elsewhere(f"{HARDWARE}test_every_state_of_the_arm_is_answered")
-FAULTS = Elsewhere("integration/test_fault_cases.py::test_the_client_is_told_the_arm_rests_and_all_works_again")
+FAULTS = Elsewhere(
+    "integration/test_fault_cases.py::test_the_client_is_told_the_arm_rests_and_all_works_again"
+)
 STATUS = Elsewhere("integration/test_running_graph.py::test_the_status_of_a_graph_that_is_well")
-BESIDE = Elsewhere("integration/test_bag_play.py::test_commands_are_played_where_they_are_asked_for_and_no_arm_is")
-PROFILE = Elsewhere("integration/test_discovery.py::test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds_it")
-POLICY = Elsewhere("unit/test_permissions.py::test_the_command_writes_the_policy_and_no_file_over_another")
-SECURITY = Not("needs a full ROS installation with SROS 2; what the policy allows is compared with a graph in test_main_job.py")
+BESIDE = Elsewhere(
+    "integration/test_bag_play.py::test_commands_are_played_where_they_are_asked_for_and_no_arm_is"
+)
+PROFILE = Elsewhere(
+    "integration/test_discovery.py::test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds_it"
+)
+POLICY = Elsewhere(
+    "unit/test_permissions.py::test_the_command_writes_the_policy_and_no_file_over_another"
+)
+SECURITY = Not(
+    "needs a full ROS installation with SROS 2; what the policy allows is compared with a graph in"
+    " test_main_job.py"
+)
 SPACES = Elsewhere("integration/test_namespaces.py::test_what_one_types_concerns_one_arm")
-VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
+VIEW = Elsewhere(
+    "unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own"
+)
 LEROBOT = Elsewhere("unit/session/test_lerobot.py::test_the_commands_convert_and_learn")
 FILMED = Elsewhere("unit/session/test_lerobot.py::test_a_video_has_a_picture_of_each_frame")
 
@@ -143,7 +198,10 @@ TYPED = {
     "make benchmark": MAKE,
     "make growth": MAKE,
     "make docs": MAKE,
-    "source tools/env.sh": Run(then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE", says="LOCALHOST"),
+    "source tools/env.sh": Run(
+        then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE",
+        says="LOCALHOST",
+    ),
     "python -m pydoc dart_skill.movement": Run(says="dart_skill.movement"),
     "pip install 'dart_skill[view]'": NETWORK,
     "pip install 'dart_skill[sim]'": NETWORK,
@@ -159,10 +217,14 @@ TYPED = {
     "dart-skill --help": Run(says="usage: dart-skill"),
     "dart-skill --version": Run(says=r"dart-skill \d+\.\d+\.\d+"),
     "python -m dart_skill --help": Run(says="usage: dart-skill"),
-    "colcon build --symlink-install --base-paths src/dart_skill src/dart_skill/msg_schemas": Not("set-up does the same in the checkout"),
+    "colcon build --symlink-install --base-paths src/dart_skill src/dart_skill/msg_schemas": Not(
+        "set-up does the same in the checkout"
+    ),
     "colcon build --symlink-install": COLCON,
     "source install/setup.bash": COLCON,
-    "rosdep install --from-paths src/dart_skill src/dart_skill/msg_schemas --ignore-src -y": NETWORK,
+    "rosdep install --from-paths src/dart_skill src/dart_skill/msg_schemas --ignore-src -y": (
+        NETWORK
+    ),
     "python3 -m venv --system-site-packages": NETWORK,
     "python -m pip install --upgrade pip": NETWORK,
     "colcon test --packages-select dart_skill --pytest-args tests/unit/mixture": TESTS,
@@ -189,7 +251,9 @@ TYPED = {
     "dask worker tcp://192.168.10.1:8786 --nworkers 8 --nthreads 1": CLUSTER,
     # the graph
     "dart-skill up --viewer": OnTheGraph("--output up --port 0", says="all nodes are ready"),
-    "dart-skill up --viewer --port 0": Elsewhere("integration/test_documented_commands.py::test_a_command_on_the_graph"),
+    "dart-skill up --viewer --port 0": Elsewhere(
+        "integration/test_documented_commands.py::test_a_command_on_the_graph"
+    ),
     "dart-skill up --namespace /arm1": Run(until="all nodes are ready"),
     "dart-skill up --namespace /arm2 --seed 1": Run(until="all nodes are ready", slow=True),
     "dart-skill teach --namespace /arm1 --count 5": SPACES,
@@ -203,7 +267,9 @@ TYPED = {
     "dart-skill learn": OnTheGraph(says="model [0-9a-f]+"),
     "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
     "dart-skill demonstrations": OnTheGraph(says="taught: a throw to"),
-    "dart-skill demonstrations drop ID": Elsewhere(f"{HARDWARE}test_a_bad_demonstration_is_dropped_and_restored"),
+    "dart-skill demonstrations drop ID": Elsewhere(
+        f"{HARDWARE}test_a_bad_demonstration_is_dropped_and_restored"
+    ),
     "dart-skill demo --model monday_model.npz": MODEL,
     "dart-skill up --model monday_model.npz": MODEL,
     "dart-skill throw --model monday_model.npz": MODEL,
@@ -212,19 +278,32 @@ TYPED = {
     "ros2 run dart_skill recorder --ros-args -p bag:=tuesday": Elsewhere(
         "integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint"
     ),
-    "dart-skill throw": Elsewhere(f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"),
-    "dart-skill throw --at 2.0 0.3 0.4": Elsewhere(f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"),
-    "dart-skill practice --running": Elsewhere("integration/test_reach.py::test_practice_tries_it_where_the_coach_draws"),
-    "dart-skill practice --running --throws 20": Elsewhere(f"{HARDWARE}test_the_arm_practises_at_the_basket_that_the_cameras_see"),
+    "dart-skill throw": Elsewhere(
+        f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"
+    ),
+    "dart-skill throw --at 2.0 0.3 0.4": Elsewhere(
+        f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"
+    ),
+    "dart-skill practice --running": Elsewhere(
+        "integration/test_reach.py::test_practice_tries_it_where_the_coach_draws"
+    ),
+    "dart-skill practice --running --throws 20": Elsewhere(
+        f"{HARDWARE}test_the_arm_practises_at_the_basket_that_the_cameras_see"
+    ),
     "dart-skill learn tuesday": WITHOUT,
-    "dart-skill learn tuesday --without demonstration_1795379669631609360 --output better.npz": WITHOUT,
+    "dart-skill learn tuesday --without demonstration_1795379669631609360 --output better.npz": (
+        WITHOUT
+    ),
     "dart-skill throw --count 10": OnTheGraph("--count 1", says=r"\d of 1 in the basket"),
     "dart-skill execute --count 5": OnTheGraph("--count 1", says=r"throw: \d of 1 succeeded"),
     "dart-skill demo --skill place": SKILLS,
     "dart-skill demo --skill place --trials 5": SKILLS,
     "dart-skill demo --skill beside": SKILLS,
     "dart-skill demo --skill darts": Run(
-        "--demonstrations 2 --throws 2", says="seed 0, practice of the graph", leaves="**/report.html", slow=True
+        "--demonstrations 2 --throws 2",
+        says="seed 0, practice of the graph",
+        leaves="**/report.html",
+        slow=True,
     ),
     "dart-skill up --skill darts --viewer": Elsewhere(
         "integration/test_viewer_skills.py::test_a_skill_is_taught_learned_and_executed_from_the_page"
@@ -232,7 +311,9 @@ TYPED = {
     "dart-skill up --skill place --viewer": Elsewhere(
         "integration/test_viewer_skills.py::test_a_skill_is_taught_learned_and_executed_from_the_page"
     ),
-    'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{situation: {names: [right, up], numbers: [0.0, 0.103]}}"': FULL_ROS,
+    'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{situation: {names: [right, up], numbers: [0.0, 0.103]}}"': (
+        FULL_ROS
+    ),
     "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2 --configuration intervals": Run(
         "--seeds 1 --throws 1 --demonstrations 2", says="on the board"
     ),
@@ -257,8 +338,9 @@ TYPED = {
     "dart-skill check arm": ARM,
     "dart-skill check arm --postures 10 --write cameras.yaml": ARM,
     "ros2 run dart_skill demonstration_recorder --ros-args -p automatic:=true": BY_HAND,
-    "dart-skill bag play bags/demonstrations --rate 0 --commands --exclude /demonstrations "
-    "--wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": BY_HAND,
+    "dart-skill bag play bags/demonstrations --rate 0 --commands --exclude /demonstrations --wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": (
+        BY_HAND
+    ),
     "ros2 launch dart_skill throwing.launch.py": FULL_ROS,
     "ros2 launch dart_skill throwing.launch.py skill:=place": FULL_ROS,
     "ros2 action send_goal /execute dart_skill_msgs/action/Execute": FULL_ROS,
@@ -267,27 +349,41 @@ TYPED = {
     "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py bridge:=true": FULL_ROS,
     "ros2 service call /effort_bridge/reset std_srvs/srv/Trigger": FULL_ROS,
-    "ros2 action send_goal /teach dart_skill_msgs/action/Teach "
-    '"{situation: {bodies: [basket], poses: [{position: {x: 2.0, y: 0.3, z: 0.4}}]}}"': FULL_ROS,
+    'ros2 action send_goal /teach dart_skill_msgs/action/Teach "{situation: {bodies: [basket], poses: [{position: {x: 2.0, y: 0.3, z: 0.4}}]}}"': (
+        FULL_ROS
+    ),
     'ros2 action send_goal /practice dart_skill_msgs/action/Practice "{trials: 20}"': FULL_ROS,
     "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn": FULL_ROS,
     "ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
     "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger": FULL_ROS,
-    "ros2 service call /demonstration_recorder/stop dart_skill_msgs/srv/StopDemonstration '{keep: true}'": FULL_ROS,
+    "ros2 service call /demonstration_recorder/stop dart_skill_msgs/srv/StopDemonstration '{keep: true}'": (
+        FULL_ROS
+    ),
     "ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: false}'": FULL_ROS,
-    "ros2 service call /commander/move_to dart_skill_msgs/srv/MoveArm '{posture: [0.0, -1.1, 0.0, -0.6, 0.0, -0.55, 0.0]}'": FULL_ROS,
+    "ros2 service call /commander/move_to dart_skill_msgs/srv/MoveArm '{posture: [0.0, -1.1, 0.0, -0.6, 0.0, -0.55, 0.0]}'": (
+        FULL_ROS
+    ),
     "ros2 service call /commander/stop std_srvs/srv/Trigger": FULL_ROS,
     "ros2 service call /commander/reset std_srvs/srv/Trigger": FULL_ROS,
-    "ros2 service call /skill_learner/demonstrations dart_skill_msgs/srv/ListDemonstrations": FULL_ROS,
-    "ros2 service call /skill_learner/drop_demonstration dart_skill_msgs/srv/DropDemonstration "
-    "'{id: demonstration_1795379669631609360}'": FULL_ROS,
-    "ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile '{path: better.npz}'": FULL_ROS,
+    "ros2 service call /skill_learner/demonstrations dart_skill_msgs/srv/ListDemonstrations": (
+        FULL_ROS
+    ),
+    "ros2 service call /skill_learner/drop_demonstration dart_skill_msgs/srv/DropDemonstration '{id: demonstration_1795379669631609360}'": (
+        FULL_ROS
+    ),
+    "ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile '{path: better.npz}'": (
+        FULL_ROS
+    ),
     "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{bag: tuesday}'": FULL_ROS,
-    "ros2 action send_goal /practice dart_skill_msgs/action/Practice '{trials: 20, follow_bodies: true}' --feedback": FULL_ROS,
-    "ros2 action send_goal /practice dart_skill_msgs/action/Practice "
-    "'{trials: 1, follow_bodies: true, only_execute: true}' --feedback": FULL_ROS,
-    "ros2 action send_goal /practice dart_skill_msgs/action/Practice "
-    "'{situations: [{bodies: [basket], poses: [{position: {x: 2.0, y: 0.3, z: 0.4}}]}], only_execute: true}' --feedback": FULL_ROS,
+    "ros2 action send_goal /practice dart_skill_msgs/action/Practice '{trials: 20, follow_bodies: true}' --feedback": (
+        FULL_ROS
+    ),
+    "ros2 action send_goal /practice dart_skill_msgs/action/Practice '{trials: 1, follow_bodies: true, only_execute: true}' --feedback": (
+        FULL_ROS
+    ),
+    "ros2 action send_goal /practice dart_skill_msgs/action/Practice '{situations: [{bodies: [basket], poses: [{position: {x: 2.0, y: 0.3, z: 0.4}}]}], only_execute: true}' --feedback": (
+        FULL_ROS
+    ),
     "ros2 service call /bag_player/pause std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
     "ros2 service call /bag_player/step dart_skill_msgs/srv/Step '{steps: 10}'": FULL_ROS,
     "ros2 param set /bag_player rate 0.2": FULL_ROS,
@@ -295,8 +391,12 @@ TYPED = {
     "ros2 param set /skill_learner most_stiffness 800.0": FULL_ROS,
     "ros2 param set /skill_learner least_stiffness 50.0": FULL_ROS,
     # bags
-    "dart-skill bag info bags/demonstrations": Run(says=r"/demonstrations +dart_skill_msgs/msg/Demonstration +13 "),
-    "dart-skill learn bags/demonstrations": Run(says="learned from 13 of 13 throws", leaves="demonstrations_model.npz"),
+    "dart-skill bag info bags/demonstrations": Run(
+        says=r"/demonstrations +dart_skill_msgs/msg/Demonstration +13 "
+    ),
+    "dart-skill learn bags/demonstrations": Run(
+        says="learned from 13 of 13 throws", leaves="demonstrations_model.npz"
+    ),
     "dart-skill report bags/throws": Elsewhere(
         "integration/test_report_page.py::test_the_command_says_what_the_bag_holds_and_where_the_page_is"
     ),
@@ -304,11 +404,15 @@ TYPED = {
     "dart-skill bag play bags/throws": Run("--rate 0 --duration 5", says="playing bags/throws"),
     "dart-skill bag info monday": Run(says=r"/clock +rosgraph_msgs/msg/Clock"),
     "dart-skill bag check monday": Run(says=r"monday: (nothing is wrong with it|[0-9]+ notes?\n)"),
-    "dart-skill bag check monday tuesday.mcap": Elsewhere("unit/cli/test_bag.py::test_check_as_json_is_a_list_of_findings"),
+    "dart-skill bag check monday tuesday.mcap": Elsewhere(
+        "unit/cli/test_bag.py::test_check_as_json_is_a_list_of_findings"
+    ),
     "dart-skill bag check thursday --definitions ~/ws/src/lab_msgs": Elsewhere(
         "unit/cli/test_bag.py::test_a_type_that_the_bag_lacks_can_be_given"
     ),
-    "dart-skill bag recover tuesday_0.db3": Elsewhere("unit/recording/test_recovery_sqlite.py::test_the_command_recovers_sqlite_too"),
+    "dart-skill bag recover tuesday_0.db3": Elsewhere(
+        "unit/recording/test_recovery_sqlite.py::test_the_command_recovers_sqlite_too"
+    ),
     "DART_SKILL_CORPUS=~/corpus python3 -m pytest tests/unit/recording/test_corpus.py": TESTS,
     "python3 -m tests.unit.recording.make_corpus FOLDER": TESTS,
     "ros2 bag record": ROSBAG2,
@@ -316,23 +420,36 @@ TYPED = {
     "dart-skill learn friday": CAUSE,
     "dart-skill learn friday --mapping auto": AUTO,
     "dart-skill bag play monday --rate 0.5 --loop": Run(until="playing monday"),
-    "dart-skill bag recover monday --output monday_whole": Run(says="complete: nothing is lost", leaves="monday_whole/metadata.yaml"),
+    "dart-skill bag recover monday --output monday_whole": Run(
+        says="complete: nothing is lost", leaves="monday_whole/metadata.yaml"
+    ),
     "dart-skill bag play monday --start 3 --duration 5 --topics '/vrpn_mocap/.*' --remap /vrpn_mocap/hand/pose:=/hand/pose": Run(
         "--rate 0", says="playing monday"
     ),
     "dart-skill bag play monday --commands --wait-for /wam/command": BESIDE,
-    "dart-skill bag play monday --paused --clock 500 --wait-for /joint_states": Run(until="playing monday"),
-    "dart-skill learn monday": Run(
-        says="learned from 2 of [3-9] throws with .*; the hand opens [0-9]+ ms after it is told to", leaves="monday_model.npz"
+    "dart-skill bag play monday --paused --clock 500 --wait-for /joint_states": Run(
+        until="playing monday"
     ),
-    "dart-skill learn monday --with-throws --output all.npz": Run(says="learned from [3-9] of [3-9] throws", leaves="all.npz"),
-    "dart-skill learn monday --demonstrations-topic --output same.npz": Run(says="learned from 2 of 2 throws", leaves="same.npz"),
+    "dart-skill learn monday": Run(
+        says=(
+            "learned from 2 of [3-9] throws with .*; the hand opens [0-9]+ ms after it is told to"
+        ),
+        leaves="monday_model.npz",
+    ),
+    "dart-skill learn monday --with-throws --output all.npz": Run(
+        says="learned from [3-9] of [3-9] throws", leaves="all.npz"
+    ),
+    "dart-skill learn monday --demonstrations-topic --output same.npz": Run(
+        says="learned from 2 of 2 throws", leaves="same.npz"
+    ),
     "dart-skill learn thursday --mapping thursday.yaml": FOREIGN,
     "dart-skill bag info lab.bag": ROS1,
     "dart-skill learn lab.bag --mapping thursday.yaml": ROS1,
     "dart-skill bag convert thursday --mapping thursday.yaml --output thursday_ours": FOREIGN,
     "dart-skill bag convert bags/demonstrations --to lerobot": LEROBOT,
-    "dart-skill bag convert bags/demonstrations --to lerobot --fps 30 --video --output filmed": FILMED,
+    "dart-skill bag convert bags/demonstrations --to lerobot --fps 30 --video --output filmed": (
+        FILMED
+    ),
     "dart-skill learn demonstrations_lerobot": LEROBOT,
     "DART_SKILL_LEROBOT=~/lerobot/bin/python python3 -m pytest tests/unit/recording/test_lerobot.py": Elsewhere(
         "unit/recording/test_lerobot.py::test_lerobot_itself_loads_it"
@@ -343,45 +460,73 @@ TYPED = {
     "dart-skill learn demonstrations_csv --mapping demonstrations_csv/mapping.yaml": Elsewhere(
         "unit/session/test_round_trips.py::test_numbers_that_every_form_keeps_teach_the_same_model"
     ),
-    "python3 -m benchmarks.power --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3", slow=True),
+    "python3 -m benchmarks.power --gradients": Run(
+        "--seeds 1", says="natural actor-critic, normalised 0.3", slow=True
+    ),
     "python3 -m benchmarks.few_samples --sets 200": Run("--sets 2", says="15 x 8", slow=True),
     "python3 -m benchmarks.mixtures --pbdlib ~/pbdlib-python": NETWORK,
     "python3 -m benchmarks.growth --picture growth.svg": Run(
         "--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg", slow=True
     ),
-    "python3 -m benchmarks.graph.loop": Run("--seconds 1 --layouts composed", says="composed", slow=True),
-    "python3 -m benchmarks.graph.large_bags --sizes 0.1 0.3 1 3 10": Run("--sizes 0.001 --commands check", says="0.01 GB", slow=True),
-    "python3 -m benchmarks.graph.side_by_side --graphs 1 2 4 8 12 20": Run("--graphs 1 --throws 1", says="1 of 1", slow=True),
-    "python3 -m benchmarks.skill.cores": Run("--runs 1 --throws 1 --jobs 1 --workers", says="100%", slow=True),
+    "python3 -m benchmarks.graph.loop": Run(
+        "--seconds 1 --layouts composed", says="composed", slow=True
+    ),
+    "python3 -m benchmarks.graph.large_bags --sizes 0.1 0.3 1 3 10": Run(
+        "--sizes 0.001 --commands check", says="0.01 GB", slow=True
+    ),
+    "python3 -m benchmarks.graph.side_by_side --graphs 1 2 4 8 12 20": Run(
+        "--graphs 1 --throws 1", says="1 of 1", slow=True
+    ),
+    "python3 -m benchmarks.skill.cores": Run(
+        "--runs 1 --throws 1 --jobs 1 --workers", says="100%", slow=True
+    ),
     "python3 -m benchmarks.skill.waits": Run("--only 501 --spreads 60", says="asked 0.5 s"),
     "python3 -m benchmarks.skill.lessons": Run("--repeats 1 --rows plan", says="plan of a throw"),
     "python3 -m benchmarks.recording": Run("--messages 1000 --repeats 1", says="dart_skill"),
-    "python3 -m benchmarks.graph.recorder --seconds 60": Run("--seconds 1", says="messages in 1 s", slow=True),
+    "python3 -m benchmarks.graph.recorder --seconds 60": Run(
+        "--seconds 1", says="messages in 1 s", slow=True
+    ),
     # Rerun
     "dart-skill view --install bags/throws": NETWORK,
     "dart-skill view bags/throws": VIEW,
-    "dart-skill view bags/throws --foxglove": Elsewhere("unit/view/test_foxglove.py::test_the_command_serves_a_bag_until_ctrl_c"),
+    "dart-skill view bags/throws --foxglove": Elsewhere(
+        "unit/view/test_foxglove.py::test_the_command_serves_a_bag_until_ctrl_c"
+    ),
     "dart-skill view --foxglove": Elsewhere(
         "integration/test_foxglove.py::test_what_is_published_is_shown_and_what_is_latched_comes_to_who_is_late"
     ),
-    "rviz2 -d config/viewers/throwing.rviz": Not("RViz is not here; test_viewer_files.py reads the file"),
-    "plotjuggler --layout config/viewers/plotjuggler.xml": Not("PlotJuggler is not here; test_viewer_files.py reads the file"),
-    "dart-skill view bags/throws --web": Elsewhere("unit/view/test_rerun.py::test_web_prints_the_address_of_the_page"),
+    "rviz2 -d config/viewers/throwing.rviz": Not(
+        "RViz is not here; test_viewer_files.py reads the file"
+    ),
+    "plotjuggler --layout config/viewers/plotjuggler.xml": Not(
+        "PlotJuggler is not here; test_viewer_files.py reads the file"
+    ),
+    "dart-skill view bags/throws --web": Elsewhere(
+        "unit/view/test_rerun.py::test_web_prints_the_address_of_the_page"
+    ),
     "python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.41.0": NETWORK,
     "~/rerun/bin/rerun monday/monday_0.mcap": RERUN,
-    "DART_SKILL_RERUN=~/rerun/bin/rerun python3 -m pytest tests/unit/recording/test_others.py": RERUN,
+    "DART_SKILL_RERUN=~/rerun/bin/rerun python3 -m pytest tests/unit/recording/test_others.py": (
+        RERUN
+    ),
     "rerun mcap info": RERUN,
     "rerun mcap check": RERUN,
     "rerun mcap convert": RERUN,
     # darts
     "dart-skill darts estimate 12 16 19 ...": Run(says="sigma = "),
-    "dart-skill darts estimate 12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 ...": Run(says="best aim: "),
+    "dart-skill darts estimate 12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 ...": Run(
+        says="best aim: "
+    ),
     "dart-skill darts aim --sigma 28.3": Run(says="best aim: "),
     "dart-skill darts aim --from 5 --to 60": Run(says="sigma = .* mm: from T20 "),
     "dart-skill darts heatmap --sigma 28.3": Run(says="best aim: ", leaves="figures/*.svg"),
     "dart-skill darts 501 --sigma 20": Run(says="turns on average from 501"),
-    "dart-skill darts match --sigma 12 --against 15": Run("--start 60", says="you win .* % if you begin", slow=True),
-    "dart-skill darts match --sigma 12 --against 15 --legs 11": OtherNumbers("dart-skill darts match --sigma 12 --against 15"),
+    "dart-skill darts match --sigma 12 --against 15": Run(
+        "--start 60", says="you win .* % if you begin", slow=True
+    ),
+    "dart-skill darts match --sigma 12 --against 15 --legs 11": OtherNumbers(
+        "dart-skill darts match --sigma 12 --against 15"
+    ),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --schedules thesis --seeds 1", says="power", leaves="runs.jsonl"
     ),
@@ -401,17 +546,22 @@ TYPED = {
         "--methods power --schedules thesis --seeds 1", says="power +thesis +thrown"
     ),
     # experiments
-    "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 2", says="default +[01]/1 "),
-    "dart-skill demo --arm fleet:3": Elsewhere("integration/test_demo.py::test_the_report_tells_of_this_run"),
-    "dart-skill demo --arm elastic": Elsewhere("unit/test_fleet.py::test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind"),
+    "dart-skill experiment throws --seeds 10": Run(
+        "--seeds 1 --throws 1 --demonstrations 2", says="default +[01]/1 "
+    ),
+    "dart-skill demo --arm fleet:3": Elsewhere(
+        "integration/test_demo.py::test_the_report_tells_of_this_run"
+    ),
+    "dart-skill demo --arm elastic": Elsewhere(
+        "unit/test_fleet.py::test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind"
+    ),
     "dart-skill demo --set mock_optitrack.noise=0.002": Elsewhere(
         "unit/cli/test_usage.py::test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes"
     ),
     "dart-skill experiment throws --arms fleet --first-seed 2000 --seeds 10": Elsewhere(
         "unit/cli/test_usage.py::test_arms_of_the_throws_experiment_are_names_or_the_fleet"
     ),
-    "dart-skill experiment throws --seeds 10 "
-    "--configurations intervals,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
+    "dart-skill experiment throws --seeds 10 --configurations intervals,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
         "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
     "dart-skill experiment throws --seeds 5 --configurations default,ladder": Elsewhere(
@@ -420,7 +570,9 @@ TYPED = {
     "dart-skill experiment soak --minutes 120 --layout processes --speed 1": Elsewhere(
         "integration/test_soak.py::test_a_soak_looks_at_its_processes_after_each_round"
     ),
-    "dart-skill experiment soak --minutes 120": Elsewhere("integration/test_soak.py::test_a_soak_looks_at_its_processes_after_each_round"),
+    "dart-skill experiment soak --minutes 120": Elsewhere(
+        "integration/test_soak.py::test_a_soak_looks_at_its_processes_after_each_round"
+    ),
     "dart-skill experiment faults --list": Run(says="kill_commander_swing"),
     "dart-skill experiment faults --case kill_commander_swing": FAULTS,
     "dart-skill experiment faults --page docs/faults.md": FAULTS,
@@ -433,12 +585,24 @@ TYPED = {
     "dart-skill experiment reach --jobs 2 --cups 6 --held 1 --partition em": Run(
         "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
     ),
-    "dart-skill experiment place --jobs 2 --arm fleet": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts", slow=True),
-    "dart-skill experiment reach --jobs 2": Run("--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True),
-    "dart-skill experiment place --jobs 2 --demonstrations 3 --seeds 4": OtherNumbers("dart-skill experiment place --jobs 2"),
-    "dart-skill experiment place --jobs 2 --demonstrations 5 --seeds 4": OtherNumbers("dart-skill experiment place --jobs 2"),
-    "dart-skill experiment reach --jobs 2 --demonstrations 3": OtherNumbers("dart-skill experiment reach --jobs 2"),
-    "dart-skill experiment reach --jobs 2 --arm fleet": Run("--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 ", slow=True),
+    "dart-skill experiment place --jobs 2 --arm fleet": Run(
+        "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts", slow=True
+    ),
+    "dart-skill experiment reach --jobs 2": Run(
+        "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
+    ),
+    "dart-skill experiment place --jobs 2 --demonstrations 3 --seeds 4": OtherNumbers(
+        "dart-skill experiment place --jobs 2"
+    ),
+    "dart-skill experiment place --jobs 2 --demonstrations 5 --seeds 4": OtherNumbers(
+        "dart-skill experiment place --jobs 2"
+    ),
+    "dart-skill experiment reach --jobs 2 --demonstrations 3": OtherNumbers(
+        "dart-skill experiment reach --jobs 2"
+    ),
+    "dart-skill experiment reach --jobs 2 --arm fleet": Run(
+        "--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 ", slow=True
+    ),
     "dart-skill experiment real_data --data FOLDER --pbdlib ~/pbdlib-python": NETWORK,
     "dart-skill experiment real_data --data FOLDER --jobs 2": Elsewhere(
         "unit/experiments/test_real_data.py::test_the_command_prints_a_table_of_what_is_there"
@@ -450,40 +614,45 @@ TYPED = {
         "--throws 1 --demonstrations 3", says="1.60 +1 ", slow=True
     ),
     "dart-skill experiment basket --models intervals,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
-        "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg", slow=True
+        "--models thesis --seeds 1 --throws 1 --demonstrations 3",
+        says="thesis",
+        leaves="figures/*.svg",
+        slow=True,
     ),
     "dart-skill experiment basket --seeds 20 --jobs 8 --results basket.jsonl": Run(
         "--seeds 1 --throws 1 --demonstrations 3", says="default", leaves="basket.jsonl", slow=True
     ),
     "dart-skill experiment basket --scheduler tcp://HOST:8786": CLUSTER,
-    "dart-skill experiment practice --seeds 20 --scheduler tcp://192.168.10.1:8786 --results practice.jsonl": CLUSTER,
-    "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20 "
-    "--configuration intervals": Run("--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"),
-    "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 40 --throws 50 "
-    "--tested-after 0,10,25,50 --again 6 --configuration intervals": Elsewhere(
+    "dart-skill experiment practice --seeds 20 --scheduler tcp://192.168.10.1:8786 --results practice.jsonl": (
+        CLUSTER
+    ),
+    "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20 --configuration intervals": Run(
+        "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
+    ),
+    "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 40 --throws 50 --tested-after 0,10,25,50 --again 6 --configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_a_tiny_run_practises_and_is_tested"
     ),
-    "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20 "
-    "--configuration intervals": Elsewhere(
+    "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20 --configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
     ),
-    "dart-skill experiment practice --methods none,residual,both,bootstrap,power --changes friction --throws 12 --tested-after 0,12 "
-    "--configuration intervals": Run(
-        "--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3", says="none +3 ", slow=True
+    "dart-skill experiment practice --methods none,residual,both,bootstrap,power --changes friction --throws 12 --tested-after 0,12 --configuration intervals": Run(
+        "--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3",
+        says="none +3 ",
+        slow=True,
     ),
-    "dart-skill experiment practice --methods residual,both,bootstrap,power --demonstrations 3 --throws 20 --tested-after 0,20 "
-    "--configuration intervals": Elsewhere(
+    "dart-skill experiment practice --methods residual,both,bootstrap,power --demonstrations 3 --throws 20 --tested-after 0,20 --configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_rows_of_methods_demonstrations_and_changes_are_kept_apart"
     ),
-    "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 "
-    "--tested-after 0,1,2,5,10 --tests 4 --seeds 20 --configuration intervals": Elsewhere(
+    "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 --tested-after 0,1,2,5,10 --tests 4 --seeds 20 --configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
     ),
     "dart-skill experiment darts --seed 0 --throws 300 --output figures --configuration intervals": Run(
         "--throws 2 --demonstrations 3", says="throws +across", leaves="figures/*.svg", slow=True
     ),
     "dart-skill experiment landscapes --results landscapes.jsonl": Run(
-        "--landscapes vanishing_peak --methods power --seeds 1", says="power", leaves="landscapes.jsonl"
+        "--landscapes vanishing_peak --methods power --seeds 1",
+        says="power",
+        leaves="landscapes.jsonl",
     ),
     "dart-skill experiment landscapes --methods niches --results landscapes.jsonl": Elsewhere(
         "unit/experiments/test_landscapes.py::test_landscapes_on_the_command_line"
@@ -499,8 +668,13 @@ TYPED = {
         "unit/experiments/test_thesis.py::test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again"
     ),
     **dict.fromkeys(
-        (f"dart-skill experiment figure {number}" for number in ("3.1", "6.6", "7.4", "8.6", "8.11")),
-        Elsewhere("unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"),
+        (
+            f"dart-skill experiment figure {number}"
+            for number in ("3.1", "6.6", "7.4", "8.6", "8.11")
+        ),
+        Elsewhere(
+            "unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"
+        ),
     ),
 }
 """How each command of the docs is run; comments are left out, lines that go on joined."""
@@ -516,7 +690,9 @@ VERBS = {parser.prog for parser in verbs_of(PARSER)}
 
 
 def commands_of(text: str) -> dict[str, None]:
-    """Commands of a page in their order: lines of blocks, and whole commands in the text; Python, tables and numbers are none."""
+    """Commands of a page in their order: lines of blocks, and whole commands in the text; Python,
+    tables and numbers are none.
+    """
     text = re.sub(r"^```(?!bash|sh|console|\n).*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
     blocks = re.compile(r"^```\w*\n.*?^```|(?:^ {4}[^\n]*\n)+", re.MULTILINE | re.DOTALL)
     found = []
@@ -524,7 +700,11 @@ def commands_of(text: str) -> dict[str, None]:
         lines = re.sub(r"\\\n\s*", " ", block[0]).splitlines()
         found += [(block.start(), line.strip().removeprefix("$ ")) for line in lines]
     prose = blocks.sub(lambda block: " " * len(block[0]), text)
-    found += [(quoted.start(), quoted[1]) for quoted in re.finditer(r"`([^`]+)`", prose) if is_whole(quoted[1])]
+    found += [
+        (quoted.start(), quoted[1])
+        for quoted in re.finditer(r"`([^`]+)`", prose)
+        if is_whole(quoted[1])
+    ]
     typed = (plain(line) for _, line in sorted(found, key=lambda one: one[0]))
     return dict.fromkeys(line for line in typed if is_command(line))
 
@@ -536,20 +716,30 @@ def plain(line: str) -> str:
 
 def is_command(line: str) -> bool:
     """Whether a line begins with a program, maybe after variables that are set for it."""
-    return re.sub(r"^([A-Z_]+=\S* )*", "", line).split(" ")[0].removeprefix("~/rerun/bin/") in PROGRAMS
+    return (
+        re.sub(r"^([A-Z_]+=\S* )*", "", line).split(" ")[0].removeprefix("~/rerun/bin/")
+        in PROGRAMS
+    )
 
 
 def is_whole(quoted: str) -> bool:
-    """Whether something in the text is a command that can be typed, not the name of a program, a command or a verb."""
+    """Whether something in the text is a command that can be typed, not the name of a program, a
+    command or a verb.
+    """
     words = quoted.split()
-    return len(words) > (1 if words[0] in ("make", "dart-skill", "chronyc") else 2) and " ".join(words) not in VERBS
+    return (
+        len(words) > (1 if words[0] in ("make", "dart-skill", "chronyc") else 2)
+        and " ".join(words) not in VERBS
+    )
 
 
 DOCUMENTED = {page: commands_of(path.read_text(encoding="utf-8")) for page, path in PAGES.items()}
 
 
 def with_options(command: str, options: str) -> str:
-    """A command whose options are replaced by others of the same name, or that gets them in addition."""
+    """A command whose options are replaced by others of the same name, or that gets them in
+    addition.
+    """
     words = shlex.split(command)
     pairs = shlex.split(options)
     for name, value in zip(pairs[::2], pairs[1::2], strict=True):
@@ -568,11 +758,16 @@ def as_typed(command: str, options: str) -> str:
 
 
 def of_kind(kind) -> list:
-    """Parameters of a test for what is run in a certain way, in the order of the pages; each command once."""
+    """Parameters of a test for what is run in a certain way, in the order of the pages; each
+    command once.
+    """
     first = {command: page for page in reversed(DOCUMENTED) for command in DOCUMENTED[page]}
     return [
         pytest.param(
-            page, command, id=f"{page}: {command}"[:90], marks=[pytest.mark.slow] if getattr(TYPED[command], "slow", False) else []
+            page,
+            command,
+            id=f"{page}: {command}"[:90],
+            marks=[pytest.mark.slow] if getattr(TYPED[command], "slow", False) else [],
         )
         for page in DOCUMENTED
         for command in DOCUMENTED[page]
@@ -586,23 +781,33 @@ def of_kind(kind) -> list:
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_of_a_page_is_in_the_table(page):
     missing = [command for command in DOCUMENTED[page] if command not in TYPED]
-    assert not missing, f"{page} shows commands that no test knows: give each a line in TYPED of {Path(__file__).name}: {missing}"
+    assert not missing, (
+        f"{page} shows commands that no test knows: give each a line in TYPED of"
+        f" {Path(__file__).name}: {missing}"
+    )
 
 
 def test_every_line_of_the_table_is_in_the_docs():
     shown = {command for commands in DOCUMENTED.values() for command in commands}
-    assert not set(TYPED) - shown, f"no page shows these: take them out of TYPED of {Path(__file__).name}: {sorted(set(TYPED) - shown)}"
+    assert not set(TYPED) - shown, (
+        f"no page shows these: take them out of TYPED of {Path(__file__).name}:"
+        f" {sorted(set(TYPED) - shown)}"
+    )
 
 
 @pytest.mark.parametrize(("page", "command"), of_kind(Elsewhere))
 def test_what_another_test_runs_has_that_test(page, command):
     file, name = TYPED[command].test.split("::")
     path = ROOT / "tests" / file
-    assert path.is_file() and f"\ndef {name}(" in path.read_text(encoding="utf-8"), f"there is no test {TYPED[command].test}"
+    assert path.is_file() and f"\ndef {name}(" in path.read_text(encoding="utf-8"), (
+        f"there is no test {TYPED[command].test}"
+    )
 
 
 def parse(command: str):
-    """The options of a `dart-skill` command as its parser understands them; a usage error fails the test."""
+    """The options of a `dart-skill` command as its parser understands them; a usage error fails
+    the test.
+    """
     words = shlex.split(as_typed(command, ""))[1:]
     try:
         return PARSER.parse_args(words)
@@ -623,14 +828,24 @@ def test_what_is_run_with_other_numbers_differs_in_nothing_else(page, command):
     assert isinstance(TYPED[TYPED[command].of], Run)
     one, other = vars(parse(command)), vars(parse(TYPED[command].of))
     differing = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
-    assert differing and all(type(options[name]) in (int, float) for name in differing for options in (one, other)), differing
+    assert differing and all(
+        type(options[name]) in (int, float) for name in differing for options in (one, other)
+    ), differing
 
 
-@pytest.mark.parametrize(("page", "command"), [one for one in of_kind(Not) if one.values[1].startswith("make")])
+@pytest.mark.parametrize(
+    ("page", "command"), [one for one in of_kind(Not) if one.values[1].startswith("make")]
+)
 def test_make_has_the_target_and_starts_what_exists(page, command):
     if shutil.which("make") is None:
         pytest.skip("no make on this machine")
-    told = subprocess.run(f"make -n {command.removeprefix('make ')}", shell=True, cwd=ROOT, capture_output=True, text=True)
+    told = subprocess.run(
+        f"make -n {command.removeprefix('make ')}",
+        shell=True,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
     assert told.returncode == 0, told.stderr
     for started in re.findall(r"exec (dart-skill .*)", told.stdout):
         parse(started)
@@ -641,7 +856,12 @@ def test_make_has_the_target_and_starts_what_exists(page, command):
 
 def rows_of(node: str) -> str:
     """The section of a node in docs/reference.md, which a test compares with the node itself."""
-    return (ROOT / "docs" / "reference.md").read_text(encoding="utf-8").split(f"\n## {node}\n")[1].split("\n## ")[0]
+    return (
+        (ROOT / "docs" / "reference.md")
+        .read_text(encoding="utf-8")
+        .split(f"\n## {node}\n")[1]
+        .split("\n## ")[0]
+    )
 
 
 def fill(message, values: dict) -> None:
@@ -663,17 +883,26 @@ def check_ros2(command: str) -> None:
     elif words[1] == "launch":
         assert (ROOT / "launch" / words[3]).is_file()
     elif words[1] == "param":
-        assert f"\n| `{words[4]}` \\* |" in rows_of(words[3].strip("/")), f"{words[3]} has no parameter {words[4]} that may be changed"
+        assert f"\n| `{words[4]}` \\* |" in rows_of(words[3].strip("/")), (
+            f"{words[3]} has no parameter {words[4]} that may be changed"
+        )
     else:
         kind, name, type_name, *values = (words[1], *words[3:])
         reference = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
-        assert f"| {kind} | `{name}` | `{type_name}` |" in reference, f"no node has {name} of type {type_name}"
+        assert f"| {kind} | `{name}` | `{type_name}` |" in reference, (
+            f"no node has {name} of type {type_name}"
+        )
         package, folder, type_ = type_name.split("/")
         interface = getattr(importlib.import_module(f"{package}.{folder}"), type_)
-        fill(interface.Goal() if kind == "action" else interface.Request(), yaml.safe_load(values[0]) if values else {})
+        fill(
+            interface.Goal() if kind == "action" else interface.Request(),
+            yaml.safe_load(values[0]) if values else {},
+        )
 
 
-@pytest.mark.parametrize(("page", "command"), [one for one in of_kind(Not) if re.match("ros2 (?!bag )", one.values[1])])
+@pytest.mark.parametrize(
+    ("page", "command"), [one for one in of_kind(Not) if re.match("ros2 (?!bag )", one.values[1])]
+)
 def test_the_nodes_have_what_ros2_is_asked_for(page, command):
     check_ros2(command)
 
@@ -693,7 +922,9 @@ def check_next(said: str) -> None:
 
 @dataclass(frozen=True)
 class Desks:
-    """A working directory for each page, with the bags of the checkout, and what the programs are started with."""
+    """A working directory for each page, with the bags of the checkout, and what the programs are
+    started with.
+    """
 
     folder: Path
     environment: dict[str, str]
@@ -710,21 +941,40 @@ class Desks:
     def run(self, command: str, page: str) -> str:
         """What a command says, on stdout and stderr; it must end well."""
         cwd = ROOT if command.startswith("source ") else self.of(page)
-        done = subprocess.run(["bash", "-c", command], cwd=cwd, env=self.environment, capture_output=True, text=True, timeout=PATIENCE)
-        assert done.returncode == 0, f"{command}: status {done.returncode}\n{done.stdout}\n{done.stderr}"
+        done = subprocess.run(
+            ["bash", "-c", command],
+            cwd=cwd,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+        )
+        assert done.returncode == 0, (
+            f"{command}: status {done.returncode}\n{done.stdout}\n{done.stderr}"
+        )
         check_next(done.stdout)
         return done.stdout + done.stderr
 
     @contextmanager
     def stays(self, command: str, page: str, until: str = "", leaves: str = ""):
-        """While a command runs that stays until Ctrl-C, from when it has said something, or a file is there; afterwards it must have
-        ended well.
+        """While a command runs that stays until Ctrl-C, from when it has said something, or a file
+        is there; afterwards it must have ended well.
         """
         log = self.of(page) / "said.log"
         with open(log, "wb") as file:
-            process = subprocess.Popen(["bash", "-c", f"exec {command}"], cwd=self.of(page), env=self.environment, stdout=file, stderr=file)
+            process = subprocess.Popen(
+                ["bash", "-c", f"exec {command}"],
+                cwd=self.of(page),
+                env=self.environment,
+                stdout=file,
+                stderr=file,
+            )
         try:
-            wait_until(lambda: is_said(until, log) and (not leaves or list(self.of(page).glob(leaves))), log, process)
+            wait_until(
+                lambda: is_said(until, log) and (not leaves or list(self.of(page).glob(leaves))),
+                log,
+                process,
+            )
             yield log
             process.send_signal(signal.SIGINT)
             status = process.wait(PATIENCE)
@@ -733,7 +983,9 @@ class Desks:
                 process.kill()
                 process.wait()
         said = log.read_text(encoding="utf-8", errors="replace")
-        assert status == 0 and "Traceback" not in said, f"{command}: status {status} on Ctrl-C\n{said}"
+        assert status == 0 and "Traceback" not in said, (
+            f"{command}: status {status} on Ctrl-C\n{said}"
+        )
         check_next(said)
 
 
@@ -746,7 +998,9 @@ def wait_until(ready, log: Path, process: subprocess.Popen) -> None:
     """Until a program that stays is ready."""
     end = time.monotonic() + PATIENCE
     while not ready():
-        assert process.poll() is None, f"ended with status {process.returncode}:\n{log.read_text()}"
+        assert process.poll() is None, (
+            f"ended with status {process.returncode}:\n{log.read_text()}"
+        )
         assert time.monotonic() < end, f"was never ready:\n{log.read_text()}"
         time.sleep(0.05)
 
@@ -763,15 +1017,27 @@ RECORD = "ros2 run dart_skill recorder --ros-args -p bag:=monday -p use_sim_time
 
 @pytest.fixture(scope="module")
 def said_on_the_graph(desks):
-    """What each command said that was typed while the graph ran, in the order of the pages; a recorder ran beside and left `monday`.
+    """What each command said that was typed while the graph ran, in the order of the pages; a
+    recorder ran beside and left `monday`.
 
     It ends after the first throw: a graph of which every message is recorded takes twice as long.
     """
-    said, typed = {}, [one.values for one in of_kind(OnTheGraph) if one.values[1] not in (UP, RECORD)]
-    thrown = next(k for k, (_, command) in enumerate(typed) if command.startswith("dart-skill throw")) + 1
+    said, typed = (
+        {},
+        [one.values for one in of_kind(OnTheGraph) if one.values[1] not in (UP, RECORD)],
+    )
+    thrown = (
+        next(k for k, (_, command) in enumerate(typed) if command.startswith("dart-skill throw"))
+        + 1
+    )
 
     def run(some):
-        said.update({command: desks.run(as_typed(command, TYPED[command].with_), page) for page, command in some})
+        said.update(
+            {
+                command: desks.run(as_typed(command, TYPED[command].with_), page)
+                for page, command in some
+            }
+        )
 
     with desks.stays(as_typed(UP, TYPED[UP].with_), "README.md", r"next: .*\n") as log:
         with desks.stays(RECORD, "docs/bags.md", leaves="monday/*.mcap"):

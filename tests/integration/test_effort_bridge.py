@@ -1,4 +1,6 @@
-"""An arm under effort control in real time: held through commander and bridge, and damped when something is wrong."""
+"""An arm under effort control in real time: held through commander and bridge, and damped when
+something is wrong.
+"""
 
 import signal
 import subprocess
@@ -29,8 +31,15 @@ class Laboratory:
         self.joints, self.said = Joints(client), Diagnoses(client)
         self.reset = client.node.create_client(Trigger, "/effort_bridge/reset")
         self.speeds = client.node.create_publisher(Float64MultiArray, "/stand_in/speeds", 10)
-        client.node.create_subscription(Float64MultiArray, "/effort_controller/commands", self._take, 10)
-        client.node.create_subscription(Bool, "/effort_bridge/hand_open", lambda message: self.opened.append(message.data), LATCHED)
+        client.node.create_subscription(
+            Float64MultiArray, "/effort_controller/commands", self._take, 10
+        )
+        client.node.create_subscription(
+            Bool,
+            "/effort_bridge/hand_open",
+            lambda message: self.opened.append(message.data),
+            LATCHED,
+        )
 
     def _take(self, message):
         self.efforts = np.array(message.data)[::-1]
@@ -70,9 +79,18 @@ class Laboratory:
 @pytest.fixture(scope="module")
 def laboratory(make_shared_graph):
     graph, client = make_shared_graph(None)
-    process = subprocess.Popen([sys.executable, "-m", "tests.integration.effort_stand_in"], cwd=ROOT)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.integration.effort_stand_in"], cwd=ROOT
+    )
     try:
-        graph.start("effort_bridge", {"controller_joints": NAMES[::-1], "command_timeout": PATIENT, "state_timeout": PATIENT})
+        graph.start(
+            "effort_bridge",
+            {
+                "controller_joints": NAMES[::-1],
+                "command_timeout": PATIENT,
+                "state_timeout": PATIENT,
+            },
+        )
         graph.start("commander", {"tracking": "joints"})
         laboratory = Laboratory(graph, client)
         laboratory.wait(lambda: laboratory.phase == "active", "a bridge that carries commands out")
@@ -101,12 +119,18 @@ def test_a_second_commander_stops_the_arm_until_it_is_reset(laboratory):
 
 
 def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
-    """It stays damped when somebody commands it again, until the bridge is reset; then the hand is opened, too. The last test."""
+    """It stays damped when somebody commands it again, until the bridge is reset; then the hand is
+    opened, too. The last test.
+    """
     commander = laboratory.graph.processes.pop("commander")
-    commander.send_signal(signal.SIGINT)  # one that is killed stays on the graph for 20 s, and its successor is the second one there
+    commander.send_signal(
+        signal.SIGINT
+    )  # one that is killed stays on the graph for 20 s, and its successor is the second one there
     commander.wait(20)
     laboratory.wait(lambda: laboratory.phase == "stopped", "a bridge that stops")
-    assert "no command for" in laboratory.message and "is the commander running" in laboratory.message
+    assert (
+        "no command for" in laboratory.message and "is the commander running" in laboratory.message
+    )
     before = laboratory.efforts[0]
     laboratory.speeds.publish(Float64MultiArray(data=[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     laboratory.wait(lambda: laboratory.efforts[0] < before - 1.0, "a damping effort")
@@ -117,7 +141,10 @@ def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
 
     def tell(grip):
         message = WamCommand(grip=grip)
-        message.header.stamp, message.header.frame_id = laboratory.joints.message.header.stamp, "world"
+        message.header.stamp, message.header.frame_id = (
+            laboratory.joints.message.header.stamp,
+            "world",
+        )
         commands.publish(message)
         laboratory.watch(1)
 
@@ -127,5 +154,8 @@ def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
     assert laboratory.client.call(laboratory.reset, Trigger.Request()).success
     laboratory.wait(lambda: tell(WamCommand.GRIP_OPEN) or laboratory.opened, "a hand that opens")
     assert laboratory.opened == [True]
-    laboratory.wait(lambda: tell(WamCommand.GRIP_OPEN) or laboratory.phase == "active", "a bridge that carries commands out")
+    laboratory.wait(
+        lambda: tell(WamCommand.GRIP_OPEN) or laboratory.phase == "active",
+        "a bridge that carries commands out",
+    )
     laboratory.client.node.destroy_publisher(commands)

@@ -1,4 +1,6 @@
-"""Every node starts by itself with `ros2 run`, is seen on the graph, and ends without complaint when it is told to."""
+"""Every node starts by itself with `ros2 run`, is seen on the graph, and ends without complaint
+when it is told to.
+"""
 
 import os
 import shutil
@@ -31,27 +33,49 @@ NODES = {
     "coach": {"coach"},
     "recorder": {"recorder"},
     "viewer": {"viewer"},
-    "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach"},
+    "composed": {
+        "wam_simulator",
+        "mock_optitrack",
+        "commander",
+        "demonstration_recorder",
+        "teacher",
+        "coach",
+    },
 }
 TOGETHER = ("wam_simulator", "mock_optitrack", "teacher", "coach")
-"""Nodes that are hardly ever started by themselves: `composed` begins them, too, and other tests give each a process of its own."""
+"""Nodes that are hardly ever started by themselves: `composed` begins them, too, and other tests
+give each a process of its own.
+"""
 ARGUMENTS = {"viewer": ["--ros-args", "-p", "port:=0"]}
 
 
 @pytest.fixture
 def warm(monkeypatch):
-    """For what a node says once it has begun: that each of them begins is found out by the first test."""
+    """For what a node says once it has begun: that each of them begins is found out by the first
+    test.
+    """
     monkeypatch.setattr(subprocess, "Popen", WarmPopen)
 
 
-@pytest.mark.parametrize("executable", [pytest.param(name, marks=[pytest.mark.slow] * (name in TOGETHER)) for name in NODES])
+@pytest.mark.parametrize(
+    "executable",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in TOGETHER)) for name in NODES],
+)
 def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
     node = rclpy.create_node(f"observer_of_{executable}")
     executor = make_executor()
     executor.add_node(node)
     log = open(tmp_path / "log", "wb")
-    command = [shutil.which("ros2"), "run", "dart_skill", executable, *ARGUMENTS.get(executable, [])]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log, start_new_session=True)
+    command = [
+        shutil.which("ros2"),
+        "run",
+        "dart_skill",
+        executable,
+        *ARGUMENTS.get(executable, []),
+    ]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=log, stderr=log, start_new_session=True
+    )
     try:
         for _ in range(300):
             executor.spin_once(timeout_sec=0.1)
@@ -60,7 +84,9 @@ def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
             assert process.poll() is None, (tmp_path / "log").read_text()
         else:
             pytest.fail(f"{NODES[executable]} never appeared, only {node.get_node_names()}")
-        os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C does: the real `ros2 run` hands nothing on
+        os.killpg(
+            process.pid, signal.SIGINT
+        )  # as Ctrl-C does: the real `ros2 run` hands nothing on
         assert process.wait(20) == 0, (tmp_path / "log").read_text()
     finally:
         if process.poll() is None:
@@ -77,20 +103,42 @@ def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
 def test_the_help_of_a_node_starts_nothing_and_tells_its_parameters(warm, tmp_path, executable):
     command = ["ros2", "run", "dart_skill", executable, "--help"]
     asked = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert asked.returncode == 0 and asked.stdout.startswith(f"usage: ros2 run dart_skill {executable}"), asked
-    assert ("  skill " in asked.stdout or "  bag " in asked.stdout) or executable in ("composed", "effort_bridge"), asked.stdout
+    assert asked.returncode == 0 and asked.stdout.startswith(
+        f"usage: ros2 run dart_skill {executable}"
+    ), asked
+    assert ("  skill " in asked.stdout or "  bag " in asked.stdout) or executable in (
+        "composed",
+        "effort_bridge",
+    ), asked.stdout
     assert not list(tmp_path.iterdir()), "a recorder began a bag"
 
 
 def test_what_a_node_does_not_take_is_said(warm, tmp_path):
     command = ["ros2", "run", "dart_skill", "bag_player"]
-    wrong = subprocess.run([*command, "bags/throws"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    wrong = subprocess.run(
+        [*command, "bags/throws"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
     said = wrong.stderr.splitlines()
-    assert "bag_player: 'bags/throws' is not understood: parameters are given as --ros-args -p NAME:=VALUE" in said
+    assert (
+        "bag_player: 'bags/throws' is not understood: parameters are given as --ros-args -p"
+        " NAME:=VALUE" in said
+    )
     assert wrong.returncode != 0
-    mistyped = [*command, "--ros-args", "-p", "raet:=0.0", "-p", f"bag:={ROOT / 'bags/throws'}", "-p", "duration:=0.01"]
+    mistyped = [
+        *command,
+        "--ros-args",
+        "-p",
+        "raet:=0.0",
+        "-p",
+        f"bag:={ROOT / 'bags/throws'}",
+        "-p",
+        "duration:=0.01",
+    ]
     played = subprocess.run(mistyped, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    assert played.returncode == 0 and "there is no parameter 'raet' here" in played.stdout + played.stderr, played
+    assert (
+        played.returncode == 0
+        and "there is no parameter 'raet' here" in played.stdout + played.stderr
+    ), played
 
 
 @pytest.fixture
@@ -125,7 +173,13 @@ def test_a_node_whose_name_is_taken_does_not_start(commander):
     second, log = commander()
     assert second.wait(60) == 1
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
-    assert log.read_text().splitlines()[0].startswith(f"commander: /commander runs on this machine in ROS domain {domain} already: end it")
+    assert (
+        log.read_text()
+        .splitlines()[0]
+        .startswith(
+            f"commander: /commander runs on this machine in ROS domain {domain} already: end it"
+        )
+    )
     assert "Traceback" not in log.read_text() and first.poll() is None
     commander("--ros-args", "-r", "__ns:=/arm2")
     commander("--ros-args", "-r", "__node:=spare")
@@ -153,7 +207,9 @@ def test_a_node_that_is_destroyed_gives_its_name_back(ros):
 def test_a_node_that_is_told_to_end_while_it_loads_says_nothing(tmp_path):
     """`ros2 launch` ends its nodes as soon as one of them cannot start: the others still import."""
     command = [Path(get_package_prefix("dart_skill"), "lib/dart_skill/composed")]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
     maps = Path(f"/proc/{process.pid}/maps")
     until = time.monotonic() + 60.0
     while "numpy" not in maps.read_text():  # of the library, which comes before ROS is up
@@ -164,14 +220,24 @@ def test_a_node_that_is_told_to_end_while_it_loads_says_nothing(tmp_path):
     assert process.returncode == 0 and b"Traceback" not in said, said.decode()
 
 
-@pytest.mark.parametrize("home", [{}, {"HOME": "/proc/nowhere"}], ids=["none", "not to be written to"])
+@pytest.mark.parametrize(
+    "home", [{}, {"HOME": "/proc/nowhere"}], ids=["none", "not to be written to"]
+)
 def test_a_user_without_a_home_has_the_graph_all_the_same(home, tmp_path):
     """rcl writes its logs there, and ended a verb with a traceback."""
-    environment = {name: value for name, value in os.environ.items() if name not in ("HOME", "ROS_HOME", "ROS_LOG_DIR")}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("HOME", "ROS_HOME", "ROS_LOG_DIR")
+    }
     environment |= {**home, "TMPDIR": str(tmp_path), "ROS_DOMAIN_ID": "99"}
     status = [sys.executable, "-m", "dart_skill", "status", "--duration", "0.1"]
-    asked = subprocess.run(status, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60)
-    assert asked.returncode == 1 and asked.stderr.startswith("dart-skill status: nothing runs in ROS domain 99"), asked
+    asked = subprocess.run(
+        status, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert asked.returncode == 1 and asked.stderr.startswith(
+        "dart-skill status: nothing runs in ROS domain 99"
+    ), asked
 
 
 CANNOT = {
@@ -186,7 +252,13 @@ CANNOT = {
 @pytest.mark.parametrize("executable", CANNOT)
 def test_a_node_that_cannot_start_says_why_in_a_line_and_ends(warm, tmp_path, executable):
     arguments, reason = CANNOT[executable]
-    command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}", "--ros-args", *arguments]
+    command = [
+        sys.executable,
+        "-m",
+        f"dart_skill_nodes.executables.{executable}",
+        "--ros-args",
+        *arguments,
+    ]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     told = ended.stdout + ended.stderr
     assert ended.returncode == 1 and "Traceback" not in told, told
@@ -198,8 +270,18 @@ def test_a_node_that_lacks_a_package_says_which(tmp_path):
     package = tmp_path / "tf2_msgs"
     package.mkdir()
     (package / "__init__.py").write_text("raise ModuleNotFoundError('No module named tf2_msgs')")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
+    }
     command = [shutil.which("ros2"), "run", "dart_skill", "mock_optitrack"]
-    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=60)
-    said = "mock_optitrack did not start: not configured: ModuleNotFoundError at __init__.py:1: No module named tf2_msgs"
-    assert done.returncode == 1 and said in done.stderr and "Traceback" not in done.stderr, done.stderr
+    done = subprocess.run(
+        command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    said = (
+        "mock_optitrack did not start: not configured: ModuleNotFoundError at __init__.py:1: No"
+        " module named tf2_msgs"
+    )
+    assert done.returncode == 1 and said in done.stderr and "Traceback" not in done.stderr, (
+        done.stderr
+    )

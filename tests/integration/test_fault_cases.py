@@ -1,4 +1,6 @@
-"""Some cases of `dart-skill experiment faults`: something is hurt on one graph, which has to work again each time."""
+"""Some cases of `dart-skill experiment faults`: something is hurt on one graph, which has to work
+again each time.
+"""
 
 from contextlib import closing
 
@@ -12,7 +14,9 @@ from dart_skill_nodes.verbs.faults.stranger import ATTACKS
 from tests.integration.conftest import RUNNING
 
 ON_A_BUSY_MACHINE = 60.0
-"""For an answer [s, wall clock]: docs/faults.md has what is measured on one that has nothing else to do."""
+"""For an answer [s, wall clock]: docs/faults.md has what is measured on one that has nothing else
+to do.
+"""
 CHEAP = (
     "kill_wam_simulator_swing",
     "kill_skill_learner_planning",
@@ -55,7 +59,9 @@ def test_cases_have_names_of_their_own():
 
 
 def test_every_fault_has_cases_and_every_attack_too():
-    assert {case.fault for case in CASES} == set(FAULTS) and {case.phase for case in CASES} == set(PHASES)
+    assert {case.fault for case in CASES} == set(FAULTS) and {case.phase for case in CASES} == set(
+        PHASES
+    )
     assert {what for of in OF_ATTACKS.values() for what in of} == set(ATTACKS)
 
 
@@ -75,7 +81,14 @@ def test_a_small_disk_is_full_when_it_is_filled_and_then_free_again(tmp_path):
 def reaction(**changes):
     """One that is as it must be, but for changes."""
     (case,) = named("kill_commander_swing")
-    fields = {"succeeded": False, "answer": "commander has gone", "seconds": 4.0, "fastest": 3.0, "strongest": 20.0, "last": 0.0}
+    fields = {
+        "succeeded": False,
+        "answer": "commander has gone",
+        "seconds": 4.0,
+        "fastest": 3.0,
+        "strongest": 20.0,
+        "last": 0.0,
+    }
     fields |= {"pushed": (), "at_once": False, "bag": "", "afterwards": "", "within": 9.0}
     return Reaction(case, **(fields | changes))
 

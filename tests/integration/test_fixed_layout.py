@@ -49,9 +49,22 @@ def test_commands(grip):
     example.header.frame_id = "arm"
     values = np.random.default_rng(0).standard_normal(13)
     message = deserialize_message(FixedLayout(example).pack(5, values), WamCommand)
-    assert (message.grip, message.speed, message.sender, message.header.frame_id) == (grip, 1, 2**32 - 1, "arm")
+    assert (message.grip, message.speed, message.sender, message.header.frame_id) == (
+        grip,
+        1,
+        2**32 - 1,
+        "arm",
+    )
     wrench = message.wrench
-    numbers = [wrench.force.x, wrench.force.y, wrench.force.z, wrench.torque.x, wrench.torque.y, wrench.torque.z, *message.joint_torque]
+    numbers = [
+        wrench.force.x,
+        wrench.force.y,
+        wrench.force.z,
+        wrench.torque.x,
+        wrench.torque.y,
+        wrench.torque.z,
+        *message.joint_torque,
+    ]
     np.testing.assert_array_equal(numbers, values)
 
 
@@ -72,7 +85,9 @@ def test_no_more_layouts_are_remembered_than_a_few():
 
 
 def test_what_lies_between_the_fields_does_not_count():
-    example = PoseStamped(header=Header(frame_id="world"))  # 6 bytes of name, so that two lie between
+    example = PoseStamped(
+        header=Header(frame_id="world")
+    )  # 6 bytes of name, so that two lie between
     layout, written = FixedLayout(example), bytearray(FixedLayout(example).pack(1, np.arange(7.0)))
     written[22:28] = b"\xff" * 6
     assert layout.fits(bytes(written))
@@ -85,7 +100,10 @@ def test_all_that_stands_in_nested_messages():
     layout = FixedLayout(example)
     message = deserialize_message(layout.pack(0, np.arange(float(layout.count))), SimulationState)
     assert list(message.joint_velocity) == list(np.arange(7.0, 14.0))
-    assert message.bodies[1].twist.angular.z == layout.count - 2 and message.base_turn == layout.count - 1
+    assert (
+        message.bodies[1].twist.angular.z == layout.count - 2
+        and message.base_turn == layout.count - 1
+    )
 
 
 def test_bytes_that_are_no_such_message_are_refused():
@@ -115,13 +133,23 @@ def test_a_stamp_alone():
 
 def test_counters_are_no_part_of_a_layout():
     example = SimulationState(bodies=[BodyState(name="hand")])
-    layout, reader = FixedLayout(example, EPISODE_AND_STEP), LayoutReader(SimulationState, EPISODE_AND_STEP)
+    layout, reader = (
+        FixedLayout(example, EPISODE_AND_STEP),
+        LayoutReader(SimulationState, EPISODE_AND_STEP),
+    )
     for step in (3, 2**32 - 1):
         data = layout.pack(9, np.arange(float(layout.count)), 2, step)
         message = deserialize_message(data, SimulationState)
         assert (message.episode, message.step) == (2, step)
         for _ in range(2):
             truth = ground_truth(*reader.read_all(data))
-            assert (truth.stamp_ns, truth.episode, truth.step, truth.base_turn) == (9, 2, step, layout.count - 1)
-            assert list(truth.bodies["hand"][1]) == [24.0, 25.0, 26.0, 27.0] and list(truth.joint_position) == list(range(7))
+            assert (truth.stamp_ns, truth.episode, truth.step, truth.base_turn) == (
+                9,
+                2,
+                step,
+                layout.count - 1,
+            )
+            assert list(truth.bodies["hand"][1]) == [24.0, 25.0, 26.0, 27.0] and list(
+                truth.joint_position
+            ) == list(range(7))
     assert len(reader._layouts) == 1

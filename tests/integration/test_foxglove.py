@@ -27,7 +27,10 @@ def node():
 
 
 def test_what_is_published_is_shown_and_what_is_latched_comes_to_who_is_late(node):
-    poses, once = node.create_publisher(PoseStamped, "/somewhere/pose", 10), node.create_publisher(String, "/once", LATCHED)
+    poses, once = (
+        node.create_publisher(PoseStamped, "/somewhere/pose", 10),
+        node.create_publisher(String, "/once", LATCHED),
+    )
     node.create_publisher(String, "/somewhere/_action/feedback", 10)
     once.publish(String(data="said once"))
     pose = PoseStamped()
@@ -44,12 +47,21 @@ def test_what_is_published_is_shown_and_what_is_latched_comes_to_who_is_late(nod
                 view.hand_on()
 
             with FoxgloveClient(server.url) as waits:
-                waits.hear_until(lambda: {"/somewhere/pose", "/once"} <= set(waits.channels), meanwhile=turn)
+                waits.hear_until(
+                    lambda: {"/somewhere/pose", "/once"} <= set(waits.channels), meanwhile=turn
+                )
             with FoxgloveClient(server.url) as client:
-                client.hear_until(lambda: {"/somewhere/pose", "/once"} <= set(client.channels), meanwhile=turn)
+                client.hear_until(
+                    lambda: {"/somewhere/pose", "/once"} <= set(client.channels), meanwhile=turn
+                )
                 client.ask_for("/somewhere/pose")
                 client.ask_for("/once")
-                client.hear_until(lambda: {topic for topic, _ in client.messages} == {"/somewhere/pose", "/once"}, meanwhile=turn)
+                client.hear_until(
+                    lambda: (
+                        {topic for topic, _ in client.messages} == {"/somewhere/pose", "/once"}
+                    ),
+                    meanwhile=turn,
+                )
             assert not view.refused and not [topic for topic in client.channels if "/_" in topic]
             view.close()
     finally:

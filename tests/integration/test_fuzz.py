@@ -1,4 +1,5 @@
-"""Whatever a message, a request or a parameter holds: no callback raises anything but a plain refusal. Nodes in this process, no graph.
+"""Whatever a message, a request or a parameter holds: no callback raises anything but a plain
+refusal. Nodes in this process, no graph.
 
 HYPOTHESIS_PROFILE=long looks for new examples, and for many of them.
 """
@@ -69,7 +70,10 @@ def test_a_message_becomes_data_or_is_refused(name, random):
     kind, convert = CONVERTED[name]
     message = nasty(kind, random)
     if kind is JointState and random.random() < 0.7:  # else every one fails at its names
-        message.name, message.position = list(joint_names()), [random.choice(NUMBERS) for _ in range(7)]
+        message.name, message.position = (
+            list(joint_names()),
+            [random.choice(NUMBERS) for _ in range(7)],
+        )
         message.velocity = [random.choice(NUMBERS) for _ in range(7)]
     if kind is PlanMsg:
         message.trajectory.joint_names = ["attractor", "hand"]
@@ -105,17 +109,29 @@ def nodes(ros, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("fuzz"))
         patch.setattr(Refusals, "add", only_plain_refusals)
-        kinds = (WamSimulator, MockOptitrack, CommanderNode, TeacherNode, DemonstrationRecorder, SkillLearner, Recorder)
+        kinds = (
+            WamSimulator,
+            MockOptitrack,
+            CommanderNode,
+            TeacherNode,
+            DemonstrationRecorder,
+            SkillLearner,
+            Recorder,
+        )
         made += [kind() for kind in kinds]
         named = {node.get_name(): node for node in made}
-        named["skill_learner"]._learning.take(read_demonstrations(BAGS / "demonstrations")[:4], DEFAULT)
+        named["skill_learner"]._learning.take(
+            read_demonstrations(BAGS / "demonstrations")[:4], DEFAULT
+        )
         yield named
         for node in made:
             node.destroy_node()
 
 
 def only_plain_refusals(self, place, error):
-    """Instead of Refusals.add: what is no refusal is a defect, which a node survives and this test does not."""
+    """Instead of Refusals.add: what is no refusal is a defect, which a node survives and this test
+    does not.
+    """
     if not isinstance(error, ValueError):
         raise AssertionError(f"{place}: {error!r}") from error
     self.counts[place] += 1
@@ -141,23 +157,43 @@ def test_every_callback_of_a_topic_survives(nodes, random):
     for node in nodes.values():
         for subscription in node.subscriptions:
             if subscription.topic_name == topic:
-                subscription.callback(bytes(serialize_message(message)) if subscription.raw else message)
+                subscription.callback(
+                    bytes(serialize_message(message)) if subscription.raw else message
+                )
 
 
 @given(random=randoms)
 def test_every_raw_message_survives(nodes, random):
     topic = random.choice([topic for topic in HEARD if HEARD[topic] not in (Clock, Time)])
-    data = random.choice((random.randbytes(random.randrange(60)), bytes(serialize_message(nasty(HEARD[topic], random)))))
+    data = random.choice(
+        (
+            random.randbytes(random.randrange(60)),
+            bytes(serialize_message(nasty(HEARD[topic], random))),
+        )
+    )
     recorder = nodes["demonstration_recorder"]
     with contextlib.suppress(ValueError):
         recorder._look(RawMessage(0, topic, data), random.choice((0, 10**9, 2**62)))
 
 
 SERVED = {
-    "wam_simulator": ("/simulation/reset", "/simulation/pause", "/simulation/step", "/simulation/place_body", "/bhand/close_grasp"),
+    "wam_simulator": (
+        "/simulation/reset",
+        "/simulation/pause",
+        "/simulation/step",
+        "/simulation/place_body",
+        "/bhand/close_grasp",
+    ),
     "commander": ("~/release_arm", "~/move_to", "~/stop"),
     "demonstration_recorder": ("~/start", "~/stop", "~/judge"),
-    "skill_learner": ("~/learn", "~/plan", "~/add_trial", "~/load", "~/demonstrations", "~/drop_demonstration"),
+    "skill_learner": (
+        "~/learn",
+        "~/plan",
+        "~/add_trial",
+        "~/load",
+        "~/demonstrations",
+        "~/drop_demonstration",
+    ),
 }
 
 
@@ -183,7 +219,10 @@ def thrown(nodes):
 @settings(max_examples=max(20, settings.default.max_examples // 5))
 def test_a_trial_with_a_few_wrong_numbers_is_kept_or_refused(nodes, thrown, random):
     demonstration, plan = thrown
-    request = AddTrial.Request(trial=conversions.demonstration_msg(demonstration), plan=conversions.throw_plan_msg(plan, "world"))
+    request = AddTrial.Request(
+        trial=conversions.demonstration_msg(demonstration),
+        plan=conversions.throw_plan_msg(plan, "world"),
+    )
     spoil(random.choice((request.trial, request.plan)), random)
     request.trial.id = f"trial {random.random()}"
     response = nodes["skill_learner"]._on_add_trial(request, AddTrial.Response())
@@ -194,10 +233,17 @@ def test_a_trial_with_a_few_wrong_numbers_is_kept_or_refused(nodes, thrown, rand
 
 @given(random=randoms)
 @settings(max_examples=max(20, settings.default.max_examples // 5))
-def test_a_demonstration_with_a_few_wrong_numbers_does_not_keep_the_others_from_being_learned(nodes, thrown, random):
-    learner, message = nodes["skill_learner"], spoil(conversions.demonstration_msg(thrown[0]), random)
+def test_a_demonstration_with_a_few_wrong_numbers_does_not_keep_the_others_from_being_learned(
+    nodes, thrown, random
+):
+    learner, message = (
+        nodes["skill_learner"],
+        spoil(conversions.demonstration_msg(thrown[0]), random),
+    )
     message.id = "spoiled"
-    learner._heard = {one.id: one for one in learner._learning.practising.practice.demonstrations[:4]}
+    learner._heard = {
+        one.id: one for one in learner._learning.practising.practice.demonstrations[:4]
+    }
     with contextlib.suppress(ValueError):
         learner._on_demonstration(message)
     learned = learner._on_learn(Learn.Request(), Learn.Response())
@@ -212,11 +258,17 @@ def test_every_parameter_takes_what_it_can_and_refuses_the_rest(nodes, random):
     names = [name for name in node._parameters if name != "use_sim_time"]
     name = random.choice(names)
     before = node.get_parameter(name).value
-    value = random.choice((random.choice(NUMBERS), 10**9, -1, True, "text", [1.0, math.nan], [1.0] * 7, ["a"], []))
+    value = random.choice(
+        (random.choice(NUMBERS), 10**9, -1, True, "text", [1.0, math.nan], [1.0] * 7, ["a"], [])
+    )
     (result,) = node.set_parameters([Parameter(name, value=value)])
     assert result.successful or result.reason
     if result.successful:
-        assert all(math.isfinite(one) for one in (value if isinstance(value, list) else [value]) if isinstance(one, float))
+        assert all(
+            math.isfinite(one)
+            for one in (value if isinstance(value, list) else [value])
+            if isinstance(one, float)
+        )
         node.set_parameters([Parameter(name, value=before)])
 
 
@@ -225,7 +277,11 @@ def test_nothing_of_ours_stands_where_rclpy_keeps_its_own(nodes):
     for node in nodes.values():
         plain = (LifecycleNode if isinstance(node, LifecycleNode) else Node)("plain")
         try:
-            taken = [name for name, value in vars(plain).items() if not isinstance(getattr(node, name), type(value))]
+            taken = [
+                name
+                for name, value in vars(plain).items()
+                if not isinstance(getattr(node, name), type(value))
+            ]
         finally:
             plain.destroy_node()
         assert not taken, f"{node.get_name()}: {taken}"

@@ -50,7 +50,9 @@ def test_a_routine_sleeps_until_its_promise_is_kept_and_is_resumed_once():
     assert said == [] and owner.executor.tasks == [], "nothing to do while it waits"
     promises[0].keep("first")
     promises[0].keep("too late")
-    assert said == [] and len(owner.executor.tasks) == 1, "resumed by the executor, not inside of whoever kept the promise"
+    assert said == [] and len(owner.executor.tasks) == 1, (
+        "resumed by the executor, not inside of whoever kept the promise"
+    )
     owner.executor.run()
     promises[1].keep("second")
     owner.executor.run()
@@ -79,13 +81,19 @@ def test_the_error_of_a_routine_goes_to_whoever_started_it():
 
 
 def test_many_waits_at_once_end_in_time_and_rclpy_has_nothing_to_say_of_their_timers(ros, capfd):
-    """It printed a warning for each wait, from the eighth on, on the terminal of whoever had started a viewer."""
+    """It printed a warning for each wait, from the eighth on, on the terminal of whoever had
+    started a viewer.
+    """
     node, executor, ended, promise = rclpy.create_node("patient"), make_executor(), [], Promise()
     executor.add_node(node)
     limits = [0.05 * number for number in range(20, 0, -1)]
     begun = time.monotonic()
     for limit in limits:
-        start(node, pause(node, limit), lambda result, error, limit=limit: ended.append((limit, time.monotonic() - begun)))
+        start(
+            node,
+            pause(node, limit),
+            lambda result, error, limit=limit: ended.append((limit, time.monotonic() - begun)),
+        )
     start(node, within(node, promise, 60.0), lambda result, error: ended.append((result, 0.0)))
     promise.keep("early")
     while len(ended) < 21:
@@ -98,7 +106,9 @@ def test_many_waits_at_once_end_in_time_and_rclpy_has_nothing_to_say_of_their_ti
 
 
 def test_a_watchdog_is_called_when_it_is_due_while_routines_wait_beside_it(ros):
-    """rclpy's EventsExecutor calls a timer too often, and then not for seconds, when others of its clock come and go."""
+    """rclpy's EventsExecutor calls a timer too often, and then not for seconds, when others of its
+    clock come and go.
+    """
     node, executor, calls, period = rclpy.create_node("busy"), make_executor(), [], 0.05
     executor.add_node(node)
     begun = time.monotonic()
@@ -123,7 +133,9 @@ def test_a_watchdog_is_called_when_it_is_due_while_routines_wait_beside_it(ros):
 
 
 def test_a_node_that_is_configured_slowly_does_not_lose_its_status(ros):
-    """Timers that are made while the status is due silence it for a second each, where they are of the same clock."""
+    """Timers that are made while the status is due silence it for a second each, where they are of
+    the same clock.
+    """
     node, executor, told = GuardedNode("slow"), make_executor(), []
     executor.add_node(node)
     Diagnostics(node, lambda: (told.append(time.monotonic()) or OK, "well", {}))
@@ -144,7 +156,9 @@ def test_a_node_that_is_configured_slowly_does_not_lose_its_status(ros):
     assert max(np.diff(told)) < 3.0
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="one core")
+@pytest.mark.skipif(
+    not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="one core"
+)
 def test_nodes_that_take_turns_share_a_core_and_nobody_else_has_it(make_graph, tmp_path):
     graph, _ = make_graph(None)
     for executable in ("commander", "wam_simulator", "skill_learner"):
@@ -160,4 +174,6 @@ def test_where_no_nodes_take_turns_every_process_has_all_cores(make_graph):
     graph, _ = make_graph(None)
     for executable in ("composed", "skill_learner"):
         graph.start(executable)
-    assert [os.sched_getaffinity(process.pid) for process in graph.processes.values()] == [os.sched_getaffinity(0)] * 2
+    assert [os.sched_getaffinity(process.pid) for process in graph.processes.values()] == [
+        os.sched_getaffinity(0)
+    ] * 2

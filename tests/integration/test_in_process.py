@@ -21,7 +21,9 @@ LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Process:
-    """Two nodes that one thread spins, as in `composed`, and an outsider: a node that takes no part in the exchange."""
+    """Two nodes that one thread spins, as in `composed`, and an outsider: a node that takes no
+    part in the exchange.
+    """
 
     def __init__(self, exchange):
         self.exchange, self.executor = exchange, make_executor()
@@ -59,7 +61,9 @@ def test_messages_come_in_order_without_the_middleware(process):
     heard, publisher = [], process.speaker.create_publisher(Int32, "said", RELIABLE)
     for _ in range(2):
         process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 2, "two subscriptions that are discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 2, "two subscriptions that are discovered"
+    )
     message = Int32()
     for message.data in range(100):  # one message that is filled again and again, as nodes have it
         publisher.publish(message)
@@ -73,7 +77,9 @@ def test_everybody_hears_each_message_once_while_outsiders_come_and_go(process):
     publisher = process.speaker.create_publisher(Int32, "said", RELIABLE)
     process.listener.create_subscription(Int32, "said", inside.append, RELIABLE)
     process.listener.create_subscription(Int32, "said", raw.append, RELIABLE, raw=True)
-    process.until(lambda: publisher.get_subscription_count() == 2, "two subscriptions that are discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 2, "two subscriptions that are discovered"
+    )
     said = 0
 
     def say(count):
@@ -86,8 +92,12 @@ def test_everybody_hears_each_message_once_while_outsiders_come_and_go(process):
     for _ in range(3):
         say(10)
         before = process.exchange.heard
-        subscription = process.outsider.create_subscription(Int32, "said", outside.append, RELIABLE)
-        process.until(lambda: publisher.get_subscription_count() == 3, "an outsider that is discovered")
+        subscription = process.outsider.create_subscription(
+            Int32, "said", outside.append, RELIABLE
+        )
+        process.until(
+            lambda: publisher.get_subscription_count() == 3, "an outsider that is discovered"
+        )
         say(10)
         assert process.exchange.heard == before + 20, "all through the middleware, in one order"
         process.until(lambda: outside and outside[-1].data == said - 1, "what the outsider hears")
@@ -98,14 +108,24 @@ def test_everybody_hears_each_message_once_while_outsiders_come_and_go(process):
 
 
 def test_no_message_overtakes_another_where_nobody_has_heard_the_last_ones_yet(process):
-    """In real time a process that was late heard states of 0.2 s ago after those of now, when somebody outside came or went."""
-    heard, publisher, said = [], process.speaker.create_publisher(Int32, "said", RELIABLE), iter(range(1000))
+    """In real time a process that was late heard states of 0.2 s ago after those of now, when
+    somebody outside came or went.
+    """
+    heard, publisher, said = (
+        [],
+        process.speaker.create_publisher(Int32, "said", RELIABLE),
+        iter(range(1000)),
+    )
     process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered"
+    )
 
     def say_while(subscriptions):
         limit = time.monotonic() + 60.0
-        while Publisher.get_subscription_count(publisher) != subscriptions:  # this process is late: nobody spins it
+        while (
+            Publisher.get_subscription_count(publisher) != subscriptions
+        ):  # this process is late: nobody spins it
             assert time.monotonic() < limit, f"{subscriptions} subscriptions are not discovered"
             time.sleep(1e-3)
         process.exchange.turns += 1  # as one that is over before anybody has heard anything
@@ -129,7 +149,9 @@ def test_no_message_overtakes_another_where_nobody_has_heard_the_last_ones_yet(p
 def test_who_hears_a_topic_is_counted_once_a_turn(process):
     publisher = process.speaker.create_publisher(Int32, "said", RELIABLE)
     process.listener.create_subscription(Int32, "said", lambda _: None, RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered"
+    )
     outsider = process.outsider.create_subscription(Int32, "said", lambda _: None, RELIABLE)
     limit = time.monotonic() + 60.0
     while Publisher.get_subscription_count(publisher) != 2:
@@ -145,7 +167,9 @@ def test_an_outsider_is_heard(process):
     heard = []
     process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
     publisher = process.outsider.create_publisher(Int32, "said", RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered"
+    )
     publisher.publish(Int32(data=7))
     process.until(lambda: heard, "its message")
 
@@ -153,15 +177,21 @@ def test_an_outsider_is_heard(process):
 def test_who_takes_messages_gets_them_all_in_order(process):
     unspun = unspun_node(process.listener, "ears")
     subscription = unspun.create_subscription(Int32, "/said", never_called, RELIABLE, raw=True)
-    newest = unspun.create_subscription(Int32, "/said", never_called, QoSProfile(depth=1), raw=True)
+    newest = unspun.create_subscription(
+        Int32, "/said", never_called, QoSProfile(depth=1), raw=True
+    )
     publisher = process.speaker.create_publisher(Int32, "said", RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 2, "two subscriptions that are discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 2, "two subscriptions that are discovered"
+    )
     begun = time.time_ns()
     for number in range(20):
         publisher.publish(Int32(data=number))
     came = list(taken(subscription))
     assert [data[4] for data, _, _ in came] == list(range(20))
-    assert all(begun <= received <= time.time_ns() and number is None for _, received, number in came)
+    assert all(
+        begun <= received <= time.time_ns() and number is None for _, received, number in came
+    )
     assert [data[4] for data, _, _ in taken(newest)] == [19], "its history is one message deep"
     assert not list(taken(subscription)) and not kept_for(subscription)
     unspun.destroy_node()
@@ -170,7 +200,9 @@ def test_who_takes_messages_gets_them_all_in_order(process):
 def test_a_message_from_another_thread_wakes_who_hears_it(process):
     heard, publisher = [], process.speaker.create_publisher(Int32, "said", RELIABLE)
     process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered"
+    )
     other = threading.Thread(target=lambda: publisher.publish(Int32(data=1)))
     other.start()
     other.join()
@@ -180,8 +212,12 @@ def test_a_message_from_another_thread_wakes_who_hears_it(process):
 
 def test_what_dds_would_not_connect_is_not_connected(process):
     heard, publisher = [], process.speaker.create_publisher(Int32, "said", BEST_EFFORT)
-    process.listener.create_subscription(Int32, "said", lambda _: heard.append("reliable"), RELIABLE)
-    process.listener.create_subscription(Int32, "said", lambda _: heard.append("best effort"), BEST_EFFORT)
+    process.listener.create_subscription(
+        Int32, "said", lambda _: heard.append("reliable"), RELIABLE
+    )
+    process.listener.create_subscription(
+        Int32, "said", lambda _: heard.append("best effort"), BEST_EFFORT
+    )
     process.until(lambda: publisher.get_subscription_count() == 1, "the one that matches")
     publisher.publish(Int32())
     process.until(lambda: heard, "a message")
@@ -199,7 +235,9 @@ def test_a_late_joiner_hears_what_is_latched(process):
 def test_a_subscription_that_is_gone_is_called_no_more(process):
     heard, publisher = [], process.speaker.create_publisher(Int32, "said", RELIABLE)
     subscription = process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered"
+    )
     publisher.publish(Int32())
     process.listener.destroy_subscription(subscription)
     publisher.publish(Int32())
@@ -208,12 +246,21 @@ def test_a_subscription_that_is_gone_is_called_no_more(process):
 
 
 def test_a_turn_calls_all_that_is_ready(process):
-    """One callback a turn made a service wait for as many slices as timers and services were ready before it."""
+    """One callback a turn made a service wait for as many slices as timers and services were ready
+    before it.
+    """
     ping = process.speaker.create_publisher(Int32, "ping", RELIABLE)
-    process.speaker.create_subscription(Int32, "ping", ping.publish, RELIABLE)  # answers itself for ever: turns last a slice
+    process.speaker.create_subscription(
+        Int32, "ping", ping.publish, RELIABLE
+    )  # answers itself for ever: turns last a slice
     process.until(lambda: ping.get_subscription_count() == 1, "a subscription that is discovered")
     ticks = []
-    timers = [process.listener.create_timer(0.01, lambda: ticks.append(process.exchange.turns), clock=WALL) for _ in range(5)]
+    timers = [
+        process.listener.create_timer(
+            0.01, lambda: ticks.append(process.exchange.turns), clock=WALL
+        )
+        for _ in range(5)
+    ]
     ping.publish(Int32())
     process.until(lambda: len(ticks) >= 50, "ticks of five timers")
     for timer in timers:
@@ -222,7 +269,9 @@ def test_a_turn_calls_all_that_is_ready(process):
 
 
 def test_two_who_answer_each_other_for_ever_hold_up_nobody(process):
-    """As simulator and commander do: timers and other processes have their turn, within a few slices."""
+    """As simulator and commander do: timers and other processes have their turn, within a few
+    slices.
+    """
     ping = process.speaker.create_publisher(Int32, "ping", RELIABLE)
     pong = process.listener.create_publisher(Int32, "pong", RELIABLE)
     process.listener.create_subscription(Int32, "ping", pong.publish, RELIABLE)
@@ -251,7 +300,9 @@ def test_a_refused_message_is_counted_and_the_next_one_heard(process):
 
     publisher = process.speaker.create_publisher(Int32, "said", RELIABLE)
     process.listener.create_subscription(Int32, "said", refuse_odd, RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered"
+    )
     for number in range(4):
         publisher.publish(Int32(data=number))
     process.until(lambda: len(heard) == 2, "the even ones")
@@ -261,7 +312,9 @@ def test_a_refused_message_is_counted_and_the_next_one_heard(process):
 def test_bytes_that_are_no_message_are_dropped(process):
     heard, publisher = [], process.speaker.create_publisher(Int32, "said", RELIABLE)
     process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
-    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    process.until(
+        lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered"
+    )
     publisher.publish(b"\0\1\0\0")
     publisher.publish(Int32(data=5))
     process.until(lambda: heard, "the message after them")

@@ -1,4 +1,6 @@
-"""Whoever is told to end does so without a traceback, and leaves no process behind: Ctrl-C on a terminal, and SIGTERM."""
+"""Whoever is told to end does so without a traceback, and leaves no process behind: Ctrl-C on a
+terminal, and SIGTERM.
+"""
 
 import os
 import pty
@@ -32,8 +34,21 @@ try:
 except KeyboardInterrupt:
     print("stopped", file=sys.stderr)
 """
-"""Where Python was told to ignore SIGINT, rclpy hears it all the same, and ends its context under the job."""
-EXPERIMENT = ["experiment", "throws", "--seeds", "8", "--demonstrations", "3", "--throws", "1", "--jobs", "2"]
+"""Where Python was told to ignore SIGINT, rclpy hears it all the same, and ends its context under
+the job.
+"""
+EXPERIMENT = [
+    "experiment",
+    "throws",
+    "--seeds",
+    "8",
+    "--demonstrations",
+    "3",
+    "--throws",
+    "1",
+    "--jobs",
+    "2",
+]
 
 
 class OnTerminal:
@@ -41,7 +56,8 @@ class OnTerminal:
 
     def __init__(self, arguments):
         self._terminal, its_end = pty.openpty()
-        # Not pty.fork: Python that runs between fork and exec crashes now and then where threads of DDS were.
+        # Not pty.fork: Python that runs between fork and exec crashes now and then where threads
+        # of DDS were.
         command = ["setsid", "--ctty", sys.executable, "-m", "dart_skill.cli", *arguments]
         self._process = subprocess.Popen(command, stdin=its_end, stdout=its_end, stderr=its_end)
         self.pid = self._process.pid
@@ -55,7 +71,9 @@ class OnTerminal:
         while not condition():
             over = self._process.poll() is not None and not self.others
             self._read()
-            assert condition() or (not over and time.monotonic() < limit), f"{what} did not come true: {self.said}"
+            assert condition() or (not over and time.monotonic() < limit), (
+                f"{what} did not come true: {self.said}"
+            )
             time.sleep(0.02)
 
     def press_ctrl_c(self):
@@ -118,7 +136,9 @@ def verb():
         one.close()
 
 
-@pytest.mark.parametrize("arguments", [["throw"], ["status", "--duration", "60"], ["check", "arm", "--postures", "9"]])
+@pytest.mark.parametrize(
+    "arguments", [["throw"], ["status", "--duration", "60"], ["check", "arm", "--postures", "9"]]
+)
 def test_ctrl_c_ends_a_verb_without_a_traceback(verb, arguments):
     process = verb(arguments)
     process.until(lambda: process.loads("librmw_fastrtps"), "rclpy runs")
@@ -129,26 +149,37 @@ def test_ctrl_c_ends_a_verb_without_a_traceback(verb, arguments):
 
 @pytest.mark.parametrize("said", ["demonstration 1/13", "starting"])
 def test_ctrl_c_ends_a_job_on_a_graph_of_its_own_and_all_nodes_with_it(verb, tmp_path, said):
-    """Once the graph runs, and while it starts: last, for nodes that end before they are known are on the domain for a while."""
+    """Once the graph runs, and while it starts: last, for nodes that end before they are known are
+    on the domain for a while.
+    """
     process = verb(["demo", "--output", str(tmp_path / "run")])
     process.until(lambda: said in process.said, said)
     process.press_ctrl_c()
     assert process.status() == 130, process.said
-    assert process.said.rstrip().endswith("dart-skill: stopped") and "Traceback" not in process.said, process.said
+    assert (
+        process.said.rstrip().endswith("dart-skill: stopped") and "Traceback" not in process.said
+    ), process.said
     process.until(lambda: not process.others, f"no process is left of {process.others}")
 
 
-@pytest.mark.parametrize(("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)])
+@pytest.mark.parametrize(
+    ("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)]
+)
 def test_whoever_computes_on_all_cores_ends_at_once_and_leaves_no_worker(verb, end, status):
     process = verb(EXPERIMENT)
-    process.until(lambda: sum("multiprocessing" in command for command in process.others.values()) >= 4, "two workers")
+    process.until(
+        lambda: sum("multiprocessing" in command for command in process.others.values()) >= 4,
+        "two workers",
+    )
     end(process)
     assert process.status() == status, process.said
     assert "Traceback" not in process.said, process.said
     process.until(lambda: not process.others, f"no process is left of {process.others}")
 
 
-@pytest.mark.parametrize(("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)])
+@pytest.mark.parametrize(
+    ("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)]
+)
 def test_who_makes_a_page_ends_at_once(verb, tmp_path, end, status):
     process = verb(["report", str(BAGS / "throws"), "--output", str(tmp_path / "page.html")])
     process.until(lambda: process.loads("matplotlib"), "a page that is being made")
@@ -159,13 +190,22 @@ def test_who_makes_a_page_ends_at_once(verb, tmp_path, end, status):
 
 @pytest.mark.parametrize("how, status", [("interrupted", 0), ("defect", 1)])
 def test_a_job_whose_context_has_ended_was_stopped_and_a_defect_is_none(tmp_path, how, status):
-    done = subprocess.run([sys.executable, "-c", INTERRUPTED, str(tmp_path), how], capture_output=True, text=True, timeout=PATIENCE)
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, str(tmp_path), how],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
     assert done.returncode == status
-    assert done.stderr.endswith("stopped\n") == (how == "interrupted") and ("Traceback" in done.stderr) == (how == "defect")
+    assert done.stderr.endswith("stopped\n") == (how == "interrupted") and (
+        "Traceback" in done.stderr
+    ) == (how == "defect")
 
 
 def test_a_ctrl_c_that_is_forwarded_some_seconds_later_is_the_same_one(monkeypatch):
-    """On a busy machine a node that was closing got the second one in the middle of that, and aborted."""
+    """On a busy machine a node that was closing got the second one in the middle of that, and
+    aborted.
+    """
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     now = [100.0]
     monkeypatch.setattr("dart_skill_nodes.process.signals.time.monotonic", lambda: now[0])

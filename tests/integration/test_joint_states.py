@@ -1,4 +1,6 @@
-"""Whatever a driver offers its joint states with, and in whatever order: they are heard, or somebody says which joint is missing."""
+"""Whatever a driver offers its joint states with, and in whatever order: they are heard, or
+somebody says which joint is missing.
+"""
 
 import time
 
@@ -32,39 +34,61 @@ REORDERED = ["finger_1", *reversed(NAMES), "finger_2"]
 def state(names=NAMES, ns=1):
     """A joint state with the angles of ANGLES by name, and tenths of them as speeds."""
     angles = [ANGLES.get(name, 9.0) for name in names]
-    message = JointState(name=list(names), position=angles, velocity=[0.1 * angle for angle in angles])
+    message = JointState(
+        name=list(names), position=angles, velocity=[0.1 * angle for angle in angles]
+    )
     message.header.stamp = conversions.time_msg(ns)
     return message
 
 
 @pytest.fixture
 def beside(ros):
-    """Makes a driver beside a node, and spins both until a condition holds; the driver speaks all the time."""
+    """Makes a driver beside a node, and spins both until a condition holds; the driver speaks all
+    the time.
+    """
     import rclpy
 
     made = []
 
     class Driver:
         def __init__(self, node, qos, names=NAMES):
-            self.node, self.names, self.said, self._due = rclpy.create_node("driver"), names, 0, 0.0
+            self.node, self.names, self.said, self._due = (
+                rclpy.create_node("driver"),
+                names,
+                0,
+                0.0,
+            )
             self.other, self._others = None, None
             made.append(self)
             self.answers, self.diagnoses = [], []
             self.publisher = self.node.create_publisher(JointState, JOINT_STATES, qos)
-            self.node.create_subscription(WamCommand, "/wam/command", lambda message: self.answers.append(message), 10)
-            self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+            self.node.create_subscription(
+                WamCommand, "/wam/command", lambda message: self.answers.append(message), 10
+            )
+            self.node.create_subscription(
+                DiagnosticArray, "/diagnostics", self._on_diagnostics, 10
+            )
             self.beside, self._executor = node, make_executor()
             self._executor.add_node(node)
             self._executor.add_node(self.node)
 
         def speak_beside(self, names):
-            """Another node publishes states of these joints, in every step, with stamps of its own clock."""
+            """Another node publishes states of these joints, in every step, with stamps of its own
+            clock.
+            """
             self.other = rclpy.create_node("gripper")
             self._executor.add_node(self.other)
-            self._others = self.other.create_publisher(JointState, JOINT_STATES, QoSProfile(depth=10)), names
+            self._others = (
+                self.other.create_publisher(JointState, JOINT_STATES, QoSProfile(depth=10)),
+                names,
+            )
 
         def _on_diagnostics(self, message):
-            self.diagnoses += [(status.level, status.message) for status in message.status if status.name == "commander"]
+            self.diagnoses += [
+                (status.level, status.message)
+                for status in message.status
+                if status.name == "commander"
+            ]
 
         def offer(self, qos):
             """Start again with another quality of service."""
@@ -80,7 +104,9 @@ def beside(ros):
             end = time.monotonic() + PATIENCE
             while not condition():
                 assert time.monotonic() < end, f"{what} did not come true in {PATIENCE:.0f} s"
-                if time.monotonic() > self._due:  # more of them than the node takes would leave no turn to its timers
+                if (
+                    time.monotonic() > self._due
+                ):  # more of them than the node takes would leave no turn to its timers
                     self.said, self._due = self.said + 1, time.monotonic() + 0.002
                     self.publisher.publish(state(self.names, 2_000_000 * self.said))
                     if self._others is not None:
@@ -98,7 +124,10 @@ def test_a_commander_answers_a_driver_that_is_best_effort_and_one_that_is_reliab
     driver.until(lambda: len(driver.answers) > 3, "an answer to best-effort states")
     driver.offer(QoSProfile(depth=10))
     driver.answers.clear()
-    driver.until(lambda: len(driver.answers) > 3, "an answer to a driver that was started again with reliable ones")
+    driver.until(
+        lambda: len(driver.answers) > 3,
+        "an answer to a driver that was started again with reliable ones",
+    )
 
 
 def test_a_reliable_driver_is_heard_without_a_new_subscription(beside):
@@ -121,7 +150,9 @@ def test_who_rests_is_not_sent_anything_and_hears_again_when_it_goes_on(beside):
     driver = beside(node, qos_profile_sensor_data)
     driver.until(lambda: len(heard) > 3, "a state")
     states.rest()
-    driver.until(lambda: driver.publisher.get_subscription_count() == 0, "that nobody hears the driver")
+    driver.until(
+        lambda: driver.publisher.get_subscription_count() == 0, "that nobody hears the driver"
+    )
     states.look()
     assert states.rests and not states.subscriptions
     heard.clear()
@@ -159,24 +190,35 @@ def test_check_arm_counts_postures_of_joints_in_another_order_beside_those_of_a_
 
 
 def test_a_missing_joint_is_named_and_nothing_is_commanded(beside):
-    driver = beside(CommanderNode(), QoSProfile(depth=10), [name for name in NAMES if name != "wam_j4"])
-    driver.until(lambda: any("wam_j4 is missing" in text for _, text in driver.diagnoses), "a diagnosis")
+    driver = beside(
+        CommanderNode(), QoSProfile(depth=10), [name for name in NAMES if name != "wam_j4"]
+    )
+    driver.until(
+        lambda: any("wam_j4 is missing" in text for _, text in driver.diagnoses), "a diagnosis"
+    )
     assert not driver.answers and "config/wam.yaml" in driver.diagnoses[-1][1]
     driver.names = NAMES
     driver.until(lambda: driver.answers, "an answer once all joints are there")
 
 
 def test_the_law_of_the_simulated_arm_throws_nothing_beside_another_arm(beside):
-    """Whoever starts the node by itself beside a real arm gets the parameters of config/: told at once, before anything moves."""
+    """Whoever starts the node by itself beside a real arm gets the parameters of config/: told at
+    once, before anything moves.
+    """
     driver = beside(CommanderNode(), QoSProfile(depth=10))
     client = ActionClient(driver.node, Execute, "/execute")
     driver.until(lambda: driver.answers and client.server_is_ready(), "a commander")
-    sent = client.send_goal_async(Execute.Goal(situation=conversions.at_place(np.array([2.0, 0.0, 0.4]))))
+    sent = client.send_goal_async(
+        Execute.Goal(situation=conversions.at_place(np.array([2.0, 0.0, 0.4])))
+    )
     driver.until(sent.done, "an answer to the goal")
     result = sent.result().get_result_async()
     driver.until(result.done, "the result")
     assert result.result().result.code == Execute.Goal.OUTCOME_REFUSED
-    assert "tracking is 'hand'" in result.result().result.message and "tracking:=joints" in result.result().result.message
+    assert (
+        "tracking is 'hand'" in result.result().result.message
+        and "tracking:=joints" in result.result().result.message
+    )
 
 
 @pytest.mark.parametrize(
@@ -185,8 +227,14 @@ def test_the_law_of_the_simulated_arm_throws_nothing_beside_another_arm(beside):
         ({"name": []}, "0 names, 7 positions"),
         ({"velocity": []}, "0 velocities"),
         ({"name": [*NAMES[:6], "wam_j1"]}, "joint wam_j1 is named twice"),
-        ({"name": [f"joint_{k}" for k in range(7)]}, "names none of the arm's joints wam_j1 to wam_j7, but joint_0"),
-        ({"name": NAMES[:6], "position": [0.0] * 6, "velocity": [0.0] * 6}, "joint wam_j7 is missing"),
+        (
+            {"name": [f"joint_{k}" for k in range(7)]},
+            "names none of the arm's joints wam_j1 to wam_j7, but joint_0",
+        ),
+        (
+            {"name": NAMES[:6], "position": [0.0] * 6, "velocity": [0.0] * 6},
+            "joint wam_j7 is missing",
+        ),
     ],
 )
 def test_a_state_that_is_not_the_arms_is_refused_with_the_remedy(change, why):
@@ -198,7 +246,9 @@ def test_a_state_that_is_not_the_arms_is_refused_with_the_remedy(change, why):
 
 
 def test_a_gripper_on_the_same_topic_is_not_heard(beside):
-    """Neither its stamps of another clock nor its joints stop the arm; who has heard nothing else says so."""
+    """Neither its stamps of another clock nor its joints stop the arm; who has heard nothing else
+    says so.
+    """
     driver = beside(CommanderNode(), QoSProfile(depth=10))
     driver.speak_beside(["finger_left", "finger_right"])
     driver.until(lambda: driver.other.count_publishers(JOINT_STATES) == 2, "two publishers")
@@ -206,7 +256,10 @@ def test_a_gripper_on_the_same_topic_is_not_heard(beside):
     driver.answers.clear()
     driver.until(lambda: len(driver.answers) > 50, "answers beside a gripper")
     stamps = [conversions.stamp_ns(answer.header.stamp) for answer in driver.answers]
-    assert all(a < b for a, b in zip(stamps, stamps[1:], strict=False)) and max(np.diff(stamps)) <= 4_000_000, "no state was lost"
+    assert (
+        all(a < b for a, b in zip(stamps, stamps[1:], strict=False))
+        and max(np.diff(stamps)) <= 4_000_000
+    ), "no state was lost"
     assert not driver.beside.refusals.counts and not driver.beside._rivals
 
 
@@ -214,7 +267,10 @@ def test_who_hears_a_gripper_only_says_whose_joints_come(beside):
     driver = beside(CommanderNode(), QoSProfile(depth=10), ["finger_left", "finger_right"])
     driver.until(lambda: driver.beside._states.of_the_arm.others, "a state")
     missing = driver.beside._missing_now()
-    assert "names none of the arm's joints wam_j1 to wam_j7, but finger_left, finger_right" in missing and not driver.answers
+    assert (
+        "names none of the arm's joints wam_j1 to wam_j7, but finger_left, finger_right" in missing
+        and not driver.answers
+    )
 
 
 def test_the_recorder_takes_the_arms_states_beside_a_gripper(beside, tmp_path, monkeypatch):
@@ -222,10 +278,17 @@ def test_the_recorder_takes_the_arms_states_beside_a_gripper(beside, tmp_path, m
     driver = beside(DemonstrationRecorder(), QoSProfile(depth=10))
     recorder = driver.beside
     driver.speak_beside(["finger_left", "finger_right"])
-    driver.until(lambda: recorder._of_the_arm.voices and recorder._heard[JOINT_STATES] > 20, "states of both")
+    driver.until(
+        lambda: recorder._of_the_arm.voices and recorder._heard[JOINT_STATES] > 20,
+        "states of both",
+    )
     driver.until(lambda: recorder._arm_state() is not None, "a state")
     np.testing.assert_array_equal(recorder._arm_state().position, list(ANGLES.values()))
-    assert not recorder.refusals.counts and recorder._newest[JOINT_STATES] < 3_600_000_000_000 and not recorder._fault
+    assert (
+        not recorder.refusals.counts
+        and recorder._newest[JOINT_STATES] < 3_600_000_000_000
+        and not recorder._fault
+    )
 
 
 def test_a_second_arm_under_the_same_names_is_refused(beside):
@@ -237,20 +300,34 @@ def test_a_second_arm_under_the_same_names_is_refused(beside):
 
 
 def test_states_that_leap_to_and_fro_are_of_two_arms():
-    """Also where one of two publishers sends other joints, too, so that counting them tells nothing."""
+    """Also where one of two publishers sends other joints, too, so that counting them tells
+    nothing.
+    """
     rivals, ours = Rivals(), list(ANGLES.values())
     assert not any(rivals.see(conversions.arm_state(state(ns=2_000_000 * k))) for k in range(300))
     zeros = state(ns=700_000_000)
     zeros.position = [0.0] * 7
-    assert any(rivals.see(conversions.arm_state(one)) for _ in range(3) for one in (zeros, state(ns=702_000_000)))
+    assert any(
+        rivals.see(conversions.arm_state(one))
+        for _ in range(3)
+        for one in (zeros, state(ns=702_000_000))
+    )
     assert rivals.are_there and ours != zeros.position
 
 
 KINDS = {
     "ours": {},
     "in another order": {"name": NAMES[::-1]},
-    "with fingers": {"name": REORDERED, "position": [9.0, *range(7), 9.0], "velocity": [9.0, *range(7), 9.0]},
-    "with mimic joints between": {"name": [*NAMES[:3], "mimic", *NAMES[3:]], "position": range(8), "velocity": range(8)},
+    "with fingers": {
+        "name": REORDERED,
+        "position": [9.0, *range(7), 9.0],
+        "velocity": [9.0, *range(7), 9.0],
+    },
+    "with mimic joints between": {
+        "name": [*NAMES[:3], "mimic", *NAMES[3:]],
+        "position": range(8),
+        "velocity": range(8),
+    },
     "a gripper": {"name": ["finger"], "position": [0.1], "velocity": []},
     "another arm": {"name": [f"left_{name}" for name in NAMES]},
     "a part of the arm": {"name": NAMES[:4], "position": range(4), "velocity": range(4)},
@@ -274,9 +351,17 @@ def test_the_live_graph_and_a_bag_read_the_same_row_from_the_same_message(kind):
     types = typestore()
     data = serialize(types, "sensor_msgs/msg/JointState", message)
     where = SignalSource("/joint_states", names=NAMES)
-    recorded = [BagMessage("/joint_states", "sensor_msgs/msg/JointState", k, data) for k in range(3)]
+    recorded = [
+        BagMessage("/joint_states", "sensor_msgs/msg/JointState", k, data) for k in range(3)
+    ]
     try:
-        states = read_states(recorded, types, lambda one: deserialize(types, one.type_name, one.data), where, lambda one: 0)
+        states = read_states(
+            recorded,
+            types,
+            lambda one: deserialize(types, one.type_name, one.data),
+            where,
+            lambda one: 0,
+        )
     except ValueError:
         states = None
     assert (live is None) == (states is None), "both have a row, or neither"
@@ -287,11 +372,15 @@ def test_the_live_graph_and_a_bag_read_the_same_row_from_the_same_message(kind):
 
 
 def test_a_state_without_velocities_is_read_from_a_bag_and_refused_by_what_moves_the_arm():
-    """Positions over time tell them afterwards; a control law that has to wait for them would be late."""
+    """Positions over time tell them afterwards; a control law that has to wait for them would be
+    late.
+    """
     message = state()
     message.velocity = []
     with pytest.raises(ValueError, match="0 velocities"):
         conversions.arm_state(message)
-    position, velocity = joint_layout(tuple(message.name), 7, 0).row(np.array(message.position), np.empty(0))
+    position, velocity = joint_layout(tuple(message.name), 7, 0).row(
+        np.array(message.position), np.empty(0)
+    )
     np.testing.assert_array_equal(position, list(ANGLES.values()))
     assert np.isnan(velocity).all()

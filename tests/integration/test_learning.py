@@ -23,7 +23,9 @@ def throws():
 def prepared(monkeypatch):
     """Ids of the demonstrations that are worked out, as it happens."""
     ids, work = [], _preparation._prepare
-    monkeypatch.setattr(_preparation, "_prepare", lambda one, reading: ids.append(one.id) or work(one, reading))
+    monkeypatch.setattr(
+        _preparation, "_prepare", lambda one, reading: ids.append(one.id) or work(one, reading)
+    )
     return ids
 
 

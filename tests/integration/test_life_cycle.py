@@ -1,4 +1,6 @@
-"""The managed nodes that record: cleaned up and configured again in one process, each time with a bag of their own."""
+"""The managed nodes that record: cleaned up and configured again in one process, each time with a
+bag of their own.
+"""
 
 import gc
 import time
@@ -20,11 +22,17 @@ DONE = TransitionCallbackReturn.SUCCESS
 
 
 class Speaker:
-    """An arm that says where it is all the time, with a node of its own that is spun together with another."""
+    """An arm that says where it is all the time, with a node of its own that is spun together with
+    another.
+    """
 
     def __init__(self, rclpy, other):
         self.node = rclpy.create_node(f"speaker_beside_{other.get_name()}")
-        self._publisher, self._executor, self._said = self.node.create_publisher(JointState, TOPIC, 10), make_executor(), 0
+        self._publisher, self._executor, self._said = (
+            self.node.create_publisher(JointState, TOPIC, 10),
+            make_executor(),
+            0,
+        )
         self._executor.add_node(other)
         self._executor.add_node(self.node)
 
@@ -34,7 +42,9 @@ class Speaker:
             assert time.monotonic() < end, f"{what} did not come true in {PATIENCE:.0f} s"
             self._said += 1
             state = JointState(name=list(joint_names()), position=[0.0] * 7, velocity=[0.0] * 7)
-            state.header.stamp.sec, state.header.stamp.nanosec = divmod(10_000_000 * self._said, 10**9)
+            state.header.stamp.sec, state.header.stamp.nanosec = divmod(
+                10_000_000 * self._said, 10**9
+            )
             self._publisher.publish(state)
             self._executor.spin_once(timeout_sec=0.01)
 
@@ -44,7 +54,9 @@ class Speaker:
 
 
 def leave(rclpy, name):
-    """Wait until no node of a name is on the graph: one that was killed stays there for a while, and would be asked for the new one."""
+    """Wait until no node of a name is on the graph: one that was killed stays there for a while,
+    and would be asked for the new one.
+    """
     node, end = rclpy.create_node("waits"), time.monotonic() + PATIENCE
     gc.collect()
     while name in node.get_node_names():
@@ -72,13 +84,19 @@ def speaker_for(ros, tmp_path, monkeypatch):
         node, speaker = made.pop()
         speaker.close()
         node.destroy_node()
-    # A managed node is in a cycle with its own services and stays on the graph until that is collected.
+    # A managed node is in a cycle with its own services and stays on the graph until that is
+    # collected.
     del node, speaker
     gc.collect()
 
 
-@pytest.mark.parametrize(("node_class", "name"), [(Recorder, "recorder"), (DemonstrationRecorder, "demonstration_recorder")])
-def test_a_recorder_that_was_cleaned_up_begins_another_bag(speaker_for, tmp_path, node_class, name):
+@pytest.mark.parametrize(
+    ("node_class", "name"),
+    [(Recorder, "recorder"), (DemonstrationRecorder, "demonstration_recorder")],
+)
+def test_a_recorder_that_was_cleaned_up_begins_another_bag(
+    speaker_for, tmp_path, node_class, name
+):
     node, speaker = speaker_for(node_class, name)
 
     def writes():
@@ -90,16 +108,21 @@ def test_a_recorder_that_was_cleaned_up_begins_another_bag(speaker_for, tmp_path
     def told():
         return len(speaker.node.get_publishers_info_by_topic("/diagnostics"))
 
-    own = {f"/{node.get_name()}/{service}" for service in (*PARAMETERS, *LIFE_CYCLE)}  # they are discovered one after the other
+    own = {
+        f"/{node.get_name()}/{service}" for service in (*PARAMETERS, *LIFE_CYCLE)
+    }  # they are discovered one after the other
     speaker.until(lambda: own <= {name for name, _ in offered()}, "the services of the node")
     speaker.until(lambda: writes() and told() == 1, "a bag that is written to")
     before, begun = offered(), time.strftime("%S")
     assert node.trigger_deactivate() == node.trigger_cleanup() == DONE
-    # The name of a bag is the second in which it was begun; what ticks in between must find nothing to do.
+    # The name of a bag is the second in which it was begun; what ticks in between must find
+    # nothing to do.
     speaker.until(lambda: time.strftime("%S") != begun, "another second")
     assert node.trigger_configure() == node.trigger_activate() == DONE
     speaker.until(writes, "messages in the second bag")
-    speaker.until(lambda: told() == 1 and offered() == before, "the same services and publishers as before")
+    speaker.until(
+        lambda: told() == 1 and offered() == before, "the same services and publishers as before"
+    )
     assert node.trigger_deactivate() == node.trigger_cleanup() == DONE
     bags = sorted(tmp_path.iterdir())
     assert len(bags) == 2

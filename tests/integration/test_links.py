@@ -51,7 +51,9 @@ def process():
 
 
 def test_a_node_that_serves_nothing_does_not_hide_the_one_of_its_name_that_does(process):
-    """As a killed or a leaked node does for a while. The older of two is all that ROS looks at when it is asked for a node by its name."""
+    """As a killed or a leaked node does for a while. The older of two is all that ROS looks at
+    when it is asked for a node by its name.
+    """
     ghost = process("served", start_parameter_services=False, enable_rosout=False)
     asking = process("asking")
     _spin_until([ghost, asking], lambda: "served" in asking.node.get_node_names())
@@ -64,7 +66,9 @@ def test_a_node_that_serves_nothing_does_not_hide_the_one_of_its_name_that_does(
 
 
 def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
-    """What an older one learned says nothing of whether the server has found the younger: its first answer would be lost."""
+    """What an older one learned says nothing of whether the server has found the younger: its
+    first answer would be lost.
+    """
     made = []
 
     class Watched(ServerProbe):
@@ -74,7 +78,9 @@ def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
 
     monkeypatch.setattr("dart_skill_nodes.client.graph_client.ServerProbe", Watched)
     served = process("served")
-    served.node.create_service(Trigger, "/asked", lambda request, response: Trigger.Response(success=True))
+    served.node.create_service(
+        Trigger, "/asked", lambda request, response: Trigger.Response(success=True)
+    )
     asking = GraphClient(dead=lambda: served.spin() or "")
     for clients in (1, 2):
         client = asking.node.create_client(Trigger, "/asked")
@@ -85,16 +91,34 @@ def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
 
 
 def test_what_is_asked_waits_until_the_client_has_found_its_server(ros, process, monkeypatch):
-    """On a busy machine a server's parameters may be found, and answer, before its other services: a request to those goes to nobody."""
+    """On a busy machine a server's parameters may be found, and answer, before its other services:
+    a request to those goes to nobody.
+    """
     served = process("served")
-    served.node.create_service(Trigger, "/asked", lambda request, response: Trigger.Response(success=True))
-    server = ActionServer(served.node, Practice, "/practice", lambda handle: handle.succeed() or Practice.Result(success=True))
+    served.node.create_service(
+        Trigger, "/asked", lambda request, response: Trigger.Response(success=True)
+    )
+    server = ActionServer(
+        served.node,
+        Practice,
+        "/practice",
+        lambda handle: handle.succeed() or Practice.Result(success=True),
+    )
     asking = GraphClient(dead=lambda: served.spin() or "")
     client = asking.node.create_client(Trigger, "/asked")
-    for found, ask in ((client, lambda: asking.call(client, Trigger.Request())), (asking._practice, lambda: asking.practise(throws=1))):
+    for found, ask in (
+        (client, lambda: asking.call(client, Trigger.Request())),
+        (asking._practice, lambda: asking.practise(throws=1)),
+    ):
         name = "service_is_ready" if found is client else "server_is_ready"
         asked, is_ready = [], getattr(found, name)
-        monkeypatch.setattr(found, name, lambda asked=asked, is_ready=is_ready: asked.append(is_ready()) or (asked[-1] and len(asked) > 20))
+        monkeypatch.setattr(
+            found,
+            name,
+            lambda asked=asked, is_ready=is_ready: (
+                asked.append(is_ready()) or (asked[-1] and len(asked) > 20)
+            ),
+        )
         assert ask().success
         assert len(asked) > 20
     server.destroy()
@@ -113,10 +137,18 @@ class Endpoints:
 
 @pytest.mark.parametrize(
     "there, is_ready, waits",
-    [(Endpoints(0, False), False, APPEARS), (Endpoints(1, True), True, FOUND_DEAD * APPEARS), (Endpoints(1, False), True, SERVER_PATIENCE)],
+    [
+        (Endpoints(0, False), False, APPEARS),
+        (Endpoints(1, True), True, FOUND_DEAD * APPEARS),
+        (Endpoints(1, False), True, SERVER_PATIENCE),
+    ],
 )
-def test_after_a_server_that_died_before_it_was_asked_another_one_is_waited_for_more_briefly(monkeypatch, there, is_ready, waits):
-    monkeypatch.setattr("dart_skill_nodes.client.server_probe.servers", lambda node, service: there)
+def test_after_a_server_that_died_before_it_was_asked_another_one_is_waited_for_more_briefly(
+    monkeypatch, there, is_ready, waits
+):
+    monkeypatch.setattr(
+        "dart_skill_nodes.client.server_probe.servers", lambda node, service: there
+    )
     node = SimpleNamespace(resolve_service_name=lambda name: name)
     link = ServerProbe(node, "/asked", lambda: is_ready)
     assert not link.is_hopeless(0.9 * waits) and link.is_hopeless(1.1 * waits)

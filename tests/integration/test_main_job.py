@@ -1,4 +1,6 @@
-"""Teach, record, learn, throw over DDS; the same in process, beside a busy machine, and from the bag alone."""
+"""Teach, record, learn, throw over DDS; the same in process, beside a busy machine, and from the
+bag alone.
+"""
 
 import subprocess
 import sys
@@ -35,7 +37,9 @@ TO_DEMONSTRATE, (TO_THROW, _) = targets_for(SEED, SHOWN, 2)
 
 @pytest.fixture(scope="module")
 def in_process():
-    """The job in one process without ROS: landing points of lessons and throw, and the plan of the throw."""
+    """The job in one process without ROS: landing points of lessons and throw, and the plan of the
+    throw.
+    """
     session = Session(SEED)
     lessons = [session.teach(target) for target in TO_DEMONSTRATE]
     skill = learn_throwing([lesson[-1].demonstration for lesson in lessons])
@@ -52,12 +56,15 @@ def in_process():
 
 @pytest.fixture(scope="module")
 def over_dds(ros, tmp_path_factory):
-    """The same job with every node a process of its own. They are forked: how a process begins is of account for the learners below."""
+    """The same job with every node a process of its own. They are forked: how a process begins is
+    of account for the learners below.
+    """
     folder = tmp_path_factory.mktemp("over_dds")
     with starting_warm(), graphs(folder) as make:
         _, client = make("processes", SEED)
         done = _job(client)
-        # One that an earlier test left behind, and that is not forgotten yet, may have the same names, all in one process.
+        # One that an earlier test left behind, and that is not forgotten yet, may have the same
+        # names, all in one process.
         endpoints = endpoints_of_processes(client.node, alone=True)
     return {**done, "bag": folder / "bag_1", "endpoints": endpoints}
 
@@ -66,7 +73,9 @@ def test_every_process_does_what_its_policy_allows_and_needs_all_of_it(over_dds)
     assert {name for _, name in over_dds["endpoints"]} == set(NODES)
     for (_, name), done in over_dds["endpoints"].items():
         for what, allows in zip(done, allowed(policy())[f"/dart_skill/{name}"], strict=True):
-            assert not [topic for topic in what if not may(allows, topic)], f"{name} needs these: add them to config/permissions.yaml"
+            assert not [topic for topic in what if not may(allows, topic)], (
+                f"{name} needs these: add them to config/permissions.yaml"
+            )
             unused = {one for one in allows if "*" not in one} - what
             assert unused <= NEEDED_ELSEWHERE | NEEDED_AT_TIMES.get(name, set()), (
                 f"{name} does without these: take them out of config/permissions.yaml"
@@ -86,7 +95,9 @@ def test_every_lesson_and_the_throw_succeed(over_dds):
     result = over_dds["thrown"]
     assert result.code == 1, result.message
     assert result.outcome.seen
-    speed = np.linalg.norm(conversions.vector(conversions.state_of(result.outcome.observed, "release").twist.linear))
+    speed = np.linalg.norm(
+        conversions.vector(conversions.state_of(result.outcome.observed, "release").twist.linear)
+    )
     assert 1.5 < speed < 4.5, f"the ball left the hand at {speed:.2f} m/s"
     assert result.outcome.error < 0.03, f"{SHOWN} demonstrations: {result.outcome.error:.3f} m"
 
@@ -96,7 +107,9 @@ def test_the_graph_over_dds_is_the_session_in_process_bit_for_bit(over_dds, in_p
     np.testing.assert_array_equal(lessons, in_process["lessons"])
     assert over_dds["learned"].model_id == in_process["model_id"]
     assert same_plan(conversions.throw_plan(over_dds["thrown"].plan), in_process["plan"])
-    np.testing.assert_array_equal(conversions.seen_at(over_dds["thrown"].outcome, "landing"), in_process["landing"])
+    np.testing.assert_array_equal(
+        conversions.seen_at(over_dds["thrown"].outcome, "landing"), in_process["landing"]
+    )
 
 
 @pytest.mark.slow
@@ -111,17 +124,28 @@ def test_a_busy_machine_changes_no_bit(make_graph, in_process):
     lessons = [conversions.seen_at(lesson.outcome, "landing") for lesson in done["lessons"]]
     np.testing.assert_array_equal(lessons, in_process["lessons"])
     assert done["learned"].model_id == in_process["model_id"]
-    np.testing.assert_array_equal(conversions.seen_at(done["thrown"].outcome, "landing"), in_process["landing"])
+    np.testing.assert_array_equal(
+        conversions.seen_at(done["thrown"].outcome, "landing"), in_process["landing"]
+    )
 
 
 @contextmanager
 def fresh_learner(folder):
     """A learner in a fresh process: its graph, and a function that calls a service of its by name."""
-    kinds = {"learn": Learn, "plan": Plan, "save": ModelFile, "load": ModelFile, "add_trial": AddTrial}
+    kinds = {
+        "learn": Learn,
+        "plan": Plan,
+        "save": ModelFile,
+        "load": ModelFile,
+        "add_trial": AddTrial,
+    }
     with graphs(folder) as make:
         graph, client = make(None)
         graph.start("skill_learner")
-        clients = {name: client.node.create_client(kind, f"/skill_learner/{name}") for name, kind in kinds.items()}
+        clients = {
+            name: client.node.create_client(kind, f"/skill_learner/{name}")
+            for name, kind in kinds.items()
+        }
         yield graph, lambda service, request: client.call(clients[service], request)
 
 
@@ -137,7 +161,9 @@ def planned_by(ask):
 
 @pytest.fixture(scope="module")
 def learner(over_dds, tmp_path_factory):
-    """A fresh learner that has learned from the bag alone: its graph, how to ask it, what it learned, and the file of its model."""
+    """A fresh learner that has learned from the bag alone: its graph, how to ask it, what it
+    learned, and the file of its model.
+    """
     folder = tmp_path_factory.mktemp("learner")
     with fresh_learner(folder) as (graph, ask):
         learned = ask("learn", Learn.Request(bag=str(over_dds["bag"])))
@@ -164,13 +190,19 @@ def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_
     with pytest.raises(GraphFailure, match="already"):
         add(shown[0])
     with pytest.raises(GraphFailure, match="did not start in this hand"):
-        add(replace(shown[0], id="elsewhere", hand_position=shown[0].hand_position + [0.0, 0.0, 0.5]))
+        add(
+            replace(
+                shown[0], id="elsewhere", hand_position=shown[0].hand_position + [0.0, 0.0, 0.5]
+            )
+        )
     assert plan() == before, "what is kept out changes nothing"
     assert add(replace(shown[0], id="trial_1")).demonstrations == SHOWN + 1
     assert plan().model_id != before.model_id
 
 
-def test_a_fresh_process_knows_nothing_until_it_loads_the_model_and_plans_the_same(over_dds, learner, tmp_path):
+def test_a_fresh_process_knows_nothing_until_it_loads_the_model_and_plans_the_same(
+    over_dds, learner, tmp_path
+):
     """The learner that saved it ends before: two would have one name."""
     shown, (first, *_, model) = read_demonstrations(over_dds["bag"]), learner
     first.stop()
@@ -192,7 +224,9 @@ def test_the_bag_holds_what_the_sensors_saw_and_opens_without_ros(over_dds):
     assert (gaps >= 0).all(), "joint states are recorded in order"
     resets = (gaps > 500_000_000).sum()
     assert resets >= SHOWN, f"{resets} resets in the bag"
-    assert np.isin(gaps, [0, 2_000_000]).sum() + resets == len(gaps), "a joint state was lost on the way to the bag"
+    assert np.isin(gaps, [0, 2_000_000]).sum() + resets == len(gaps), (
+        "a joint state was lost on the way to the bag"
+    )
 
 
 def test_the_bag_names_its_seed(over_dds):

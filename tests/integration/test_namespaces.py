@@ -1,7 +1,8 @@
-"""Arms in one ROS domain, each graph in a namespace of its own: they teach, learn, throw, record and are seen side by side.
+"""Arms in one ROS domain, each graph in a namespace of its own: they teach, learn, throw, record
+and are seen side by side.
 
-There are two, which do all that four do: of a step, four graphs need twice the processor time that two need. Four are tried with the slow
-tests.
+There are two, which do all that four do: of a step, four graphs need twice the processor time that
+two need. Four are tried with the slow tests.
 """
 
 import signal
@@ -19,7 +20,13 @@ from dart_skill.recording import BagReader, GraphBag, read_demonstrations
 from dart_skill_nodes.client.graph_listener import GraphListener
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import NODES, NODES_OF
-from tests.integration.conftest import endpoints_of_processes, graphs, start_throw, teach_and_learn, wait_for
+from tests.integration.conftest import (
+    endpoints_of_processes,
+    graphs,
+    start_throw,
+    teach_and_learn,
+    wait_for,
+)
 from tests.integration.test_viewer import address_of
 from tests.paths import ROOT
 from tests.policies import allowed, may
@@ -27,7 +34,9 @@ from tests.view_client import PageClient
 
 ARMS = ("/arm1", "/arm2", "/arm3", "/arm4")
 TAUGHT, SEEN = ARMS[0], ARMS[:2]
-"""The one that learns from what it was shown, the others from a recording; and those that a viewer shows."""
+"""The one that learns from what it was shown, the others from a recording; and those that a viewer
+shows.
+"""
 SHOWN, TARGETS = targets_for(0, 2, len(ARMS))
 RESTS = {"composed": {"rest_after": 0.5}}
 """Worlds that run on while nobody looks take all cores."""
@@ -41,10 +50,15 @@ class Frames:
     def __init__(self, node):
         self._node, self.parents = node, {}
         qualities = {"/tf": 1000, "/tf_static": LATCHED}
-        self._heard = [node.create_subscription(TFMessage, topic, self._take, qos) for topic, qos in qualities.items()]
+        self._heard = [
+            node.create_subscription(TFMessage, topic, self._take, qos)
+            for topic, qos in qualities.items()
+        ]
 
     def _take(self, message):
-        self.parents.update({one.child_frame_id: one.header.frame_id for one in message.transforms})
+        self.parents.update(
+            {one.child_frame_id: one.header.frame_id for one in message.transforms}
+        )
 
     def close(self):
         for subscription in self._heard:
@@ -56,9 +70,15 @@ def frames_of(arms):
     return {f"{space[1:]}/{name}" for space in arms for name in ("wam_base", "wam_link7", "ball")}
 
 
-@pytest.fixture(scope="module", params=[2, pytest.param(len(ARMS), marks=pytest.mark.slow)], ids=["two", "four"])
+@pytest.fixture(
+    scope="module",
+    params=[2, pytest.param(len(ARMS), marks=pytest.mark.slow)],
+    ids=["two", "four"],
+)
 def arms(ros, tmp_path_factory, request):
-    """By namespace a client, what was learned, the bag, and how many throws it was shown; all graphs run."""
+    """By namespace a client, what was learned, the bag, and how many throws it was shown; all
+    graphs run.
+    """
     folder, made = tmp_path_factory.mktemp("arms"), {}
     with graphs(folder) as make:
         for number, space in enumerate(ARMS[: request.param]):
@@ -69,18 +89,32 @@ def arms(ros, tmp_path_factory, request):
         for space, graph in made.items():
             graph.client.wait_until_ready()
             graph.shown = len(SHOWN) if space == TAUGHT else 0
-            graph.learned = teach_and_learn(graph.client, SHOWN) if graph.shown else graph.client.learn(bag=str(RECORDED))
+            graph.learned = (
+                teach_and_learn(graph.client, SHOWN)
+                if graph.shown
+                else graph.client.learn(bag=str(RECORDED))
+            )
         yield made
 
 
 @pytest.fixture(scope="module")
 def thrown(arms):
     """What came of a throw of each arm, all at once."""
-    under_way = [start_throw(graph.client, target)[0] for graph, target in zip(arms.values(), TARGETS, strict=False)]
-    outcomes = [graph.client.wait(result, "the throw").result.outcome for graph, result in zip(arms.values(), under_way, strict=True)]
+    under_way = [
+        start_throw(graph.client, target)[0]
+        for graph, target in zip(arms.values(), TARGETS, strict=False)
+    ]
+    outcomes = [
+        graph.client.wait(result, "the throw").result.outcome
+        for graph, result in zip(arms.values(), under_way, strict=True)
+    ]
     first, frames = arms[ARMS[0]].client, arms[ARMS[0]].frames
     wanted = frames_of(arms)
-    wait_for(first, lambda: wanted <= set(frames.parents), what=lambda: f"a word of the frames {sorted(wanted - set(frames.parents))}")
+    wait_for(
+        first,
+        lambda: wanted <= set(frames.parents),
+        what=lambda: f"a word of the frames {sorted(wanted - set(frames.parents))}",
+    )
     frames.close()
     return outcomes
 
@@ -91,23 +125,54 @@ def test_all_throw_at_once(arms, thrown):
 
 
 def test_each_viewer_shows_its_own_arm(arms, thrown):
-    """By the basket, which stands elsewhere for each since their throws, and by whom the panel tells of."""
+    """By the basket, which stands elsewhere for each since their throws, and by whom the panel
+    tells of.
+    """
     for space in SEEN:
         arms[space].start("viewer", {"port": 0})
     try:
         for space, target in zip(SEEN, TARGETS, strict=False):
             graph = arms[space]
             with PageClient(address_of(graph, graph.client)) as page:
-                page.wait_for(lambda: "/basket" in page.places, 60.0, f"the basket of {space}", graph.client.spin)
-                assert np.linalg.norm(page.places["/basket"] - target) < 0.02, f"{space}: {page.places['/basket']}, not {target}"
-                page.wait_for(lambda: page.says("wam_simulator"), 60.0, f"the nodes of {space}", graph.client.spin)
-                page.wait_for(lambda: "/cameras/all" in page.nodes, 60.0, f"the cameras of {space}", graph.client.spin)
-                assert not any(page.says(other[1:]) for other in arms if other != space), f"the page of {space} tells of another arm"
+                page.wait_for(
+                    lambda: "/basket" in page.places,
+                    60.0,
+                    f"the basket of {space}",
+                    graph.client.spin,
+                )
+                assert np.linalg.norm(page.places["/basket"] - target) < 0.02, (
+                    f"{space}: {page.places['/basket']}, not {target}"
+                )
+                page.wait_for(
+                    lambda: page.says("wam_simulator"),
+                    60.0,
+                    f"the nodes of {space}",
+                    graph.client.spin,
+                )
+                page.wait_for(
+                    lambda: "/cameras/all" in page.nodes,
+                    60.0,
+                    f"the cameras of {space}",
+                    graph.client.spin,
+                )
+                assert not any(page.says(other[1:]) for other in arms if other != space), (
+                    f"the page of {space} tells of another arm"
+                )
                 if space != TAUGHT:
-                    page.wait_for(lambda: not page.is_disabled("Teach"), 60.0, "the buttons", graph.client.spin)
+                    page.wait_for(
+                        lambda: not page.is_disabled("Teach"),
+                        60.0,
+                        "the buttons",
+                        graph.client.spin,
+                    )
                     page.set("Lessons", 1)
                     page.click("Teach")
-                    page.wait_for(lambda: page.says("1 of 1 demonstrations shown"), 120.0, "a lesson from the page", graph.client.spin)
+                    page.wait_for(
+                        lambda: page.says("1 of 1 demonstrations shown"),
+                        120.0,
+                        "a lesson from the page",
+                        graph.client.spin,
+                    )
                     graph.shown += 1
         assert {("viewer", space) for space in SEEN} <= set(nodes_of(arms)) and not outside(arms)
     finally:
@@ -119,11 +184,17 @@ def test_each_viewer_shows_its_own_arm(arms, thrown):
 
 def nodes_of(arms):
     """Name and namespace of each node of the arms."""
-    return [(name, space) for name, space in arms[ARMS[0]].client.node.get_node_names_and_namespaces() if space in arms]
+    return [
+        (name, space)
+        for name, space in arms[ARMS[0]].client.node.get_node_names_and_namespaces()
+        if space in arms
+    ]
 
 
 def outside(arms):
-    """Names of topics and services of the arms' nodes that are in no namespace, but for those that all graphs share."""
+    """Names of topics and services of the arms' nodes that are in no namespace, but for those that
+    all graphs share.
+    """
     node: Node = arms[ARMS[0]].client.node
     offered = (
         node.get_publisher_names_and_types_by_node,
@@ -132,7 +203,9 @@ def outside(arms):
         node.get_client_names_and_types_by_node,
     )
     names = {name for one in nodes_of(arms) for of in offered for name, _ in of(*one)}
-    return {name for name in names if not name.startswith(tuple(f"{space}/" for space in arms))} - GLOBAL
+    return {
+        name for name in names if not name.startswith(tuple(f"{space}/" for space in arms))
+    } - GLOBAL
 
 
 def test_no_name_is_outside_the_namespaces(arms):
@@ -147,8 +220,12 @@ def test_every_process_does_what_the_policy_of_its_namespace_allows(arms):
         allows = allowed(policy(space))
         for process in ("composed", "skill_learner"):
             node = NODES_OF.get(process, (process,))[0]
-            for what, may_do in zip(seen[space, node], allows[f"/dart_skill{space}/{process}"], strict=True):
-                assert not [topic for topic in what if not may(may_do, topic)], f"{space}/{process}"
+            for what, may_do in zip(
+                seen[space, node], allows[f"/dart_skill{space}/{process}"], strict=True
+            ):
+                assert not [topic for topic in what if not may(may_do, topic)], (
+                    f"{space}/{process}"
+                )
 
 
 def test_each_hears_of_its_own_nodes_alone(arms):
@@ -169,7 +246,10 @@ def test_the_frames_of_all_hang_on_one_world(arms, thrown):
     parents, ours = arms[ARMS[0]].frames.parents, frames_of(arms)
     assert set(parents) >= ours
     assert {parents[name] for name in ours if name.endswith(("wam_base", "ball"))} == {"world"}
-    assert all(parent == "world" or parent.split("/")[0] == child.split("/")[0] for child, parent in parents.items())
+    assert all(
+        parent == "world" or parent.split("/")[0] == child.split("/")[0]
+        for child, parent in parents.items()
+    )
 
 
 def test_a_second_graph_of_the_same_namespace_is_seen(arms, tmp_path):
@@ -209,7 +289,9 @@ def test_the_bag_of_one_arm_is_converted(arms, form, tmp_path):
     bag, made = str(arms[ARMS[0]].bag), str(tmp_path / form)
     _typed("bag", "convert", bag, "--to", form, "--output", made)
     how = ["--mapping", f"{made}/mapping.yaml"] if form == "csv" else []
-    assert f"learned from {arms[ARMS[0]].shown} of" in _typed("learn", made, *how, "--output", f"{made}.npz")
+    assert f"learned from {arms[ARMS[0]].shown} of" in _typed(
+        "learn", made, *how, "--output", f"{made}.npz"
+    )
 
 
 def test_a_recording_of_one_arm_is_replayed_in_another_namespace(arms, ros, tmp_path):
@@ -219,7 +301,18 @@ def test_a_recording_of_one_arm_is_replayed_in_another_namespace(arms, ros, tmp_
         graph, client = make(None, namespace="/again")
         client.node.create_subscription(JointState, "joint_states", heard.append, 10)
         played = subprocess.Popen(
-            ["dart-skill", "bag", "play", "--namespace", "/again", str(bag), "--rate", "0", "--wait-for", "/again/joint_states"]
+            [
+                "dart-skill",
+                "bag",
+                "play",
+                "--namespace",
+                "/again",
+                str(bag),
+                "--rate",
+                "0",
+                "--wait-for",
+                "/again/joint_states",
+            ]
         )
         try:
             wait_for(client, lambda: heard, what="a state of the recording")

@@ -9,13 +9,18 @@ from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 
 
 class World:
-    """A node that sees the publishers in `there` (identifier: name of the node), and those in `silent` as gone."""
+    """A node that sees the publishers in `there` (identifier: name of the node), and those in
+    `silent` as gone.
+    """
 
     def __init__(self):
         self.there, self.silent = {}, set()
 
     def get_publishers_info_by_topic(self, topic):
-        return [SimpleNamespace(endpoint_gid=list(gid.encode()), node_name=name) for gid, name in self.there.items()]
+        return [
+            SimpleNamespace(endpoint_gid=list(gid.encode()), node_name=name)
+            for gid, name in self.there.items()
+        ]
 
 
 class FakePresence:

@@ -1,4 +1,6 @@
-"""A number of the world is changed in one place, config/world.yaml, and changes for all: nodes, judge, bag and library."""
+"""A number of the world is changed in one place, config/world.yaml, and changes for all: nodes,
+judge, bag and library.
+"""
 
 import shutil
 
@@ -35,7 +37,11 @@ def graph(ros, tmp_path_factory):
         patch.setenv("DART_SKILL_CONFIG", str(config))
         with graphs(folder) as make:
             graph, client = make("composed")
-            graph.client, graph.bag, graph.learned = client, folder / "bag_1", teach_and_learn(client, SHOWN)
+            graph.client, graph.bag, graph.learned = (
+                client,
+                folder / "bag_1",
+                teach_and_learn(client, SHOWN),
+            )
             yield graph
 
 
@@ -63,13 +69,18 @@ def test_the_arm_learns_and_throws_in_it(throw):
 
 
 def test_the_one_that_judges_takes_the_new_radius(graph, throw):
-    """A ball that was last seen 0.2 m from the middle is in this basket, and would not be in the usual one."""
+    """A ball that was last seen 0.2 m from the middle is in this basket, and would not be in the
+    usual one.
+    """
     thrown, _, poses = throw
     judge = graph.client.node.create_client(Judge, "/demonstration_recorder/judge")
     graph.client.reach(judge)
     last = conversions.vector(poses[-1].pose.position) * [1.0, 1.0, 0.0] + [0.0, 0.0, TARGET[2]]
     for aside, inside in ((0.20, True), (0.30, False)):
-        beside = Judge.Request(situation=conversions.at_place(last + [0.0, aside, 0.0]), told=thrown.outcome.header.stamp)
+        beside = Judge.Request(
+            situation=conversions.at_place(last + [0.0, aside, 0.0]),
+            told=thrown.outcome.header.stamp,
+        )
         assert graph.client.call(judge, beside).outcome.success == inside
 
 
@@ -78,6 +89,9 @@ def test_topics_and_bag_have_the_new_name(graph):
     assert f"/vrpn_mocap/{BODY}/pose" in names and "/vrpn_mocap/basket/pose" not in names
     graph.stop()  # closes the bag
     with BagReader(graph.bag) as bag:
-        assert bag.topics[f"/vrpn_mocap/{BODY}/pose"].count and "/vrpn_mocap/basket/pose" not in bag.topics
+        assert (
+            bag.topics[f"/vrpn_mocap/{BODY}/pose"].count
+            and "/vrpn_mocap/basket/pose" not in bag.topics
+        )
     assert np.shape([one.target for one in read_demonstrations(graph.bag)]) == (len(SHOWN), 3)
     assert graph.learned.demonstrations == len(SHOWN)

@@ -15,13 +15,23 @@ RNG = np.random.default_rng(0)
 N = len(PLAN.path.time)
 ROOT = RNG.normal(size=(N, 3, 3))
 SOLID = ROOT @ ROOT.swapaxes(1, 2) + 100.0 * np.eye(3)
-PACED = replace(PLAN, pace=Pace(RNG.normal(size=(N, 12)), PhaseRule(slowest=0.02, fastest=1.4, time_constant=0.03, ignored=0.004)))
+PACED = replace(
+    PLAN,
+    pace=Pace(
+        RNG.normal(size=(N, 12)),
+        PhaseRule(slowest=0.02, fastest=1.4, time_constant=0.03, ignored=0.004),
+    ),
+)
 CHANGING = replace(PLAN, position_gains=GainsOverTime(SOLID, 0.1 * SOLID))
 
 
-@pytest.mark.parametrize("plan", [PLAN, PACED, CHANGING, replace(PACED, position_gains=CHANGING.position_gains)])
+@pytest.mark.parametrize(
+    "plan", [PLAN, PACED, CHANGING, replace(PACED, position_gains=CHANGING.position_gains)]
+)
 def test_a_plan_comes_out_as_it_went_in(plan):
-    times = {name: round(getattr(plan, name) * 1e9) * 1e-9 for name in ("release", "open_hand")}  # a duration counts nanoseconds
+    times = {
+        name: round(getattr(plan, name) * 1e9) * 1e-9 for name in ("release", "open_hand")
+    }  # a duration counts nanoseconds
     back = conversions.throw_plan(conversions.throw_plan_msg(plan, "world"))
     path = replace(back.path, time=plan.path.time)
     assert np.abs(back.path.time - plan.path.time).max() < 1e-9
@@ -35,8 +45,18 @@ def test_a_plan_comes_out_as_it_went_in(plan):
         (PACED, "pace_gain", [1.0] * 24, f"plan.pace.gain has 2 entries, the path {N} instants"),
         (PACED, "pace_gain", [float("nan")] * 12 * N, "not finite"),
         (PACED, "pace_slowest", 2.0, "slowest 2.0"),
-        (PLAN, "position_damping", [1.0] * 9, "position_stiffness and position_damping have 1 and 9 numbers"),
-        (CHANGING, "position_stiffness", [1.0] * (9 * N - 1), f"have {9 * N - 1} and {9 * N} numbers"),
+        (
+            PLAN,
+            "position_damping",
+            [1.0] * 9,
+            "position_stiffness and position_damping have 1 and 9 numbers",
+        ),
+        (
+            CHANGING,
+            "position_stiffness",
+            [1.0] * (9 * N - 1),
+            f"have {9 * N - 1} and {9 * N} numbers",
+        ),
         (CHANGING, "position_damping", [1.0] * 9 * N, "eigenvalue"),
     ],
 )

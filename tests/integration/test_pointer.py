@@ -1,4 +1,6 @@
-"""A skill shown by somebody in front of a screen: the hand is pulled, and what was shown is learned and executed."""
+"""A skill shown by somebody in front of a screen: the hand is pulled, and what was shown is
+learned and executed.
+"""
 
 import re
 
@@ -44,7 +46,9 @@ def test_what_any_client_shows_by_poses_on_a_topic_is_learned_and_executed(graph
         assert lesson.outcome.error < 0.004
     assert graph.client.learn().demonstrations == SHOWN
     listed = graph.client.demonstrations(compare=True).demonstrations
-    assert [one.weight for one in listed] == [1.0] * SHOWN and all(0.0 < one.unlike < 0.2 for one in listed)
+    assert [one.weight for one in listed] == [1.0] * SHOWN and all(
+        0.0 < one.unlike < 0.2 for one in listed
+    )
     made = graph.client.execute(conversions.situation_msg(skill.draw(rng)), look=True)
     assert made.message == "executed" and made.outcome.seen
 
@@ -54,7 +58,9 @@ def url(graph):
     """Of the page of a viewer of the graph."""
     graph.start("viewer", {"port": 0, "skill": "place"})
     log = graph.logs / "viewer.log"
-    wait_for(graph.client, lambda: "live view is at" in log.read_text(), what="the address of the page")
+    wait_for(
+        graph.client, lambda: "live view is at" in log.read_text(), what="the address of the page"
+    )
     return re.search(r"http://\S+", log.read_text()).group()
 
 
@@ -72,7 +78,9 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
             until(lambda: not page.is_disabled("Done (Enter)"), "a hand that is held")
 
         before = len(client.demonstrations().demonstrations)
-        person = ScreenPerson(client, ("hand", "part", "holder"), PageHands(page), meanwhile=page.listen)
+        person = ScreenPerson(
+            client, ("hand", "part", "holder"), PageHands(page), meanwhile=page.listen
+        )
         for number in range(before + 1, max(before + 2, SHOWN + 1) + 1):
             take()
             until(lambda: page.says("beside its place"), "how far it is still to go")
@@ -83,7 +91,10 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
             until(lambda number=number: page.says(f"{number}: "), "a line for what was shown")
         take()
         page.click("Discard this one")
-        until(lambda: not page.is_disabled("Take the hand"), "the end of a lesson that is thrown away")
+        until(
+            lambda: not page.is_disabled("Take the hand"),
+            "the end of a lesson that is thrown away",
+        )
         page.click("Undo the last one")
         until(lambda: page.says("left out"), "what was undone")
         page.click("Learn")
@@ -96,7 +107,9 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
 @pytest.mark.slow
 @needs_chromium
 def test_in_a_browser_the_hand_is_pulled_with_the_mouse_and_told_with_keys(graph, url, tmp_path):
-    """Up as the screen shows it, with Shift over the ground, and turned; the page looks at it from above, too."""
+    """Up as the screen shows it, with Shift over the ground, and turned; the page looks at it from
+    above, too.
+    """
     client = graph.client
     with Page(tmp_path / "browser", url, SMALL) as page, PageClient(url, origin=url) as watch:
 
@@ -105,23 +118,37 @@ def test_in_a_browser_the_hand_is_pulled_with_the_mouse_and_told_with_keys(graph
 
         until(lambda: page.button("Take the hand"), "the page", 90.0)
         page.settle(meanwhile=watch.listen)
-        person = ScreenPerson(client, ("hand", "part", "holder"), MouseHands(page, watch, NEAR), meanwhile=watch.listen)
+        person = ScreenPerson(
+            client,
+            ("hand", "part", "holder"),
+            MouseHands(page, watch, NEAR),
+            meanwhile=watch.listen,
+        )
         page.click("Take the hand")
         until(lambda: "beside its place" in page.text(), "a hand that is held")
         person.look(until)
         hand, part = person.seen["hand"], person.seen["part"]
         person.hands.grip(True)
         person.pull(hand.position + [0.0, 0.0, 0.08], hand.quaternion, LONG)
-        turned = (Rotation.from_euler("z", 10.0, degrees=True) * Rotation.from_quat(hand.quaternion)).as_quat()
+        turned = (
+            Rotation.from_euler("z", 10.0, degrees=True) * Rotation.from_quat(hand.quaternion)
+        ).as_quat()
         person.pull(hand.position + [0.1, 0.05, 0.08], turned, LONG)
         page.screenshot(tmp_path / "carried.png")
         person.look(until)
         carried = person.seen["part"]
-        turn = (Rotation.from_quat(carried.quaternion) * Rotation.from_quat(part.quaternion).inv()).as_rotvec()
-        assert np.linalg.norm(carried.position - part.position) > 0.12 and 0.12 < turn[2] < 0.25, "with the part in it"
+        turn = (
+            Rotation.from_quat(carried.quaternion) * Rotation.from_quat(part.quaternion).inv()
+        ).as_rotvec()
+        assert np.linalg.norm(carried.position - part.position) > 0.12 and 0.12 < turn[2] < 0.25, (
+            "with the part in it"
+        )
         looks = watch.looks
         page.key("v")
         until(lambda: watch.looks > looks, "a look from above")
         person.hands.done()
-        until(lambda: "not kept: " in page.text(), "the end of a lesson in which the part was not brought to its holder")
+        until(
+            lambda: "not kept: " in page.text(),
+            "the end of a lesson in which the part was not brought to its holder",
+        )
         assert page.exceptions == []

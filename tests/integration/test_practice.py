@@ -1,4 +1,6 @@
-"""Practice over DDS is practice in process, to the last bit; ground truth has no part in it: for all but the cameras it is garbage here."""
+"""Practice over DDS is practice in process, to the last bit; ground truth has no part in it: for
+all but the cameras it is garbage here.
+"""
 
 import argparse
 import json
@@ -23,7 +25,10 @@ from tests.integration.conftest import graphs, plan_request, teach_and_learn
 SEED, SHOWN = 4, 2
 TO_DEMONSTRATE, TO_PRACTISE = targets_for(SEED, SHOWN, 2)
 NEW = np.array([1.95, 0.2, 0.4])
-HIDDEN = {f"{node}:/simulation/state": "/behind_the_scenes/state" for node in ("wam_simulator", "mock_optitrack")}
+HIDDEN = {
+    f"{node}:/simulation/state": "/behind_the_scenes/state"
+    for node in ("wam_simulator", "mock_optitrack")
+}
 
 
 class Liar:
@@ -36,10 +41,20 @@ class Liar:
         client.spin = self._spin_and_lie
 
     def _spin_and_lie(self):
-        message = SimulationState(episode=int(self._rng.integers(1000)), success=bool(self._rng.integers(2)))
-        message.header.frame_id, message.header.stamp = "world", conversions.time_msg(int(self._rng.integers(10**11)))
-        message.joint_position, message.joint_velocity = self._rng.standard_normal(7), self._rng.standard_normal(7)
-        message.bodies = [conversions.body_state(role, self._rng.standard_normal(3)) for role in ROLES]
+        message = SimulationState(
+            episode=int(self._rng.integers(1000)), success=bool(self._rng.integers(2))
+        )
+        message.header.frame_id, message.header.stamp = (
+            "world",
+            conversions.time_msg(int(self._rng.integers(10**11))),
+        )
+        message.joint_position, message.joint_velocity = (
+            self._rng.standard_normal(7),
+            self._rng.standard_normal(7),
+        )
+        message.bodies = [
+            conversions.body_state(role, self._rng.standard_normal(3)) for role in ROLES
+        ]
         self._publisher.publish(message)
         self.told += 1
         self._spin()
@@ -47,16 +62,28 @@ class Liar:
 
 @pytest.fixture(scope="module")
 def practised(ros, tmp_path_factory):
-    """Two lessons, two practised throws and a plan, by the nodes; nobody but the cameras and the simulator has the truth."""
+    """Two lessons, two practised throws and a plan, by the nodes; nobody but the cameras and the
+    simulator has the truth.
+    """
     with graphs(tmp_path_factory.mktemp("practice")) as make:
         graph, client = make(None, remappings={"composed": HIDDEN})
         liar = Liar(client)
-        graph.start_all("composed", SEED, tmp_path_factory.mktemp("bag") / "bag", {"skill_learner": {"practice_method": "both"}})
+        graph.start_all(
+            "composed",
+            SEED,
+            tmp_path_factory.mktemp("bag") / "bag",
+            {"skill_learner": {"practice_method": "both"}},
+        )
         client.wait_until_ready()
         teach_and_learn(client, TO_DEMONSTRATE)
         phases = []
-        result = client.practise(targets=TO_PRACTISE, on_feedback=lambda feedback: phases.append((feedback.number, feedback.phase)))
-        plan = client.call(client.node.create_client(Plan, "/skill_learner/plan"), plan_request(NEW)).plan
+        result = client.practise(
+            targets=TO_PRACTISE,
+            on_feedback=lambda feedback: phases.append((feedback.number, feedback.phase)),
+        )
+        plan = client.call(
+            client.node.create_client(Plan, "/skill_learner/plan"), plan_request(NEW)
+        ).plan
     assert liar.told > 10
     return {"result": result, "phases": phases, "plan": plan}
 
@@ -65,7 +92,9 @@ def practised(ros, tmp_path_factory):
 def in_process():
     """The same without ROS."""
     session = Session(SEED)
-    skill = PractisingSkill([session.teach(target)[-1].demonstration for target in TO_DEMONSTRATE], method="both")
+    skill = PractisingSkill(
+        [session.teach(target)[-1].demonstration for target in TO_DEMONSTRATE], method="both"
+    )
     landings = []
     for target in TO_PRACTISE:
         plan = skill.plan(target)
@@ -84,8 +113,12 @@ def test_every_throw_is_made_and_learned_from(practised):
     assert practised["phases"][-1] == (2, "done")
 
 
-def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(practised, in_process):
-    landings = [conversions.seen_at(outcome, "landing") for outcome in practised["result"].outcomes]
+def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(
+    practised, in_process
+):
+    landings = [
+        conversions.seen_at(outcome, "landing") for outcome in practised["result"].outcomes
+    ]
     np.testing.assert_array_equal(landings, in_process["landings"])
     plan = conversions.throw_plan(practised["plan"])
     for part in ("aim", "predicted_landing", "attractor_position"):
@@ -93,8 +126,12 @@ def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(
 
 
 @pytest.mark.slow
-def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_goes_on(make_graph, tmp_path):
-    """Five throws as they are planned, then two with which PoWER tries something else; a test between them teaches nothing."""
+def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_goes_on(
+    make_graph, tmp_path
+):
+    """Five throws as they are planned, then two with which PoWER tries something else; a test
+    between them teaches nothing.
+    """
     shown, targets = targets_for(SEED, 2, 7)
     _, client = make_graph(seed=SEED, extra={"skill_learner": {"practice_method": "power"}})
     teach_and_learn(client, shown)
@@ -105,14 +142,22 @@ def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_go
     plan = conversions.throw_plan(client.call(planner, plan_request(NEW)).plan)
     model_id = client.save(tmp_path / "practised.npz")
     client.learn()
-    assert not np.array_equal(conversions.throw_plan(client.call(planner, plan_request(NEW)).plan).aim, plan.aim), "begins anew"
+    assert not np.array_equal(
+        conversions.throw_plan(client.call(planner, plan_request(NEW)).plan).aim, plan.aim
+    ), "begins anew"
     assert client.load(tmp_path / "practised.npz") == model_id
     again = conversions.throw_plan(client.call(planner, plan_request(NEW)).plan)
     assert same_plan(again, plan), "what PoWER found is in the model"
 
     session, landings = Session(SEED), []
-    skill = PractisingSkill([session.teach(target)[-1].demonstration for target in shown], method="power")
-    for target, learns in [*((target, True) for target in targets[:6]), (targets[0], False), (targets[6], True)]:
+    skill = PractisingSkill(
+        [session.teach(target)[-1].demonstration for target in shown], method="power"
+    )
+    for target, learns in [
+        *((target, True) for target in targets[:6]),
+        (targets[0], False),
+        (targets[6], True),
+    ]:
         planned = skill.plan(target, explore=learns)
         trial = session.throw(planned)
         landings.append(trial.outcome.landing)
@@ -120,10 +165,14 @@ def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_go
             assert skill.tell(planned, trial.demonstration).kept
     session.close()
     assert skill.search.open == 0 and (skill.search.spread > 0.0).all()
-    np.testing.assert_array_equal([conversions.seen_at(outcome, "landing") for outcome in outcomes], landings)
+    np.testing.assert_array_equal(
+        [conversions.seen_at(outcome, "landing") for outcome in outcomes], landings
+    )
     np.testing.assert_array_equal(plan.aim, skill.plan(NEW).aim)
     loaded = practised_skill(load_model(tmp_path / "practised.npz"))
-    assert loaded.method == "power" and same_plan(loaded.plan(NEW), skill.plan(NEW)), "also without ROS, and whatever method is asked for"
+    assert loaded.method == "power" and same_plan(loaded.plan(NEW), skill.plan(NEW)), (
+        "also without ROS, and whatever method is asked for"
+    )
     assert json.dumps(loaded.search.state()) == json.dumps(skill.search.state())
 
 
@@ -144,7 +193,9 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
         "1",
         "--json",
     ]
-    done = subprocess.run([*command, "--output", str(tmp_path / "out")], capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [*command, "--output", str(tmp_path / "out")], capture_output=True, text=True, timeout=300
+    )
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["thrown"] == summary["learned"] == len(summary["throws"]) == 2
@@ -160,39 +211,77 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
         ("before practice", 0, 1), ("after the change", 1, 1), ("after practice", 2, 1),
     ]  # fmt: skip
     before, changed, after = (one["throws"][0] for one in summary["tests"])
-    assert before["target_m"] == changed["target_m"] == after["target_m"], "the same baskets in each test"
+    assert before["target_m"] == changed["target_m"] == after["target_m"], (
+        "the same baskets in each test"
+    )
     assert changed["error_m"] > 0.08 > before["error_m"] and after["error_m"] < changed["error_m"]
     assert "after practice: median landing error at 1 fixed baskets" in page
     assert "base turned" in page and "base_turned, after 1 own throws, unannounced" in page
 
-    command = ["dart-skill", "practice", "--model", str(tmp_path / "out" / "model.npz"), "--throws", "1", "--tests", "0"]
-    done = subprocess.run([*command, "--output", str(tmp_path / "on")], capture_output=True, text=True, timeout=300)
+    command = [
+        "dart-skill",
+        "practice",
+        "--model",
+        str(tmp_path / "out" / "model.npz"),
+        "--throws",
+        "1",
+        "--tests",
+        "0",
+    ]
+    done = subprocess.run(
+        [*command, "--output", str(tmp_path / "on")], capture_output=True, text=True, timeout=300
+    )
     assert done.returncode == 0, done.stderr
     assert "nobody shows anything" in done.stderr
-    assert f"next: dart-skill practice --model {tmp_path / 'on' / 'model.npz'}" in done.stdout.splitlines(), "it can be copied"
+    assert (
+        f"next: dart-skill practice --model {tmp_path / 'on' / 'model.npz'}"
+        in done.stdout.splitlines()
+    ), "it can be copied"
     on = practised_skill(load_model(tmp_path / "on" / "model.npz"))
     assert on.practised == 3 and len(on.correction) + len(on.correction.suspicions()) == 3
-    assert "Practice: the model model.npz, 1 own throws" in (tmp_path / "on" / "report.html").read_text(encoding="utf-8")
+    assert "Practice: the model model.npz, 1 own throws" in (
+        tmp_path / "on" / "report.html"
+    ).read_text(encoding="utf-8")
 
 
 def row(error):
-    return {"target_m": [2.0, 0.0, 0.4], "landing_m": None, "error_m": error, "in_basket": error is not None and error < 0.15}
+    return {
+        "target_m": [2.0, 0.0, 0.4],
+        "landing_m": None,
+        "error_m": error,
+        "in_basket": error is not None and error < 0.15,
+    }
 
 
 def summary_of(tests, throws):
     names = ("before practice", "after the change", "after practice")
     names = names if len(tests) == 3 else names[::2]
     after = (0, 2, len(throws)) if len(tests) == 3 else (0, len(throws))
-    told = [{"when": when, "after_throws": n, "throws": [*map(row, test)]} for when, n, test in zip(names, after, tests, strict=True)]
-    return {"tests": told, "throws": [*map(row, throws)], "thrown": len(throws), "learned": len(throws), "seconds": 1.0}
+    told = [
+        {"when": when, "after_throws": n, "throws": [*map(row, test)]}
+        for when, n, test in zip(names, after, tests, strict=True)
+    ]
+    return {
+        "tests": told,
+        "throws": [*map(row, throws)],
+        "thrown": len(throws),
+        "learned": len(throws),
+        "seconds": 1.0,
+    }
 
 
 def test_practice_whose_throws_get_worse_is_not_called_harm_where_its_tests_get_better():
-    """The coach throws where it expects the worst, so the errors of the practised throws may rise while the arm gets better."""
-    told = practice.table(summary_of([(0.010, 0.020), (0.005, 0.008)], (0.01, 0.02, 0.03, 0.04, 0.05, 0.06)))
+    """The coach throws where it expects the worst, so the errors of the practised throws may rise
+    while the arm gets better.
+    """
+    told = practice.table(
+        summary_of([(0.010, 0.020), (0.005, 0.008)], (0.01, 0.02, 0.03, 0.04, 0.05, 0.06))
+    )
     lines = told.splitlines()
     assert lines[0].startswith("at the same 2 baskets")
-    assert lines[2].split() == ["before", "practice", "2/2", "1.50", "2.00"] and lines[3].split() == [
+    assert lines[2].split() == ["before", "practice", "2/2", "1.50", "2.00"] and lines[
+        3
+    ].split() == [
         "after",
         "practice",
         "2/2",
@@ -200,12 +289,16 @@ def test_practice_whose_throws_get_worse_is_not_called_harm_where_its_tests_get_
         "0.80",
     ]
     assert lines[4] == "nearer to the middle after practice than before practice: 2 of 2 baskets"
-    assert told.index("the practised throws, at baskets where throws are worst") > told.index(lines[4])
+    assert told.index("the practised throws, at baskets where throws are worst") > told.index(
+        lines[4]
+    )
 
 
 def test_practice_after_a_change_is_compared_with_the_arm_that_had_changed():
     told = practice.table(summary_of([(0.01, 0.01), (0.2, None), (0.02, 0.02)], (0.01,) * 4))
-    assert "nearer to the middle after practice than after the change: 1 of 1 baskets" in told, "of those that were seen"
+    assert "nearer to the middle after practice than after the change: 1 of 1 baskets" in told, (
+        "of those that were seen"
+    )
 
 
 def test_practice_without_tests_says_that_its_table_does_not_judge_it():
@@ -222,7 +315,9 @@ def test_every_throw_has_its_purpose_in_order_of_time(tests, purposes):
     phases = practice.phases_of(summary)
     assert [phase.name for phase, _ in phases] == purposes
     assert [phase.throws for phase, _ in phases] == [len(rows) for _, rows in phases]
-    assert [row for phase, rows in phases if phase.learned_from for row in rows] == summary["throws"]
+    assert [row for phase, rows in phases if phase.learned_from for row in rows] == summary[
+        "throws"
+    ]
 
 
 class Coach:
@@ -238,7 +333,12 @@ class Coach:
         self.asked.append((throws, only_throw, where))
         situation = conversions.at_place(np.array([2.0, 0.0, 0.4]))
         outcome = conversions.unseen_outcome_msg(situation, "throw", "world")
-        return Practice.Result(success=True, executed=throws, learned=0 if only_throw else throws, outcomes=[outcome] * throws)
+        return Practice.Result(
+            success=True,
+            executed=throws,
+            learned=0 if only_throw else throws,
+            outcomes=[outcome] * throws,
+        )
 
 
 @pytest.mark.parametrize(("chosen", "where"), [
@@ -247,8 +347,13 @@ class Coach:
 def test_on_a_running_graph_there_are_tests_only_if_somebody_asks_for_them(chosen, where):
     parser = argparse.ArgumentParser()
     practice.add_arguments(parser)
-    for tests, wanted in (([], [(4, False, where)]), (["--tests", "2"], [(2, True, where), (4, False, where), (2, True, where)])):
+    for tests, wanted in (
+        ([], [(4, False, where)]),
+        (["--tests", "2"], [(2, True, where), (4, False, where), (2, True, where)]),
+    ):
         coach = Coach()
-        told = practice._practise_there(coach, parser.parse_args(["--running", "--throws", "4", *chosen, *tests]))
+        told = practice._practise_there(
+            coach, parser.parse_args(["--running", "--throws", "4", *chosen, *tests])
+        )
         assert coach.asked == wanted and told["thrown"] == 4
         assert ("at the same 2 baskets" in told["text"]) == bool(tests)

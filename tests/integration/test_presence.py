@@ -1,4 +1,6 @@
-"""Who is still there: a process that is killed or frozen is missed, one that is busy or held up for a while is not."""
+"""Who is still there: a process that is killed or frozen is missed, one that is busy or held up
+for a while is not.
+"""
 
 import signal
 import subprocess
@@ -42,7 +44,9 @@ def start():
     started = []
 
     def go(elsewhere=False, name="busy"):
-        started.append(subprocess.Popen([sys.executable, "-c", BUSY.format(elsewhere=elsewhere, name=name)]))
+        started.append(
+            subprocess.Popen([sys.executable, "-c", BUSY.format(elsewhere=elsewhere, name=name)])
+        )
         return started[-1]
 
     yield go
@@ -57,7 +61,9 @@ def come(node, count=1, name="busy"):
     while True:
         there = servers(node, f"/{name}/serve")
         if sum(there._endpoints.values()) >= count and not there.gone:
-            time.sleep(4 * PULSE)  # it has said so: who dies before that is missed only when its lease is over
+            time.sleep(
+                4 * PULSE
+            )  # it has said so: who dies before that is missed only when its lease is over
             return there
         assert time.monotonic() < until, "it never came"
         time.sleep(0.05)

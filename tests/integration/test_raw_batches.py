@@ -1,4 +1,6 @@
-"""What is taken out of the middleware in batches: losses are those of one publisher, and what cannot be heard is named."""
+"""What is taken out of the middleware in batches: losses are those of one publisher, and what
+cannot be heard is named.
+"""
 
 import time
 
@@ -63,7 +65,9 @@ def test_a_publisher_that_joins_and_leaves_makes_no_loss(node):
         heard.extend(ears.take())
 
     def said_by(count, *publishers):
-        return lambda: say(*publishers) or node.count_publishers("/said") == count and len(heard) > 20
+        return lambda: (
+            say(*publishers) or node.count_publishers("/said") == count and len(heard) > 20
+        )
 
     until(node, said_by(1, first), "one that is heard")
     second = node.create_publisher(String, "/said", 100)
@@ -94,5 +98,10 @@ def test_a_topic_that_changes_its_type_is_named(node, stranger):
     node.destroy_publisher(text)
     stranger.create_publisher(Int32, "/said", 10)
     until(node, lambda: ears.strange, "the number")
-    assert ears.strange == {"/said": "stranger publishes /said as std_msgs/msg/Int32, which is not the std_msgs/msg/String that is heard"}
+    assert ears.strange == {
+        "/said": (
+            "stranger publishes /said as std_msgs/msg/Int32, which is not the std_msgs/msg/String"
+            " that is heard"
+        )
+    }
     ears.close()

@@ -1,4 +1,6 @@
-"""A skill that reacts through the nodes: shown, learned, executed, held, and stopped where nobody sees the cup any more."""
+"""A skill that reacts through the nodes: shown, learned, executed, held, and stopped where nobody
+sees the cup any more.
+"""
 
 import signal
 
@@ -40,7 +42,9 @@ def taught(make, reach, layout):
     lessons = [client.show(conversions.situation_msg(reach.draw(graph.rng))) for _ in range(SHOWN)]
     assert all(lesson.success for lesson in lessons), [lesson.message for lesson in lessons]
     graph.learned = client.learn()
-    graph.first = client.execute(conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True)
+    graph.first = client.execute(
+        conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True
+    )
     return graph
 
 
@@ -81,14 +85,18 @@ def cup_msg(place, **numbers):
 
 
 class Hands:
-    """Somebody beside the arm who takes part in the handshake: they hold the hand for a second, half a second after it set off."""
+    """Somebody beside the arm who takes part in the handshake: they hold the hand for a second,
+    half a second after it set off.
+    """
 
     def __init__(self, client, holds=True):
         self._holder, self._phase, self._holds = Holder(SEED), "", holds
         self._writer = CommandWriter(77, "world")
         self._begun_ns, self.attractors, self._client = None, [], client
         self._push = client.node.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
-        self._states = client.node.create_subscription(JointState, "/joint_states", self._answer, LOOP)
+        self._states = client.node.create_subscription(
+            JointState, "/joint_states", self._answer, LOOP
+        )
         self.rows = []
 
     def on_feedback(self, message):
@@ -102,7 +110,9 @@ class Hands:
         holds = self._holds and 0.5 <= since < 1.5
         push = self._holder.push(state, holds) or Command(state.stamp_ns)
         self._push.publish(self._writer.write(push))
-        self.rows.append((since, *self._holder._model.hand_state(state.position, state.velocity).position))
+        self.rows.append(
+            (since, *self._holder._model.hand_state(state.position, state.velocity).position)
+        )
 
     def leave(self):
         self._client.node.destroy_subscription(self._states)
@@ -111,28 +121,40 @@ class Hands:
 
 @pytest.mark.slow
 def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held_waits(processes):
-    """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute {}`; the cup stands still, so that it can wait, too."""
+    """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute {}`; the cup stands still,
+    so that it can wait, too.
+    """
     node, client = processes.client.node, processes.client
     teacher = processes.processes.pop("teacher")  # whose place the hands take
     teacher.send_signal(signal.SIGINT)
     teacher.wait(30)
-    reset, hold = node.create_client(Reset, "/simulation/reset"), node.create_client(SetBool, "/simulation/pause")
+    reset, hold = (
+        node.create_client(Reset, "/simulation/reset"),
+        node.create_client(SetBool, "/simulation/pause"),
+    )
     client.call(reset, Reset.Request(situation=cup_msg([0.6, 0.05, 1.1]), guided=True))
     hands = Hands(client)
     action = ActionClient(node, Execute, "/execute")
     wait_for(client, action.server_is_ready, what="the commander")
-    handle = client.wait(action.send_goal_async(Execute.Goal(), feedback_callback=hands.on_feedback), "/execute")
+    handle = client.wait(
+        action.send_goal_async(Execute.Goal(), feedback_callback=hands.on_feedback), "/execute"
+    )
     result = client.wait(handle.get_result_async(), "the result").result
     hands.leave()
     client.call(reset, Reset.Request(paused=True))
     client.call(hold, SetBool.Request(data=True))
-    assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, result.outcome.message or result.message
+    assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, (
+        result.outcome.message or result.message
+    )
     rows = np.array(hands.rows)
     since, place = rows[:, 0], rows[:, 1:]
     held = place[(since > 0.7) & (since < 1.5)]
     assert np.ptp(held, axis=0).max() < 0.03, "it is held"
     speed = np.linalg.norm(np.diff(place, axis=0), axis=1) / 0.002
-    before, after = speed[(since[1:] > 0.0) & (since[1:] < 0.5)].max(), speed[since[1:] > 1.55].max()
+    before, after = (
+        speed[(since[1:] > 0.0) & (since[1:] < 0.5)].max(),
+        speed[since[1:] > 1.55].max(),
+    )
     assert after < 0.6 and after < 2.0 * before + 0.25, "it does not hurry after"
     action.destroy()
 
@@ -141,13 +163,22 @@ def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held
 def test_every_layout_makes_the_same_movement_to_the_last_bit(processes, graph):
     """Poses reach the commander over another way in each."""
     learned, first = processes.learned, processes.first
-    assert first.outcome.success and graph.first.outcome.success, (first.message, graph.first.message)
-    assert (learned.model_id, first.outcome.error) == (graph.learned.model_id, graph.first.outcome.error)
+    assert first.outcome.success and graph.first.outcome.success, (
+        first.message,
+        graph.first.message,
+    )
+    assert (learned.model_id, first.outcome.error) == (
+        graph.learned.model_id,
+        graph.first.outcome.error,
+    )
 
 
 def test_a_cup_that_nobody_sees_any_more_stops_the_arm(stopped):
     assert stopped.code == Execute.Goal.OUTCOME_STOPPED
-    assert "the cup was last seen 0.1" in stopped.message and "more than 0.15 s are too long to react to it" in stopped.message
+    assert (
+        "the cup was last seen 0.1" in stopped.message
+        and "more than 0.15 s are too long to react to it" in stopped.message
+    )
 
 
 @pytest.mark.slow
@@ -155,8 +186,12 @@ def test_a_cup_that_nobody_sees_any_more_stops_the_arm(stopped):
 def test_the_hand_reaches_into_cups_that_move_otherwise(graph, reach):
     """The second one right after one that was stopped: it is made as ever."""
     truth = []
-    watching = graph.client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
-    second = graph.client.execute(conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True)
+    watching = graph.client.node.create_subscription(
+        SimulationState, "/simulation/state", truth.append, 10
+    )
+    second = graph.client.execute(
+        conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True
+    )
     for made in (graph.first, second):
         assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
         assert made.outcome.seen and made.outcome.success, made.outcome.message
@@ -168,7 +203,10 @@ def test_the_hand_reaches_into_cups_that_move_otherwise(graph, reach):
 
 def test_the_learner_tells_nobody_where_the_cup_will_be(graph, reach):
     planner = graph.client.node.create_client(Plan, "/skill_learner/plan")
-    here, there = (graph.client.call(planner, Plan.Request(header=Header(frame_id="world"))).plan for _ in range(2))
+    here, there = (
+        graph.client.call(planner, Plan.Request(header=Header(frame_id="world"))).plan
+        for _ in range(2)
+    )
     assert here == there and here.situation.bodies == []
     policy = Policy.from_bytes(here.policy.tobytes(), reach)
     assert policy.skill.settings == reach.settings and len(here.policy) < 200_000
@@ -177,7 +215,9 @@ def test_the_learner_tells_nobody_where_the_cup_will_be(graph, reach):
 @pytest.mark.slow
 def test_practice_tries_it_where_the_coach_draws(graph):
     result = graph.client.practise(1)
-    assert (result.executed, len(result.outcomes)) == (1, 1) and result.outcomes[0].success, result.message
+    assert (result.executed, len(result.outcomes)) == (1, 1) and result.outcomes[0].success, (
+        result.message
+    )
 
 
 def test_somebody_with_a_pointer_shows_it_in_a_cup_that_moves_slowly(graph, reach):
@@ -186,7 +226,11 @@ def test_somebody_with_a_pointer_shows_it_in_a_cup_that_moves_slowly(graph, reac
     teacher = ActionClient(client.node, Teach, "/teach")
     wait_for(client, teacher.server_is_ready, what="the teacher")
     lesson = begin_by_pointer(client, teacher, reach.unhurried(reach.draw(graph.rng)))
-    for height, poses in ((0.15, 10), (0.08, 10), (0.0, 100)):  # over the rim for a moment, in the cup for a second
+    for height, poses in (
+        (0.15, 10),
+        (0.08, 10),
+        (0.0, 100),
+    ):  # over the rim for a moment, in the cup for a second
         person.follow("cup", [0.0, 0.0, height], poses)
     person.hands.done()
     shown = client.wait(lesson, "the end of the lesson").result
@@ -203,6 +247,10 @@ def test_the_bag_teaches_the_same_without_nodes(graph, reach):
 
 
 def test_no_demonstration_begins_in_the_world_before(graph, reach):
-    """The teacher sets the world anew as soon as the recorder listens, and the last poses of the old one come after that."""
+    """The teacher sets the world anew as soon as the recorder listens, and the last poses of the
+    old one come after that.
+    """
     for one in read_task_demonstrations(graph.bag, reach):
-        assert max(np.diff(one.hand_time).max(), np.diff(one.track("cup").time).max()) < 0.1, one.id
+        assert max(np.diff(one.hand_time).max(), np.diff(one.track("cup").time).max()) < 0.1, (
+            one.id
+        )

@@ -7,13 +7,17 @@ from dart_skill.common.regions import targets_for
 from tests.integration.conftest import teach_and_learn
 
 SLOWLY = {"lockstep": False, "speed_factor": 0.2}
-"""A fifth as fast as the wall clock, so that a machine that does other things, too, has time to answer."""
+"""A fifth as fast as the wall clock, so that a machine that does other things, too, has time to
+answer.
+"""
 
 
 @pytest.mark.slow
 def test_in_real_time_throws_are_shown_and_learned_and_one_goes_in(make_graph):
     """The hand never opened: whatever was shown missed."""
-    _, client = make_graph(extra={"composed": {f"wam_simulator:{name}": value for name, value in SLOWLY.items()}})
+    _, client = make_graph(
+        extra={"composed": {f"wam_simulator:{name}": value for name, value in SLOWLY.items()}}
+    )
     shown, (target,) = targets_for(0, 2, 1)
     assert teach_and_learn(client, shown).demonstrations == 2
     results = [client.throw(target)]

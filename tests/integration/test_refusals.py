@@ -1,4 +1,6 @@
-"""A node that gets what it cannot use goes on, counts it, and says so; what it was sent is not lost. Nodes in this process, no graph."""
+"""A node that gets what it cannot use goes on, counts it, and says so; what it was sent is not
+lost. Nodes in this process, no graph.
+"""
 
 import importlib
 import time
@@ -62,7 +64,9 @@ def test_what_a_callback_refuses_is_counted_and_shown(spin):
     node.create_timer(0.01, lambda: heard.append(1) or [][0])
     words = node.create_publisher(String, "/words", 10)
     status = Diagnostics(node, lambda: (OK, "well", {}))
-    status._publisher = type("Kept", (), {"publish": lambda self, message: heard.append(message.status[0])})()
+    status._publisher = type(
+        "Kept", (), {"publish": lambda self, message: heard.append(message.status[0])}
+    )()
 
     def refused():
         words.publish(String(data="xyzzy"))
@@ -83,9 +87,15 @@ def test_what_a_callback_refuses_is_counted_and_shown(spin):
 def test_every_node_of_the_package_survives_what_it_is_sent():
     for name in ("recorder", "viewer", "bag_player", "effort_bridge", *NODES):
         module = importlib.import_module(f"dart_skill_nodes.executables.{name}")
-        own = [one for one in vars(module).values() if isinstance(one, type) and one.__module__ == module.__name__]
+        own = [
+            one
+            for one in vars(module).values()
+            if isinstance(one, type) and one.__module__ == module.__name__
+        ]
         nodes = [one for one in own if issubclass(one, Node)]
-        assert nodes and all(issubclass(one, GuardedNode | GuardedLifecycleNode) for one in nodes), name
+        assert nodes and all(
+            issubclass(one, GuardedNode | GuardedLifecycleNode) for one in nodes
+        ), name
 
 
 def test_a_stream_of_bad_messages_is_no_stream_of_lines():
@@ -110,7 +120,11 @@ def test_a_recorder_keeps_what_cannot_be_read_and_goes_on(spin, tmp_path, monkey
     clock = sender.create_publisher(Clock, "/clock", 10)
     garbled = sender.create_publisher(PoseStamped, "/odd/bytes", 10)
     recorder = Recorder()
-    spin(lambda: all(one.get_subscription_count() for one in (poses, clock, garbled)), sender, recorder)
+    spin(
+        lambda: all(one.get_subscription_count() for one in (poses, clock, garbled)),
+        sender,
+        recorder,
+    )
     early = PoseStamped()
     early.header.frame_id, early.header.stamp.sec = "world", -1
     poses.publish(early)
@@ -119,7 +133,11 @@ def test_a_recorder_keeps_what_cannot_be_read_and_goes_on(spin, tmp_path, monkey
     garbled.publish(b"\x00\x01\x00\x00")
     garbled.publish(b"\x00\x01\x00\x00" + b"\xff" * 30)
     expected = {"/odd/pose": 2, "/clock": 1, "/odd/bytes": 2}
-    spin(lambda: {topic: recorder._bag.writer.counts.get(topic, 0) for topic in expected} == expected)
+    spin(
+        lambda: (
+            {topic: recorder._bag.writer.counts.get(topic, 0) for topic in expected} == expected
+        )
+    )
     path = recorder._bag.writer.path
     recorder._close()
     with BagReader(path) as bag:

@@ -1,4 +1,6 @@
-"""The page of a bag as the command writes it. In a real browser, from a file: the replay plays, and no request leaves the page."""
+"""The page of a bag as the command writes it. In a real browser, from a file: the replay plays,
+and no request leaves the page.
+"""
 
 import shutil
 import subprocess
@@ -22,7 +24,9 @@ def written(tmp_path_factory):
     """What the command said, and the page that it wrote beside the bag."""
     bag = tmp_path_factory.mktemp("bags") / "throws with space"
     shutil.copytree(BAGS / "throws", bag)
-    done = subprocess.run(["dart-skill", "report", str(bag)], capture_output=True, text=True, timeout=180)
+    done = subprocess.run(
+        ["dart-skill", "report", str(bag)], capture_output=True, text=True, timeout=180
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout, bag.parent / "throws with space_report.html"
 
@@ -40,7 +44,8 @@ def test_the_page_stands_alone_and_its_replay_moves(written, tmp_path):
         width = page.run("document.documentElement.scrollWidth")
         page.run("document.querySelector('iframe').scrollIntoView({block: 'center'})")
         box = page.run(
-            "(() => {const r = document.querySelector('iframe').getBoundingClientRect(); return [r.x, r.y, r.width, r.height]})()"
+            "(() => {const r = document.querySelector('iframe').getBoundingClientRect(); return"
+            " [r.x, r.y, r.width, r.height]})()"
         )
         x, y, w, h = (int(value) for value in box)
         seen = []
@@ -50,22 +55,48 @@ def test_the_page_stands_alone_and_its_replay_moves(written, tmp_path):
             return near(seen[-1], BASKET) > 300 and near(seen[-1], BALL) > 100
 
         page._wait(scene, 90.0, "arm and basket in the replay")
-        page._wait(lambda: scene() and np.abs(seen[-1].astype(int) - seen[-2]).max() > 60, 60.0, "a replay that moves")
+        page._wait(
+            lambda: scene() and np.abs(seen[-1].astype(int) - seen[-2]).max() > 60,
+            60.0,
+            "a replay that moves",
+        )
         assert width <= 1280, f"the page is {width} pixels wide, more than its window"
         _fits_a_telephone_in_the_dark(page)
         assert page.exceptions == []
-        assert [where for where in page.addresses if not where.startswith(("file:", "data:", "blob:", "about:"))] == []
+        assert [
+            where
+            for where in page.addresses
+            if not where.startswith(("file:", "data:", "blob:", "about:"))
+        ] == []
 
 
 def _fits_a_telephone_in_the_dark(page):
-    """Nothing is wider than the window, figures come in their narrow form, and the text is light on dark."""
-    page.call("Emulation.setDeviceMetricsOverride", width=360, height=740, deviceScaleFactor=1, mobile=True)
-    page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+    """Nothing is wider than the window, figures come in their narrow form, and the text is light
+    on dark.
+    """
+    page.call(
+        "Emulation.setDeviceMetricsOverride",
+        width=360,
+        height=740,
+        deviceScaleFactor=1,
+        mobile=True,
+    )
+    page.call(
+        "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}]
+    )
     assert page.run("document.documentElement.scrollWidth") <= 360
-    shown = "[...document.querySelectorAll('figure .%s')].map(form => form.getBoundingClientRect().width)"
+    shown = (
+        "[...document.querySelectorAll('figure .%s')].map(form =>"
+        " form.getBoundingClientRect().width)"
+    )
     assert max(page.run(shown % "broad")) == 0 and 300 < min(page.run(shown % "narrow")) <= 360
-    background, text = (page.run(f"getComputedStyle(document.body).{name}") for name in ("backgroundColor", "color"))
-    dark, light = (np.mean([int(part) for part in colour[4:-1].split(",")]) for colour in (background, text))
+    background, text = (
+        page.run(f"getComputedStyle(document.body).{name}")
+        for name in ("backgroundColor", "color")
+    )
+    dark, light = (
+        np.mean([int(part) for part in colour[4:-1].split(",")]) for colour in (background, text)
+    )
     assert dark < 50 and light > 200, f"{text} on {background}"
     height = page.run("document.querySelector('iframe').getBoundingClientRect().height")
     assert height <= 0.5 * 740, "a replay that is all seen, with some text"

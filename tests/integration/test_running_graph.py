@@ -1,4 +1,6 @@
-"""One graph for many: what it refuses before it has learned, and what it does, and stops, afterwards."""
+"""One graph for many: what it refuses before it has learned, and what it does, and stops,
+afterwards.
+"""
 
 import json
 import signal
@@ -20,7 +22,13 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
 from dart_skill_nodes.verbs._run import throw_all
-from tests.integration.conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
+from tests.integration.conftest import (
+    Diagnoses,
+    Joints,
+    begin_slow_throw,
+    teach_and_learn,
+    wait_for,
+)
 
 SEED = 1
 SHOWN, (TARGET,) = targets_for(SEED, 2, 1)
@@ -35,7 +43,9 @@ def graph(make_shared_graph):
 
 @pytest.fixture(scope="module")
 def quiet(graph):
-    """The same, in a world that rests after a second, not after ten: nobody looks at what it does meanwhile."""
+    """The same, in a world that rests after a second, not after ten: nobody looks at what it does
+    meanwhile.
+    """
     graph[1].set_parameters("/wam_simulator", {"rest_after": 1.0})
     return graph
 
@@ -49,17 +59,23 @@ def taught(quiet):
 
 @pytest.fixture
 def client(taught):
-    """Its client; afterwards the simulator is as fast as it can again, and the model that of the lessons."""
+    """Its client; afterwards the simulator is as fast as it can again, and the model that of the
+    lessons.
+    """
     yield taught[1]
     taught[1].set_parameters("/wam_simulator", {"speed_factor": 0.0})
     taught[1].learn()
 
 
 def status(client, *arguments):
-    """Exit status and output of `dart-skill status`, while the client goes on; asked again where a busy machine has found nobody yet."""
+    """Exit status and output of `dart-skill status`, while the client goes on; asked again where a
+    busy machine has found nobody yet.
+    """
     command = ["dart-skill", "status", *arguments]
     for _ in range(5):
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         wait_for(client, lambda process=process: process.poll() is not None, what="the status")
         said, complaint = process.communicate()
         if "nothing runs in ROS domain" not in complaint:
@@ -72,17 +88,29 @@ def test_a_world_of_which_nobody_has_asked_anything_rests_soon(graph):
     """First: what comes later asks. Each graph made 5000 steps at its start for nobody."""
     _, client = graph
     said = Diagnoses(client)
-    wait_for(client, lambda: said.of.get("wam_simulator") == "resting", what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',")
+    wait_for(
+        client,
+        lambda: said.of.get("wam_simulator") == "resting",
+        what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',",
+    )
     assert int(said.values["wam_simulator"]["steps"]) < 2500, said.values["wam_simulator"]
 
 
 @pytest.mark.parametrize("what", ("a basket that is moved", "a hand that opens"))
 def test_a_world_that_rests_goes_on_when_something_is_done_in_it(quiet, what):
-    """It stood still for good: who dragged the basket on the page saw nothing, and `dart-skill status` no message of any kind."""
+    """It stood still for good: who dragged the basket on the page saw nothing, and `dart-skill
+    status` no message of any kind.
+    """
     _, client = quiet
     said, heard = Diagnoses(client), []
-    watching = client.node.create_subscription(SimulationState, "/simulation/state", heard.append, 10)
-    wait_for(client, lambda: said.of.get("wam_simulator") == "resting", what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',")
+    watching = client.node.create_subscription(
+        SimulationState, "/simulation/state", heard.append, 10
+    )
+    wait_for(
+        client,
+        lambda: said.of.get("wam_simulator") == "resting",
+        what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',",
+    )
     if what == "a hand that opens":
         client.call(client.node.create_client(Trigger, "/bhand/open_grasp"), Trigger.Request())
     else:
@@ -99,20 +127,33 @@ def test_a_world_that_rests_goes_on_when_something_is_done_in_it(quiet, what):
 def test_the_status_of_a_graph_that_is_well(quiet):
     code, said = status(quiet[1], "--json")
     told = json.loads(said)
-    assert (code, told["ok"], told["problems"], told["commanders"]) == (0, True, [], ["commander"]), said
+    assert (code, told["ok"], told["problems"], told["commanders"]) == (
+        0,
+        True,
+        [],
+        ["commander"],
+    ), said
     assert {node["name"] for node in told["nodes"]} == set(NODES)
     topics = {topic["topic"]: topic for topic in told["topics"]}
     assert topics["/joint_states"]["rate"] > 1.0 and topics["/joint_states"]["lost"] == 0
     limits = load_yaml("limits.yaml")["/**"]["ros__parameters"]
-    assert told["limits"] == {"commander": limits, "wam_simulator": limits} and told["safety"] == ["ready", ""]
+    assert told["limits"] == {"commander": limits, "wam_simulator": limits} and told["safety"] == [
+        "ready",
+        "",
+    ]
 
 
 def test_the_status_names_a_second_commander(quiet):
     _, client = quiet
     stranger = client.node.create_publisher(WamCommand, "/wam/command", 10)
-    code, said = status(client, "--duration", "8")  # on a machine that stalls for seconds a part of the graph is found late
+    code, said = status(
+        client, "--duration", "8"
+    )  # on a machine that stalls for seconds a part of the graph is found late
     client.node.destroy_publisher(stranger)
-    assert code == 1 and "wrong: coach_0 and commander command the arm (/wam/command): end one" in said, said
+    assert (
+        code == 1
+        and "wrong: coach_0 and commander command the arm (/wam/command): end one" in said
+    ), said
 
 
 def test_before_anything_is_learned_throws_and_practice_say_so(graph):
@@ -130,13 +171,19 @@ def test_a_throw_that_was_refused_is_told_as_none(graph, capsys):
 def test_the_simulated_arm_changes_with_the_next_reset(graph):
     _, client = graph
     seen = []
-    watching = client.node.create_subscription(SimulationState, "/simulation/state", seen.append, 10)
+    watching = client.node.create_subscription(
+        SimulationState, "/simulation/state", seen.append, 10
+    )
     reset = client.node.create_client(Reset, "/simulation/reset")
 
     def hand():
         episode = client.call(reset, Reset.Request(paused=True)).episode
-        wait_for(client, lambda: seen and seen[-1].episode == episode, what="the state after the reset")
-        return conversions.vector(conversions.state_of(seen[-1].bodies, "hand").pose.position), seen[-1].base_turn
+        wait_for(
+            client, lambda: seen and seen[-1].episode == episode, what="the state after the reset"
+        )
+        return conversions.vector(
+            conversions.state_of(seen[-1].bodies, "hand").pose.position
+        ), seen[-1].base_turn
 
     straight, turn = hand()
     assert turn == 0.0
@@ -157,7 +204,9 @@ def test_the_coach_chooses_baskets_by_itself(client):
     said = []
     result = client.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
     assert result.success and result.executed == 2, result.message
-    distances = [np.hypot(*conversions.target_of(outcome.situation)[:2]) for outcome in result.outcomes]
+    distances = [
+        np.hypot(*conversions.target_of(outcome.situation)[:2]) for outcome in result.outcomes
+    ]
     assert all(1.5 <= distance <= 2.5 for distance in distances)
     assert said == ["resetting", "executing", "learning", "done"] * 2
 
@@ -194,13 +243,18 @@ def test_a_throw_at_a_body_that_there_is_not_is_no_throw_at_the_basket(client, b
     result = client.wait(handle.get_result_async(), "the result").result
     action.destroy()
     assert result.code == Execute.Goal.OUTCOME_REFUSED
-    assert f"names the body '{body}', which 'throw' does not have: it has only hand, ball, basket" in result.message, result.message
+    assert (
+        f"names the body '{body}', which 'throw' does not have: it has only hand, ball, basket"
+        in result.message
+    ), result.message
 
 
 def test_the_result_of_a_throw_is_asked_for_once(client, monkeypatch):
     """It holds the whole plan: to send, and to decode, it takes as long as to plan."""
     asked, ask = [], ClientGoalHandle.get_result_async
-    monkeypatch.setattr(ClientGoalHandle, "get_result_async", lambda handle: asked.append(handle) or ask(handle))
+    monkeypatch.setattr(
+        ClientGoalHandle, "get_result_async", lambda handle: asked.append(handle) or ask(handle)
+    )
     assert client.throw(np.array([6.0, 0.0, 0.4])).code == 2
     assert len(asked) == 1
 
@@ -210,9 +264,15 @@ def test_a_goal_in_a_world_that_somebody_holds_says_what_lets_it_run(client):
     pause, phases = client.node.create_client(SetBool, "/simulation/pause"), []
     execute = ActionClient(client.node, Execute, "/execute")
     goal = Execute.Goal(situation=conversions.at_place(BETWEEN))
-    client.call(client.node.create_client(Reset, "/simulation/reset"), Reset.Request(paused=True, situation=goal.situation))
+    client.call(
+        client.node.create_client(Reset, "/simulation/reset"),
+        Reset.Request(paused=True, situation=goal.situation),
+    )
     wait_for(client, execute.server_is_ready, what="the action")
-    handle = client.wait(execute.send_goal_async(goal, lambda message: phases.append(message.feedback.phase)), "the goal")
+    handle = client.wait(
+        execute.send_goal_async(goal, lambda message: phases.append(message.feedback.phase)),
+        "the goal",
+    )
     result = handle.get_result_async()
     wait_for(client, lambda: "held" in phases, what="who waits is told")
     assert not result.done() and phases[-2:] == ["armed", "held"]
@@ -233,11 +293,16 @@ def test_a_cancelled_throw_stops_the_arm(client):
 
 def test_what_is_learned_with_can_be_changed_while_the_learner_runs(client):
     usual = client.learn()
-    client.set_parameters("/skill_learner", {"components": 8, "stiffness": 300.0, "most_stiffness": 800.0})
+    client.set_parameters(
+        "/skill_learner", {"components": 8, "stiffness": 300.0, "most_stiffness": 800.0}
+    )
     try:
         client.set_parameters("/skill_learner", {"least_stiffness": 50.0})
         other = client.learn()
-        assert other.model_id != usual.model_id and "but components 8, stiffness 300.0, stiffness_range (50.0, 800.0)" in other.message
+        assert (
+            other.model_id != usual.model_id
+            and "but components 8, stiffness 300.0, stiffness_range (50.0, 800.0)" in other.message
+        )
         with pytest.raises(GraphFailure, match="stiffness_range"):
             client.set_parameters("/skill_learner", {"least_stiffness": 900.0})
         with pytest.raises(GraphFailure, match="frames 'cup' is unknown"):
@@ -247,7 +312,13 @@ def test_what_is_learned_with_can_be_changed_while_the_learner_runs(client):
         client.set_parameters("/skill_learner", {"choose_components": "bic"})
         assert " by bic" in client.learn().message
     finally:
-        usually = {"components": 0, "choose_components": "", "stiffness": 0.0, "most_stiffness": 0.0, "least_stiffness": 0.0}
+        usually = {
+            "components": 0,
+            "choose_components": "",
+            "stiffness": 0.0,
+            "most_stiffness": 0.0,
+            "least_stiffness": 0.0,
+        }
         client.set_parameters("/skill_learner", usually)
     assert client.learn().model_id == usual.model_id
 
@@ -274,7 +345,9 @@ def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(taught):
     """The last test of this graph: it has no learner any more."""
     graph, client = taught
     joints = Joints(client)
-    result, _ = begin_slow_throw(client, joints, BETWEEN, speed_factor=0.15)  # a dead node is missed after 4 s
+    result, _ = begin_slow_throw(
+        client, joints, BETWEEN, speed_factor=0.15
+    )  # a dead node is missed after 4 s
     learner = graph.processes.pop("skill_learner")
     learner.kill()
     learner.wait()

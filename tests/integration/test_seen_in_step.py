@@ -1,4 +1,6 @@
-"""Poses in step with states: what was delivered by a state is taken, however late it comes, and nobody is waited for in vain."""
+"""Poses in step with states: what was delivered by a state is taken, however late it comes, and
+nobody is waited for in vain.
+"""
 
 import numpy as np
 import pytest
@@ -58,7 +60,9 @@ def pose(ms, frame="world", x=0.0, w=1.0):
 
 def told(ms, hand, cup):
     newest = [conversions.time_msg(stamp * MS) for stamp in (hand, cup)]
-    return FramesDelivered(stamp=conversions.time_msg(ms * MS), bodies=["hand", "cup"], newest=newest)
+    return FramesDelivered(
+        stamp=conversions.time_msg(ms * MS), bodies=["hand", "cup"], newest=newest
+    )
 
 
 def test_a_state_waits_until_all_has_come_that_was_delivered_by_then(seen, answered):

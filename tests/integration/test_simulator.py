@@ -1,4 +1,6 @@
-"""The simulator with a commander that this test plays: it waits, names who is silent, and takes no nonsense."""
+"""The simulator with a commander that this test plays: it waits, names who is silent, and takes no
+nonsense.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,11 @@ def alone(make_shared_graph):
     graph, client = make_shared_graph(None)
     graph.start("wam_simulator", {"answer_timeout": 0.5})
     state, command = Joints(client), client.node.create_publisher(WamCommand, "/wam/command", LOOP)
-    wait_for(client, lambda: state.message is not None and command.get_subscription_count(), what="the first state")
+    wait_for(
+        client,
+        lambda: state.message is not None and command.get_subscription_count(),
+        what="the first state",
+    )
     return client, state, command
 
 
@@ -28,8 +34,14 @@ def alone(make_shared_graph):
 def simulator(alone):
     """Client, newest state and publisher, in a world that runs from its beginning."""
     client, state, _ = alone
-    stamp = client.call(client.node.create_client(Reset, "/simulation/reset"), Reset.Request()).stamp
-    wait_for(client, lambda: state.newest_ns == conversions.stamp_ns(stamp), what="the state after the reset")
+    stamp = client.call(
+        client.node.create_client(Reset, "/simulation/reset"), Reset.Request()
+    ).stamp
+    wait_for(
+        client,
+        lambda: state.newest_ns == conversions.stamp_ns(stamp),
+        what="the state after the reset",
+    )
     return alone
 
 
@@ -37,7 +49,11 @@ def test_lockstep_waits_for_the_answer_and_names_who_is_silent(simulator):
     client, state, command = simulator
     said = Diagnoses(client)
     before = state.newest_ns
-    wait_for(client, lambda: "commander" in said.of.get("wam_simulator", ""), what="the simulator says who is silent")
+    wait_for(
+        client,
+        lambda: "commander" in said.of.get("wam_simulator", ""),
+        what="the simulator says who is silent",
+    )
     assert state.newest_ns == before, "time stood still"
 
     def steps():
@@ -55,7 +71,9 @@ def test_who_comes_late_hears_what_holds_now_and_nothing_that_is_over(simulator)
     for held in (True, False, True):
         client.call(pause, SetBool.Request(data=held))
     heard = []
-    client.node.create_subscription(Bool, "/simulation/held", lambda message: heard.append(message.data), LATCHED)
+    client.node.create_subscription(
+        Bool, "/simulation/held", lambda message: heard.append(message.data), LATCHED
+    )
     wait_for(client, lambda: heard, what="whether the world is held")
     catch_up(client, 0.5)
     assert heard == [True]
@@ -66,7 +84,9 @@ def test_nonsense_on_the_command_topic_moves_nothing(simulator):
     said, before = Diagnoses(client), state.newest_ns
 
     def names(word, **fields):
-        """Publish again and again: a message is lost while publisher and subscriber still find each other."""
+        """Publish again and again: a message is lost while publisher and subscriber still find
+        each other.
+        """
         answer(state, command, **fields)
         return word in said.of.get("wam_simulator", "")
 
@@ -96,7 +116,11 @@ def test_a_second_commander_is_named_and_not_obeyed(simulator):
         return state.newest_ns > before
 
     node.destroy_node()
-    wait_for(client, lambda: "stranger" not in said.of.get("wam_simulator", "stranger"), what="the stranger is forgotten")
+    wait_for(
+        client,
+        lambda: "stranger" not in said.of.get("wam_simulator", "stranger"),
+        what="the stranger is forgotten",
+    )
     wait_for(client, goes_on, what="the first one is obeyed again")
 
 
@@ -104,7 +128,9 @@ def test_a_command_that_is_too_strong_stops_the_arm_until_it_is_reset(simulator)
     """As the safety module of a real arm does: its motors are shorted, and everybody is told."""
     client, state, command = simulator
     said, safety = Diagnoses(client), []
-    client.node.create_subscription(DiagnosticStatus, "/wam/safety", lambda message: safety.append(message), LATCHED)
+    client.node.create_subscription(
+        DiagnosticStatus, "/wam/safety", lambda message: safety.append(message), LATCHED
+    )
 
     def is_stopped():
         answer(state, command, joint_torque=np.full(7, 1e9))
@@ -112,7 +138,9 @@ def test_a_command_that_is_too_strong_stops_the_arm_until_it_is_reset(simulator)
 
     wait_for(client, is_stopped, what="the arm is stopped")
     assert "is asked for" in safety[-1].message and joints_at_rest(state)
-    wait_for(client, lambda: "until a reset" in said.of.get("wam_simulator", ""), what="the diagnosis")
+    wait_for(
+        client, lambda: "until a reset" in said.of.get("wam_simulator", ""), what="the diagnosis"
+    )
     reset = client.node.create_client(Reset, "/simulation/reset")
     assert client.call(reset, Reset.Request()).success
     wait_for(client, lambda: safety[-1].level == DiagnosticStatus.OK, what="the end of the fault")
@@ -157,7 +185,9 @@ def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
     client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
     basket = client.node.create_client(PlaceBody, "/simulation/place_body")
     opener = client.node.create_client(Trigger, "/bhand/open_grasp")
-    client.call(basket, PlaceBody.Request(body="basket", pose=conversions.pose_at([1.8, 0.3, 0.4])))
+    client.call(
+        basket, PlaceBody.Request(body="basket", pose=conversions.pose_at([1.8, 0.3, 0.4]))
+    )
     client.call(opener, Trigger.Request())
     answered = set()
 
@@ -168,5 +198,7 @@ def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
         return truth and truth[-1].held == ""
 
     wait_for(client, let_go, what="the hand lets go")
-    assert conversions.state_of(truth[-1].bodies, "basket").pose == conversions.pose_at([1.8, 0.3, 0.4])
+    assert conversions.state_of(truth[-1].bodies, "basket").pose == conversions.pose_at(
+        [1.8, 0.3, 0.4]
+    )
     assert truth[-1].step * 0.002 > 0.01, "the hand takes time to open"

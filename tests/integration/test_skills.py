@@ -1,4 +1,6 @@
-"""Another skill than throwing through the nodes: shown, learned, executed, judged, practised; by our client, and by a plain one."""
+"""Another skill than throwing through the nodes: shown, learned, executed, judged, practised; by
+our client, and by a plain one.
+"""
 
 import json
 import os
@@ -34,40 +36,61 @@ def place():
 
 @pytest.fixture(scope="module")
 def graph(ros, tmp_path_factory, place):
-    """A graph that has been shown how to place a part, and has learned it: graph, client, what was shown and said."""
+    """A graph that has been shown how to place a part, and has learned it: graph, client, what was
+    shown and said.
+    """
     folder, rng = tmp_path_factory.mktemp("place"), np.random.default_rng([SEED, 7])
     with graphs(folder) as make:
         running, client = make("composed", SEED, skill="place")
         running.client, running.bag, running.rng, running.shown = client, folder / "bag_1", rng, []
-        client.node.create_subscription(Demonstration, "/demonstrations", running.shown.append, LATCHED)
-        running.lessons = [client.show(conversions.situation_msg(place.draw(rng))) for _ in range(SHOWN)]
+        client.node.create_subscription(
+            Demonstration, "/demonstrations", running.shown.append, LATCHED
+        )
+        running.lessons = [
+            client.show(conversions.situation_msg(place.draw(rng))) for _ in range(SHOWN)
+        ]
         running.learned = client.learn()
         yield running
 
 
 def test_every_lesson_succeeds_and_is_a_demonstration_of_the_skill(graph):
-    assert all(lesson.success for lesson in graph.lessons), [lesson.message for lesson in graph.lessons]
+    assert all(lesson.success for lesson in graph.lessons), [
+        lesson.message for lesson in graph.lessons
+    ]
     wait_for(graph.client, lambda: len(graph.shown) == SHOWN, what="demonstrations")
     for one, lesson in zip(graph.shown, graph.lessons, strict=True):
-        assert one.skill == "place" and [track.body for track in one.tracks] == ["hand", "part", "holder"]
+        assert one.skill == "place" and [track.body for track in one.tracks] == [
+            "hand",
+            "part",
+            "holder",
+        ]
         assert [event.name for event in one.events] == ["close", "open"]
         assert set(one.situation.bodies) == {"hand", "part", "holder"} and len(one.joints) > 100
         assert lesson.outcome.seen and lesson.outcome.error < 0.005
-    assert graph.learned.demonstrations == SHOWN and f"learned 'place' from {SHOWN} demonstrations" in graph.learned.message
+    assert (
+        graph.learned.demonstrations == SHOWN
+        and f"learned 'place' from {SHOWN} demonstrations" in graph.learned.message
+    )
 
 
 @pytest.mark.slow
 def test_the_part_goes_into_a_holder_that_stands_elsewhere(graph, place):
     truth = []
-    watching = graph.client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
+    watching = graph.client.node.create_subscription(
+        SimulationState, "/simulation/state", truth.append, 10
+    )
     situation = place.draw(graph.rng)
     made = graph.client.execute(conversions.situation_msg(situation), look=True)
     assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
-    assert made.outcome.skill == made.plan.skill == "place" and [event.name for event in made.plan.events] == ["close", "open"]
+    assert made.outcome.skill == made.plan.skill == "place" and [
+        event.name for event in made.plan.events
+    ] == ["close", "open"]
     assert set(made.plan.situation.bodies) == {"part", "holder"}
     seen = conversions.place_of(made.plan.situation, "holder")
     assert seen == pytest.approx(situation.pose("holder").position, abs=1e-3)
-    assert made.outcome.seen and made.outcome.success == truth[-1].success, "the cameras and the world say the same"
+    assert made.outcome.seen and made.outcome.success == truth[-1].success, (
+        "the cameras and the world say the same"
+    )
     assert made.outcome.success, made.outcome.message
     graph.client.node.destroy_subscription(watching)
 
@@ -75,17 +98,26 @@ def test_the_part_goes_into_a_holder_that_stands_elsewhere(graph, place):
 def test_a_plain_client_says_nothing_and_the_arm_does_it_where_the_cameras_see_the_bodies(graph):
     """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute {}` in a world that runs."""
     node, client = graph.client.node, graph.client
-    reset, hold = node.create_client(Reset, "/simulation/reset"), node.create_client(SetBool, "/simulation/pause")
+    reset, hold = (
+        node.create_client(Reset, "/simulation/reset"),
+        node.create_client(SetBool, "/simulation/pause"),
+    )
     client.call(reset, Reset.Request())
     client.call(hold, SetBool.Request(data=False))
     action = ActionClient(node, Execute, "/execute")
     wait_for(client, action.server_is_ready, what="the commander")
     look = node.create_client(Look, "/demonstration_recorder/look")
-    wait_for(client, lambda: client.call(look, Look.Request(), may_refuse=True).success, what="bodies that are seen")
+    wait_for(
+        client,
+        lambda: client.call(look, Look.Request(), may_refuse=True).success,
+        what="bodies that are seen",
+    )
     handle = client.wait(action.send_goal_async(Execute.Goal()), "/execute")
     result = client.wait(handle.get_result_async(), "the result").result
     client.call(hold, SetBool.Request(data=True))
-    assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, result.outcome.message or result.message
+    assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, (
+        result.outcome.message or result.message
+    )
     assert set(result.plan.situation.bodies) == {"part", "holder"}
     action.destroy()
 
@@ -103,21 +135,30 @@ def test_verbs_practise_and_list_what_the_graph_has_learned(graph):
     """The graph's own domain is in the environment."""
 
     def told(*words):
-        done = subprocess.run(["dart-skill", *words, "--json"], capture_output=True, text=True, timeout=180)
+        done = subprocess.run(
+            ["dart-skill", *words, "--json"], capture_output=True, text=True, timeout=180
+        )
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
     practised = told("practice", "--running", "--throws", "1")
     assert (practised["executed"], practised["learned"], len(practised["trials"])) == (1, 1, 1)
     listed = told("demonstrations")["demonstrations"]
-    assert len(listed) == SHOWN and all("holder" in one["situation"] and one["readable"] for one in listed)
+    assert len(listed) == SHOWN and all(
+        "holder" in one["situation"] and one["readable"] for one in listed
+    )
     refused = subprocess.run(["dart-skill", "throw"], capture_output=True, text=True, timeout=60)
-    assert refused.returncode == 1 and "has learned 'place', not to throw: dart-skill execute" in refused.stderr
+    assert (
+        refused.returncode == 1
+        and "has learned 'place', not to throw: dart-skill execute" in refused.stderr
+    )
 
 
 def test_the_model_is_saved_and_loaded_to_the_last_bit(graph, tmp_path):
     def ask(name, kind, request):
-        return graph.client.call(graph.client.node.create_client(kind, f"/skill_learner/{name}"), request)
+        return graph.client.call(
+            graph.client.node.create_client(kind, f"/skill_learner/{name}"), request
+        )
 
     situation = graph.shown[0].situation
     wanted = Plan.Request(header=Header(frame_id="world"), situation=situation)
@@ -134,21 +175,30 @@ def test_the_model_is_saved_and_loaded_to_the_last_bit(graph, tmp_path):
     ("bodies", "frame", "said"),
     [
         (["part"], "", "where is the holder"),
-        (["basket"], "", "names the body 'basket', which 'place' does not have: it has only hand, part, holder"),
+        (
+            ["basket"],
+            "",
+            "names the body 'basket', which 'place' does not have: it has only hand, part, holder",
+        ),
         (["part", "part"], "", "part stands there twice"),
         (["part"], "camera", "the situation is in frame 'camera', not 'world'"),
     ],
 )
 def test_a_situation_that_is_none_has_no_plan(graph, bodies, frame, said):
     request = Plan.Request(header=Header(frame_id=frame or "world"))
-    request.situation.bodies, request.situation.poses = bodies, [Pose(position=Point(x=0.6, y=0.1, z=1.2)) for _ in bodies]
+    request.situation.bodies, request.situation.poses = (
+        bodies,
+        [Pose(position=Point(x=0.6, y=0.1, z=1.2)) for _ in bodies],
+    )
     planner = graph.client.node.create_client(Plan, "/skill_learner/plan")
     response = graph.client.call(planner, request, may_refuse=True)
     assert not response.success and said in response.message, response.message
 
 
 def test_a_number_that_the_skill_does_not_have_is_not_executed(graph):
-    """The cameras see the bodies of which the goal says nothing, so it could be: but not as it was asked for."""
+    """The cameras see the bodies of which the goal says nothing, so it could be: but not as it was
+    asked for.
+    """
     client, action = graph.client, ActionClient(graph.client.node, Execute, "/execute")
     wait_for(client, action.server_is_ready, what="the commander")
     goal = Execute.Goal()
@@ -157,11 +207,15 @@ def test_a_number_that_the_skill_does_not_have_is_not_executed(graph):
     result = client.wait(handle.get_result_async(), "the result").result
     action.destroy()
     assert result.code == Execute.Goal.OUTCOME_REFUSED
-    assert "names the number 'mass', which 'place' does not have: it has none" in result.message, result.message
+    assert "names the number 'mass', which 'place' does not have: it has none" in result.message, (
+        result.message
+    )
 
 
 def test_a_body_that_this_world_does_not_have_is_not_put_anywhere(graph):
-    with pytest.raises(GraphFailure, match="this world can put the holder somewhere, not 'basket'"):
+    with pytest.raises(
+        GraphFailure, match="this world can put the holder somewhere, not 'basket'"
+    ):
         reset = graph.client.node.create_client(Reset, "/simulation/reset")
         graph.client.call(reset, Reset.Request(situation=conversions.at_place([2.0, 0.0, 0.4])))
 
@@ -177,7 +231,9 @@ def test_the_bag_teaches_the_same_without_nodes(graph, place):
     shown = read_task_demonstrations(graph.bag, place)
     assert LearnedSkill(place, shown).model_id == graph.learned.model_id
     with BagReader(graph.bag) as bag:
-        assert {"/vrpn_mocap/part/pose", "/vrpn_mocap/holder/pose", "/joint_states"} <= set(bag.topics)
+        assert {"/vrpn_mocap/part/pose", "/vrpn_mocap/holder/pose", "/joint_states"} <= set(
+            bag.topics
+        )
         assert "/vrpn_mocap/ball/pose" not in bag.topics
 
 
@@ -185,13 +241,31 @@ def test_the_bag_teaches_the_same_without_nodes(graph, place):
 def test_a_skill_of_another_package_runs_through_all_nodes_and_the_command(tmp_path):
     """Nothing of this repository knows it: the package that has it is on the path."""
     folder = install_example(tmp_path / "package")
-    environment = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
-    command = ["dart-skill", "demo", "--skill", "beside", "--demonstrations", "3", "--trials", "2", "--output", str(tmp_path / "out")]
-    done = subprocess.run([*command, "--json"], capture_output=True, text=True, timeout=300, env=environment)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+    }
+    command = [
+        "dart-skill",
+        "demo",
+        "--skill",
+        "beside",
+        "--demonstrations",
+        "3",
+        "--trials",
+        "2",
+        "--output",
+        str(tmp_path / "out"),
+    ]
+    done = subprocess.run(
+        [*command, "--json"], capture_output=True, text=True, timeout=300, env=environment
+    )
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert (summary["skill"], summary["tried"], summary["demonstrations"]) == ("beside", 2, 3)
-    assert "are not matched" not in (tmp_path / "out" / "report.html").read_text(), "the replay tells no trial's result"
+    assert "are not matched" not in (tmp_path / "out" / "report.html").read_text(), (
+        "the replay tells no trial's result"
+    )
     assert summary["succeeded"] == 2 and summary["median_error_m"] < 0.008, summary["trials"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text()) == summary
 

@@ -13,13 +13,30 @@ from dart_skill_nodes.verbs import soak
 from dart_skill_nodes.verbs.soak.samples import Sample, Usage, changes
 
 WARM_UP = 10.0
-STEADY = [Sample(float(k), 10 * k, 2.0, {"composed": Usage(300.0, 0.3, 20, 19), "learner": Usage(200.0, 0.1, 9, 12)}) for k in range(1, 41)]
+STEADY = [
+    Sample(
+        float(k),
+        10 * k,
+        2.0,
+        {"composed": Usage(300.0, 0.3, 20, 19), "learner": Usage(200.0, 0.1, 9, 12)},
+    )
+    for k in range(1, 41)
+]
 
 
 def changed(**of_last_half):
     """Samples whose second half differs in what the composed process uses, or in speed."""
-    speed, usage = of_last_half.pop("speed", 2.0), replace(STEADY[0].usage["composed"], **of_last_half)
-    return [*STEADY[:20], *(replace(one, speed=speed, usage={**one.usage, "composed": usage}) for one in STEADY[20:])]
+    speed, usage = (
+        of_last_half.pop("speed", 2.0),
+        replace(STEADY[0].usage["composed"], **of_last_half),
+    )
+    return [
+        *STEADY[:20],
+        *(
+            replace(one, speed=speed, usage={**one.usage, "composed": usage})
+            for one in STEADY[20:]
+        ),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -44,7 +61,9 @@ def test_a_soak_that_was_too_short_says_so():
 
 
 class Client:
-    """Throws ten times while the processor works for 30 ms; each takes 2 s of the world's time. fails_after: so many rounds."""
+    """Throws ten times while the processor works for 30 ms; each takes 2 s of the world's time.
+    fails_after: so many rounds.
+    """
 
     def __init__(self, fails_after=10**6):
         self.rounds, self.fails_after = 0, fails_after
@@ -54,7 +73,9 @@ class Client:
         while time.process_time() < until:
             pass
         self.rounds += 1
-        result = Practice.Result(success=self.rounds <= self.fails_after, message="the arm is stopped", executed=throws)
+        result = Practice.Result(
+            success=self.rounds <= self.fails_after, message="the arm is stopped", executed=throws
+        )
         result.outcomes = [Outcome() for _ in range(throws)]
         result.outcomes[-1].header.stamp.sec = 20 * self.rounds
         return result

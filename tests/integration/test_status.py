@@ -5,18 +5,41 @@ from dataclasses import replace
 
 import pytest
 
-from dart_skill_nodes.client.graph_report import ERROR, READY, SILENT, WARNING, GraphReport, NodeReport, TopicReport
+from dart_skill_nodes.client.graph_report import (
+    ERROR,
+    READY,
+    SILENT,
+    WARNING,
+    GraphReport,
+    NodeReport,
+    TopicReport,
+)
 from dart_skill_nodes.verbs import status
 from dart_skill_nodes.verbs.status import as_text
 
 LIMITS = {"fastest_hand": 5.5, "workspace_low": [-1.2, -1.2, 0.3]}
-COMMANDER = NodeReport("commander", READY, "holding", "7", {"mode": "holding", "last": "thrown", "/joint_states refused": "3"})
+COMMANDER = NodeReport(
+    "commander",
+    READY,
+    "holding",
+    "7",
+    {"mode": "holding", "last": "thrown", "/joint_states refused": "3"},
+)
 STATES = TopicReport("/joint_states", ("wam_driver",), 500.0, 0.01, 0, True)
 COMMANDS = TopicReport("/wam/command", ("commander",), 500.0, 0.01, 0, True)
 LEARNER = NodeReport("skill_learner", WARNING, "nothing learned yet", "8")
-OTHERS = (LEARNER, *(NodeReport(name, READY, "waiting", "7") for name in ("coach", "demonstration_recorder")))
+OTHERS = (
+    LEARNER,
+    *(NodeReport(name, READY, "waiting", "7") for name in ("coach", "demonstration_recorder")),
+)
 WELL = GraphReport(
-    "4", 2.5, (COMMANDER, *OTHERS), ("wam_driver",), (STATES, COMMANDS), {"commander": LIMITS, "effort_bridge": dict(LIMITS)}, (READY, "")
+    "4",
+    2.5,
+    (COMMANDER, *OTHERS),
+    ("wam_driver",),
+    (STATES, COMMANDS),
+    {"commander": LIMITS, "effort_bridge": dict(LIMITS)},
+    (READY, ""),
 )
 
 
@@ -41,14 +64,34 @@ def test_a_graph_that_is_well_is_told_in_full():
     [
         (with_commander(state=ERROR, says="tracking error"), "commander: tracking error"),
         (with_commander(state=SILENT, says="it is on the graph"), "commander: it is on the graph"),
-        (with_commander(state=WARNING, says="holding, stopped by ~/stop: call /commander/reset"), "call /commander/reset"),
-        (replace(WELL, nodes=(*WELL.nodes, replace(COMMANDER, process="9"))), "2 nodes are called commander, in processes 7 and 9"),
+        (
+            with_commander(
+                state=WARNING, says="holding, stopped by ~/stop: call /commander/reset"
+            ),
+            "call /commander/reset",
+        ),
+        (
+            replace(WELL, nodes=(*WELL.nodes, replace(COMMANDER, process="9"))),
+            "2 nodes are called commander, in processes 7 and 9",
+        ),
         (replace(WELL, nodes=(COMMANDER, *OTHERS[1:])), "no skill_learner"),
-        (replace(WELL, safety=(ERROR, "hand at 7 m/s")), "stopped it until a reset: hand at 7 m/s"),
+        (
+            replace(WELL, safety=(ERROR, "hand at 7 m/s")),
+            "stopped it until a reset: hand at 7 m/s",
+        ),
         (with_topics(COMMANDS), "no arm: nobody publishes /joint_states"),
-        (with_topics(STATES, replace(COMMANDS, publishers=("commander", "ros2cli"))), "commander and ros2cli command the arm"),
+        (
+            with_topics(STATES, replace(COMMANDS, publishers=("commander", "ros2cli"))),
+            "commander and ros2cli command the arm",
+        ),
         (with_topics(replace(STATES, lost=4), COMMANDS), "4 messages of /joint_states were lost"),
-        (replace(WELL, limits={"commander": LIMITS, "effort_bridge": {**LIMITS, "fastest_hand": 9.0}}), "different limits: fastest_hand"),
+        (
+            replace(
+                WELL,
+                limits={"commander": LIMITS, "effort_bridge": {**LIMITS, "fastest_hand": 9.0}},
+            ),
+            "different limits: fastest_hand",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(report, problem):
@@ -59,7 +102,9 @@ def test_what_is_wrong_is_said_in_one_line(report, problem):
 @pytest.mark.parametrize(
     "report",
     [
-        with_topics(STATES, replace(COMMANDS, publishers=("commander", "commander"))),  # one was killed and started again
+        with_topics(
+            STATES, replace(COMMANDS, publishers=("commander", "commander"))
+        ),  # one was killed and started again
         with_topics(replace(STATES, lost=4, reliable=False), COMMANDS),
         replace(WELL, safety=None, limits={}),
         with_commander(state=WARNING, says="no answer yet"),
@@ -75,9 +120,12 @@ def test_what_a_stranger_says_does_not_reach_the_terminal_as_it_is():
 
 
 @pytest.mark.parametrize(
-    ("report", "there"), [(None, "on this machine: "), (replace(WELL, nodes=()), "on this machine, only wam_driver: ")]
+    ("report", "there"),
+    [(None, "on this machine: "), (replace(WELL, nodes=()), "on this machine, only wam_driver: ")],
 )
-def test_where_no_node_of_the_graph_is_found_something_is_wrong(report, there, monkeypatch, capsys):
+def test_where_no_node_of_the_graph_is_found_something_is_wrong(
+    report, there, monkeypatch, capsys
+):
     monkeypatch.setattr(status, "look", lambda seconds, namespace: report)
     parser = argparse.ArgumentParser()
     status.add_arguments(parser)

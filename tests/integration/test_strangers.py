@@ -1,4 +1,6 @@
-"""The graph as a client meets it that is not ours: plain rclpy, in a world that nobody pauses, with wrong values."""
+"""The graph as a client meets it that is not ours: plain rclpy, in a world that nobody pauses,
+with wrong values.
+"""
 
 import signal
 import time
@@ -23,18 +25,28 @@ from dart_skill.common.world import joint_names, pose_topic
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
-from tests.integration.conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
+from tests.integration.conftest import (
+    Diagnoses,
+    Joints,
+    begin_slow_throw,
+    teach_and_learn,
+    wait_for,
+)
 
 SHOWN = targets_for(0, 2, 2)[0]
 TARGET = (SHOWN[0] + SHOWN[1]) / 2
 LONGEST = 1.0
-"""That a test watches the world for [s, simulated]: a world that runs on while nobody looks only costs."""
+"""That a test watches the world for [s, simulated]: a world that runs on while nobody looks only
+costs.
+"""
 RESTING = 0.1
 """Joint speed below which an arm is held, not thrown with [rad/s]."""
 
 
 class Stranger:
-    """A plain client of /execute: sends a goal, and keeps phases, the result, and how fast the arm was meanwhile."""
+    """A plain client of /execute: sends a goal, and keeps phases, the result, and how fast the arm
+    was meanwhile.
+    """
 
     def __init__(self, client):
         self.client, self.action = client, ActionClient(client.node, Execute, "/execute")
@@ -50,27 +62,41 @@ class Stranger:
         self.fastest = max(self.fastest, np.abs(message.velocity).max())
 
     def begin(self, stamp_ns=0):
-        """A world that runs, with the ball in the hand, and a goal; its handle and the future of its result."""
+        """A world that runs, with the ball in the hand, and a goal; its handle and the future of
+        its result.
+        """
         reset = Reset.Request(situation=conversions.at_place(TARGET))
         began = self.client.call(self.reset, reset)
-        wait_for(self.client, lambda: self.newest_ns >= conversions.stamp_ns(began.stamp), what="the state after the reset")
+        wait_for(
+            self.client,
+            lambda: self.newest_ns >= conversions.stamp_ns(began.stamp),
+            what="the state after the reset",
+        )
         self.phases, self.fastest = [], 0.0
         goal = Execute.Goal(situation=conversions.at_place(TARGET))
         goal.header.stamp = conversions.time_msg(stamp_ns)
-        sent = self.action.send_goal_async(goal, feedback_callback=lambda message: self.phases.append(message.feedback.phase))
+        sent = self.action.send_goal_async(
+            goal, feedback_callback=lambda message: self.phases.append(message.feedback.phase)
+        )
         handle = self.client.wait(sent, "/execute")
         assert handle.accepted
         return handle, handle.get_result_async()
 
     def free(self):
         """An arm that was stopped may move again."""
-        self.client.call(self.client.node.create_client(Trigger, "/commander/reset"), Trigger.Request())
+        self.client.call(
+            self.client.node.create_client(Trigger, "/commander/reset"), Trigger.Request()
+        )
 
     def watch(self, seconds):
-        """Let simulated time go on, at full speed where the world rests: nobody waits for it there."""
+        """Let simulated time go on, at full speed where the world rests: nobody waits for it
+        there.
+        """
         self.client.call(self.awake, SetBool.Request(data=False))
         until = self.newest_ns + round(seconds * 1e9)
-        wait_for(self.client, lambda: self.newest_ns >= until, what=f"{seconds} s of simulated time")
+        wait_for(
+            self.client, lambda: self.newest_ns >= until, what=f"{seconds} s of simulated time"
+        )
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +138,9 @@ def slow_learner(graph, stranger):
     held.go_on()
 
 
-def test_a_plain_goal_in_a_running_world_is_answered_when_the_ball_has_come_down(graph, stranger, slow_learner):
+def test_a_plain_goal_in_a_running_world_is_answered_when_the_ball_has_come_down(
+    graph, stranger, slow_learner
+):
     """However long planning takes: the states that come meanwhile are not the end of the throw."""
     _, result = slow_learner.begin()
     assert not result.done(), "answered before there was a plan"
@@ -124,14 +152,20 @@ def test_a_plain_goal_in_a_running_world_is_answered_when_the_ball_has_come_down
     stranger.watch(0.5)
     stranger.fastest = 0.0
     stranger.watch(1.0)
-    assert stranger.fastest < RESTING, f"the arm moves at {stranger.fastest:.2f} rad/s without a goal"
+    assert stranger.fastest < RESTING, (
+        f"the arm moves at {stranger.fastest:.2f} rad/s without a goal"
+    )
 
 
 def test_a_goal_that_says_nothing_is_thrown_at_the_basket_that_the_cameras_see(graph, stranger):
     """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute`."""
     client = graph.client
     began = client.call(stranger.reset, Reset.Request(situation=conversions.at_place(TARGET)))
-    wait_for(client, lambda: stranger.newest_ns >= conversions.stamp_ns(began.stamp), what="the state after the reset")
+    wait_for(
+        client,
+        lambda: stranger.newest_ns >= conversions.stamp_ns(began.stamp),
+        what="the state after the reset",
+    )
     stranger.watch(0.2)
     handle = client.wait(stranger.action.send_goal_async(Execute.Goal()), "/execute")
     result = client.wait(handle.get_result_async(), "the throw").result
@@ -148,7 +182,9 @@ def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow
     assert (outcome.code, outcome.message) == (Execute.Goal.OUTCOME_STOPPED, "stopped by ~/stop")
     stranger.watch(LONGEST)
     stranger.free()
-    assert stranger.fastest < RESTING, f"the arm moved at {stranger.fastest:.2f} rad/s after it was stopped"
+    assert stranger.fastest < RESTING, (
+        f"the arm moved at {stranger.fastest:.2f} rad/s after it was stopped"
+    )
 
 
 def test_an_arm_that_was_stopped_stays_so_until_it_is_reset(graph, stranger):
@@ -156,10 +192,16 @@ def test_an_arm_that_was_stopped_stays_so_until_it_is_reset(graph, stranger):
     client.call(stranger.stop, Trigger.Request())
     _, result = stranger.begin()
     refused = client.wait(result, "the throw").result
-    assert refused.code == Execute.Goal.OUTCOME_REFUSED and "call /commander/reset" in refused.message
+    assert (
+        refused.code == Execute.Goal.OUTCOME_REFUSED and "call /commander/reset" in refused.message
+    )
     practised = client.practise(targets=[TARGET, TARGET])
     assert not practised.success and "/commander/reset" in practised.message
-    wait_for(client, lambda: "stopped by ~/stop: call /commander/reset" in said.of.get("commander", ""), what="the reason on /diagnostics")
+    wait_for(
+        client,
+        lambda: "stopped by ~/stop: call /commander/reset" in said.of.get("commander", ""),
+        what="the reason on /diagnostics",
+    )
     assert stranger.fastest < RESTING
     stranger.free()
     assert client.throw(TARGET).code == Execute.Goal.OUTCOME_EXECUTED
@@ -195,15 +237,31 @@ def test_a_lesson_ends_at_once_when_it_is_stopped_or_cancelled(graph, stranger, 
     client = graph.client
     teach = ActionClient(client.node, Teach, "/teach")
     wait_for(client, teach.server_is_ready, what="the teacher")
-    wait_for(client, lambda: "teacher" not in hearers(client.node, "/joint_states"), what="a teacher who rests")
-    handle = client.wait(teach.send_goal_async(Teach.Goal(situation=conversions.at_place(SHOWN[0]))), "/teach")
+    wait_for(
+        client,
+        lambda: "teacher" not in hearers(client.node, "/joint_states"),
+        what="a teacher who rests",
+    )
+    handle = client.wait(
+        teach.send_goal_async(Teach.Goal(situation=conversions.at_place(SHOWN[0]))), "/teach"
+    )
     stranger.fastest = 0.0
     wait_for(client, lambda: stranger.fastest > 0.5, what="the arm is guided")
     since_ns = stranger.newest_ns
-    client.wait(handle.cancel_goal_async() if how == "cancel" else stranger.stop.call_async(Trigger.Request()), how)
+    client.wait(
+        handle.cancel_goal_async()
+        if how == "cancel"
+        else stranger.stop.call_async(Trigger.Request()),
+        how,
+    )
     lesson = client.wait(handle.get_result_async(), "the lesson")
-    assert not lesson.result.success and {"stop": "stopped by", "cancel": "cancelled"}[how] in lesson.result.message
-    assert (stranger.newest_ns - since_ns) * 1e-9 < 5.0, "of simulated time, with the second of a reset"
+    assert (
+        not lesson.result.success
+        and {"stop": "stopped by", "cancel": "cancelled"}[how] in lesson.result.message
+    )
+    assert (stranger.newest_ns - since_ns) * 1e-9 < 5.0, (
+        "of simulated time, with the second of a reset"
+    )
     if how == "stop":
         stranger.free()
     assert client.teach(SHOWN[0]).success, "the next lesson"
@@ -217,7 +275,9 @@ def test_a_goal_that_is_cancelled_while_it_is_planned_moves_nothing(graph, stran
     assert response.status == 5, "GoalStatus.STATUS_CANCELED"
     assert response.result.message == "cancelled"
     stranger.watch(LONGEST)
-    assert stranger.fastest < RESTING, f"the arm moved at {stranger.fastest:.2f} rad/s after it was cancelled"
+    assert stranger.fastest < RESTING, (
+        f"the arm moved at {stranger.fastest:.2f} rad/s after it was cancelled"
+    )
 
 
 def test_a_throw_can_be_cancelled_in_a_running_world(graph, stranger):
@@ -240,7 +300,10 @@ def test_a_throw_that_is_stopped_ends_when_the_arm_rests(graph, stranger):
 def test_a_goal_that_waits_for_a_state_that_never_comes_is_refused(graph, stranger):
     _, result = stranger.begin(stamp_ns=10**18)
     outcome = graph.client.wait(result, "the throw").result
-    assert outcome.code == Execute.Goal.OUTCOME_REFUSED and "1000000000000000000 ns" in outcome.message
+    assert (
+        outcome.code == Execute.Goal.OUTCOME_REFUSED
+        and "1000000000000000000 ns" in outcome.message
+    )
     assert stranger.fastest < RESTING
 
 
@@ -260,8 +323,13 @@ def test_a_speed_that_is_not_finite_is_refused(graph, stranger, calm):
     stranger.watch(0.5)
 
 
-@pytest.mark.parametrize("change", [{"mass_scale": [1.0]}, {"mass_scale": [-1.0] * 7}, {"joint_stiffness": [100.0] * 6 + [0.0]}])
-def test_an_arm_that_cannot_be_is_refused_when_it_is_set_and_not_at_a_reset(graph, stranger, calm, change):
+@pytest.mark.parametrize(
+    "change",
+    [{"mass_scale": [1.0]}, {"mass_scale": [-1.0] * 7}, {"joint_stiffness": [100.0] * 6 + [0.0]}],
+)
+def test_an_arm_that_cannot_be_is_refused_when_it_is_set_and_not_at_a_reset(
+    graph, stranger, calm, change
+):
     (name,) = change
     with pytest.raises(GraphFailure, match=name):
         graph.client.set_parameters("/wam_simulator", change)
@@ -287,16 +355,36 @@ def before_time(message):
 
 NAN = float("nan")
 HOSTILE = {
-    "a pose before time began": (pose_topic("hand"), before_time(pose()), "demonstration_recorder"),
+    "a pose before time began": (
+        pose_topic("hand"),
+        before_time(pose()),
+        "demonstration_recorder",
+    ),
     "a pose beyond this world": (pose_topic("ball"), pose(x=1e308), "demonstration_recorder"),
     "a pose that is none": (pose_topic("basket"), pose(z=NAN), "demonstration_recorder"),
     "a pose of a few bytes": (pose_topic("hand"), garbage(0), "demonstration_recorder"),
     "a pose of other bytes": (pose_topic("hand"), garbage(), "demonstration_recorder"),
-    "six joints": ("/joint_states", JointState(name=joint_names()[:6], position=[0.0] * 6, velocity=[0.0] * 6), "commander"),
-    "joints that are no numbers": ("/joint_states", JointState(name=joint_names(), position=[NAN] * 7, velocity=[0.0] * 7), "commander"),
+    "six joints": (
+        "/joint_states",
+        JointState(name=joint_names()[:6], position=[0.0] * 6, velocity=[0.0] * 6),
+        "commander",
+    ),
+    "joints that are no numbers": (
+        "/joint_states",
+        JointState(name=joint_names(), position=[NAN] * 7, velocity=[0.0] * 7),
+        "commander",
+    ),
     "a push of other bytes": ("/wam/teacher_wrench", garbage(), None),
-    "a world before time began": ("/simulation/state", before_time(SimulationState()), "mock_optitrack"),
-    "a world that is none": ("/simulation/state", SimulationState(joint_position=[NAN] * 7), "mock_optitrack"),
+    "a world before time began": (
+        "/simulation/state",
+        before_time(SimulationState()),
+        "mock_optitrack",
+    ),
+    "a world that is none": (
+        "/simulation/state",
+        SimulationState(joint_position=[NAN] * 7),
+        "mock_optitrack",
+    ),
     "a time before time began": ("/clock", Clock(clock=Time(sec=-1)), "mock_optitrack"),
 }
 
@@ -304,14 +392,23 @@ HOSTILE = {
 @pytest.mark.parametrize("what", HOSTILE)
 def test_a_message_that_cannot_be_used_ends_no_node_and_is_named(graph, stranger, calm, what):
     topic, message, node = HOSTILE[what]
-    kind = {"/joint_states": JointState, "/wam/teacher_wrench": WamCommand, "/simulation/state": SimulationState, "/clock": Clock}
+    kind = {
+        "/joint_states": JointState,
+        "/wam/teacher_wrench": WamCommand,
+        "/simulation/state": SimulationState,
+        "/clock": Clock,
+    }
     sender = graph.client.node.create_publisher(kind.get(topic, PoseStamped), topic, LOOP)
     said = Diagnoses(graph.client)
     wait_for(graph.client, sender.get_subscription_count, what="a subscriber")
 
     def is_named():
         sender.publish(message)  # again and again: a message may get lost
-        return node is None or f"refused on {topic}" in said.of.get(node, "") or topic in said.of.get(node, "")
+        return (
+            node is None
+            or f"refused on {topic}" in said.of.get(node, "")
+            or topic in said.of.get(node, "")
+        )
 
     wait_for(graph.client, is_named, what=lambda: f"{node} says so: {said.of}")
     graph.client.node.destroy_publisher(sender)
@@ -331,8 +428,14 @@ def test_after_all_that_the_arm_is_taught_and_throws(graph):
 def test_a_trial_whose_plan_is_empty_is_refused(graph):
     add = graph.client.node.create_client(AddTrial, "/skill_learner/add_trial")
     plan = PlanMsg(
-        skill="throw", trajectory=MultiDOFJointTrajectory(joint_names=["attractor", "hand"], points=[MultiDOFJointTrajectoryPoint()])
+        skill="throw",
+        trajectory=MultiDOFJointTrajectory(
+            joint_names=["attractor", "hand"], points=[MultiDOFJointTrajectoryPoint()]
+        ),
     )
     trial = Demonstration(skill="throw", header=Header(frame_id="world"))
     response = graph.client.call(add, AddTrial.Request(plan=plan, trial=trial), may_refuse=True)
-    assert not response.success and "point 0 of the plan's trajectory has 0 transforms" in response.message
+    assert (
+        not response.success
+        and "point 0 of the plan's trajectory has 0 transforms" in response.message
+    )

@@ -26,7 +26,15 @@ def test_a_process_is_known_by_its_name_and_words_that_name_none_are_none():
     this = SystemProcess.this()
     assert SystemProcess.named(this.name) == this and this.lives(PATIENCE)
     machine, pid, started = this.name.rsplit(" ", 2)
-    for name in ("", "x", f"elsewhere {pid} {started}", machine, f"{machine} {pid}", f"{machine} a b", f"{machine} -1 0"):
+    for name in (
+        "",
+        "x",
+        f"elsewhere {pid} {started}",
+        machine,
+        f"{machine} {pid}",
+        f"{machine} a b",
+        f"{machine} -1 0",
+    ):
         assert SystemProcess.named(name) is None, name
 
 

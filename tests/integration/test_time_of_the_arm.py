@@ -83,7 +83,9 @@ def test_a_state_that_was_late_is_refused_and_time_that_was_set_back_is_not():
     hear = InOrder(heard.append, lambda ns: ns)
     for ns in (2, 4, 4, 6):
         hear(ns)
-    with pytest.raises(ValueError, match="stamped 4 ns, and came after the one of 6 ns: out of order"):
+    with pytest.raises(
+        ValueError, match="stamped 4 ns, and came after the one of 6 ns: out of order"
+    ):
         hear(4)
     hear(8)
     with pytest.raises(ValueError, match="out of order"):

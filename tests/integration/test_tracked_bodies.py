@@ -1,4 +1,6 @@
-"""Poses of one body may lag behind those of another: each has a topic, and what got lost on one of them is repeated seconds later."""
+"""Poses of one body may lag behind those of another: each has a topic, and what got lost on one of
+them is repeated seconds later.
+"""
 
 import re
 
@@ -82,7 +84,9 @@ def test_a_body_lags_from_when_the_others_went_on_without_it(tracked, wall):
     wall.now += 0.9 * REPAIRED
     assert tracked.is_late("ball", 2 * NS_PER_S)
     wall.now += 0.2 * REPAIRED
-    assert not tracked.is_late("ball", 2 * NS_PER_S) and not tracked.is_late("ball", 2 * NS_PER_S - FRAME_NS)
+    assert not tracked.is_late("ball", 2 * NS_PER_S) and not tracked.is_late(
+        "ball", 2 * NS_PER_S - FRAME_NS
+    )
     see(tracked, "ball", NS_PER_S, NS_PER_S + FRAME_NS)
     see(tracked, "hand", 2 * NS_PER_S, 3 * NS_PER_S)
     assert tracked.is_late("ball", 3 * NS_PER_S), "it came, and lags anew"
@@ -112,10 +116,16 @@ CALLS = {"start": Trigger, "stop": StopDemonstration}
 
 
 def poses(role, first_ns, last_ns):
-    """What cameras say at 100 Hz of a hand and a basket that rest, and of a ball that flies into the basket from 2 m above the floor."""
+    """What cameras say at 100 Hz of a hand and a basket that rest, and of a ball that flies into
+    the basket from 2 m above the floor.
+    """
     for ns in range(first_ns, last_ns + 1, FRAME_NS):
         time = max(0.0, 1e-9 * (ns - OPENED_NS))
-        place = {"hand": (0.0, 0.0, 2.0), "basket": RIM, "ball": (3.5 * time, 0.0, max(0.2, 2.0 - 0.5 * 9.81 * time**2))}[role]
+        place = {
+            "hand": (0.0, 0.0, 2.0),
+            "basket": RIM,
+            "ball": (3.5 * time, 0.0, max(0.2, 2.0 - 0.5 * 9.81 * time**2)),
+        }[role]
         message = PoseStamped()
         message.header.frame_id, message.header.stamp = "world", conversions.time_msg(ns)
         message.pose.position, message.pose.orientation.w = conversions.point(np.array(place)), 1.0
@@ -123,14 +133,27 @@ def poses(role, first_ns, last_ns):
 
 
 def test_a_throw_is_not_judged_by_half_a_flight(make_graph, tmp_path):
-    """The ball's poses come later than the others': the recorder says so, and what it says of the landing is said by all of them."""
+    """The ball's poses come later than the others': the recorder says so, and what it says of the
+    landing is said by all of them.
+    """
     graph, client = make_graph(None)
     graph.start("demonstration_recorder", {"bag": str(tmp_path / "bag")})
-    publishers = {role: client.node.create_publisher(PoseStamped, pose_topic(role), COMPLETE) for role in ROLES}
+    publishers = {
+        role: client.node.create_publisher(PoseStamped, pose_topic(role), COMPLETE)
+        for role in ROLES
+    }
     judge = client.node.create_client(Judge, "/demonstration_recorder/judge")
     client.reach(judge)
-    wait_for(client, lambda: all(one.get_subscription_count() for one in publishers.values()), what="a recorder that hears all bodies")
-    asked = Judge.Request(situation=conversions.at_place(RIM), told=conversions.time_msg(OPENED_NS), until=conversions.time_msg(UNTIL_NS))
+    wait_for(
+        client,
+        lambda: all(one.get_subscription_count() for one in publishers.values()),
+        what="a recorder that hears all bodies",
+    )
+    asked = Judge.Request(
+        situation=conversions.at_place(RIM),
+        told=conversions.time_msg(OPENED_NS),
+        until=conversions.time_msg(UNTIL_NS),
+    )
 
     def publish(role, first_ns, last_ns):
         for message in poses(role, first_ns, last_ns):
@@ -142,17 +165,25 @@ def test_a_throw_is_not_judged_by_half_a_flight(make_graph, tmp_path):
     publish("ball", 0, OPENED_NS + 300_000_000)
     for role in ("basket", "hand"):
         publish(role, 0, UNTIL_NS + FRAME_NS)
-    wait_for(client, lambda: "of the ball up to" in answer().message, what="a recorder that misses the ball")
+    wait_for(
+        client,
+        lambda: "of the ball up to" in answer().message,
+        what="a recorder that misses the ball",
+    )
     assert answer().pending
     publish("ball", OPENED_NS + 310_000_000, UNTIL_NS)
     wait_for(client, lambda: not answer().pending, limit=0.9 * REPAIRED, what="a judgement")
     assert answer().outcome.seen
-    assert answer().outcome.error == pytest.approx(abs(3.5 * np.sqrt(2.0 * 1.6 / 9.81) - RIM[0]), abs=0.02)
+    assert answer().outcome.error == pytest.approx(
+        abs(3.5 * np.sqrt(2.0 * 1.6 / 9.81) - RIM[0]), abs=0.02
+    )
 
 
 @pytest.fixture
 def stranger(ros):
-    """A node of somebody else, whose name no other test has used: Fast DDS may remember those that are gone."""
+    """A node of somebody else, whose name no other test has used: Fast DDS may remember those that
+    are gone.
+    """
     node = rclpy.create_node("driver_without_stamps")
     yield node
     node.destroy_node()
@@ -161,12 +192,25 @@ def stranger(ros):
 def test_poses_that_nobody_stamped_are_told_by_the_recorder(make_graph, stranger, tmp_path):
     graph, client = make_graph(None)
     graph.start("demonstration_recorder", {"bag": str(tmp_path / "bag")})
-    topics = {**{pose_topic(role): PoseStamped for role in ROLES}, "/joint_states": JointState, "/wam/command": WamCommand}
-    publishers = {topic: stranger.create_publisher(kind, topic, COMPLETE) for topic, kind in topics.items()}
-    calls = {name: client.node.create_client(kind, f"/demonstration_recorder/{name}") for name, kind in CALLS.items()}
+    topics = {
+        **{pose_topic(role): PoseStamped for role in ROLES},
+        "/joint_states": JointState,
+        "/wam/command": WamCommand,
+    }
+    publishers = {
+        topic: stranger.create_publisher(kind, topic, COMPLETE) for topic, kind in topics.items()
+    }
+    calls = {
+        name: client.node.create_client(kind, f"/demonstration_recorder/{name}")
+        for name, kind in CALLS.items()
+    }
     for call in calls.values():
         client.reach(call)
-    wait_for(client, lambda: all(one.get_subscription_count() for one in publishers.values()), what="a recorder that hears all")
+    wait_for(
+        client,
+        lambda: all(one.get_subscription_count() for one in publishers.values()),
+        what="a recorder that hears all",
+    )
     said = []
 
     def publish(first_ns, last_ns):
@@ -176,9 +220,13 @@ def test_poses_that_nobody_stamped_are_told_by_the_recorder(make_graph, stranger
             for role in ROLES:
                 message.header.stamp = conversions.time_msg(0) if role == "hand" else stamp
                 publishers[pose_topic(role)].publish(message)
-            state = JointState(header=Header(stamp=stamp), name=list(joint_names()), position=rest, velocity=rest)
+            state = JointState(
+                header=Header(stamp=stamp), name=list(joint_names()), position=rest, velocity=rest
+            )
             publishers["/joint_states"].publish(state)
-            publishers["/wam/command"].publish(WamCommand(header=Header(stamp=stamp), grip=WamCommand.GRIP_OPEN))
+            publishers["/wam/command"].publish(
+                WamCommand(header=Header(stamp=stamp), grip=WamCommand.GRIP_OPEN)
+            )
 
     def answer(name):
         said.append(client.call(calls[name], CALLS[name].Request(), may_refuse=True))
@@ -187,5 +235,11 @@ def test_poses_that_nobody_stamped_are_told_by_the_recorder(make_graph, stranger
     publish(OPENED_NS, UNTIL_NS)
     wait_for(client, lambda: answer("start").success, what=lambda: f"the start: {said[-1]}")
     publish(UNTIL_NS + FRAME_NS, UNTIL_NS + NS_PER_S)
-    told = r"only 1 samples of the hand, and \d+ that do not count: not numbers, or stamped no later"
-    wait_for(client, lambda: re.search(told, answer("stop").message), what=lambda: f"what is wrong with the stamps: {said[-1]}")
+    told = (
+        r"only 1 samples of the hand, and \d+ that do not count: not numbers, or stamped no later"
+    )
+    wait_for(
+        client,
+        lambda: re.search(told, answer("stop").message),
+        what=lambda: f"what is wrong with the stamps: {said[-1]}",
+    )

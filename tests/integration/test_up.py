@@ -1,4 +1,6 @@
-"""`dart-skill up`: says which nodes are ready, tells of one that ends, and leaves none behind, however it ends itself."""
+"""`dart-skill up`: says which nodes are ready, tells of one that ends, and leaves none behind,
+however it ends itself.
+"""
 
 import json
 import os
@@ -24,7 +26,9 @@ PATIENCE = 200.0
 
 
 def children(pid):
-    """Processes that were started by a process, whether it still runs or not; a forked one has not the environment that it was given."""
+    """Processes that were started by a process, whether it still runs or not; a forked one has not
+    the environment that it was given.
+    """
     mark, found = f"{ENDS_WITH}={pid}".encode(), [*nodes_of(pid)]
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -44,13 +48,24 @@ def until(condition, what):
 
 @pytest.fixture
 def start(tmp_path):
-    """Starts `dart-skill up`; its events come line by line. Whatever is left after the test is killed. warm: all that starts is forked."""
+    """Starts `dart-skill up`; its events come line by line. Whatever is left after the test is
+    killed. warm: all that starts is forked.
+    """
     started = []
 
     def begin(*arguments, warm=True):
         program = ["dart-skill"] if warm else [sys.executable, "-m", "dart_skill.cli"]
-        command = [*program, "up", "--json", "--output", str(tmp_path / f"up_{len(started)}"), *arguments]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        command = [
+            *program,
+            "up",
+            "--json",
+            "--output",
+            str(tmp_path / f"up_{len(started)}"),
+            *arguments,
+        ]
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         started.append(process)
         return process
 
@@ -75,7 +90,9 @@ def events_until(process, wanted):
 
 def told_by(*arguments):
     """What a verb of `dart-skill` says as JSON; it must end well."""
-    done = subprocess.run(["dart-skill", *arguments, "--json"], capture_output=True, text=True, timeout=2 * PATIENCE)
+    done = subprocess.run(
+        ["dart-skill", *arguments, "--json"], capture_output=True, text=True, timeout=2 * PATIENCE
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -94,7 +111,11 @@ def test_every_node_is_told_of_is_taught_learns_throws_and_none_is_left_after_ct
     assert {event["node"] for event in events[:-1]} == set(NODES)
     assert "next" in events[-1]
     assert len(children(process.pid)) == len(LAYOUTS["composed"])
-    for arguments, told in ((["teach", "--count", "2"], "lessons"), (["learn", "--at-least", "2"], "model_id"), (["throw"], "throws")):
+    for arguments, told in (
+        (["teach", "--count", "2"], "lessons"),
+        (["learn", "--at-least", "2"], "model_id"),
+        (["throw"], "throws"),
+    ):
         assert told_by(*arguments)[told]
     assert end(process)[-1]["event"] == "down"
 
@@ -104,7 +125,9 @@ def test_the_page_is_that_of_the_skill(start):
     events = events_until(process, "up")
     (url,) = [event["message"] for event in events if event["node"] == "viewer"]
     with PageClient(url, origin=url) as page:
-        page.wait_for(lambda: page.says("Press Teach to have place shown"), PATIENCE, "what to press")
+        page.wait_for(
+            lambda: page.says("Press Teach to have place shown"), PATIENCE, "what to press"
+        )
     end(process)
 
 
@@ -121,18 +144,36 @@ def test_a_recording_is_replayed_into_a_model(start):
 @pytest.mark.slow
 def test_a_model_that_was_learned_from_a_bag_throws_at_once(start, tmp_path):
     """On a graph that nobody has taught; what is no model is refused, and the graph goes on."""
-    model = told_by("learn", str(BAG), "--demonstrations-topic", "--output", str(tmp_path / "model.npz"))
-    demo = told_by("demo", "--model", model["model"], "--throws", "1", "--output", str(tmp_path / "demo"))
+    model = told_by(
+        "learn", str(BAG), "--demonstrations-topic", "--output", str(tmp_path / "model.npz")
+    )
+    demo = told_by(
+        "demo", "--model", model["model"], "--throws", "1", "--output", str(tmp_path / "demo")
+    )
     assert (demo["in"], demo["thrown"]) == (1, 1) and (tmp_path / "demo" / "report.html").is_file()
     process = start("--model", model["model"])
     up = events_until(process, "up")[-1]
     assert model["model_id"] in up["message"] and up["next"] == "dart-skill throw"
-    listed = subprocess.run(["dart-skill", "demonstrations"], capture_output=True, text=True, timeout=PATIENCE)
-    assert listed.stdout.splitlines() == ["nothing has been shown yet", "next: dart-skill teach --count 5"], listed
+    listed = subprocess.run(
+        ["dart-skill", "demonstrations"], capture_output=True, text=True, timeout=PATIENCE
+    )
+    assert listed.stdout.splitlines() == [
+        "nothing has been shown yet",
+        "next: dart-skill teach --count 5",
+    ], listed
     (thrown,) = told_by("throw", "--model", model["model"])["throws"]
     assert thrown["in_basket"], thrown
-    refused = subprocess.run(["dart-skill", "throw", "--model", __file__], capture_output=True, text=True, timeout=PATIENCE)
-    assert refused.returncode == 1 and "/skill_learner/load: " in refused.stderr and "Traceback" not in refused.stderr
+    refused = subprocess.run(
+        ["dart-skill", "throw", "--model", __file__],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert (
+        refused.returncode == 1
+        and "/skill_learner/load: " in refused.stderr
+        and "Traceback" not in refused.stderr
+    )
     end(process)
 
 
@@ -148,7 +189,11 @@ def test_a_node_that_ends_is_named_and_ends_the_rest(start):
     (victim,) = [pid for pid, name in nodes_of(process.pid).items() if name == "commander"]
     os.kill(victim, signal.SIGKILL)
     _, complaint = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 1 and "commander ended with status -9" in complaint and "Traceback" not in complaint
+    assert (
+        process.returncode == 1
+        and "commander ended with status -9" in complaint
+        and "Traceback" not in complaint
+    )
     assert children(process.pid) == []
 
 
@@ -183,7 +228,10 @@ def test_the_options_know_the_layouts_of_a_simulated_graph():
         (["demo", "--output", __file__], "this is the name of a file"),
         (["demo", "--configuration", "nope"], "choose from"),
         (["demo", "--model", "none.npz"], "none.npz: there is no such file"),
-        (["demo", "--model", __file__, "--layout", "in-process"], "--model is for the learner of a graph"),
+        (
+            ["demo", "--model", __file__, "--layout", "in-process"],
+            "--model is for the learner of a graph",
+        ),
         (["demo", "--model", __file__, "--demonstrations", "5"], "nobody shows anything"),
         (["throw", "--model", "none.npz"], "none.npz: there is no such file"),
         (["execute", "--model", "none.npz"], "none.npz: there is no such file"),

@@ -1,4 +1,6 @@
-"""The live view over the real graph: what is clicked and dragged happens, and what happens is seen, in a browser too."""
+"""The live view over the real graph: what is clicked and dragged happens, and what happens is
+seen, in a browser too.
+"""
 
 import re
 import socket
@@ -39,7 +41,12 @@ class Truth:
     """Where things really are, heard in a thread of its own so that nothing of a flight is missed."""
 
     def __init__(self):
-        self.basket, self.hand, self.flight, self.episode = np.full(3, np.nan), np.full(3, np.nan), [], -1
+        self.basket, self.hand, self.flight, self.episode = (
+            np.full(3, np.nan),
+            np.full(3, np.nan),
+            [],
+            -1,
+        )
         self._node, self._executor, self._over = rclpy.create_node("truth"), make_executor(), False
         self._node.create_subscription(SimulationState, "/simulation/state", self._take, 500)
         self._executor.add_node(self._node)
@@ -54,7 +61,10 @@ class Truth:
         if message.episode != self.episode:
             self.flight.clear()
         self.episode = message.episode
-        hand, ball, basket = (conversions.vector(conversions.state_of(message.bodies, role).pose.position) for role in ROLES)
+        hand, ball, basket = (
+            conversions.vector(conversions.state_of(message.bodies, role).pose.position)
+            for role in ROLES
+        )
         self.basket, self.hand = basket, hand
         if message.held != "ball":
             self.flight.append(ball)
@@ -87,7 +97,9 @@ def address_of(graph, client):
 
 @pytest.fixture(scope="module")
 def live(make_shared_graph):
-    """The graph with a viewer: the coach, the truth, and the address of the page. A browser needs the cores on which a world would run."""
+    """The graph with a viewer: the coach, the truth, and the address of the page. A browser needs
+    the cores on which a world would run.
+    """
     graph, client = make_shared_graph(extra={"composed": {"rest_after": 0.5}})
     truth = Truth()
     try:
@@ -116,18 +128,30 @@ def test_everything_is_taught_learned_thrown_and_practised_from_the_page(live):
         def until(condition, what, limit=60.0):
             page.wait_for(condition, limit, what, meanwhile=client.spin)
 
-        until(lambda: page.says("skill_learner") and page.says("wam_simulator"), "the status of the nodes")
+        until(
+            lambda: page.says("skill_learner") and page.says("wam_simulator"),
+            "the status of the nodes",
+        )
         until(lambda: "/cameras/all" in page.nodes, "the cameras")
         until(lambda: "/basket" in page.places, "the basket")
         page.click("Throw")
-        until(lambda: page.says("nothing is learned yet: press Teach, then Learn"), "why there is no throw, and what to press")
-        until(lambda: not page.says("title='warning'"), "nodes that only wait, which are not orange")
+        until(
+            lambda: page.says("nothing is learned yet: press Teach, then Learn"),
+            "why there is no throw, and what to press",
+        )
+        until(
+            lambda: not page.says("title='warning'"), "nodes that only wait, which are not orange"
+        )
         until(lambda: not page.is_disabled("Teach"), "the buttons")
 
         page.set("Lessons", 2)
         page.click("Teach")
         until(lambda: page.says("lesson 2 of 2"), "how far it is", 180.0)
-        until(lambda: page.says("2 of 2 demonstrations shown. Next: press Learn"), "two demonstrations", 180.0)
+        until(
+            lambda: page.says("2 of 2 demonstrations shown. Next: press Learn"),
+            "two demonstrations",
+            180.0,
+        )
         page.click("Learn")
         until(lambda: page.says("learned from 2 demonstrations"), "a model")
         until(lambda: "/gaussians/components" in page.nodes, "the Gaussians")
@@ -151,9 +175,16 @@ def test_everything_is_taught_learned_thrown_and_practised_from_the_page(live):
         page.click("Teach")
         until(lambda: page.is_disabled("Teach"), "a lesson that has begun")
         page.click("Stop")
-        until(lambda: not page.is_disabled("Teach") and page.says("stopped"), "the end of the lesson", 120.0)
+        until(
+            lambda: not page.is_disabled("Teach") and page.says("stopped"),
+            "the end of the lesson",
+            120.0,
+        )
         page.click("Throw")
-        until(lambda: page.says("no throw") and page.says("press Reset after a stop"), "an arm that stays stopped")  # Stop says it, too
+        until(
+            lambda: page.says("no throw") and page.says("press Reset after a stop"),
+            "an arm that stays stopped",
+        )  # Stop says it, too
         page.click("Reset after a stop")
         until(lambda: page.says("the arm may move again"), "the reset")
 
@@ -163,11 +194,20 @@ def test_a_taken_port_is_told_in_one_line(tmp_path):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        arguments = ["--ros-args", "-p", f"port:={port}", "-r", "__node:=another"]  # one of the graph has the name
+        arguments = [
+            "--ros-args",
+            "-p",
+            f"port:={port}",
+            "-r",
+            "__node:=another",
+        ]  # one of the graph has the name
         command = [sys.executable, "-m", "dart_skill_nodes.executables.viewer", *arguments]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
-    assert f"viewer: 127.0.0.1:{port} cannot be served" in done.stderr and "Traceback" not in done.stderr
+    assert (
+        f"viewer: 127.0.0.1:{port} cannot be served" in done.stderr
+        and "Traceback" not in done.stderr
+    )
 
 
 @pytest.mark.parametrize("frame", ["world", "a", "optitrack_base_frame"])
@@ -188,7 +228,9 @@ def test_spheres_of_markers_are_grouped_by_namespace_and_the_rest_is_left_out():
     def marker(namespace, number, kind=Marker.SPHERE, frame="world"):
         one = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
         one.header.frame_id = frame
-        conversions.set_pose(one.pose, np.array([number, 0.0, 1.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+        conversions.set_pose(
+            one.pose, np.array([number, 0.0, 1.0]), np.array([0.0, 0.0, 0.0, 1.0])
+        )
         conversions.set_vector(one.scale, np.array([1.0, 2.0, 3.0]))
         return one
 
@@ -206,10 +248,14 @@ def test_spheres_of_markers_are_grouped_by_namespace_and_the_rest_is_left_out():
 
 
 def share_of(picture, points, like, reach=4):
-    """Share of points of the world (n, 3) within `reach` pixels of which the picture has a colour for which `like` holds."""
+    """Share of points of the world (n, 3) within `reach` pixels of which the picture has a colour
+    for which `like` holds.
+    """
     found = []
     for column, row in np.round(project(points, EYE, LOOK_AT, SMALL)).astype(int):
-        window = picture[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1].reshape(-1, 3)
+        window = picture[
+            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
+        ].reshape(-1, 3)
         found.append(bool(np.any(like(window.astype(int)))))
     return float(np.mean(found))
 
@@ -239,8 +285,12 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         wait_for(client, lambda: page.button("Throw"), 90.0, "the page")
         begin = truth.basket.copy()
         pause = client.node.create_client(SetBool, "/simulation/pause")
-        client.set_parameters("/wam_simulator", {"speed_factor": 0.2})  # somebody drags for seconds: the world need not hurry meanwhile
-        client.call(pause, SetBool.Request(data=False))  # in a world that is held the cameras see nothing new
+        client.set_parameters(
+            "/wam_simulator", {"speed_factor": 0.2}
+        )  # somebody drags for seconds: the world need not hurry meanwhile
+        client.call(
+            pause, SetBool.Request(data=False)
+        )  # in a world that is held the cameras see nothing new
 
         def look(condition, what, limit=60.0):
             """Take pictures until one fulfils the condition."""
@@ -254,35 +304,64 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
             return pictures[0]
 
         blue = hue_of(palette.BASKET)
-        look(lambda picture: share_of(picture, front_of(begin), blue) == 1.0, "the basket where it stands")
+        look(
+            lambda picture: share_of(picture, front_of(begin), blue) == 1.0,
+            "the basket where it stands",
+        )
         wanted = begin * [1.1, 1.1, 1.0]
-        for _ in range(5):  # a page that is late on a busy machine lets go too early: whoever drags does it again
+        for _ in range(
+            5
+        ):  # a page that is late on a busy machine lets go too early: whoever drags does it again
             now, grip = truth.basket.copy(), front_of(truth.basket)[3]
             page.drag(*project(np.array([grip, grip + wanted - now]), EYE, LOOK_AT, SMALL))
             if _comes(client, lambda: np.linalg.norm(truth.basket - wanted) < 0.02):
                 break
-        assert np.linalg.norm(truth.basket - wanted) < 0.02, f"a basket dragged from {begin} to {wanted} is at {truth.basket}"
-        look(lambda picture: share_of(picture, front_of(truth.basket), blue) == 1.0, "the basket where it was dragged to")
+        assert np.linalg.norm(truth.basket - wanted) < 0.02, (
+            f"a basket dragged from {begin} to {wanted} is at {truth.basket}"
+        )
+        look(
+            lambda picture: share_of(picture, front_of(truth.basket), blue) == 1.0,
+            "the basket where it was dragged to",
+        )
 
         client.set_parameters("/wam_simulator", {"speed_factor": 0.0})
         episode = truth.episode
         page.click("Throw")
-        wait_for(client, lambda: truth.episode > episode and "from the middle" in page.text(), 120.0, "the result of the throw")
-        flight = np.array([point for point in truth.flight if point[2] > truth.basket[2] + BEHIND_ITS_NAME])
+        wait_for(
+            client,
+            lambda: truth.episode > episode and "from the middle" in page.text(),
+            120.0,
+            "the result of the throw",
+        )
+        flight = np.array(
+            [point for point in truth.flight if point[2] > truth.basket[2] + BEHIND_ITS_NAME]
+        )
         assert len(flight) > 20
         vermilion = hue_of(palette.BALL)
-        with PageClient(url, origin=url) as other:  # what one page hides is hidden on all: Gaussians may stand before path and hand
-            other.wait_for(lambda: other.says("Gaussians"), meanwhile=client.spin, what="the switch of the Gaussians")
+        with (
+            PageClient(url, origin=url) as other
+        ):  # what one page hides is hidden on all: Gaussians may stand before path and hand
+            other.wait_for(
+                lambda: other.says("Gaussians"),
+                meanwhile=client.spin,
+                what="the switch of the Gaussians",
+            )
             other.set("Gaussians", False)
-        picture = look(lambda picture: share_of(picture, flight, vermilion) > 0.95, "the path of the ball")
-        assert share_of(picture, truth.hand[None], lambda pixels: pixels.max(axis=1) < 130) == 1.0, "the hand"
+        picture = look(
+            lambda picture: share_of(picture, flight, vermilion) > 0.95, "the path of the ball"
+        )
+        assert (
+            share_of(picture, truth.hand[None], lambda pixels: pixels.max(axis=1) < 130) == 1.0
+        ), "the hand"
         assert share_of(picture, flight + [0.0, 0.0, 0.5], vermilion) < 0.2, "only there"
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 500
         _stop_stays_in_sight(page)
         assert page.exceptions == []
-        assert [address for address in page.addresses if not address.startswith((url.partition("?")[0], "data:", "blob:"))] == [], (
-            "nothing from outside"
-        )
+        assert [
+            address
+            for address in page.addresses
+            if not address.startswith((url.partition("?")[0], "data:", "blob:"))
+        ] == [], "nothing from outside"
 
 
 def _comes(client, condition, limit=20.0):
@@ -295,17 +374,26 @@ def _comes(client, condition, limit=20.0):
 
 def _stop_stays_in_sight(page):
     """However far the panel is scrolled, on a telephone too."""
-    # viser's note that the browser has no graphics card would lie over a narrow page for as long as it stays.
+    # viser's note that the browser has no graphics card would lie over a narrow page for as long
+    # as it stays.
     seen = (
-        "(() => {document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click());"
-        "document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 1000);"
-        "const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Stop'); if (!b) return 'no such button';"
-        "const r = b.getBoundingClientRect(); const top = document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2);"
-        "if (r.right > innerWidth) return 'it ends at ' + r.right; if (b.contains(top)) return '';"
-        "return 'at ' + r.x + ', ' + r.y + ' there is ' + (top ? top.outerHTML.slice(0, 500) : 'nothing')})()"
+        "(() => {document.querySelectorAll('.mantine-Notification-closeButton').forEach(button =>"
+        " button.click());document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part"
+        " => part.scrollTop = 1000);const b = [...document.querySelectorAll('button')].find(b =>"
+        " b.innerText.trim() === 'Stop'); if (!b) return 'no such button';const r ="
+        " b.getBoundingClientRect(); const top = document.elementFromPoint(r.x + r.width / 2, r.y"
+        " + r.height / 2);if (r.right > innerWidth) return 'it ends at ' + r.right; if"
+        " (b.contains(top)) return '';return 'at ' + r.x + ', ' + r.y + ' there is ' + (top ?"
+        " top.outerHTML.slice(0, 500) : 'nothing')})()"
     )
     for width, height in ((1280, 500), (360, 740)):
-        page.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500)
+        page.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 500,
+        )
         there = ["not looked at"]
 
         def in_sight(there=there):

@@ -1,9 +1,11 @@
-"""What the project computes, as a table of exact numbers: models, plans and landings of a few seeds, in process.
+"""What the project computes, as a table of exact numbers: models, plans and landings of a few
+seeds, in process.
 
     python3 -m tests.reference.results tests/reference/results.json      # writes the table anew, where results were meant to change
 
-Numbers are written as hexadecimal floats, so that equal text means equal to the last bit. The sums of another processor or another version
-of NumPy differ in the last bits; `fingerprint` tells whether this machine computes as the one did on which the table was made.
+Numbers are written as hexadecimal floats, so that equal text means equal to the last bit. The sums
+of another processor or another version of NumPy differ in the last bits; `fingerprint` tells
+whether this machine computes as the one did on which the table was made.
 """
 
 import hashlib
@@ -25,20 +27,44 @@ from dart_skill.session import Session
 from dart_skill.skills.learning import ThrowingSkill, Unreachable, configuration, learn_throwing
 from tests.paths import BAGS
 
-MODELS = ("default", "intervals", "em", "two_frames", "thesis", "weighted", "autonomous", "shown_release")
+MODELS = (
+    "default",
+    "intervals",
+    "em",
+    "two_frames",
+    "thesis",
+    "weighted",
+    "autonomous",
+    "shown_release",
+)
 THROWERS = ("intervals", "default")
 SHOWN, THROWN = 5, 2
 
 
 def fingerprint() -> str:
-    """Digest of sums, products, factorisations and elementary functions as this machine computes them."""
+    """Digest of sums, products, factorisations and elementary functions as this machine computes
+    them.
+    """
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=(64, 64)), rng.normal(size=(64, 1000))
     spd = a @ a.T + 64 * np.eye(64)
-    parts = [a @ b, spd, np.linalg.inv(a), np.linalg.eigh(spd)[1], np.linalg.svd(a)[0], scipy.linalg.cholesky(spd), b.sum(axis=1)]
-    parts += [f(b) for f in (np.sin, np.cos, np.exp, np.arctan, np.tanh)] + [np.log(np.abs(b)), np.hypot(b[0], b[1])]
+    parts = [
+        a @ b,
+        spd,
+        np.linalg.inv(a),
+        np.linalg.eigh(spd)[1],
+        np.linalg.svd(a)[0],
+        scipy.linalg.cholesky(spd),
+        b.sum(axis=1),
+    ]
+    parts += [f(b) for f in (np.sin, np.cos, np.exp, np.arctan, np.tanh)] + [
+        np.log(np.abs(b)),
+        np.hypot(b[0], b[1]),
+    ]
     parts += [np.einsum("ij,jk->ik", a, b), Rotation.from_rotvec(b[:3].T).as_quat()]
-    digest = hashlib.sha256(f"{sys.version_info[:2]} {np.__version__} {pinocchio.__version__}".encode())
+    digest = hashlib.sha256(
+        f"{sys.version_info[:2]} {np.__version__} {pinocchio.__version__}".encode()
+    )
     for part in parts:
         digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()[:16]
@@ -68,18 +94,32 @@ def _planned(skill: ThrowingSkill, target: np.ndarray) -> dict:
         plan = skill.plan(target)
     except Unreachable as error:
         return {"refused": str(error)}
-    return {"digest": digest_of(plan), "aim": exact(plan.aim), "times": exact([plan.release, plan.open_hand])}
+    return {
+        "digest": digest_of(plan),
+        "aim": exact(plan.aim),
+        "times": exact([plan.release, plan.open_hand]),
+    }
 
 
 def throws_of(seed: int) -> dict:
-    """Lessons, the models that several configurations learn from them, their plans, and throws of THROWERS, one after the other."""
+    """Lessons, the models that several configurations learn from them, their plans, and throws of
+    THROWERS, one after the other.
+    """
     to_demonstrate, to_throw = targets_for(seed, SHOWN, THROWN)
     session = Session(seed)
     try:
         lessons = [session.teach(target) for target in to_demonstrate]
-        skills = {name: learn_throwing([lesson[-1].demonstration for lesson in lessons], configuration(name)) for name in MODELS}
+        skills = {
+            name: learn_throwing(
+                [lesson[-1].demonstration for lesson in lessons], configuration(name)
+            )
+            for name in MODELS
+        }
         plans = {name: _planned(skill, to_throw[0]) for name, skill in skills.items()}
-        landings = {name: [session.throw(skills[name].plan(target)).outcome.landing for target in to_throw] for name in THROWERS}
+        landings = {
+            name: [session.throw(skills[name].plan(target)).outcome.landing for target in to_throw]
+            for name in THROWERS
+        }
     finally:
         session.close()
     return {
@@ -92,37 +132,70 @@ def throws_of(seed: int) -> dict:
 
 
 def practice_of(seed: int) -> dict:
-    """Own throws that are learned from, with each of THROWERS: their errors, and those of test throws afterwards."""
+    """Own throws that are learned from, with each of THROWERS: their errors, and those of test
+    throws afterwards.
+    """
     task = practice.Task(seed, "both", demonstrations=3, throws=4, tested_after=(4,), tests=2)
     done = {name: practice.run(replace(task, configuration=name)) for name in THROWERS}
-    return {name: {"errors": exact(one.errors), "test_errors": exact(one.test_errors)} for name, one in done.items()}
+    return {
+        name: {"errors": exact(one.errors), "test_errors": exact(one.test_errors)}
+        for name, one in done.items()
+    }
 
 
 def darts_of(seed: int) -> dict:
-    """Darts of the arm at a board, with each of THROWERS; aims other than the bull begin with the eleventh."""
+    """Darts of the arm at a board, with each of THROWERS; aims other than the bull begin with the
+    eleventh.
+    """
     throws = {"intervals": 2, "default": 12}
-    darts = {name: arm_darts.run(seed, throws=throws[name], demonstrations=3, name=name).darts for name in THROWERS}
-    return {name: {"hits": [exact(dart.hit) for dart in its], "aims": [exact(dart.aim) for dart in its]} for name, its in darts.items()}
+    darts = {
+        name: arm_darts.run(seed, throws=throws[name], demonstrations=3, name=name).darts
+        for name in THROWERS
+    }
+    return {
+        name: {
+            "hits": [exact(dart.hit) for dart in its],
+            "aims": [exact(dart.aim) for dart in its],
+        }
+        for name, its in darts.items()
+    }
 
 
 def bags_of(seed: int) -> dict:
     """What the bags of the repository teach; the seed is of no account."""
     demonstrations = read_demonstrations(BAGS / "demonstrations")
-    models = {name: learn_throwing(demonstrations, configuration(name)) for name in ("default", "intervals", "em")}
+    models = {
+        name: learn_throwing(demonstrations, configuration(name))
+        for name in ("default", "intervals", "em")
+    }
     fewer = learn_throwing(demonstrations[:4], replace(configuration("intervals"), name="fewer"))
     return {
         "models": {name: skill.model_id for name, skill in models.items()},
-        "plans": {name: _planned(skill, np.array([1.9, 0.2, 0.4])) for name, skill in {**models, "fewer": fewer}.items()},
+        "plans": {
+            name: _planned(skill, np.array([1.9, 0.2, 0.4]))
+            for name, skill in {**models, "fewer": fewer}.items()
+        },
     }
 
 
 PARTS = {"throws": throws_of, "practice": practice_of, "darts": darts_of, "bags": bags_of}
-ENTRIES = [("throws", 0), ("throws", 1), ("throws", 7), ("practice", 0), ("practice", 3), ("darts", 0), ("bags", 0)]
+ENTRIES = [
+    ("throws", 0),
+    ("throws", 1),
+    ("throws", 7),
+    ("practice", 0),
+    ("practice", 3),
+    ("darts", 0),
+    ("bags", 0),
+]
 
 
 def main() -> None:
     """Write the table to the file that the command line names."""
-    table = {"fingerprint": fingerprint(), **{f"{part} {seed}": PARTS[part](seed) for part, seed in ENTRIES}}
+    table = {
+        "fingerprint": fingerprint(),
+        **{f"{part} {seed}": PARTS[part](seed) for part, seed in ENTRIES},
+    }
     Path(sys.argv[1]).write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
 
 

@@ -1,4 +1,6 @@
-"""The same seed gives the same models, plans and landings as ever: to the last bit where this machine computes as the table's did."""
+"""The same seed gives the same models, plans and landings as ever: to the last bit where this
+machine computes as the table's did.
+"""
 
 import json
 from pathlib import Path
@@ -11,11 +13,15 @@ from tests.reference import results
 TABLE = json.loads((Path(__file__).parent / "results.json").read_text(encoding="utf-8"))
 ALIKE = results.fingerprint() == TABLE["fingerprint"]
 CLOSE = 1e-3
-"""What other last bits may come to by the end of a throw, in the units of the table: metres, radians, seconds; millimetres for darts."""
+"""What other last bits may come to by the end of a throw, in the units of the table: metres,
+radians, seconds; millimetres for darts.
+"""
 
 
 FIRST = {part: seed for part, seed in reversed(results.ENTRIES)}
-"""A seed of each part is tried by every run; the others go through the same code with other numbers."""
+"""A seed of each part is tried by every run; the others go through the same code with other
+numbers.
+"""
 
 
 def slow_but_for_the_first(part, seed):
@@ -23,7 +29,9 @@ def slow_but_for_the_first(part, seed):
     return pytest.param(part, seed, marks=() if FIRST[part] == seed else pytest.mark.slow)
 
 
-@pytest.mark.parametrize(("part", "seed"), [slow_but_for_the_first(*entry) for entry in results.ENTRIES])
+@pytest.mark.parametrize(
+    ("part", "seed"), [slow_but_for_the_first(*entry) for entry in results.ENTRIES]
+)
 def test_results_are_those_of_the_table(part, seed):
     now, then = results.PARTS[part](seed), TABLE[f"{part} {seed}"]
     if ALIKE:
@@ -43,7 +51,9 @@ def assert_close(now, then, where):
         for index, (a, b) in enumerate(zip(now, then, strict=True)):
             assert_close(a, b, f"{where} {index}")
     elif isinstance(then, str) and "0x" in then:
-        np.testing.assert_allclose(float.fromhex(now), float.fromhex(then), atol=CLOSE, err_msg=where)
+        np.testing.assert_allclose(
+            float.fromhex(now), float.fromhex(then), atol=CLOSE, err_msg=where
+        )
     elif isinstance(then, str) and then != "nan":
         assert isinstance(now, str), where
     else:

@@ -1,4 +1,6 @@
-"""What several tests of the arm share: plants that are closed again, a plan that was not learned, demonstrations that were taught once."""
+"""What several tests of the arm share: plants that are closed again, a plan that was not learned,
+demonstrations that were taught once.
+"""
 
 import numpy as np
 import pytest
@@ -13,18 +15,23 @@ NUMPY_SOLVES = np.linalg.solve
 
 
 def solve_alike(left, right):
-    """`numpy.linalg.solve`, unless NumPy 1.26 and NumPy 2 understand the right side differently: as vectors, or as a matrix."""
+    """`numpy.linalg.solve`, unless NumPy 1.26 and NumPy 2 understand the right side differently:
+    as vectors, or as a matrix.
+    """
     n_left, n_right = np.ndim(left), np.ndim(right)
     assert (n_right == n_left - 1) == (n_right == 1), (
-        f"solve of {np.shape(left)} and {np.shape(right)}: NumPy 1.26 takes one dimension less for a stack of vectors, NumPy 2 does not; "
-        "write solve(left, right[None]) for one matrix, solve(left, right[..., None])[..., 0] for vectors"
+        f"solve of {np.shape(left)} and {np.shape(right)}: NumPy 1.26 takes one dimension less for"
+        " a stack of vectors, NumPy 2 does not; write solve(left, right[None]) for one matrix,"
+        " solve(left, right[..., None])[..., 0] for vectors"
     )
     return NUMPY_SOLVES(left, right)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _solves_alike():
-    """Every call of `numpy.linalg.solve` in unit tests has the same meaning in NumPy 1.26 and NumPy 2."""
+    """Every call of `numpy.linalg.solve` in unit tests has the same meaning in NumPy 1.26 and
+    NumPy 2.
+    """
     np.linalg.solve = solve_alike
     yield
     np.linalg.solve = NUMPY_SOLVES
@@ -32,7 +39,9 @@ def _solves_alike():
 
 READY = (0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0)
 """A posture between throws: cocked, hand behind the shoulder."""
-TARGETS = np.array([[1.80, -0.60, 0.40], [2.00, 0.10, 0.40], [2.15, 0.70, 0.40], [1.65, 0.40, 0.40]])
+TARGETS = np.array(
+    [[1.80, -0.60, 0.40], [2.00, 0.10, 0.40], [2.15, 0.70, 0.40], [1.65, 0.40, 0.40]]
+)
 """Baskets of the demonstrations that the tests of the skill learn from."""
 
 
@@ -58,7 +67,9 @@ def taught_targets():
 
 @pytest.fixture(scope="session")
 def taught():
-    """One guided throw at each of TARGETS, as the session saw it: a list of trials, with the states of the plant."""
+    """One guided throw at each of TARGETS, as the session saw it: a list of trials, with the
+    states of the plant.
+    """
     session = Session(seed=3, keep_states=True)
     trials = [session.teach(target, attempts=1)[0] for target in TARGETS]
     session.close()
@@ -72,7 +83,9 @@ def demonstrations(taught):
 
 
 def swing(time, start, way, duration):
-    """Joint angles, velocities, accelerations (n, 7) of a motion from rest to rest whose speed is the square of a half sine."""
+    """Joint angles, velocities, accelerations (n, 7) of a motion from rest to rest whose speed is
+    the square of a half sine.
+    """
     s = np.clip(time / duration, 0.0, 1.0)[:, None]
     shape = s - np.sin(2 * np.pi * s) / (2 * np.pi)
     rate = (1 - np.cos(2 * np.pi * s)) / duration
@@ -80,20 +93,36 @@ def swing(time, start, way, duration):
     return start + way * shape, way * rate, way * change
 
 
-def planned_swing(way=(0.0, 1.5, 0.0, 0.9, 0.0, 0.5, 0.0), duration=1.1, release=0.55, stiffness=200.0, step=0.004, start=READY):
-    """A throw that was worked out joint by joint, without any learning; the attractor comes from (7.20), y = x + (d v + a) / k."""
+def planned_swing(
+    way=(0.0, 1.5, 0.0, 0.9, 0.0, 0.5, 0.0),
+    duration=1.1,
+    release=0.55,
+    stiffness=200.0,
+    step=0.004,
+    start=READY,
+):
+    """A throw that was worked out joint by joint, without any learning; the attractor comes from
+    (7.20), y = x + (d v + a) / k.
+    """
     model, time = ArmModel(ball_in_hand=True), np.arange(0.0, duration + step, step)
     q, qd, qdd = swing(time, np.array(start), np.array(way), duration)
     pose = [model.hand_pose(row) for row in q]
     position, rotation = np.array([p for p, _ in pose]), np.array([r for _, r in pose])
     velocity = np.array([model.jacobian(a) @ b for a, b in zip(q, qd, strict=True)])
-    acceleration = np.array([model.jacobian(a) @ c + model.jacobian_drift(a, b) for a, b, c in zip(q, qd, qdd, strict=True)])
+    acceleration = np.array(
+        [
+            model.jacobian(a) @ c + model.jacobian_drift(a, b)
+            for a, b, c in zip(q, qd, qdd, strict=True)
+        ]
+    )
     damping = 2 * np.sqrt(stiffness)
     pull = (damping * velocity + acceleration) / stiffness
     attractor = Rotation.from_rotvec(pull[:, 3:]) * Rotation.from_matrix(rotation)
     k = round(release / step)
     arm = rotation[k] @ model.description.hand.ball_centre
-    landed = landing(position[k] + arm, velocity[k, :3] + np.cross(velocity[k, 3:], arm), 0.4).position
+    landed = landing(
+        position[k] + arm, velocity[k, :3] + np.cross(velocity[k, 3:], arm), 0.4
+    ).position
     gains = Gains(stiffness, damping)
     return ThrowPlan(
         target=landed, aim=landed, predicted_landing=landed,

@@ -7,7 +7,9 @@ from dart_skill.arm import Command
 STIFFNESS = np.array([3000.0, 3000.0, 1500.0, 1500.0, 300.0, 300.0, 80.0])
 DAMPING = 0.04 * STIFFNESS
 STRONGEST = np.array([90.0, 90.0, 60.0, 60.0, 20.0, 20.0, 8.0])
-"""Of both hands at upper arm and forearm [N m]: less than a person may push with in config/limits.yaml."""
+"""Of both hands at upper arm and forearm [N m]: less than a person may push with in
+config/limits.yaml.
+"""
 
 
 class Holder:

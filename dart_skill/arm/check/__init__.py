@@ -1,8 +1,20 @@
-"""Whether an arm, its cameras and their numbers are fit to be moved: a table of lines from what was heard of them, go or no go."""
+"""Whether an arm, its cameras and their numbers are fit to be moved: a table of lines from what
+was heard of them, go or no go.
+"""
 
 from dart_skill.arm.check._check import ArmReport, check_arm
 from dart_skill.arm.check._heard import Endpoint, Heard, JointStream, PoseStream
 from dart_skill.arm.check._line import Line, Verdict
 from dart_skill.arm.check._postures import PostureCounter
 
-__all__ = ["ArmReport", "Endpoint", "Heard", "JointStream", "Line", "PoseStream", "PostureCounter", "Verdict", "check_arm"]
+__all__ = [
+    "ArmReport",
+    "Endpoint",
+    "Heard",
+    "JointStream",
+    "Line",
+    "PoseStream",
+    "PostureCounter",
+    "Verdict",
+    "check_arm",
+]

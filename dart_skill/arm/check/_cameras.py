@@ -20,16 +20,23 @@ CELL = 0.25
 FEW = 20
 """Frames that a part needs to be named."""
 DISCOVERY_NS, JUMP_NS = 200_000_000, 600_000_000_000
-"""Frames that nobody can have heard yet, and a step of the stamps that is another time base and no gap."""
+"""Frames that nobody can have heard yet, and a step of the stamps that is another time base and no
+gap.
+"""
 SILENT_NS = 100_000_000
-"""Joint states that are farther apart than this were not heard in between, as where a simulation was reset."""
+"""Joint states that are farther apart than this were not heard in between, as where a simulation
+was reset.
+"""
 
 
 def camera_lines(heard: Heard, model: ArmModel, joints_are_right: bool) -> list[Line]:
     """Reach and noise for each body."""
     lines = []
     for role, stream in heard.poses.items():
-        lines += [_reach(role, stream, heard, model if joints_are_right else None), _noise(role, stream)]
+        lines += [
+            _reach(role, stream, heard, model if joints_are_right else None),
+            _noise(role, stream),
+        ]
     return lines
 
 
@@ -37,24 +44,50 @@ def _reach(role: str, stream: PoseStream, heard: Heard, model: ArmModel | None) 
     asked, check = f"in {100 * SEEN:.0f} % of the frames", f"{role}: seen"
     stamps, states = stream.stamp_ns[stream.forward], heard.joints.stamp_ns[heard.joints.forward]
     if len(stamps) < 3:
-        return line(check, Verdict.NO_GO, "never", asked, "is it switched on and named as in config/world.yaml? are its markers seen?")
+        return line(
+            check,
+            Verdict.NO_GO,
+            "never",
+            asked,
+            "is it switched on and named as in config/world.yaml? are its markers seen?",
+        )
     others = [one.stamp_ns for one in heard.poses.values() if len(one)]
     first, last = (states[0], states[-1]) if len(states) else (stamps[0], stamps[-1])
-    first = max(first, min(int(one.min()) for one in others))  # cameras may be discovered later than the arm
+    first = max(
+        first, min(int(one.min()) for one in others)
+    )  # cameras may be discovered later than the arm
     if heard.simulated:
-        last = max(int(one.max()) for one in others)  # and simulated ones may be behind it when the listening ends
+        last = max(
+            int(one.max()) for one in others
+        )  # and simulated ones may be behind it when the listening ends
     lost = _lost(stamps, first, last)
     if len(states) > 1:  # what was lost while the arm was silent, too, is no fault of the cameras
         after = np.clip(np.searchsorted(states, lost), 1, len(states) - 1)
         lost = lost[states[after] - states[after - 1] < SILENT_NS]
     share = len(stamps) / max(1, len(stamps) + len(lost))
-    where = "" if model is None or not len(lost) or len(states) < 2 else _lost_where(stamps, lost, heard, model)
-    remedy = "turn or add cameras" + (f": {where}" if where else "") + ("; put the ball into the hand" if role == "ball" else "")
-    return line(check, graded(1.0 - share, 1.0 - SEEN, 1.0 - TOO_FEW), f"in {100 * share:.1f} % of the frames", asked, remedy)
+    where = (
+        ""
+        if model is None or not len(lost) or len(states) < 2
+        else _lost_where(stamps, lost, heard, model)
+    )
+    remedy = (
+        "turn or add cameras"
+        + (f": {where}" if where else "")
+        + ("; put the ball into the hand" if role == "ball" else "")
+    )
+    return line(
+        check,
+        graded(1.0 - share, 1.0 - SEEN, 1.0 - TOO_FEW),
+        f"in {100 * share:.1f} % of the frames",
+        asked,
+        remedy,
+    )
 
 
 def _lost(stamps: np.ndarray, first: int, last: int) -> np.ndarray:
-    """Stamps of frames in which a body was not seen, between the first and the last instant [ns]; frames of the discovery do not count."""
+    """Stamps of frames in which a body was not seen, between the first and the last instant [ns];
+    frames of the discovery do not count.
+    """
     period = round(1e9 / RATE)
     edges = [stamps]
     if DISCOVERY_NS < stamps[0] - first < JUMP_NS:
@@ -80,14 +113,22 @@ def _lost_where(stamps: np.ndarray, lost: np.ndarray, heard: Heard, model: ArmMo
     if gone < FEW:
         return ""
     x, y, z = CELL * (np.array(cell) + 0.5)
-    return f"lost in {100 * gone / (gone + there):.0f} % of the frames with the hand about ({x:.1f}, {y:.1f}, {z:.1f}) m"
+    return (
+        f"lost in {100 * gone / (gone + there):.0f} % of the frames with the hand about ({x:.1f},"
+        f" {y:.1f}, {z:.1f}) m"
+    )
 
 
 def _hands(stamps: np.ndarray, heard: Heard, model: ArmModel) -> np.ndarray:
     """Where the hand was (n, 3), by the joints."""
     joints = heard.joints
     forward = joints.forward
-    q = np.column_stack([np.interp(stamps, joints.stamp_ns[forward], column) for column in joints.position[forward].T])
+    q = np.column_stack(
+        [
+            np.interp(stamps, joints.stamp_ns[forward], column)
+            for column in joints.position[forward].T
+        ]
+    )
     return np.array([model.hand_pose(row)[0] for row in q]).reshape(-1, 3)
 
 
@@ -95,8 +136,14 @@ def _noise(role: str, stream: PoseStream) -> Line:
     forward = stream.forward & np.isfinite(stream.position).all(axis=1)
     asked = f"at most {1e3 * NOISE:.0f} mm"
     if np.count_nonzero(forward) < FEW:
-        return line(f"{role}: noise", Verdict.NO_GO, "too few frames", asked, "let the cameras see it")
+        return line(
+            f"{role}: noise", Verdict.NO_GO, "too few frames", asked, "let the cameras see it"
+        )
     time = (stream.stamp_ns[forward] - stream.stamp_ns[forward][0]) * 1e-9
     noise = position_noise(time, stream.position[forward])
-    remedy = "calibrate the cameras again; more markers, farther from each other; look for reflections"
-    return line(f"{role}: noise", graded(noise, NOISE, TOO_NOISY), f"{1e3 * noise:.2f} mm", asked, remedy)
+    remedy = (
+        "calibrate the cameras again; more markers, farther from each other; look for reflections"
+    )
+    return line(
+        f"{role}: noise", graded(noise, NOISE, TOO_NOISY), f"{1e3 * noise:.2f} mm", asked, remedy
+    )

@@ -1,4 +1,6 @@
-"""What was heard of an arm and its cameras, as arrays: who listens fills this in, the lines of the check read it."""
+"""What was heard of an arm and its cameras, as arrays: who listens fills this in, the lines of the
+check read it.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ class Stream:
 
     * topic: its name.
     * publishers: all that there were.
-    * received_ns: when each came, on the clock that the nodes use: wall clock, or /clock, (n,) [ns].
+    * received_ns: when each came, on the clock that the nodes use: wall clock, or /clock, (n,)
+      [ns].
     * stamp_ns: what its header says, (n,) [ns].
     * frames: the frame_ids that were used.
     """
@@ -55,7 +58,8 @@ class JointStream(Stream):
     """Joint states.
 
     * orders: the lists of names that were used.
-    * position: (n, k) [rad], of the arm's joints in their order where all are named, else as they came.
+    * position: (n, k) [rad], of the arm's joints in their order where all are named, else as they
+      came.
     * velocity: (n, k) [rad/s], or (n, 0) where the driver gives none.
     * n_odd: messages with another number of positions than k; they are left out.
     """

@@ -21,14 +21,24 @@ WINDOW = 0.02
 
 def joint_lines(stream: JointStream, description: WamDescription) -> list[Line]:
     """Names, positions, velocities."""
-    return [_names(stream, description), _positions(stream, description), _velocities(stream, description)]
+    return [
+        _names(stream, description),
+        _positions(stream, description),
+        _velocities(stream, description),
+    ]
 
 
 def _names(stream: JointStream, description: WamDescription) -> Line:
     wanted = tuple(joint.name for joint in description.joints)
     asked = f"{wanted[0]} to {wanted[-1]}, each once"
     if not stream.orders:
-        return line("joint names", Verdict.NO_GO, "no message", asked, "nothing comes: look at the arm's driver")
+        return line(
+            "joint names",
+            Verdict.NO_GO,
+            "no message",
+            asked,
+            "nothing comes: look at the arm's driver",
+        )
     for names in stream.orders:
         try:
             joint_order(names)
@@ -37,7 +47,13 @@ def _names(stream: JointStream, description: WamDescription) -> Line:
             return line("joint names", Verdict.NO_GO, what, asked, remedy)
     if stream.n_odd:
         measured = f"{stream.n_odd} messages with another number of joints"
-        return line("joint names", Verdict.NO_GO, measured, asked, "the hand's joints go on a topic of their own, or always with the arm's")
+        return line(
+            "joint names",
+            Verdict.NO_GO,
+            measured,
+            asked,
+            "the hand's joints go on a topic of their own, or always with the arm's",
+        )
     return line("joint names", Verdict.GO, ", ".join(stream.orders[0]), asked)
 
 
@@ -48,47 +64,107 @@ def _positions(stream: JointStream, description: WamDescription) -> Line:
     if q.shape[1:] != (len(lower),) or not len(q):
         return line("joint positions", Verdict.NO_GO, "not seven joints", asked, "see joint names")
     if not np.isfinite(q).all():
-        return line("joint positions", Verdict.NO_GO, "numbers that are not finite", asked, "look at the driver")
+        return line(
+            "joint positions",
+            Verdict.NO_GO,
+            "numbers that are not finite",
+            asked,
+            "look at the driver",
+        )
     beyond = np.maximum(q - upper, lower - q).max(axis=0)
     j = int(beyond.argmax())
     name = description.joints[j].name
     if beyond[j] <= 0.0:
         near = f"nearest to an end: {name}, {-beyond[j]:.2f} rad"
         tight = Verdict.WARN if -beyond[j] < 0.05 else Verdict.GO
-        return line("joint positions", tight, near, asked, f"lead {name} away from its end: the commander stops throws there")
+        return line(
+            "joint positions",
+            tight,
+            near,
+            asked,
+            f"lead {name} away from its end: the commander stops throws there",
+        )
     worst = q[np.maximum(q[:, j] - upper[j], lower[j] - q[:, j]).argmax(), j]
     measured = f"{name} at {worst:.2f}, range {lower[j]} to {upper[j]} rad"
     # Radians of an arm that is a little over its end are near it; degrees are not.
     if beyond[j] > 1.0 and np.abs(np.deg2rad(worst)) < np.pi:
-        return line("joint positions", Verdict.NO_GO, measured, asked, "these look like degrees: the driver must give radians")
+        return line(
+            "joint positions",
+            Verdict.NO_GO,
+            measured,
+            asked,
+            "these look like degrees: the driver must give radians",
+        )
     return line(
-        "joint positions", Verdict.NO_GO, measured, asked, "calibrate the arm's zero (all zero is straight up), or correct config/wam.yaml"
+        "joint positions",
+        Verdict.NO_GO,
+        measured,
+        asked,
+        "calibrate the arm's zero (all zero is straight up), or correct config/wam.yaml",
     )
 
 
 def _velocities(stream: JointStream, description: WamDescription) -> Line:
     asked = "those of the positions, rad/s"
     if stream.position.shape[1:] != (len(description.joints),):
-        return line("joint velocities", Verdict.NO_GO, "not seven joints", asked, "see joint names")
+        return line(
+            "joint velocities", Verdict.NO_GO, "not seven joints", asked, "see joint names"
+        )
     if not len(stream) or stream.velocity.shape != stream.position.shape:
-        return line("joint velocities", Verdict.NO_GO, "none", asked, "the commander needs them: let the driver give them")
+        return line(
+            "joint velocities",
+            Verdict.NO_GO,
+            "none",
+            asked,
+            "the commander needs them: let the driver give them",
+        )
     if not np.isfinite(stream.velocity).all():
-        return line("joint velocities", Verdict.NO_GO, "numbers that are not finite", asked, "look at the driver")
+        return line(
+            "joint velocities",
+            Verdict.NO_GO,
+            "numbers that are not finite",
+            asked,
+            "look at the driver",
+        )
     slopes, still = _slopes(stream)
-    wrong = [j for j, slope in enumerate(slopes) if np.isfinite(slope) and abs(slope - 1.0) > SHARE]
+    wrong = [
+        j for j, slope in enumerate(slopes) if np.isfinite(slope) and abs(slope - 1.0) > SHARE
+    ]
     if wrong:
         told = ", ".join(f"{description.joints[j].name} {slopes[j]:.2f} times" for j in wrong)
-        return line("joint velocities", Verdict.NO_GO, told, asked, _cause([slopes[j] for j in wrong]))
+        return line(
+            "joint velocities", Verdict.NO_GO, told, asked, _cause([slopes[j] for j in wrong])
+        )
     if still:
         told = ", ".join(description.joints[j].name for j in still)
-        return line("joint velocities", Verdict.WARN, f"right, but {told} never moved", asked, f"move {told} by hand, and check again")
-    return line("joint velocities", Verdict.GO, f"{min(slopes):.2f} to {max(slopes):.2f} times the differences", asked)
+        return line(
+            "joint velocities",
+            Verdict.WARN,
+            f"right, but {told} never moved",
+            asked,
+            f"move {told} by hand, and check again",
+        )
+    return line(
+        "joint velocities",
+        Verdict.GO,
+        f"{min(slopes):.2f} to {max(slopes):.2f} times the differences",
+        asked,
+    )
 
 
 def _slopes(stream: JointStream) -> tuple[list[float], list[int]]:
-    """Speeds over differences of positions for each joint, nan for one that hardly moved; and which did."""
+    """Speeds over differences of positions for each joint, nan for one that hardly moved; and
+    which did.
+    """
     forward = stream.forward
-    time, q, qd = (values[forward] for values in ((stream.stamp_ns - stream.stamp_ns[0]) * 1e-9, stream.position, stream.velocity))
+    time, q, qd = (
+        values[forward]
+        for values in (
+            (stream.stamp_ns - stream.stamp_ns[0]) * 1e-9,
+            stream.position,
+            stream.velocity,
+        )
+    )
     slopes, still = [], []
     for j in range(q.shape[1]):
         moved = speeds_of(time, q[:, j : j + 1], time)[:, 0]
@@ -103,7 +179,10 @@ def _slopes(stream: JointStream) -> tuple[list[float], list[int]]:
 
 def speeds_of(time: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Speeds (m, k) at instants (m,) by differences of positions (n, k) at times (n,) [s]."""
-    after, before = (np.column_stack([np.interp(at + half, time, column) for column in q.T]) for half in (WINDOW / 2, -WINDOW / 2))
+    after, before = (
+        np.column_stack([np.interp(at + half, time, column) for column in q.T])
+        for half in (WINDOW / 2, -WINDOW / 2)
+    )
     return (after - before) / WINDOW
 
 

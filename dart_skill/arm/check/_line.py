@@ -37,7 +37,9 @@ def line(check: str, verdict: Verdict, measured: str, asked: str, remedy: str = 
 
 
 def graded(value: float, good: float, bearable: float) -> Verdict:
-    """GO up to a value that is good, WARN up to one that is bearable, NO_GO beyond, and for what is not a number."""
+    """GO up to a value that is good, WARN up to one that is bearable, NO_GO beyond, and for what
+    is not a number.
+    """
     if value <= good:
         return Verdict.GO
     return Verdict.WARN if value <= bearable else Verdict.NO_GO

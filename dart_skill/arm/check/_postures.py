@@ -30,7 +30,11 @@ class PostureCounter:
             return False
         if np.abs(position - last[1]).max() > REST * (time - last[0]):
             self._since = time
-        if self._since is None or time - self._since < RESTING or any(np.abs(position - one).max() < NEW for one in self._found):
+        if (
+            self._since is None
+            or time - self._since < RESTING
+            or any(np.abs(position - one).max() < NEW for one in self._found)
+        ):
             return False
         self._found.append(position.copy())
         return True

@@ -10,7 +10,9 @@ from dart_skill.arm import WamDescription
 from dart_skill.arm.check._line import Line, Verdict, graded, line
 
 VELOCITY_LIMIT = 1.0
-"""At which the WAM's safety system stops the arm (fault VL2), measured at the elbow, unless setVelocityLimit raises it [m/s]."""
+"""At which the WAM's safety system stops the arm (fault VL2), measured at the elbow, unless
+setVelocityLimit raises it [m/s].
+"""
 FIRST_FORCE, STRONGEST_FORCE = 100.0, 250.0
 """Strongest force for first throws, and for any [N]."""
 FASTEST, ERROR = 5.5, 0.15
@@ -18,8 +20,12 @@ FASTEST, ERROR = 5.5, 0.15
 
 
 def safety_lines(limits: Mapping, description: WamDescription, simulated: bool) -> list[Line]:
-    """Lines about the commander's parameters `limits` (config/commander.yaml) and the description of the arm."""
-    force, hand, error = (float(limits[name]) for name in ("strongest_force", "fastest_hand", "farthest_error"))
+    """Lines about the commander's parameters `limits` (config/commander.yaml) and the description
+    of the arm.
+    """
+    force, hand, error = (
+        float(limits[name]) for name in ("strongest_force", "fastest_hand", "farthest_error")
+    )
     firmest = STRONGEST_FORCE if simulated else FIRST_FORCE
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
     margin = float(limits["joint_margin"])
@@ -47,11 +53,14 @@ def safety_lines(limits: Mapping, description: WamDescription, simulated: bool) 
 
 
 def _speed_line(hand: float, simulated: bool) -> Line:
-    asked = f"at most {FASTEST:g} m/s" + ("" if simulated else f"; {VELOCITY_LIMIT:g} m/s until the arm's limit is raised")
+    asked = f"at most {FASTEST:g} m/s" + (
+        "" if simulated else f"; {VELOCITY_LIMIT:g} m/s until the arm's limit is raised"
+    )
     verdict = graded(hand, FASTEST, 8.0)
     if verdict is Verdict.GO and not simulated and hand > VELOCITY_LIMIT:
         verdict = Verdict.WARN
     remedy = (
-        "the arm stops at its own limit (fault VL2): raise it with setVelocityLimit after each power-up, begin with less in fastest_hand"
+        "the arm stops at its own limit (fault VL2): raise it with setVelocityLimit after each"
+        " power-up, begin with less in fastest_hand"
     )
     return line("fastest hand", verdict, f"{hand:g} m/s", asked, remedy)

@@ -20,12 +20,25 @@ def add_options(parser: argparse.ArgumentParser, tried: str, one: str) -> None:
     * one: what a line of the JSON is about.
     """
     parser.add_argument("--seeds", type=positive, default=10, help="seeds 0 to N - 1 (default 10)")
-    parser.add_argument("--demonstrations", type=int, default=8, help="that are learned from (default 8)")
+    parser.add_argument(
+        "--demonstrations", type=int, default=8, help="that are learned from (default 8)"
+    )
     parser.add_argument(f"--{tried}", type=positive, default=10, help="for each seed (default 10)")
-    parser.add_argument("--arm", default="ideal", help="of config/fleet.yaml; fleet: another one for every seed (default ideal)")
-    parser.add_argument("--partition", choices=PARTITIONS, default="", help="of the components in time (default: of the skill's file)")
+    parser.add_argument(
+        "--arm",
+        default="ideal",
+        help="of config/fleet.yaml; fleet: another one for every seed (default ideal)",
+    )
+    parser.add_argument(
+        "--partition",
+        choices=PARTITIONS,
+        default="",
+        help="of the components in time (default: of the skill's file)",
+    )
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
-    parser.add_argument("--json", action="store_true", help=f"every {one} as JSON instead of the table")
+    parser.add_argument(
+        "--json", action="store_true", help=f"every {one} as JSON instead of the table"
+    )
 
 
 def show(tried: Sequence[Any], table: Callable[[Any], str], as_json: bool) -> None:

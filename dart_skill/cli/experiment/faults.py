@@ -1,4 +1,6 @@
-"""`dart-skill experiment faults`: what the real graph does when things go wrong. The nodes run it (`graph_verbs`)."""
+"""`dart-skill experiment faults`: what the real graph does when things go wrong. The nodes run it
+(`graph_verbs`).
+"""
 
 from __future__ import annotations
 

@@ -11,11 +11,26 @@ from dart_skill.cli.run_options import folder, positive
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `figure` to the experiments of `dart-skill experiment`."""
     figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
-    figure.add_argument("number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one")
-    figure.add_argument("--output", type=folder, default="figures", metavar="FOLDER", help="where SVG and PNG go (default: figures)")
+    figure.add_argument(
+        "number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one"
+    )
+    figure.add_argument(
+        "--output",
+        type=folder,
+        default="figures",
+        metavar="FOLDER",
+        help="where SVG and PNG go (default: figures)",
+    )
     figure.add_argument("--seed", type=int, default=0)
-    figure.add_argument("--teachers", type=positive, metavar="N", help="of 8.4.4 alone: how many simulated teachers (default 2)")
-    figure.add_argument("--json", action="store_true", help="seed, paths and what was measured as JSON")
+    figure.add_argument(
+        "--teachers",
+        type=positive,
+        metavar="N",
+        help="of 8.4.4 alone: how many simulated teachers (default 2)",
+    )
+    figure.add_argument(
+        "--json", action="store_true", help="seed, paths and what was measured as JSON"
+    )
     figure.set_defaults(run=_figure)
 
 
@@ -24,12 +39,20 @@ def _figure(options: argparse.Namespace) -> int:
 
     if options.number == "list":
         titles = thesis.titles()
-        print(json.dumps(titles, indent=1) if options.json else "\n".join(f"{number}  {title}" for number, title in titles.items()))
+        print(
+            json.dumps(titles, indent=1)
+            if options.json
+            else "\n".join(f"{number}  {title}" for number, title in titles.items())
+        )
         return 0
     drawn, more = {}, {} if options.teachers is None else {"teachers": options.teachers}
     for number in thesis.FIGURES if options.number == "all" else [options.number]:
         paths, measured = thesis.draw(number, options.output, options.seed, **more)
-        drawn[number] = {"seed": options.seed, "paths": [str(path) for path in paths], "measured": measured}
+        drawn[number] = {
+            "seed": options.seed,
+            "paths": [str(path) for path in paths],
+            "measured": measured,
+        }
         if not options.json:
             text = thesis.describe(number, measured).replace("\n", "\n  ")
             print(f"figure {number}, seed {options.seed}: {paths[0]}, {paths[1].name}\n  {text}")

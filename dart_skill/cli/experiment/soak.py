@@ -1,4 +1,6 @@
-"""`dart-skill experiment soak`: hours of practice on the real graph. The nodes run it (`graph_verbs`)."""
+"""`dart-skill experiment soak`: hours of practice on the real graph. The nodes run it
+(`graph_verbs`).
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
-"""The figures of the thesis, one module each, computed anew: `dart-skill experiment figure NUMBER`.
+"""The figures of the thesis, one module each, computed anew: `dart-skill experiment figure
+NUMBER`.
 
-A module has TITLE and `draw(folder, seed)`, which writes the figure and returns its paths and what was measured, by name; `describe`, where
-that reads better than JSON. The thesis prints few numbers of its experiments; where one had to be chosen, the module says so.
+A module has TITLE and `draw(folder, seed)`, which writes the figure and returns its paths and what
+was measured, by name; `describe`, where that reads better than JSON. The thesis prints few numbers
+of its experiments; where one had to be chosen, the module says so.
 """
 
 import importlib
@@ -46,7 +48,9 @@ def titles() -> dict[str, str]:
     return {number: _module(number).TITLE for number in FIGURES}
 
 
-def draw(number: str, folder: str | Path, seed: int = 0, **options: int) -> tuple[list[Path], dict]:
+def draw(
+    number: str, folder: str | Path, seed: int = 0, **options: int
+) -> tuple[list[Path], dict]:
     """Write a figure into a folder; its paths, and what was measured for it.
 
     options: of the figure alone, such as teachers of 8.4.4. ValueError if it has no such option.

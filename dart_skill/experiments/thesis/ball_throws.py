@@ -1,4 +1,5 @@
-"""Throws of a ball into a basket for figures 8.6 to 8.11: 13 lessons in process, and what models make of them.
+"""Throws of a ball into a basket for figures 8.6 to 8.11: 13 lessons in process, and what models
+make of them.
 
 All figures of one seed share their lessons: the teacher throws once.
 """
@@ -17,7 +18,14 @@ from dart_skill.figures import Recording
 from dart_skill.movement import rotate, smooth_derivatives
 from dart_skill.recording import Demonstration
 from dart_skill.session import Session, Trial
-from dart_skill.skills.learning import PreparedThrow, ThrowingSkill, configuration, frames_for, learn_prepared, prepare
+from dart_skill.skills.learning import (
+    PreparedThrow,
+    ThrowingSkill,
+    configuration,
+    frames_for,
+    learn_prepared,
+    prepare,
+)
 
 N_DEMONSTRATIONS, N_NEW = 13, 10
 POSE_STEPS = 5
@@ -26,7 +34,9 @@ POSE_STEPS = 5
 
 @dataclass(frozen=True, eq=False)
 class Lessons:
-    """Demonstrations that went in, and the whole recording that each was cut from: the hand as the arm's own encoders have it."""
+    """Demonstrations that went in, and the whole recording that each was cut from: the hand as the
+    arm's own encoders have it.
+    """
 
     demonstrations: tuple[Demonstration, ...]
     recordings: tuple[Recording, ...]
@@ -37,11 +47,15 @@ def lessons(seed: int) -> Lessons:
     """One lesson at each of 13 baskets within 45 degrees and 1.5 to 2.5 m; those that went in."""
     session = Session(seed, keep_states=True)
     try:
-        trials = [session.teach(target)[-1] for target in targets_for(seed, N_DEMONSTRATIONS, 0)[0]]
+        trials = [
+            session.teach(target)[-1] for target in targets_for(seed, N_DEMONSTRATIONS, 0)[0]
+        ]
     finally:
         session.close()
     kept = [trial for trial in trials if trial.outcome.in_basket]
-    return Lessons(tuple(trial.demonstration for trial in kept), tuple(_recording(trial) for trial in kept))
+    return Lessons(
+        tuple(trial.demonstration for trial in kept), tuple(_recording(trial) for trial in kept)
+    )
 
 
 def _recording(trial: Trial) -> Recording:
@@ -49,7 +63,15 @@ def _recording(trial: Trial) -> Recording:
     none = np.empty(0, dtype=np.int64)
     stamps = np.array([state.stamp_ns for state in states])
     hand = np.array([state.hand_position for state in states])
-    return Recording(stamps, hand, none, np.empty((0, 3)), d.target, none, d.stamp_ns + round(d.hand_opened * 1e9))
+    return Recording(
+        stamps,
+        hand,
+        none,
+        np.empty((0, 3)),
+        d.target,
+        none,
+        d.stamp_ns + round(d.hand_opened * 1e9),
+    )
 
 
 @lru_cache(maxsize=8)
@@ -70,7 +92,9 @@ def new_baskets(seed: int) -> np.ndarray:
 
 
 def predicted_misses(seed: int, name: str) -> np.ndarray:
-    """Distance (n,) [m] from each new basket to where the plan itself expects the ball; nan without a plan."""
+    """Distance (n,) [m] from each new basket to where the plan itself expects the ball; nan
+    without a plan.
+    """
     learned = skill(seed, name)
     return np.array([_predicted_miss(learned, basket) for basket in new_baskets(seed)])
 
@@ -84,7 +108,9 @@ def _predicted_miss(learned: ThrowingSkill, basket: np.ndarray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A throw to draw: time (n,) [s], hand position (n, 3), quaternion (n, 4), the instant of the release, flight (m, 3), target (3,)."""
+    """A throw to draw: time (n,) [s], hand position (n, 3), quaternion (n, 4), the instant of the
+    release, flight (m, 3), target (3,).
+    """
 
     time: np.ndarray
     position: np.ndarray
@@ -101,11 +127,15 @@ class Trajectory:
 
     @property
     def jerk(self) -> float:
-        """Root mean square of the third derivative of the path [m/s^3], sampled and smoothed alike whatever it comes from."""
+        """Root mean square of the third derivative of the path [m/s^3], sampled and smoothed alike
+        whatever it comes from.
+        """
         grid = np.arange(self.time[0], self.time[-1], 0.01)
         path = np.column_stack([np.interp(grid, self.time, column) for column in self.position.T])
         acceleration = smooth_derivatives(grid, path, noise=1e-4).acceleration
-        return float(np.sqrt(np.mean(np.sum(np.gradient(acceleration, grid, axis=0) ** 2, axis=1))))
+        return float(
+            np.sqrt(np.mean(np.sum(np.gradient(acceleration, grid, axis=0) ** 2, axis=1)))
+        )
 
 
 def demonstrated(one: Demonstration, throw: PreparedThrow) -> Trajectory:
@@ -114,29 +144,52 @@ def demonstrated(one: Demonstration, throw: PreparedThrow) -> Trajectory:
     release = one.motion_start + throw.release_time - throw.start
     flying = (one.ball_time >= release) & (one.ball_position[:, 2] >= one.target[2])
     ball = one.ball_position[flying]
-    return Trajectory(one.hand_time[moving], one.hand_position[moving], one.hand_quaternion[moving], release, ball, one.target)
+    return Trajectory(
+        one.hand_time[moving],
+        one.hand_position[moving],
+        one.hand_quaternion[moving],
+        release,
+        ball,
+        one.target,
+    )
 
 
 def planned(plan: ThrowPlan) -> Trajectory:
     """A plan, and the flight that it expects."""
     path = plan.path
     arm = rotate(path.quaternion, wam_description().hand.ball_centre[None])
-    columns = np.hstack([path.position + arm, path.velocity[:, :3] + np.cross(path.velocity[:, 3:], arm)])
-    position, velocity = np.split(np.array([np.interp(plan.release, path.time, column) for column in columns.T]), 2)
+    columns = np.hstack(
+        [path.position + arm, path.velocity[:, :3] + np.cross(path.velocity[:, 3:], arm)]
+    )
+    position, velocity = np.split(
+        np.array([np.interp(plan.release, path.time, column) for column in columns.T]), 2
+    )
     times = np.linspace(0.0, float(landing(position, velocity, plan.target[2]).time), 61)
-    return Trajectory(path.time, path.position, path.quaternion, plan.release, flight(position, velocity, times)[0], plan.target)
+    return Trajectory(
+        path.time,
+        path.position,
+        path.quaternion,
+        plan.release,
+        flight(position, velocity, times)[0],
+        plan.target,
+    )
 
 
 def all_demonstrated(seed: int, name: str) -> list[Trajectory]:
     """All lessons."""
-    return [demonstrated(*pair) for pair in zip(lessons(seed).demonstrations, prepared(seed, name), strict=True)]
+    return [
+        demonstrated(*pair)
+        for pair in zip(lessons(seed).demonstrations, prepared(seed, name), strict=True)
+    ]
 
 
 @dataclass(frozen=True, eq=False)
 class Angles:
-    """alpha and beta (n_throws, n_steps, 2) [rad] of several throws on one clock, time (n_steps,) [s] since the start of the motion.
+    """alpha and beta (n_throws, n_steps, 2) [rad] of several throws on one clock, time (n_steps,)
+    [s] since the start of the motion.
 
-    releases (n_throws,): when each let go on that clock; azimuths (n_throws,) of their targets [rad].
+    releases (n_throws,): when each let go on that clock; azimuths (n_throws,) of their targets
+    [rad].
     """
 
     time: np.ndarray
@@ -146,17 +199,26 @@ class Angles:
 
     @property
     def spread(self) -> np.ndarray:
-        """(2,) Standard deviation of alpha and beta from throw to throw, root mean square over time [rad]."""
+        """(2,) Standard deviation of alpha and beta from throw to throw, root mean square over
+        time [rad].
+        """
         return np.sqrt(self.values.var(axis=0).mean(axis=0))
 
     @property
     def spread_at_release(self) -> np.ndarray:
         """(2,) Standard deviation of alpha and beta when the ball leaves the hand [rad]."""
-        at = [[np.interp(release, self.time, column) for column in one.T] for release, one in zip(self.releases, self.values, strict=True)]
+        at = [
+            [np.interp(release, self.time, column) for column in one.T]
+            for release, one in zip(self.releases, self.values, strict=True)
+        ]
         return np.std(at, axis=0)
 
 
-FRAMES = {"frame_1": "frame 1, world axes", "frame_2": "frame 2, at the target", "turned": "turned to the target"}
+FRAMES = {
+    "frame_1": "frame 1, world axes",
+    "frame_2": "frame 2, at the target",
+    "turned": "turned to the target",
+}
 """The thesis's two frames (8.3) and (8.2), and the axes of `default`."""
 
 
@@ -167,9 +229,17 @@ def angles_in(seed: int, frame: str, only: np.ndarray | None = None) -> Angles:
     throws = prepared(seed, "default" if frame == "turned" else "thesis")
     throws = throws if only is None else tuple(throws[k] for k in only)
     time = np.linspace(0.0, min(one.stop - one.start for one in throws), 91)
-    values = [[np.interp(time, one.time - one.start, column) for column in _angles(one, frame).T] for one in throws]
+    values = [
+        [np.interp(time, one.time - one.start, column) for column in _angles(one, frame).T]
+        for one in throws
+    ]
     releases = [one.release_time - one.start for one in throws]
-    return Angles(time, np.transpose(values, (0, 2, 1)), np.array(releases), np.array([one.azimuth for one in throws]))
+    return Angles(
+        time,
+        np.transpose(values, (0, 2, 1)),
+        np.array(releases),
+        np.array([one.azimuth for one in throws]),
+    )
 
 
 def _angles(throw: PreparedThrow, frame: str) -> np.ndarray:

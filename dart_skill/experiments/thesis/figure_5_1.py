@@ -1,4 +1,6 @@
-"""Figure 5.1: one update of PoWER. Samples and their weights, the best of them, and the mean (5.1) and covariance (5.2) that they make."""
+"""Figure 5.1: one update of PoWER. Samples and their weights, the best of them, and the mean (5.1)
+and covariance (5.2) that they make.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures import BLACK, GAUSSIAN, GREY, LIGHT, gaussian_ellipse, house_style, legend_below, letter_panels, save
+from dart_skill.figures import (
+    BLACK,
+    GAUSSIAN,
+    GREY,
+    LIGHT,
+    gaussian_ellipse,
+    house_style,
+    legend_below,
+    letter_panels,
+    save,
+)
 from dart_skill.policy_search import PoWER, return_weights
 
 TITLE = "One update of PoWER: samples, the best of them, new mean and covariance"
@@ -21,8 +33,8 @@ DEVIATIONS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """Parameters (n, 2) that were tried, their returns (n,), the weights (n,) of the best, and mean (2,) and covariance (2, 2) before and
-    after.
+    """Parameters (n, 2) that were tried, their returns (n,), the weights (n,) of the best, and
+    mean (2,) and covariance (2, 2) before and after.
     """
 
     tried: np.ndarray
@@ -40,7 +52,13 @@ def reward(parameters: np.ndarray) -> float:
 
 def compute(seed: int = 0) -> Update:
     """The first update of a search by (5.1) and (5.2) to the letter: returns are weights."""
-    options: dict[str, Any] = {"exploration": "constant", "weighting": "returns", "batch": N_SAMPLES, "best": N_BEST, "latest": N_SAMPLES}
+    options: dict[str, Any] = {
+        "exploration": "constant",
+        "weighting": "returns",
+        "batch": N_SAMPLES,
+        "best": N_BEST,
+        "latest": N_SAMPLES,
+    }
     search = PoWER(START, SPREAD, rng=np.random.default_rng(seed), **options)
     before = search.parameters, search.covariance
     trials = list(search.trials(N_SAMPLES))
@@ -48,7 +66,13 @@ def compute(seed: int = 0) -> Update:
     for trial, earned in zip(trials, returns, strict=True):
         search.tell(trial, earned)
     weights = return_weights(returns, N_BEST, "returns")
-    return Update(np.array([trial.parameters for trial in trials]), returns, weights, before, (search.parameters, search.covariance))
+    return Update(
+        np.array([trial.parameters for trial in trials]),
+        returns,
+        weights,
+        before,
+        (search.parameters, search.covariance),
+    )
 
 
 def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
@@ -57,11 +81,20 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     with house_style():
         figure = Figure(figsize=(10.5, 4.3), layout="constrained")
         samples, elite, updated = figure.subplots(1, 3, sharex=True, sharey=True)
-        for axes, shown in ((samples, np.ones(N_SAMPLES, dtype=bool)), (elite, best), (updated, best)):
+        for axes, shown in (
+            (samples, np.ones(N_SAMPLES, dtype=bool)),
+            (elite, best),
+            (updated, best),
+        ):
             _hill(axes)
             size = 120 * update.returns[shown] / update.returns.max()
             axes.scatter(
-                *update.tried[shown].T, s=size, facecolor="none", edgecolor=BLACK, linewidth=0.9, label="sample, area by its return"
+                *update.tried[shown].T,
+                s=size,
+                facecolor="none",
+                edgecolor=BLACK,
+                linewidth=0.9,
+                label="sample, area by its return",
             )
         for axes in (samples, elite):
             _policy(axes, *update.before)
@@ -80,12 +113,17 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 
 def measured(update: Update) -> dict:
     """Return of the mean before and after."""
-    return {"return_before": round(reward(update.before[0]), 3), "return_after": round(reward(update.after[0]), 3)}
+    return {
+        "return_before": round(reward(update.before[0]), 3),
+        "return_after": round(reward(update.after[0]), 3),
+    }
 
 
 def _hill(axes: Axes) -> None:
     x, y = np.meshgrid(np.linspace(-3.2, 4.2, 75), np.linspace(-3.2, 3.6, 69))
-    height = np.array([reward(point) for point in np.column_stack([x.ravel(), y.ravel()])]).reshape(x.shape)
+    height = np.array(
+        [reward(point) for point in np.column_stack([x.ravel(), y.ravel()])]
+    ).reshape(x.shape)
     axes.contour(x, y, height, levels=[0.1, 0.3, 0.5, 0.7, 0.9], colors=LIGHT, linewidths=0.7)
     axes.plot([], [], color=LIGHT, linewidth=0.7, label="return 0.1, 0.3, ..., 0.9")
     axes.plot(*OPTIMUM, "x", color=GREY, markersize=7, linestyle="none", label="best parameters")
@@ -93,5 +131,23 @@ def _hill(axes: Axes) -> None:
 
 def _policy(axes: Axes, mean: np.ndarray, covariance: np.ndarray) -> None:
     name = f"policy, {DEVIATIONS:g} standard deviations"
-    axes.add_patch(gaussian_ellipse(mean, covariance, DEVIATIONS, facecolor="none", edgecolor=GAUSSIAN, linewidth=2.0, label=name))
-    axes.plot(*mean, "o", color=GAUSSIAN, markeredgecolor=BLACK, markersize=7, linestyle="none", label="its mean")
+    axes.add_patch(
+        gaussian_ellipse(
+            mean,
+            covariance,
+            DEVIATIONS,
+            facecolor="none",
+            edgecolor=GAUSSIAN,
+            linewidth=2.0,
+            label=name,
+        )
+    )
+    axes.plot(
+        *mean,
+        "o",
+        color=GAUSSIAN,
+        markeredgecolor=BLACK,
+        markersize=7,
+        linestyle="none",
+        label="its mean",
+    )

@@ -1,6 +1,8 @@
-"""Figure 5.4: a Gaussian split in two along its longest axis (5.7) to (5.12), and the two merged again.
+"""Figure 5.4: a Gaussian split in two along its longest axis (5.7) to (5.12), and the two merged
+again.
 
-With alpha = beta = 1/2 and u^2 = 3/4, as the thesis has them, mean and covariance of the two together are those of the one.
+With alpha = beta = 1/2 and u^2 = 3/4, as the thesis has them, mean and covariance of the two
+together are those of the one.
 """
 
 from __future__ import annotations
@@ -41,9 +43,15 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 
 
 def measured(one: GaussianMixture, two: GaussianMixture, merged: GaussianMixture) -> dict:
-    """How far apart the halves are, in deviations of the whole along its axis, and the largest difference after the merger."""
+    """How far apart the halves are, in deviations of the whole along its axis, and the largest
+    difference after the merger.
+    """
     variance = np.linalg.eigvalsh(one.covariances_[0])[-1]
     return {
-        "halves_apart_over_deviation": round(float(np.linalg.norm(two.means_[0] - two.means_[1]) / np.sqrt(variance)), 6),
-        "largest_change_of_the_covariance": round(float(np.abs(merged.covariances_ - one.covariances_).max()), 12),
+        "halves_apart_over_deviation": round(
+            float(np.linalg.norm(two.means_[0] - two.means_[1]) / np.sqrt(variance)), 6
+        ),
+        "largest_change_of_the_covariance": round(
+            float(np.abs(merged.covariances_ - one.covariances_).max()), 12
+        ),
     }

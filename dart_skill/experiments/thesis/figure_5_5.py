@@ -1,12 +1,14 @@
-"""Figure 5.5: data spectroscopy with weights (5.13). Points of one Gaussian, weighted by the density of a mixture of four (5.14), and the
-groups that their weights make.
+"""Figure 5.5: data spectroscopy with weights (5.13). Points of one Gaussian, weighted by the
+density of a mixture of four (5.14), and the groups that their weights make.
 
-The thesis does not print its bandwidth. With the kernel as (5.13) prints it, w_i k w_j, and its threshold 1 / n, the four are found at
-bandwidths 0.45 to 0.6 with one thing added: what 1 % of the weight does is not counted (`core`). Points far out weigh next to nothing,
-and would be groups of their own: with all weight (core = 1) hardly any seed gives the four.
+The thesis does not print its bandwidth. With the kernel as (5.13) prints it, w_i k w_j, and its
+threshold 1 / n, the four are found at bandwidths 0.45 to 0.6 with one thing added: what 1 % of the
+weight does is not counted (`core`). Points far out weigh next to nothing, and would be groups of
+their own: with all weight (core = 1) hardly any seed gives the four.
 
-As a weight is not a number of copies there, `data_spectroscopy` has another kernel by default, sqrt(w_i) k sqrt(w_j). With it the four
-Gaussians are closer together, and the four are found with a larger threshold only (0.1, at bandwidth 0.65: 19 of 20 seeds).
+As a weight is not a number of copies there, `data_spectroscopy` has another kernel by default,
+sqrt(w_i) k sqrt(w_j). With it the four Gaussians are closer together, and the four are found with
+a larger threshold only (0.1, at bandwidth 0.65: 19 of 20 seeds).
 """
 
 from __future__ import annotations
@@ -18,12 +20,25 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    gaussian_ellipse,
+    house_style,
+    save,
+)
 from dart_skill.mixture import GaussianMixture, Spectroscopy, data_spectroscopy
 
 TITLE = "Data spectroscopy finds the groups of weighted points"
 N_POINTS, SAMPLED = 1000, 9.0 * np.eye(2)
-MIXTURE = GaussianMixture.from_parameters([0.25] * 4, [[3, 3], [-3, 3], [3, -3], [-3, -3]], [2.0 * np.eye(2)] * 4)
+MIXTURE = GaussianMixture.from_parameters(
+    [0.25] * 4, [[3, 3], [-3, 3], [3, -3], [-3, -3]], [2.0 * np.eye(2)] * 4
+)
 BANDWIDTH, CORE, READING = 0.55, 0.99, "printed"
 COPIES: dict[str, Any] = {"bandwidth": 0.65, "core": CORE, "tolerance": 0.1, "reading": "copies"}
 """For a weight that is a number of copies."""
@@ -41,9 +56,15 @@ class Grouping:
 
 
 def compute(seed: int = 0) -> Grouping:
-    points = np.random.default_rng(seed).multivariate_normal(np.zeros(2), SAMPLED, N_POINTS, method="cholesky")
+    points = np.random.default_rng(seed).multivariate_normal(
+        np.zeros(2), SAMPLED, N_POINTS, method="cholesky"
+    )
     weights = np.exp(MIXTURE.log_density(points))  # (5.14)
-    return Grouping(points, weights, data_spectroscopy(points, weights, bandwidth=BANDWIDTH, core=CORE, reading=READING))
+    return Grouping(
+        points,
+        weights,
+        data_spectroscopy(points, weights, bandwidth=BANDWIDTH, core=CORE, reading=READING),
+    )
 
 
 def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
@@ -53,15 +74,41 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
         size = 24 * grouping.weights / grouping.weights.max()
         left.scatter(*grouping.points.T, s=size, color=GREY, linewidth=0)
-        left.add_patch(gaussian_ellipse(np.zeros(2), SAMPLED, DEVIATIONS, facecolor="none", edgecolor=VERMILION, linewidth=2.0))
+        left.add_patch(
+            gaussian_ellipse(
+                np.zeros(2),
+                SAMPLED,
+                DEVIATIONS,
+                facecolor="none",
+                edgecolor=VERMILION,
+                linewidth=2.0,
+            )
+        )
         for component in MIXTURE.components:
-            ellipse = gaussian_ellipse(component.mean, component.covariance, DEVIATIONS, facecolor="none", edgecolor=BLUE, linewidth=2.0)
+            ellipse = gaussian_ellipse(
+                component.mean,
+                component.covariance,
+                DEVIATIONS,
+                facecolor="none",
+                edgecolor=BLUE,
+                linewidth=2.0,
+            )
             left.add_patch(ellipse)
-        left.set_title(f"points of one Gaussian (red), area by weight:\nthe density of four (blue), {DEVIATIONS:g} s.d.")
+        left.set_title(
+            "points of one Gaussian (red), area by weight:\nthe density of four (blue),"
+            f" {DEVIATIONS:g} s.d."
+        )
         for group in range(grouping.groups.n_groups):
             own = grouping.groups.labels == group
-            right.scatter(*grouping.points[own].T, s=size[own], color=COLOURS[group % len(COLOURS)], linewidth=0)
-        right.set_title(f"{grouping.groups.n_groups} groups at bandwidth {BANDWIDTH:g},\n(5.13) as printed")
+            right.scatter(
+                *grouping.points[own].T,
+                s=size[own],
+                color=COLOURS[group % len(COLOURS)],
+                linewidth=0,
+            )
+        right.set_title(
+            f"{grouping.groups.n_groups} groups at bandwidth {BANDWIDTH:g},\n(5.13) as printed"
+        )
         for axes in (left, right):
             axes.set(xlabel="first coordinate", aspect="equal", xlim=(-9, 9), ylim=(-9, 9))
         left.set_ylabel("second coordinate")
@@ -69,15 +116,23 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 
 
 def measured(grouping: Grouping) -> dict:
-    """Number of groups; share of all weight whose label is the Gaussian that most likely weighs it, the groups matched with Gaussians."""
+    """Number of groups; share of all weight whose label is the Gaussian that most likely weighs
+    it, the groups matched with Gaussians.
+    """
     likely = MIXTURE.responsibilities(grouping.points).argmax(axis=1)
     together = np.zeros((grouping.groups.n_groups, len(MIXTURE.priors_)))
-    np.add.at(together, (grouping.groups.labels, likely), grouping.weights / grouping.weights.sum())
+    np.add.at(
+        together, (grouping.groups.labels, likely), grouping.weights / grouping.weights.sum()
+    )
     return {
         "groups": grouping.groups.n_groups,
-        "groups_if_all_weight_counts": data_spectroscopy(
-            grouping.points, grouping.weights, bandwidth=BANDWIDTH, core=1.0, reading=READING
-        ).n_groups,
-        "groups_if_weights_are_copies": data_spectroscopy(grouping.points, grouping.weights, **COPIES).n_groups,
+        "groups_if_all_weight_counts": (
+            data_spectroscopy(
+                grouping.points, grouping.weights, bandwidth=BANDWIDTH, core=1.0, reading=READING
+            ).n_groups
+        ),
+        "groups_if_weights_are_copies": (
+            data_spectroscopy(grouping.points, grouping.weights, **COPIES).n_groups
+        ),
         "weight_labelled_as_its_gaussian": round(float(together.max(axis=1).sum()), 3),
     }

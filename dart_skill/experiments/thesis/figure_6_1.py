@@ -1,4 +1,6 @@
-"""Figure 6.1: the dart board, drawn to scale from what scores are computed with, each field in the colour of its score."""
+"""Figure 6.1: the dart board, drawn to scale from what scores are computed with, each field in the
+colour of its score.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,25 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         figure = Figure(figsize=(6.8, 5.8), layout="constrained")
         axes = figure.subplots()
         shown = np.where(np.linalg.norm(points, axis=-1) <= RADII[-1], values, np.nan)
-        image = axes.imshow(shown, origin="lower", extent=(-LIMIT, LIMIT, -LIMIT, LIMIT), cmap=quantity_colours(), interpolation="nearest")
+        image = axes.imshow(
+            shown,
+            origin="lower",
+            extent=(-LIMIT, LIMIT, -LIMIT, LIMIT),
+            cmap=quantity_colours(),
+            interpolation="nearest",
+        )
         draw_board(axes, LIGHT)
         figure.colorbar(image, ax=axes, label="score of one dart [points]", shrink=0.8)
         return save(figure, folder, "figure_6_1"), measured(values)
 
 
 def measured(values: np.ndarray) -> dict:
-    """The largest score, and its share of the area of the board [%]: of a dart that hits the board anywhere alike."""
+    """The largest score, and its share of the area of the board [%]: of a dart that hits the board
+    anywhere alike.
+    """
     board = np.pi * RADII[-1] ** 2
     treble_20 = float((values == 60).sum()) * SPACING**2
-    return {"largest_score": float(values.max()), "treble_20_share_percent": round(100.0 * treble_20 / board, 3)}
+    return {
+        "largest_score": float(values.max()),
+        "treble_20_share_percent": round(100.0 * treble_20 / board, 3),
+    }

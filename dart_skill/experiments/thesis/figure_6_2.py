@@ -1,7 +1,8 @@
-"""Figure 6.2: the search for optima of 5.3 while the thrower gets better, at four moments: the heat map of the moment, the last 150 trials
-and the Gaussians.
+"""Figure 6.2: the search for optima of 5.3 while the thrower gets better, at four moments: the
+heat map of the moment, the last 150 trials and the Gaussians.
 
-The thesis shows the most common of its runs, in which splits came at throws 1060 and 1757; here is the run of the seed, with its own.
+The thesis shows the most common of its runs, in which splits came at throws 1060 and 1757; here is
+the run of the seed, with its own.
 """
 
 from __future__ import annotations
@@ -17,7 +18,17 @@ from matplotlib.image import AxesImage
 
 from dart_skill.darts import RADII, HeatMap, expected_score, heat_map
 from dart_skill.experiments.dart_search import SCHEDULES, SPREAD, START
-from dart_skill.figures import BLACK, GREY, draw_board, gaussian_ellipse, house_style, legend_below, letter_panels, quantity_colours, save
+from dart_skill.figures import (
+    BLACK,
+    GREY,
+    draw_board,
+    gaussian_ellipse,
+    house_style,
+    legend_below,
+    letter_panels,
+    quantity_colours,
+    save,
+)
 from dart_skill.mixture import GaussianMixture
 from dart_skill.policy_search import MixturePoWER
 
@@ -37,8 +48,13 @@ class Moment:
 
 
 def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
-    """The moments of one run on the thesis's schedule, and the throws after which the number of components changed."""
-    search, sigmas = MixturePoWER(START, SPREAD, rng=np.random.default_rng([seed, 0])), SCHEDULES["thesis"].sigmas
+    """The moments of one run on the thesis's schedule, and the throws after which the number of
+    components changed.
+    """
+    search, sigmas = (
+        MixturePoWER(START, SPREAD, rng=np.random.default_rng([seed, 0])),
+        SCHEDULES["thesis"].sigmas,
+    )
     tried, before = np.empty((len(sigmas), 2)), 1
     moments: list[Moment] = []
     changes: list[int] = []
@@ -50,7 +66,9 @@ def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
             changes.append(n)
             before = search.n_components
         if n in MOMENTS:
-            moments.append(Moment(n, float(sigma), tried[max(0, n - LATEST) : n].copy(), search.mixture))
+            moments.append(
+                Moment(n, float(sigma), tried[max(0, n - LATEST) : n].copy(), search.mixture)
+            )
     return moments, changes
 
 
@@ -80,16 +98,46 @@ def measured(moments: list[Moment], changes: list[int]) -> dict:
 
 def _draw_moment(axes: Axes, moment: Moment, heat: HeatMap, highest: float) -> AxesImage:
     edge = heat.x[-1] + 0.5 * SPACING
-    look: dict[str, Any] = {"cmap": quantity_colours(), "interpolation": "nearest", "vmin": 0.0, "vmax": highest}
+    look: dict[str, Any] = {
+        "cmap": quantity_colours(),
+        "interpolation": "nearest",
+        "vmin": 0.0,
+        "vmax": highest,
+    }
     score = np.where(np.hypot(heat.x, heat.y[:, None]) <= RADII[-1], heat.expected_score, np.nan)
     image = axes.imshow(score, origin="lower", extent=(-edge, edge, -edge, edge), **look)
     draw_board(axes, "#FFFFFF60")
-    axes.plot(*moment.trials.T, ".", color=BLACK, markersize=2.5, linestyle="none", label=f"aim of one of the last {LATEST} throws")
-    for number, (mean, covariance) in enumerate(zip(moment.mixture.means_, moment.mixture.covariances_, strict=True)):
+    axes.plot(
+        *moment.trials.T,
+        ".",
+        color=BLACK,
+        markersize=2.5,
+        linestyle="none",
+        label=f"aim of one of the last {LATEST} throws",
+    )
+    for number, (mean, covariance) in enumerate(
+        zip(moment.mixture.means_, moment.mixture.covariances_, strict=True)
+    ):
         name = None if number else "Gaussian of the mixture, 2 standard deviations"
         look = {"facecolor": "none", "zorder": 3}
-        axes.add_patch(gaussian_ellipse(mean, covariance, 2.0, edgecolor=GREY, linewidth=3.2, **look))
-        axes.add_patch(gaussian_ellipse(mean, covariance, 2.0, edgecolor="white", linewidth=1.6, **look))
-        axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=GREY, markersize=9, linestyle="none", label=name)
-    axes.set_title(f"After {moment.throws} throws\nspread {moment.sigma:.1f} mm, {len(moment.mixture.priors_)} Gaussians")
+        axes.add_patch(
+            gaussian_ellipse(mean, covariance, 2.0, edgecolor=GREY, linewidth=3.2, **look)
+        )
+        axes.add_patch(
+            gaussian_ellipse(mean, covariance, 2.0, edgecolor="white", linewidth=1.6, **look)
+        )
+        axes.plot(
+            [],
+            [],
+            "o",
+            markerfacecolor="white",
+            markeredgecolor=GREY,
+            markersize=9,
+            linestyle="none",
+            label=name,
+        )
+    axes.set_title(
+        f"After {moment.throws} throws\nspread {moment.sigma:.1f} mm,"
+        f" {len(moment.mixture.priors_)} Gaussians"
+    )
     return image

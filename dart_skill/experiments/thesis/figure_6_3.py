@@ -1,7 +1,9 @@
-"""Figure 6.3: how many Gaussians the mixture keeps, and what is lost when learning stops half-way, over 20 runs.
+"""Figure 6.3: how many Gaussians the mixture keeps, and what is lost when learning stops half-way,
+over 20 runs.
 
-The thesis claims about 3 components on average and that learning on beats stopping after 1500 throws. Both can be read off, and beside them
-what one Gaussian (PoWER with a floor) loses on the same throws.
+The thesis claims about 3 components on average and that learning on beats stopping after 1500
+throws. Both can be read off, and beside them what one Gaussian (PoWER with a floor) loses on the
+same throws.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ CURVES = {
 def compute(seed: int = 0, jobs: int = 0) -> dict[str, list[Run]]:
     """Runs of every curve."""
     tasks = {
-        name: [Task(method, "thesis", seed + n, "expected", stop) for n in range(N_SEEDS)] for name, ((method, stop), _) in CURVES.items()
+        name: [Task(method, "thesis", seed + n, "expected", stop) for n in range(N_SEEDS)]
+        for name, ((method, stop), _) in CURVES.items()
     }
     runs = iter(run_tasks([task for group in tasks.values() for task in group], jobs=jobs))
     return {name: [next(runs) for _ in group] for name, group in tasks.items()}
@@ -44,10 +47,18 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         for name, (_, colour) in CURVES.items():
             _band(loss, np.array([one.best_regrets for one in runs[name]]), colour, name)
         count.set(
-            xlabel="throw", ylabel="number of Gaussians", ylim=(0, None), title=f"How many Gaussians the mixture has, n = {N_SEEDS} runs"
+            xlabel="throw",
+            ylabel="number of Gaussians",
+            ylim=(0, None),
+            title=f"How many Gaussians the mixture has, n = {N_SEEDS} runs",
         )
         count.yaxis.set_major_locator(MaxNLocator(integer=True))
-        loss.set(xlabel="throw", ylabel="lost by the best known aim [points per throw]", yscale="log", ylim=(1e-3, 20.0))
+        loss.set(
+            xlabel="throw",
+            ylabel="lost by the best known aim [points per throw]",
+            yscale="log",
+            ylim=(1e-3, 20.0),
+        )
         loss.set_title("What is lost: median and quartiles")
         loss.legend(loc="upper left")
         count.legend(loc="lower right")
@@ -56,13 +67,21 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 
 
 def measured(runs: dict[str, list[Run]]) -> dict:
-    """Mean number of components, of all throws and at the end, and median regret of the best known aim of each curve."""
+    """Mean number of components, of all throws and at the end, and median regret of the best known
+    aim of each curve.
+    """
     components = np.array([one.components for one in runs["mixture, learning on"]])
     return {
         "mean_components": round(float(components.mean()), 2),
         "at_the_end": round(float(components[:, -1].mean()), 2),
-        "best_regret": {name: round(float(np.median([one.best_regret for one in group])), 3) for name, group in runs.items()},
-        "end_regret": {name: round(float(np.median([one.end_regret for one in group])), 3) for name, group in runs.items()},
+        "best_regret": {
+            name: round(float(np.median([one.best_regret for one in group])), 3)
+            for name, group in runs.items()
+        },
+        "end_regret": {
+            name: round(float(np.median([one.end_regret for one in group])), 3)
+            for name, group in runs.items()
+        },
     }
 
 

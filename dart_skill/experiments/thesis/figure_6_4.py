@@ -1,6 +1,8 @@
-"""Figure 6.4: stochastic universal sampling. Weights are laid end to end, and pointers at equal distances choose among them.
+"""Figure 6.4: stochastic universal sampling. Weights are laid end to end, and pointers at equal
+distances choose among them.
 
-Beside it the counts of many draws, with those of as many independent draws: the expected number is the same, the spread is not.
+Beside it the counts of many draws, with those of as many independent draws: the expected number is
+the same, the spread is not.
 """
 
 from __future__ import annotations
@@ -10,7 +12,19 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.figures import BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, SKY, VERMILION, house_style, letter_panels, save
+from dart_skill.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    LIGHT,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    house_style,
+    letter_panels,
+    save,
+)
 from dart_skill.mixture import stochastic_universal_sampling
 
 TITLE = "Stochastic universal sampling"
@@ -19,11 +33,16 @@ COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION)
 
 
 def compute(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Shares (6,), indices that are drawn once (10,), and how often each is drawn (2000, 6) by it and by independent draws."""
+    """Shares (6,), indices that are drawn once (10,), and how often each is drawn (2000, 6) by it
+    and by independent draws.
+    """
     rng = np.random.default_rng(seed)
     shares = rng.dirichlet(np.full(N_POINTS, 2.0))
     once = stochastic_universal_sampling(shares, N_DRAWN, rng)
-    drawn = [np.bincount(stochastic_universal_sampling(shares, N_DRAWN, rng), minlength=N_POINTS) for _ in range(N_REPEATS)]
+    drawn = [
+        np.bincount(stochastic_universal_sampling(shares, N_DRAWN, rng), minlength=N_POINTS)
+        for _ in range(N_REPEATS)
+    ]
     return shares, once, np.array(drawn), rng.multinomial(N_DRAWN, shares, N_REPEATS)
 
 
@@ -34,18 +53,40 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         laid, spread = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
         ends = np.concatenate([[0.0], np.cumsum(shares)])
         for k, colour in enumerate(COLOURS):
-            laid.barh(0.0, shares[k], left=ends[k], height=0.5, color=colour, alpha=0.6, edgecolor="white")
+            laid.barh(
+                0.0,
+                shares[k],
+                left=ends[k],
+                height=0.5,
+                color=colour,
+                alpha=0.6,
+                edgecolor="white",
+            )
             laid.text(0.5 * (ends[k] + ends[k + 1]), 0.0, f"{k + 1}", ha="center", va="center")
-            laid.text(0.5 * (ends[k] + ends[k + 1]), -0.42, f"{(once == k).sum()} x", ha="center", color=GREY)
+            laid.text(
+                0.5 * (ends[k] + ends[k + 1]),
+                -0.42,
+                f"{(once == k).sum()} x",
+                ha="center",
+                color=GREY,
+            )
         pointers = _pointers(ends, once)
         laid.plot(pointers, np.full(N_DRAWN, 0.42), "v", color="black", markersize=7.0)
         laid.set(
-            xlabel="share of all weight [-]", yticks=[], ylim=(-0.65, 0.65), xlim=(0, 1), title=f"{N_DRAWN} pointers at equal distances"
+            xlabel="share of all weight [-]",
+            yticks=[],
+            ylim=(-0.65, 0.65),
+            xlim=(0, 1),
+            title=f"{N_DRAWN} pointers at equal distances",
         )
         at = np.arange(1, N_POINTS + 1)
         spread.bar(at - 0.18, independent.std(0), 0.34, color=LIGHT, label="independent draws")
         spread.bar(at + 0.18, universal.std(0), 0.34, color=BLUE, label="universal sampling")
-        spread.set(xlabel="point", ylabel="standard deviation of its number [-]", title=f"{N_REPEATS} times {N_DRAWN} draws")
+        spread.set(
+            xlabel="point",
+            ylabel="standard deviation of its number [-]",
+            title=f"{N_REPEATS} times {N_DRAWN} draws",
+        )
         spread.legend(loc="upper left")
         spread.set_ylim(0.0, 1.45 * independent.std(0).max())
         letter_panels(laid, spread)
@@ -55,12 +96,17 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 def _pointers(ends: np.ndarray, once: np.ndarray) -> np.ndarray:
     """Places of pointers that choose as was drawn: the middle of all that do."""
     steps = np.arange(N_DRAWN) / N_DRAWN
-    first = max(0.0, float((ends[once] - steps).max())), min(1.0 / N_DRAWN, float((ends[once + 1] - steps).min()))
+    first = (
+        max(0.0, float((ends[once] - steps).max())),
+        min(1.0 / N_DRAWN, float((ends[once + 1] - steps).min())),
+    )
     return steps + 0.5 * (first[0] + first[1])
 
 
 def measured(shares: np.ndarray, universal: np.ndarray, independent: np.ndarray) -> dict:
-    """Largest distance of a number from its expected one, and the mean standard deviation over the points, of both."""
+    """Largest distance of a number from its expected one, and the mean standard deviation over the
+    points, of both.
+    """
     expected = N_DRAWN * shares
     return {
         name: {

@@ -1,7 +1,8 @@
-"""Figure 6.5: the average log-likelihood (6.3) of data resampled by their weights tends to that of the weighted data in closed form
-(6.4), as more is drawn.
+"""Figure 6.5: the average log-likelihood (6.3) of data resampled by their weights tends to that of
+the weighted data in closed form (6.4), as more is drawn.
 
-The thesis does not say which data and mixture it used (its limit is 1.8621); here they are those of figure 5.5, with fewer points.
+The thesis does not say which data and mixture it used (its limit is 1.8621); here they are those
+of figure 5.5, with fewer points.
 """
 
 from __future__ import annotations
@@ -33,7 +34,10 @@ def compute(seed: int = 0) -> Convergence:
     rng = np.random.default_rng(seed)
     points = rng.multivariate_normal(np.zeros(2), SAMPLED, N_POINTS, method="cholesky")
     weights = np.exp(MIXTURE.log_density(points))
-    resampled = [resampled_mean_log_likelihood(MIXTURE, points, weights, int(factor) * N_POINTS, rng) for factor in FACTORS]
+    resampled = [
+        resampled_mean_log_likelihood(MIXTURE, points, weights, int(factor) * N_POINTS, rng)
+        for factor in FACTORS
+    ]
     return Convergence(FACTORS, np.array(resampled), mean_log_likelihood(MIXTURE, points, weights))
 
 
@@ -42,15 +46,29 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     with house_style():
         figure = Figure(figsize=(6.4, 3.8), layout="constrained")
         axes = figure.subplots()
-        axes.axhline(convergence.closed_form, color=VERMILION, linewidth=1.5, label="weighted data, closed form (6.4)")
-        axes.plot(convergence.factors, convergence.resampled, ".-", color=BLUE, linewidth=1.0, label="resampled data (6.3)")
+        axes.axhline(
+            convergence.closed_form,
+            color=VERMILION,
+            linewidth=1.5,
+            label="weighted data, closed form (6.4)",
+        )
+        axes.plot(
+            convergence.factors,
+            convergence.resampled,
+            ".-",
+            color=BLUE,
+            linewidth=1.0,
+            label="resampled data (6.3)",
+        )
         axes.set(xlabel="resampled data over data", ylabel="average log-likelihood [nat]")
         axes.legend(loc="upper right")
         return save(figure, folder, "figure_6_5"), measured(convergence)
 
 
 def measured(convergence: Convergence) -> dict:
-    """(6.4), and the largest error of (6.3) with the fewest and with the most data, five factors each."""
+    """(6.4), and the largest error of (6.3) with the fewest and with the most data, five factors
+    each.
+    """
     errors = np.abs(convergence.resampled - convergence.closed_form)
     return {
         "closed_form": round(convergence.closed_form, 4),

@@ -1,7 +1,8 @@
-"""Figure 6.6: where to aim, for every precision: the path of the best aim over sigma and the sigma at which it jumps.
+"""Figure 6.6: where to aim, for every precision: the path of the best aim over sigma and the sigma
+at which it jumps.
 
-The thesis gives 16.4 mm for the jump from treble 20 to treble 19, from a map on a grid of millimetres; the value here does not depend
-on a grid.
+The thesis gives 16.4 mm for the jump from treble 20 to treble 19, from a map on a grid of
+millimetres; the value here does not depend on a grid.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 def measured(path: OptimumPath) -> dict:
     """Jumps [mm], and best aims [mm] at both ends of the range."""
     return {
-        "jumps": [{"sigma_mm": round(jump.sigma, 3), "below": jump.below.bed, "above": jump.above.bed} for jump in path.jumps],
+        "jumps": [
+            {"sigma_mm": round(jump.sigma, 3), "below": jump.below.bed, "above": jump.above.bed}
+            for jump in path.jumps
+        ],
         "aim_at_lowest_mm": path.aims[0].round(1).tolist(),
         "aim_at_highest_mm": path.aims[-1].round(1).tolist(),
     }

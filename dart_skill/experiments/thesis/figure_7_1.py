@@ -1,8 +1,11 @@
-"""Figure 7.1: a fingertip that follows the surface of a ball is held for a while. What a clock does then, and what the state does.
+"""Figure 7.1: a fingertip that follows the surface of a ball is held for a while. What a clock
+does then, and what the state does.
 
-Left to a PD controller (7.3) that tracks a path over time, the target runs on; let go, the finger takes the short way, through the ball,
-with the force of the whole error. The policy without a clock (chapter 9, autonomous DS-GMR) waits and goes on where it was held. Both
-pull a unit mass with the same stiffness and damping. The ball itself is not there to stop the finger: it shows where it would have hit.
+Left to a PD controller (7.3) that tracks a path over time, the target runs on; let go, the finger
+takes the short way, through the ball, with the force of the whole error. The policy without a
+clock (chapter 9, autonomous DS-GMR) waits and goes on where it was held. Both pull a unit mass
+with the same stiffness and damping. The ball itself is not there to stop the finger: it shows
+where it would have hit.
 """
 
 from __future__ import annotations
@@ -16,8 +19,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from dart_skill.figures import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, legend_below, letter_panels, save
-from dart_skill.movement import AutonomousDSGMR, Motion, TaskFrame, critical_damping, smooth_derivatives
+from dart_skill.figures import (
+    BLACK,
+    BLUE,
+    GREY,
+    LIGHT,
+    PALE,
+    VERMILION,
+    house_style,
+    legend_below,
+    letter_panels,
+    save,
+)
+from dart_skill.movement import (
+    AutonomousDSGMR,
+    Motion,
+    TaskFrame,
+    critical_damping,
+    smooth_derivatives,
+)
 
 TITLE = "A finger on a ball is held: a clock and a state as what drives it"
 RADIUS, DURATION = 0.1, 3.0
@@ -35,7 +55,9 @@ Push = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Path (n, 2) [m] and pull (n,) [m/s^2], the size of the controller's acceleration, at time (n,) [s]."""
+    """Path (n, 2) [m] and pull (n,) [m/s^2], the size of the controller's acceleration, at time
+    (n,) [s].
+    """
 
     time: np.ndarray
     path: np.ndarray
@@ -58,9 +80,14 @@ def surface(time: np.ndarray) -> Motion:
     angle = np.pi * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
     rate = -np.pi * 30.0 * s**2 * (1.0 - s) ** 2 / DURATION
     change = -np.pi * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / DURATION**2
-    across, along = np.stack([np.cos(angle), np.sin(angle)], axis=1), np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    across, along = (
+        np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        np.stack([-np.sin(angle), np.cos(angle)], axis=1),
+    )
     rate, change = rate[:, None], change[:, None]
-    return Motion(RADIUS * across, RADIUS * rate * along, RADIUS * (change * along - rate**2 * across))
+    return Motion(
+        RADIUS * across, RADIUS * rate * along, RADIUS * (change * along - rate**2 * across)
+    )
 
 
 def by_the_clock() -> Held:
@@ -69,7 +96,9 @@ def by_the_clock() -> Held:
 
     def pull(time: float, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         wanted = surface(np.array([time]))
-        return STIFFNESS * (wanted.position[0] - position) + damping * (wanted.velocity[0] - velocity)
+        return STIFFNESS * (wanted.position[0] - position) + damping * (
+            wanted.velocity[0] - velocity
+        )
 
     return _hold(pull)
 
@@ -78,9 +107,16 @@ def by_the_state(seed: int = 0) -> Held:
     """Autonomous DS-GMR learned from demonstrations along the surface."""
     rng, time = np.random.default_rng(seed), 0.01 * np.arange(round(100 * DURATION) + 1)
     world = [[TaskFrame(np.eye(3), np.zeros(3))]] * N_DEMONSTRATIONS
-    measured = [surface(time).position + rng.normal(0.0, NOISE, (len(time), 2)) for _ in range(N_DEMONSTRATIONS)]
+    measured = [
+        surface(time).position + rng.normal(0.0, NOISE, (len(time), 2))
+        for _ in range(N_DEMONSTRATIONS)
+    ]
     motions = [smooth_derivatives(time, positions) for positions in measured]
-    policy = AutonomousDSGMR(N_COMPONENTS, STIFFNESS).fit([time] * N_DEMONSTRATIONS, motions, world).policy(world[0])
+    policy = (
+        AutonomousDSGMR(N_COMPONENTS, STIFFNESS)
+        .fit([time] * N_DEMONSTRATIONS, motions, world)
+        .policy(world[0])
+    )
     phase = [policy.phase[0]]
 
     def pull(_: float, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -109,15 +145,35 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     with house_style():
         figure = Figure(figsize=(10.5, 4.4), layout="constrained")
         plane, force = figure.subplots(1, 2)
-        plane.add_patch(Circle((0.0, 0.0), 100 * RADIUS, facecolor=PALE, edgecolor=LIGHT, gid="ball", label="surface of the ball"))
+        plane.add_patch(
+            Circle(
+                (0.0, 0.0),
+                100 * RADIUS,
+                facecolor=PALE,
+                edgecolor=LIGHT,
+                gid="ball",
+                label="surface of the ball",
+            )
+        )
         wanted = 100 * surface(np.linspace(0.0, DURATION, 200)).position
         plane.plot(*wanted.T, color=BLACK, linestyle=":", label="path, demonstrated", zorder=4)
-        runs = (("clock", "PD controller and a clock (7.3)", clock, VERMILION), ("state", "autonomous DS-GMR", state, BLUE))
+        runs = (
+            ("clock", "PD controller and a clock (7.3)", clock, VERMILION),
+            ("state", "autonomous DS-GMR", state, BLUE),
+        )
         for gid, name, run, colour in runs:
             plane.plot(*(100 * run.path.T), color=colour, label=name, gid=f"path_{gid}")
             force.plot(run.time, run.pull, color=colour, label=name, gid=f"pull_{gid}")
         where = 100 * clock.path[round(0.5 * (HELD + LET_GO) / STEP)]
-        plane.plot(*where, "o", color=GREY, markeredgecolor="black", label=f"held for {LET_GO - HELD:.1f} s", linestyle="none", zorder=3)
+        plane.plot(
+            *where,
+            "o",
+            color=GREY,
+            markeredgecolor="black",
+            label=f"held for {LET_GO - HELD:.1f} s",
+            linestyle="none",
+            zorder=3,
+        )
         _describe(plane, force)
         handles, labels = plane.get_legend_handles_labels()
         letter_panels(plane, force)
@@ -127,13 +183,25 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 
 def measured(clock: Held, state: Held) -> dict:
     return {
-        name: {"depth_in_ball_mm": round(1000 * run.depth, 2), "greatest_pull_m_s2": round(run.greatest_pull, 2)}
+        name: {
+            "depth_in_ball_mm": round(1000 * run.depth, 2),
+            "greatest_pull_m_s2": round(run.greatest_pull, 2),
+        }
         for name, run in (("clock", clock), ("state", state))
     }
 
 
 def _describe(plane: Axes, force: Axes) -> None:
-    plane.set(aspect="equal", xlabel="x [cm]", ylabel="y [cm]", title="Way of the fingertip over the ball")
+    plane.set(
+        aspect="equal",
+        xlabel="x [cm]",
+        ylabel="y [cm]",
+        title="Way of the fingertip over the ball",
+    )
     force.axvspan(HELD, LET_GO, color=LIGHT, alpha=0.4, linewidth=0)
     force.text(0.5 * (HELD + LET_GO), force.get_ylim()[1], "held", ha="center", va="top")
-    force.set(xlabel="time [s]", ylabel="acceleration asked for [m/s²]", title="What each asks for, of a unit mass")
+    force.set(
+        xlabel="time [s]",
+        ylabel="acceleration asked for [m/s²]",
+        title="What each asks for, of a unit mass",
+    )

@@ -1,4 +1,6 @@
-"""Figure 8.1: simulated dart throws, demonstrated and reproduced at new aims, with the Gaussians of one of them."""
+"""Figure 8.1: simulated dart throws, demonstrated and reproduced at new aims, with the Gaussians
+of one of them.
+"""
 
 from __future__ import annotations
 
@@ -46,23 +48,38 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     shown, model, made = compute(seed)
     with house_style():
         figure = Figure(figsize=(11.6, 5.0), layout="constrained")
-        panels = figure.subplot_mosaic([["demonstrated", "board"], ["reproduced", "board"]], width_ratios=(1.5, 1.0))
-        demonstrated, reproduced, board = panels["demonstrated"], panels["reproduced"], panels["board"]
-        draw_side(demonstrated, shown, DEMONSTRATION, f"Demonstrations from the side, n = {len(shown)}")
+        panels = figure.subplot_mosaic(
+            [["demonstrated", "board"], ["reproduced", "board"]], width_ratios=(1.5, 1.0)
+        )
+        demonstrated, reproduced, board = (
+            panels["demonstrated"],
+            panels["reproduced"],
+            panels["board"],
+        )
+        draw_side(
+            demonstrated, shown, DEMONSTRATION, f"Demonstrations from the side, n = {len(shown)}"
+        )
         draw_side(reproduced, made, HAND, f"Reproductions at new aims, n = {len(made)}")
         assert made[0].aim is not None  # a reproduction has one
         draw_components(reproduced, model, made[0].aim)
         draw_board(board, made, "On the board, as the thrower sees it")
         letter_panels(demonstrated, reproduced, board)
         side_by_side = (demonstrated, reproduced, board)
-        named = {label: handle for axes in side_by_side for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+        named = {
+            label: handle
+            for axes in side_by_side
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
         legend_below(figure, [*named.values()], [*named], 4)
         return save(figure, folder, "figure_8_1"), measured(made)
 
 
 def measured(made: list[darts.DartThrow]) -> dict:
     errors = [1000 * throw.error for throw in made]
-    return {"median_error_mm": round(float(np.median(errors)), 2), "largest_error_mm": round(max(errors), 2)}
+    return {
+        "median_error_mm": round(float(np.median(errors)), 2),
+        "largest_error_mm": round(max(errors), 2),
+    }
 
 
 def draw_side(axes: Axes, throws: list[darts.DartThrow], colour: str, title: str) -> None:
@@ -70,17 +87,31 @@ def draw_side(axes: Axes, throws: list[darts.DartThrow], colour: str, title: str
     name = "hand, demonstrated" if colour == DEMONSTRATION else "hand, reproduced"
     for number, throw in enumerate(throws):
         first = number == 0
-        axes.plot(*throw.position[:, [0, 2]].T, color=colour, linewidth=1.4, label=name if first else None)
-        axes.plot(*throw.flight()[:, [0, 2]].T, color=BALL, linewidth=0.7, label="dart in flight" if first else None)
+        axes.plot(
+            *throw.position[:, [0, 2]].T,
+            color=colour,
+            linewidth=1.4,
+            label=name if first else None,
+        )
+        axes.plot(
+            *throw.flight()[:, [0, 2]].T,
+            color=BALL,
+            linewidth=0.7,
+            label="dart in flight" if first else None,
+        )
     ends = [BULL_HEIGHT - darts.BOARD_RADIUS, BULL_HEIGHT + darts.BOARD_RADIUS]
-    axes.plot([BULL_DISTANCE] * 2, ends, color=BLACK, linewidth=3.0, solid_capstyle="butt", label="board")
+    axes.plot(
+        [BULL_DISTANCE] * 2, ends, color=BLACK, linewidth=3.0, solid_capstyle="butt", label="board"
+    )
     axes.set(xlabel="forward [m]", ylabel="up [m]", title=title, aspect="equal", ylim=(1.45, 2.05))
 
 
 def draw_components(axes: Axes, model: DSGMR, aim: np.ndarray) -> None:
     """The products (7.21) for one aim."""
     product = model.mixture_.product(darts.frames_for(aim))
-    for number, (mean, covariance) in enumerate(zip(product.means_, product.covariances_, strict=True)):
+    for number, (mean, covariance) in enumerate(
+        zip(product.means_, product.covariances_, strict=True)
+    ):
         side = np.array([1, 3])
         look = {"facecolor": GAUSSIAN, "edgecolor": GAUSSIAN, "alpha": 0.6, "zorder": 3}
         axes.add_patch(gaussian_ellipse(mean[side], covariance[np.ix_(side, side)], 2.0, **look))
@@ -91,8 +122,12 @@ def draw_components(axes: Axes, model: DSGMR, aim: np.ndarray) -> None:
 def draw_board(axes: Axes, throws: list[darts.DartThrow], title: str) -> None:
     """Aims and hits in the plane of the board [mm], and, larger, where each hit lies from its aim."""
     draw_wires(axes, LIGHT)
-    aims, hits = (on_board(np.array([getattr(throw, which) for throw in throws])) for which in ("aim", "hit"))
-    axes.plot(*aims.T, "o", color=BASKET, markersize=5.0, linestyle="none", label="aim", gid="aims")
+    aims, hits = (
+        on_board(np.array([getattr(throw, which) for throw in throws])) for which in ("aim", "hit")
+    )
+    axes.plot(
+        *aims.T, "o", color=BASKET, markersize=5.0, linestyle="none", label="aim", gid="aims"
+    )
     axes.plot(*hits.T, "o", color=BALL, markersize=3.0, linestyle="none", label="hit", gid="hits")
     axes.set_title(title)
     _draw_misses(axes, hits - aims)
@@ -100,11 +135,15 @@ def draw_board(axes: Axes, throws: list[darts.DartThrow], title: str) -> None:
 
 def _draw_misses(axes: Axes, misses: np.ndarray) -> None:
     """Where hits lie from their aims (n, 2) [mm], in a corner of a board."""
-    inset = axes.inset_axes((1.03, 0.0, 0.25, 0.25), xlim=(-MISSES, MISSES), ylim=(-MISSES, MISSES), aspect="equal")
+    inset = axes.inset_axes(
+        (1.03, 0.0, 0.25, 0.25), xlim=(-MISSES, MISSES), ylim=(-MISSES, MISSES), aspect="equal"
+    )
     inset.axhline(0.0, color=LIGHT, linewidth=0.8)
     inset.axvline(0.0, color=LIGHT, linewidth=0.8)
     inset.plot(0.0, 0.0, "o", color=BASKET, markersize=5.0)
-    inset.plot(*misses.T, "o", color=BALL, markersize=3.0, linestyle="none", gid="misses", clip_on=False)
+    inset.plot(
+        *misses.T, "o", color=BALL, markersize=3.0, linestyle="none", gid="misses", clip_on=False
+    )
     inset.set(xticks=(-MISSES, 0, MISSES), yticks=(-MISSES, 0, MISSES))
     inset.tick_params(labelsize=7.5, length=2)
     inset.set_title("hit from aim [mm]", fontsize=8.0, color=GREY, loc="center")

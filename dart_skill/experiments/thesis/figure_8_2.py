@@ -1,4 +1,6 @@
-"""Figure 8.2: practice. Every attempt, with the place that the dart really hit, becomes a demonstration, and the model is learned again."""
+"""Figure 8.2: practice. Every attempt, with the place that the dart really hit, becomes a
+demonstration, and the model is learned again.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +29,17 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     shown, rounds = compute(seed)
     with house_style():
         figure = Figure(figsize=(10.2, 7.0), layout="constrained")
-        panels = figure.subplot_mosaic([["side", "side"], ["first", "last"]], height_ratios=(1.0, 1.8))
+        panels = figure.subplot_mosaic(
+            [["side", "side"], ["first", "last"]], height_ratios=(1.0, 1.8)
+        )
         side, first, last = panels["side"], panels["first"], panels["last"]
         draw_side(side, shown, DEMONSTRATION, f"Demonstrations, n = {len(shown)}")
         draw_board(first, rounds[0], f"First attempts, n = {N_AIMS}: {_miss(rounds[0])}")
-        draw_board(last, rounds[-1], f"The same aims after {N_AIMS * (N_ROUNDS - 1)} attempts: {_miss(rounds[-1])}")
+        draw_board(
+            last,
+            rounds[-1],
+            f"The same aims after {N_AIMS * (N_ROUNDS - 1)} attempts: {_miss(rounds[-1])}",
+        )
         handles, labels = side.get_legend_handles_labels()
         board_handles, board_labels = first.get_legend_handles_labels()
         letter_panels(side, first, last)
@@ -45,4 +53,8 @@ def _miss(throws: list[darts.DartThrow]) -> str:
 
 def measured(rounds: list[list[darts.DartThrow]]) -> dict:
     """Mean error of each round [mm]."""
-    return {"mean_error_mm": [round(float(np.mean([1000 * throw.error for throw in some])), 2) for some in rounds]}
+    return {
+        "mean_error_mm": [
+            round(float(np.mean([1000 * throw.error for throw in some])), 2) for some in rounds
+        ]
+    }

@@ -1,9 +1,11 @@
-"""Figure 8.7: alpha and beta of the demonstrations in the thesis's two frames, and in axes that turn with the target.
+"""Figure 8.7: alpha and beta of the demonstrations in the thesis's two frames, and in axes that
+turn with the target.
 
-The thesis blames beta, which "was not consistent to fit a GMM in different frame of reference" (8.4.4). As long as the hand points
-backwards, which it does beyond the release, its beta in world axes has the sign opposite to the target's azimuth. Frame 2 takes the beta of
-the direction to the target off it, which doubles what differs from throw to throw instead of removing it. In axes that turn with the
-target, beta is small throughout.
+The thesis blames beta, which "was not consistent to fit a GMM in different frame of reference"
+(8.4.4). As long as the hand points backwards, which it does beyond the release, its beta in world
+axes has the sign opposite to the target's azimuth. Frame 2 takes the beta of the direction to the
+target off it, which doubles what differs from throw to throw instead of removing it. In axes that
+turn with the target, beta is small throughout.
 """
 
 from __future__ import annotations
@@ -24,17 +26,35 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     seen = {frame: ball_throws.angles_in(seed, frame) for frame in FRAMES}
     with house_style():
         figure = Figure(figsize=(10.5, 5.6), layout="constrained")
-        ball_pictures.draw_angles(figure, {FRAMES[frame][0].upper() + FRAMES[frame][1:]: angles for frame, angles in seen.items()})
+        ball_pictures.draw_angles(
+            figure,
+            {
+                FRAMES[frame][0].upper() + FRAMES[frame][1:]: angles
+                for frame, angles in seen.items()
+            },
+        )
         n = len(ball_throws.lessons(seed).demonstrations)
-        figure.suptitle(f"Demonstrations, n = {n}; band: mean ± s.d.; diamond: release", x=0.01, ha="left")
+        figure.suptitle(
+            f"Demonstrations, n = {n}; band: mean ± s.d.; diamond: release", x=0.01, ha="left"
+        )
         return save(figure, folder, "figure_8_7"), {
-            "thesis_says": "the data of beta was not consistent to fit a GMM in different frame of reference",
+            "thesis_says": (
+                "the data of beta was not consistent to fit a GMM in different frame of reference"
+            ),
             **{frame: spreads(angles) for frame, angles in seen.items()},
         }
 
 
 def spreads(angles: Angles) -> dict:
-    """Standard deviations from throw to throw, of the whole motion (rms over time) and at the release [degrees]."""
+    """Standard deviations from throw to throw, of the whole motion (rms over time) and at the
+    release [degrees].
+    """
     names = ("alpha_deg", "beta_deg")
-    whole, at_release = ([round(float(x), 1) for x in np.rad2deg(pair)] for pair in (angles.spread, angles.spread_at_release))
-    return {"spread": dict(zip(names, whole, strict=True)), "spread_at_release": dict(zip(names, at_release, strict=True))}
+    whole, at_release = (
+        [round(float(x), 1) for x in np.rad2deg(pair)]
+        for pair in (angles.spread, angles.spread_at_release)
+    )
+    return {
+        "spread": dict(zip(names, whole, strict=True)),
+        "spread_at_release": dict(zip(names, at_release, strict=True)),
+    }

@@ -1,6 +1,8 @@
-"""Figure 8.8: the three demonstrated baskets that are nearest to a new one (8.4.2), and the weights of chapter 9's alternative.
+"""Figure 8.8: the three demonstrated baskets that are nearest to a new one (8.4.2), and the
+weights of chapter 9's alternative.
 
-Local regression can only interpolate: the second thing that is measured is how often a new basket lies between its three neighbours.
+Local regression can only interpolate: the second thing that is measured is how often a new basket
+lies between its three neighbours.
 """
 
 from __future__ import annotations
@@ -13,7 +15,17 @@ from matplotlib.figure import Figure
 
 from dart_skill.common.regions import REGION
 from dart_skill.experiments.thesis import ball_throws
-from dart_skill.figures import BASKET, BLACK, DEMONSTRATION, RIM_RADIUS, basket_from_above, house_style, legend_below, letter_panels, save
+from dart_skill.figures import (
+    BASKET,
+    BLACK,
+    DEMONSTRATION,
+    RIM_RADIUS,
+    basket_from_above,
+    house_style,
+    legend_below,
+    letter_panels,
+    save,
+)
 from dart_skill.movement import gaussian_weights, nearest_weights
 from dart_skill.skills.learning import configuration
 
@@ -38,14 +50,24 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         nearest, weighted = figure.subplots(1, 2, sharey=True)
         _draw_baskets(nearest, shown, new)
         for number, centre in enumerate(shown[chosen], start=1):
-            look = {"facecolor": "none", "edgecolor": BLACK, "linewidth": 1.8, "label": "chosen to learn from" if number == 1 else None}
+            look = {
+                "facecolor": "none",
+                "edgecolor": BLACK,
+                "linewidth": 1.8,
+                "label": "chosen to learn from" if number == 1 else None,
+            }
             basket_from_above(nearest, centre, 1.35 * RIM_RADIUS, gid=f"chosen_{number}", **look)
             nearest.plot(*np.stack([new, centre])[:, :2].T, color=BLACK, linewidth=0.8)
         away = _listed(_distances(shown[chosen], new))
-        nearest.set_title(f"Local regression (8.4.2): the {N_NEAREST} nearest of {len(shown)},\n{away} m away")
+        nearest.set_title(
+            f"Local regression (8.4.2): the {N_NEAREST} nearest of {len(shown)},\n{away} m away"
+        )
         _draw_baskets(weighted, shown, new)
         _draw_weights(weighted, shown, new)
-        weighted.set_title(f"Chapter 9: a Gaussian weight for each of {len(shown)},\nof width {WIDTH:g} m in distance from the base axis")
+        weighted.set_title(
+            f"Chapter 9: a Gaussian weight for each of {len(shown)},\nof width {WIDTH:g} m in"
+            " distance from the base axis"
+        )
         nearest.set_ylabel("y [m]")
         handles, labels = nearest.get_legend_handles_labels()
         more, others = weighted.get_legend_handles_labels()
@@ -55,7 +77,9 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 
 
 def measured(shown: np.ndarray, new: np.ndarray, chosen: np.ndarray, seed: int) -> dict:
-    """Distances of the chosen ones, and how often a basket anywhere in the region lies between its three nearest."""
+    """Distances of the chosen ones, and how often a basket anywhere in the region lies between its
+    three nearest.
+    """
     asked = REGION.spread(N_ASKED, np.random.default_rng([seed, 8]))[:, :2]
     places = shown[:, :2]
     between = [inside(places[nearest_weights(places, one, N_NEAREST) > 0.0], one) for one in asked]
@@ -69,7 +93,9 @@ def measured(shown: np.ndarray, new: np.ndarray, chosen: np.ndarray, seed: int) 
 
 def inside(corners: np.ndarray, point: np.ndarray) -> bool:
     """Whether a point (2,) lies in the triangle of corners (3, 2)."""
-    shares = np.linalg.lstsq(np.vstack([corners.T, np.ones(3)]), np.append(point, 1.0), rcond=None)[0]
+    shares = np.linalg.lstsq(
+        np.vstack([corners.T, np.ones(3)]), np.append(point, 1.0), rcond=None
+    )[0]
     return bool((shares >= 0.0).all())
 
 
@@ -101,7 +127,9 @@ def _draw_baskets(axes: Axes, shown: np.ndarray, new: np.ndarray) -> None:
 def _draw_weights(axes: Axes, shown: np.ndarray, new: np.ndarray) -> None:
     """The baskets filled by their weights."""
     distances = np.hypot(shown[:, 0], shown[:, 1])[:, None]
-    for number, (centre, weight) in enumerate(zip(shown, gaussian_weights(distances, np.hypot(*new[:2])[None], WIDTH), strict=True)):
+    for number, (centre, weight) in enumerate(
+        zip(shown, gaussian_weights(distances, np.hypot(*new[:2])[None], WIDTH), strict=True)
+    ):
         basket_from_above(
             axes,
             centre,

@@ -1,4 +1,6 @@
-"""Figure 8.9: the three demonstrations chosen for local regression, and the throw that is generated from them at a new basket."""
+"""Figure 8.9: the three demonstrations chosen for local regression, and the throw that is
+generated from them at a new basket.
+"""
 
 from __future__ import annotations
 
@@ -25,20 +27,34 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         panels = ball_pictures.trajectory_panels(figure, 2)
         ball_pictures.draw_trajectories(panels[:, 0], shown, "chosen")
         ball_pictures.draw_trajectories(panels[:, 1], [made], "generated", new=True)
-        panels[0, 0].set_title(f"Chosen for local regression, n = {len(shown)}:\n{_range(shown)} m/s at the release")
-        panels[0, 1].set_title(f"Generated, {made.speed:.2f} m/s at the release:\nexpected to miss the new target by {100 * miss:.1f} cm")
+        panels[0, 0].set_title(
+            f"Chosen for local regression, n = {len(shown)}:\n{_range(shown)} m/s at the release"
+        )
+        panels[0, 1].set_title(
+            f"Generated, {made.speed:.2f} m/s at the release:\nexpected to miss the new target by"
+            f" {100 * miss:.1f} cm"
+        )
         ball_pictures.trajectory_legend(figure, 4)
         return save(figure, folder, "figure_8_9"), measured(seed, shown, made, miss)
 
 
-def measured(seed: int, shown: list[ball_throws.Trajectory], made: ball_throws.Trajectory, miss: float) -> dict:
-    """The generated throw, and where plans for ten new baskets expect the ball, local model and global ones."""
+def measured(
+    seed: int, shown: list[ball_throws.Trajectory], made: ball_throws.Trajectory, miss: float
+) -> dict:
+    """The generated throw, and where plans for ten new baskets expect the ball, local model and
+    global ones.
+    """
     misses = {name: 100 * ball_throws.predicted_misses(seed, name) for name in MODELS}
     return {
         "thesis_says": "producing accurate results in the close vicinity of the selected points",
-        "speed_at_release_m_s": {"chosen": [round(one.speed, 2) for one in shown], "generated": round(made.speed, 2)},
+        "speed_at_release_m_s": {
+            "chosen": [round(one.speed, 2) for one in shown],
+            "generated": round(made.speed, 2),
+        },
         "expected_miss_cm": round(100 * miss, 1),
-        "expected_miss_median_cm": {name: round(float(np.nanmedian(values)), 1) for name, values in misses.items()},
+        "expected_miss_median_cm": {
+            name: round(float(np.nanmedian(values)), 1) for name, values in misses.items()
+        },
         "new_baskets": ball_throws.N_NEW,
     }
 

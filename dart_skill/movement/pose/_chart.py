@@ -1,8 +1,9 @@
-"""Rotation vectors as coordinates of orientations about a base: q = exp(e) base, up to nearly a full turn.
+"""Rotation vectors as coordinates of orientations about a base: q = exp(e) base, up to nearly a
+full turn.
 
-A unit quaternion with its sign tells a turn by 200 degrees from one by 160 the other way. So a path that turns through
-half a turn has no jump in e, if signs are continuous along it. With J of `inverse_jacobians`, w = J(e) e' is the angular
-velocity in world axes.
+A unit quaternion with its sign tells a turn by 200 degrees from one by 160 the other way. So a
+path that turns through half a turn has no jump in e, if signs are continuous along it. With J of
+`inverse_jacobians`, w = J(e) e' is the angular velocity in world axes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from dart_skill.movement._orientation import make_continuous
 from dart_skill.movement.pose._derivatives import cross, inverse_jacobians
 
 LARGEST_TURN = np.radians(345.0)
-"""Coordinates are singular at a full turn from the base; this is the farthest that is learned [rad]."""
+"""Coordinates are singular at a full turn from the base; this is the farthest that is learned
+[rad].
+"""
 SERIES = 0.1
 """Below this angle [rad] series are used."""
 
@@ -25,14 +28,20 @@ def relative(rotations: np.ndarray, base: np.ndarray) -> np.ndarray:
 
 
 def long_vectors(rotations: np.ndarray) -> np.ndarray:
-    """Rotation vectors (..., 3) of quaternions (..., 4) with signs, up to a full turn long: 2 atan2(|v|, w) v / |v|."""
+    """Rotation vectors (..., 3) of quaternions (..., 4) with signs, up to a full turn long: 2
+    atan2(|v|, w) v / |v|.
+    """
     length = np.linalg.norm(rotations[..., :3], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(length, rotations[..., 3:])
-    return np.where(length > 1e-12, angle / np.where(length > 1e-12, length, 1.0), 2.0) * rotations[..., :3]
+    return (
+        np.where(length > 1e-12, angle / np.where(length > 1e-12, length, 1.0), 2.0)
+        * rotations[..., :3]
+    )
 
 
 def path_about(rotations: np.ndarray, base: np.ndarray, last: bool) -> np.ndarray:
-    """Coordinates e (n, 3) of a path (n, 4) without jumps; at its last sample, or its first one, at most half a turn.
+    """Coordinates e (n, 3) of a path (n, 4) without jumps; at its last sample, or its first one,
+    at most half a turn.
 
     ValueError if the path comes near a full turn from the base.
     """
@@ -43,23 +52,30 @@ def path_about(rotations: np.ndarray, base: np.ndarray, last: bool) -> np.ndarra
     if angles.max() > LARGEST_TURN:
         row = int(angles.argmax())
         raise ValueError(
-            f"sample {row} is turned by {np.degrees(angles[row]):.0f} degrees against the goal or baseline; a primitive learns less than "
-            "a full turn: cut the movement into two, or learn it as a PoseDSGMR"
+            f"sample {row} is turned by {np.degrees(angles[row]):.0f} degrees against the goal or"
+            " baseline; a primitive learns less than a full turn: cut the movement into two, or"
+            " learn it as a PoseDSGMR"
         )
     return vectors
 
 
 def nearest(rotation: np.ndarray, base: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Coordinates e (3,) of an orientation (4,): of the two turns that lead there the one that is nearer to `near` (3,)."""
+    """Coordinates e (3,) of an orientation (4,): of the two turns that lead there the one that is
+    nearer to `near` (3,).
+    """
     one = relative(rotation, base)
     ways = long_vectors(np.array([one, -one]))
     return ways[np.linalg.norm(ways - near, axis=1).argmin()]
 
 
-def turning(vectors: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Quaternion exp(e) (..., 4), angular velocity and acceleration (..., 3) of e with its derivatives e' and e'' (..., 3).
+def turning(
+    vectors: np.ndarray, first: np.ndarray, second: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Quaternion exp(e) (..., 4), angular velocity and acceleration (..., 3) of e with its
+    derivatives e' and e'' (..., 3).
 
-    w = e' + a e x e' + b e x (e x e'),  a = (1 - cos t) / t^2,  b = (t - sin t) / t^3,  t = |e|, and its derivative.
+    w = e' + a e x e' + b e x (e x e'),  a = (1 - cos t) / t^2,  b = (t - sin t) / t^3,  t = |e|,
+    and its derivative.
     """
     a, b, a_slope, b_slope = _coefficients(np.linalg.norm(vectors, axis=-1, keepdims=True))
     along = (vectors * first).sum(-1, keepdims=True)
@@ -78,9 +94,21 @@ def _coefficients(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     t = np.where(small, 1.0, angle)
     sin, cos = np.sin(t), np.cos(t)
     a = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
-    b = np.where(small, 1.0 / 6.0 - square / 120.0 + square**2 / 5040.0 - square**3 / 362880.0, (t - sin) / t**3)
-    a_slope = np.where(small, -1.0 / 12.0 + square / 180.0 - square**2 / 6720.0, (t * sin - 2.0 * (1.0 - cos)) / t**4)
-    b_slope = np.where(small, -1.0 / 60.0 + square / 1260.0 - square**2 / 60480.0, (3.0 * sin - 2.0 * t - t * cos) / t**5)
+    b = np.where(
+        small,
+        1.0 / 6.0 - square / 120.0 + square**2 / 5040.0 - square**3 / 362880.0,
+        (t - sin) / t**3,
+    )
+    a_slope = np.where(
+        small,
+        -1.0 / 12.0 + square / 180.0 - square**2 / 6720.0,
+        (t * sin - 2.0 * (1.0 - cos)) / t**4,
+    )
+    b_slope = np.where(
+        small,
+        -1.0 / 60.0 + square / 1260.0 - square**2 / 60480.0,
+        (3.0 * sin - 2.0 * t - t * cos) / t**5,
+    )
     return a, b, a_slope, b_slope
 
 

@@ -1,5 +1,6 @@
-"""DS-GMR on poses: a task-parameterised mixture of attractor poses, retrieved by regression on time, and followed by a
-spring-damper on the manifold (thesis 7.5, with R^3 x S3 in the place of R^d).
+"""DS-GMR on poses: a task-parameterised mixture of attractor poses, retrieved by regression on
+time, and followed by a spring-damper on the manifold (thesis 7.5, with R^3 x S3 in the place of
+R^d).
 """
 
 from __future__ import annotations
@@ -20,14 +21,21 @@ from dart_skill.movement._saved import Arrays, MixtureModel
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.pose._frames import PoseCourse
 from dart_skill.movement.pose._mixture import PoseMixture
-from dart_skill.movement.pose._motion import PoseMotion, as_pair, follow_pose_attractor, pose_attractor, pose_motion
+from dart_skill.movement.pose._motion import (
+    PoseMotion,
+    as_pair,
+    follow_pose_attractor,
+    pose_attractor,
+    pose_motion,
+)
 from dart_skill.movement.pose._task_parameterised import PoseFrames, TaskParameterisedPoseMixture
 
 
 @dataclass(frozen=True, eq=False)
 class PoseReproduction:
-    """A planned movement: time (n,) [s]; attractor (n, 7) with its covariance (n, 6, 6) in the tangent space, [m] and [rad] in
-    world axes; pose (n, 7), velocity and acceleration (n, 6) of the motion that follows it.
+    """A planned movement: time (n,) [s]; attractor (n, 7) with its covariance (n, 6, 6) in the
+    tangent space, [m] and [rad] in world axes; pose (n, 7), velocity and acceleration (n, 6) of
+    the motion that follows it.
     """
 
     time: np.ndarray
@@ -41,18 +49,22 @@ class PoseReproduction:
 class PoseDSGMR(MixtureModel):
     """Movement of position and orientation that is driven by a clock.
 
-    The features are rows [t, u, y] with q + 8 columns: time, q further inputs, and the attractor pose.
+    The features are rows [t, u, y] with q + 8 columns: time, q further inputs, and the attractor
+    pose.
 
     Parameters:
 
-    * n_components: int, number of components of the mixture; at least one for each third of a turn.
+    * n_components: int, number of components of the mixture; at least one for each third of a
+      turn.
     * stiffness: kp [1/s^2], default 200; one number, or two for position and orientation.
     * damping: kv [1/s], likewise; default None: critical, 2 sqrt(kp).
     * n_inputs: int, default 0. q, the number of further inputs.
-    * partition: "time" (default) or "em". Each component has its own interval of time, or EM finds which samples belong to it.
-      Where frames are turned in all directions, the demonstrations are far apart in each of them. With few of them EM then
-      separates demonstrations from each other instead of parts of the movement.
-    * overlap: float, default 0.7. Standard deviation of a component, relative to its interval; for partition "time".
+    * partition: "time" (default) or "em". Each component has its own interval of time, or EM finds
+      which samples belong to it. Where frames are turned in all directions, the demonstrations are
+      far apart in each of them. With few of them EM then separates demonstrations from each other
+      instead of parts of the movement.
+    * overlap: float, default 0.7. Standard deviation of a component, relative to its interval; for
+      partition "time".
     * mixture_options: hyper-parameters of `TaskParameterisedPoseMixture`.
 
     Attribute after `fit`: mixture_, the fitted TaskParameterisedPoseMixture over [t, u, y].
@@ -75,7 +87,11 @@ class PoseDSGMR(MixtureModel):
         if partition not in PARTITIONS:
             raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
         self.stiffness = as_pair(stiffness, "stiffness", strict=True)
-        self.damping = critical_damping(self.stiffness) if damping is None else as_pair(damping, "damping", strict=False)
+        self.damping = (
+            critical_damping(self.stiffness)
+            if damping is None
+            else as_pair(damping, "damping", strict=False)
+        )
         self._given_damping = damping
         self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
         self.overlap = as_number(overlap, "overlap", 1e-3, strict=False)
@@ -83,7 +99,9 @@ class PoseDSGMR(MixtureModel):
         self.n_components = self._mixture.n_components
 
     def _from_arrays(self, arrays: Arrays) -> None:
-        mixture = TaskParameterisedPoseMixture(self._mixture.n_components, correlated=self._mixture.correlated)
+        mixture = TaskParameterisedPoseMixture(
+            self._mixture.n_components, correlated=self._mixture.correlated
+        )
         mixture._from_arrays(arrays)
         self.mixture_ = mixture
 
@@ -102,26 +120,33 @@ class PoseDSGMR(MixtureModel):
         at: ArrayLike | None = None,
         inputs: ArrayLike | None = None,
     ) -> np.ndarray:
-        """Features [t, u, y] (n, q + 8) of one demonstration, from noisy poses: the attractor is computed by (7.20).
+        """Features [t, u, y] (n, q + 8) of one demonstration, from noisy poses: the attractor is
+        computed by (7.20).
 
         Parameters:
 
         * time: stamps (k,) of the samples [s].
         * poses: (k, 7), position and unit quaternion; signs do not matter.
-        * noise: standard deviations of position [m] and orientation [rad], as in `pose_motion`; default: estimated.
+        * noise: standard deviations of position [m] and orientation [rad], as in `pose_motion`;
+          default: estimated.
         * at: stamps (n,) of the features [s], default those of the samples.
         * inputs: the further inputs u, (q,) or (n, q); default: there are none.
         """
         motion = pose_motion(time, poses, noise=noise, at=at)
         return self.features(time if at is None else at, motion, inputs)
 
-    def features(self, time: ArrayLike, motion: PoseMotion, inputs: ArrayLike | None = None) -> np.ndarray:
-        """Features [t, u, y] (n, q + 8) of a motion whose velocity and acceleration are known, at stamps (n,) [s].
+    def features(
+        self, time: ArrayLike, motion: PoseMotion, inputs: ArrayLike | None = None
+    ) -> np.ndarray:
+        """Features [t, u, y] (n, q + 8) of a motion whose velocity and acceleration are known, at
+        stamps (n,) [s].
 
         inputs: the further inputs u, (q,) or (n, q).
         """
         attractor = pose_attractor(motion, self.stiffness, self.damping)
-        return np.column_stack([self._with_inputs(as_stamps(time, len(attractor)), inputs), attractor])
+        return np.column_stack(
+            [self._with_inputs(as_stamps(time, len(attractor)), inputs), attractor]
+        )
 
     def fit(
         self,
@@ -135,9 +160,11 @@ class PoseDSGMR(MixtureModel):
 
         Parameters:
 
-        * attractors: for each demonstration its features [t, u, y] (n_i, q + 8), from `encode` or `features`.
+        * attractors: for each demonstration its features [t, u, y] (n_i, q + 8), from `encode` or
+          `features`.
         * frames: for each demonstration P task frames, as in `TaskParameterisedPoseMixture`.
-        * weights: for each demonstration one number or one per sample (n_i,); default: all count alike.
+        * weights: for each demonstration one number or one per sample (n_i,); default: all count
+          alike.
         * rng: random generator, only for the hyper-parameter start="kmeans".
 
         ValueError for attractors of another shape.
@@ -145,8 +172,9 @@ class PoseDSGMR(MixtureModel):
         for i, one in enumerate(attractors):
             if np.ndim(one) != 2 or np.shape(one)[1] != self.n_inputs + 8:
                 raise ValueError(
-                    f"attractors of demonstration {i} must have {self.n_inputs + 8} columns: time, {self.n_inputs} further inputs "
-                    f"(n_inputs) and a pose, got shape {np.shape(one)}; make them with encode"
+                    f"attractors of demonstration {i} must have {self.n_inputs + 8} columns: time,"
+                    f" {self.n_inputs} further inputs (n_inputs) and a pose, got shape"
+                    f" {np.shape(one)}; make them with encode"
                 )
         if self.partition == "time":
             self.mixture_ = self._mixture.fit_in_time(attractors, frames, weights, self.overlap)
@@ -155,20 +183,29 @@ class PoseDSGMR(MixtureModel):
         self.n_demonstrations_ = len(attractors)
         return self
 
-    def bic(self, attractors: Sequence[ArrayLike], frames: PoseFrames, weights: Weights = None) -> float:
-        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is better."""
+    def bic(
+        self, attractors: Sequence[ArrayLike], frames: PoseFrames, weights: Weights = None
+    ) -> float:
+        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is
+        better.
+        """
         return self._fitted.bic(attractors, frames, weights)
 
     def product(self, frames: Sequence[PoseCourse]) -> PoseMixture:
-        """(7.21): the mixture over [t, u, y] in the world, for P new frames; None for a missing one."""
+        """(7.21): the mixture over [t, u, y] in the world, for P new frames; None for a missing
+        one.
+        """
         return self._fitted.product(frames)
 
-    def retrieve(self, frames: Sequence[PoseCourse], time: ArrayLike, inputs: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def retrieve(
+        self, frames: Sequence[PoseCourse], time: ArrayLike, inputs: ArrayLike | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Attractor (n, 7) and its covariance (n, 6, 6) in the tangent space, in new frames.
 
         Parameters:
 
-        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing frame is None.
+        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing
+          frame is None.
         * time: stamps (n,) [s].
         * inputs: the further inputs u, (q,) or (n, q); default: there are none.
         """
@@ -191,14 +228,18 @@ class PoseDSGMR(MixtureModel):
 
         * frames, inputs: as in `retrieve`.
         * time: equally spaced stamps (n,) [s], n >= 2.
-        * pose0, velocity0: pose (7,) and velocity (6,) [m/s, rad/s] at the first stamp; by default it is at rest.
-        * push: acceleration (n, 6) [m/s^2, rad/s^2] from outside, in world axes, linear between the stamps; default: none.
+        * pose0, velocity0: pose (7,) and velocity (6,) [m/s, rad/s] at the first stamp; by default
+          it is at rest.
+        * push: acceleration (n, 6) [m/s^2, rad/s^2] from outside, in world axes, linear between
+          the stamps; default: none.
         * step: float [s], default: computed from the stamps.
         """
         time = as_stamps(time, minimum=2)
         attractor, covariance = self.retrieve(frames, time, inputs)
         start = np.zeros(6) if velocity0 is None else velocity0
-        motion = follow_pose_attractor(attractor, step_of(time, step), pose0, start, self.stiffness, self.damping, push)
+        motion = follow_pose_attractor(
+            attractor, step_of(time, step), pose0, start, self.stiffness, self.damping, push
+        )
         return PoseReproduction(time, attractor, covariance, *motion)
 
     def _with_inputs(self, time: np.ndarray, inputs: ArrayLike | None) -> np.ndarray:
@@ -208,5 +249,8 @@ class PoseDSGMR(MixtureModel):
         if given.shape == () and q == 1:
             given = given[None]
         if given.shape not in ((q,), (len(time), q)):
-            raise ValueError(f"inputs beside time must have shape ({q},), or ({len(time)}, {q}) to change with it, got {given.shape}")
+            raise ValueError(
+                f"inputs beside time must have shape ({q},), or ({len(time)}, {q}) to change with"
+                f" it, got {given.shape}"
+            )
         return np.column_stack([time, np.broadcast_to(given, (len(time), q))])

@@ -1,12 +1,14 @@
-"""Expectation maximisation for mixtures of poses that are seen from one or several task frames at once.
+"""Expectation maximisation for mixtures of poses that are seen from one or several task frames at
+once.
 
-A block (n, w) holds the samples as one frame sees them: q numbers (time, inputs), a position and a quaternion. All blocks
-share the responsibilities (Calinon 2016). The M step moves each mean by the mean tangent vector of its samples and takes
-their covariance there (Simo-Serra, Torras and Moreno-Noguer, "3D human pose tracking priors using geodesic mixture models",
-IJCV 122, 2017). When EM has converged, each mean is the intrinsic mean of its samples.
+A block (n, w) holds the samples as one frame sees them: q numbers (time, inputs), a position and a
+quaternion. All blocks share the responsibilities (Calinon 2016). The M step moves each mean by the
+mean tangent vector of its samples and takes their covariance there (Simo-Serra, Torras and
+Moreno-Noguer, "3D human pose tracking priors using geodesic mixture models", IJCV 122, 2017). When
+EM has converged, each mean is the intrinsic mean of its samples.
 
-Scales, by which the covariance floor is measured, belong to each number, to the position as a whole and to the rotation as
-a whole. So a turn of all data turns the result.
+Scales, by which the covariance floor is measured, belong to each number, to the position as a
+whole and to the rotation as a whole. So a turn of all data turns the result.
 """
 
 from __future__ import annotations
@@ -25,8 +27,9 @@ from dart_skill.movement.pose._manifold import exp_at, log_at, means_of
 class Blocks:
     """Samples as P frames see them.
 
-    rows: P arrays (n, w); seen (P, n): whether the frame is there; scales: P arrays (d,), units of the tangent space;
-    correlated: whether position and rotation of a component may be correlated beyond what the numbers say of both.
+    rows: P arrays (n, w); seen (P, n): whether the frame is there; scales: P arrays (d,), units of
+    the tangent space; correlated: whether position and rotation of a component may be correlated
+    beyond what the numbers say of both.
     """
 
     rows: list[np.ndarray]
@@ -45,13 +48,21 @@ class Fit:
     converged: bool
 
 
-def scales_of(rows: np.ndarray, weights: np.ndarray, least: np.ndarray | float = 0.0) -> np.ndarray:
-    """Standard deviations (d,): of each number, of the position and of the rotation; at least `least`, 1 where all is still."""
+def scales_of(
+    rows: np.ndarray, weights: np.ndarray, least: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Standard deviations (d,): of each number, of the position and of the rotation; at least
+    `least`, 1 where all is still.
+    """
     share = weights / weights.sum()
     numbers = rows[:, :-4] - rows[0, :-4]
     variance = share @ np.square(numbers - share @ numbers)
     way = log_at(means_of(rows, share[:, None])[0], rows)[:, -3:]
-    groups = [variance[:-3], np.full(3, variance[-3:].mean()), np.full(3, (share @ np.square(way)).mean())]
+    groups = [
+        variance[:-3],
+        np.full(3, variance[-3:].mean()),
+        np.full(3, (share @ np.square(way)).mean()),
+    ]
     scale = np.maximum(np.sqrt(np.concatenate(groups)), least)
     return np.where(scale > 1e-12, scale, 1.0)
 
@@ -61,24 +72,37 @@ def tangents_at(blocks: Blocks, means: Sequence[np.ndarray]) -> list[np.ndarray]
     return [log_at(mean[:, None], rows) for mean, rows in zip(means, blocks.rows, strict=True)]
 
 
-def expectation(blocks: Blocks, parameters: Parameters, tangents: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def expectation(
+    blocks: Blocks, parameters: Parameters, tangents: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """E step: responsibilities (n, K) and log densities (n,)."""
-    terms = [seen * log_normals(*one) for seen, *one in zip(blocks.seen, tangents, parameters.covariances, strict=True)]
+    terms = [
+        seen * log_normals(*one)
+        for seen, *one in zip(blocks.seen, tangents, parameters.covariances, strict=True)
+    ]
     return normalise_log(sum(terms, np.zeros(())).T + np.log(parameters.priors))
 
 
 def maximisation(
-    blocks: Blocks, counts: np.ndarray, floor: float, near: tuple[list[np.ndarray], list[np.ndarray]] | None = None
+    blocks: Blocks,
+    counts: np.ndarray,
+    floor: float,
+    near: tuple[list[np.ndarray], list[np.ndarray]] | None = None,
 ) -> tuple[Parameters, list[np.ndarray]]:
     """M step from counts (n, K): parameters, and the tangent vectors from their means.
 
-    From means and tangent vectors `near` that are given the means move by one step; else they are the intrinsic means.
+    From means and tangent vectors `near` that are given the means move by one step; else they are
+    the intrinsic means.
     """
     mass = counts.sum(0)
     means, covariances, tangents = [], [], []
     for j, (rows, scale) in enumerate(zip(blocks.rows, blocks.scales, strict=True)):
         shares = _shares(counts, blocks.seen[j])
-        mean = means_of(rows, shares) if near is None else exp_at(near[0][j], (shares.T[:, None] @ near[1][j])[:, 0])
+        mean = (
+            means_of(rows, shares)
+            if near is None
+            else exp_at(near[0][j], (shares.T[:, None] @ near[1][j])[:, 0])
+        )
         means.append(mean)
         tangents.append(log_at(mean[:, None], rows))
         covariances.append(_covariances(tangents[j], shares, scale, floor, blocks.correlated))
@@ -86,7 +110,9 @@ def maximisation(
 
 
 def _shares(counts: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Counts (n, K) of the samples that a frame sees, normalised; a component that it does not see gets those of all samples."""
+    """Counts (n, K) of the samples that a frame sees, normalised; a component that it does not see
+    gets those of all samples.
+    """
     counts = np.where(seen[:, None], counts, 0.0)
     mass = counts.sum(0)
     unowned = mass < DEAD_SHARE * mass.sum() / len(counts)
@@ -94,8 +120,12 @@ def _shares(counts: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return counts / counts.sum(0)
 
 
-def _covariances(tangents: np.ndarray, shares: np.ndarray, scale: np.ndarray, floor: float, correlated: bool) -> np.ndarray:
-    """Covariances (K, d, d) of tangent vectors (K, n, d) with shares (n, K), each eigenvalue at least the floor in units of scale."""
+def _covariances(
+    tangents: np.ndarray, shares: np.ndarray, scale: np.ndarray, floor: float, correlated: bool
+) -> np.ndarray:
+    """Covariances (K, d, d) of tangent vectors (K, n, d) with shares (n, K), each eigenvalue at
+    least the floor in units of scale.
+    """
     scaled = tangents / scale
     scatter = np.swapaxes(scaled * shares.T[..., None], 1, 2) @ scaled
     scatter = raise_to_floor(0.5 * (scatter + np.swapaxes(scatter, 1, 2)), floor)
@@ -103,15 +133,26 @@ def _covariances(tangents: np.ndarray, shares: np.ndarray, scale: np.ndarray, fl
 
 
 def _independent(covariances: np.ndarray) -> np.ndarray:
-    """Covariances (K, d, d) in which position and rotation are independent, given the numbers: the likeliest such ones."""
+    """Covariances (K, d, d) in which position and rotation are independent, given the numbers: the
+    likeliest such ones.
+    """
     q, made = covariances.shape[-1] - 6, covariances.copy()
     numbers, position, rotation = slice(0, q), slice(q, q + 3), slice(q + 3, q + 6)
-    common = covariances[:, position, numbers] @ np.linalg.solve(covariances[:, numbers, numbers], covariances[:, numbers, rotation])
+    common = covariances[:, position, numbers] @ np.linalg.solve(
+        covariances[:, numbers, numbers], covariances[:, numbers, rotation]
+    )
     made[:, position, rotation], made[:, rotation, position] = common, np.swapaxes(common, 1, 2)
     return made
 
 
-def iterate(blocks: Blocks, weights: np.ndarray, start: Parameters, floor: float, tolerance: float, max_iterations: int) -> Fit:
+def iterate(
+    blocks: Blocks,
+    weights: np.ndarray,
+    start: Parameters,
+    floor: float,
+    tolerance: float,
+    max_iterations: int,
+) -> Fit:
     """EM from parameters. A component that loses its samples is dropped."""
     weights = weights / weights.mean()
     parameters, tangents, previous = start, tangents_at(blocks, start.means), -np.inf
@@ -128,9 +169,14 @@ def iterate(blocks: Blocks, weights: np.ndarray, start: Parameters, floor: float
 
 
 def windows_in_time(time: np.ndarray, n_components: int, overlap: float) -> np.ndarray:
-    """Responsibilities (n, K) of Gaussian windows in the middle of K equal intervals of time (n,); overlap in intervals."""
+    """Responsibilities (n, K) of Gaussian windows in the middle of K equal intervals of time (n,);
+    overlap in intervals.
+    """
     interval = (time.max() - time.min()) / n_components
     if interval <= 0:
-        raise ValueError(f"all samples have the time {time[0]:g}, there are no intervals; use partition='em', or give time in column 0")
+        raise ValueError(
+            f"all samples have the time {time[0]:g}, there are no intervals; use partition='em',"
+            " or give time in column 0"
+        )
     centres = time.min() + interval * (0.5 + np.arange(n_components))
     return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]

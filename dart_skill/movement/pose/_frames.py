@@ -1,7 +1,8 @@
 """Task frames that turn: each sees positions and orientations in its own axes.
 
-A frame at b with orientation r sees a pose (p, q) of the world at (r^-1 (p - b), r^-1 q). Turning a frame turns tangent
-vectors and covariances with it, whatever the angle: log_(r m)(r q) = r log_m(q).
+A frame at b with orientation r sees a pose (p, q) of the world at (r^-1 (p - b), r^-1 q). Turning
+a frame turns tangent vectors and covariances with it, whatever the angle: log_(r m)(r q) = r
+log_m(q).
 """
 
 from __future__ import annotations
@@ -22,14 +23,17 @@ IDENTITY = np.array(UNTURNED)
 
 @dataclass(frozen=True, eq=False)
 class PoseFrame:
-    """Task frame of poses: a place and axes of its own. Columns before the pose, such as time, pass through.
+    """Task frame of poses: a place and axes of its own. Columns before the pose, such as time,
+    pass through.
 
     Parameters:
 
     * position (3,): origin of the frame in the world [m].
-    * orientation (4,): of its axes in the world, unit quaternion x, y, z, w; default: the axes of the world.
+    * orientation (4,): of its axes in the world, unit quaternion x, y, z, w; default: the axes of
+      the world.
 
-    ValueError for what is not finite, has another shape, or for a quaternion whose length is not 1.
+    ValueError for what is not finite, has another shape, or for a quaternion whose length is not
+    1.
     """
 
     position: np.ndarray
@@ -56,9 +60,14 @@ def as_rows(value: ArrayLike, name: str) -> np.ndarray:
     """Rows (n, q + 7) of q numbers, a position and a unit quaternion."""
     rows = as_points(value, name, ndim=2)
     if rows.shape[1] < 7:
-        raise ValueError(f"{name} must have columns x, y, z and a quaternion x, y, z, w, after any numbers, got shape {rows.shape}")
+        raise ValueError(
+            f"{name} must have columns x, y, z and a quaternion x, y, z, w, after any numbers, got"
+            f" shape {rows.shape}"
+        )
     if np.abs(rows).max() > LARGEST_LEARNABLE:
-        raise ValueError(f"{name} holds {np.abs(rows).max():g}, too large for a variance; choose a larger unit")
+        raise ValueError(
+            f"{name} holds {np.abs(rows).max():g}, too large for a variance; choose a larger unit"
+        )
     return rows
 
 
@@ -89,23 +98,46 @@ class Stage:
     seen: np.ndarray
 
     @classmethod
-    def of(cls, courses: Sequence[PoseCourse], n: int, name: str, n_frames: int | None = None) -> Stage:
+    def of(
+        cls, courses: Sequence[PoseCourse], n: int, name: str, n_frames: int | None = None
+    ) -> Stage:
         """Frames as given for n moments; a single moment if none of them moves."""
         if len(courses) == 0 or (n_frames is not None and len(courses) != n_frames):
-            raise ValueError(f"{name} has {len(courses)} task frames, expected {n_frames or 'at least 1'}")
-        lists = [_as_frames(course, n, f"task frame {j} of {name}") for j, course in enumerate(courses)]
+            raise ValueError(
+                f"{name} has {len(courses)} task frames, expected {n_frames or 'at least 1'}"
+            )
+        lists = [
+            _as_frames(course, n, f"task frame {j} of {name}") for j, course in enumerate(courses)
+        ]
         m = max(len(frames) for frames in lists)
-        there = [[frame or PoseFrame(np.zeros(3)) for frame in frames] * (m // len(frames)) for frames in lists]
-        seen = np.array([[frame is not None for frame in frames] * (m // len(frames)) for frames in lists]).T
+        there = [
+            [frame or PoseFrame(np.zeros(3)) for frame in frames] * (m // len(frames))
+            for frames in lists
+        ]
+        seen = np.array(
+            [[frame is not None for frame in frames] * (m // len(frames)) for frames in lists]
+        ).T
         if not seen.any(1).all():
-            raise ValueError(f"all task frames are missing at moment {int(seen.any(1).argmin())} of {name}; give one at least")
-        arrays = [np.swapaxes([[getattr(f, part) for f in frames] for frames in there], 0, 1) for part in ("position", "orientation")]
+            raise ValueError(
+                f"all task frames are missing at moment {int(seen.any(1).argmin())} of {name};"
+                " give one at least"
+            )
+        arrays = [
+            np.swapaxes([[getattr(f, part) for f in frames] for frames in there], 0, 1)
+            for part in ("position", "orientation")
+        ]
         return cls(arrays[0], arrays[1], seen)
 
     def place(self, means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gaussians of the frames in the world: means (P, K, w) as (m, K, P, w), covariances (P, K, d, d) as (m, K, P, d, d)."""
+        """Gaussians of the frames in the world: means (P, K, w) as (m, K, P, w), covariances (P,
+        K, d, d) as (m, K, P, d, d).
+        """
         world = place(means, self.position[:, :, None], self.orientation[:, :, None])
-        turned = turn_covariances(covariances, quaternions.matrices(self.orientation)[:, :, None], covariances.shape[-1] - 6)
+        turned = turn_covariances(
+            covariances,
+            quaternions.matrices(self.orientation)[:, :, None],
+            covariances.shape[-1] - 6,
+        )
         return np.swapaxes(world, 1, 2), np.swapaxes(turned, 1, 2)
 
 

@@ -1,8 +1,8 @@
-"""Gaussians on the manifold: a mean (n + 4,) and a covariance (n + 3, n + 3) in the tangent space there (Zeestraten 2017;
-Calinon 2020).
+"""Gaussians on the manifold: a mean (n + 4,) and a covariance (n + 3, n + 3) in the tangent space
+there (Zeestraten 2017; Calinon 2020).
 
-log N(x) = log N(v; 0, S) with v = log_mean(x). The factor of the volume of S3 is left out, as there; it is one to second
-order in the spread.
+log N(x) = log N(v; 0, S) with v = log_mean(x). The factor of the volume of S3 is left out, as
+there; it is one to second order in the spread.
 """
 
 from __future__ import annotations
@@ -12,7 +12,13 @@ import numpy as np
 from dart_skill.common.checks import require_near
 from dart_skill.mixture import cholesky, normalise_log, symmetric
 from dart_skill.movement.pose._derivatives import bend, inverse_jacobians
-from dart_skill.movement.pose._manifold import exp_at, log_at, settle, transport_matrices, turn_covariances
+from dart_skill.movement.pose._manifold import (
+    exp_at,
+    log_at,
+    settle,
+    transport_matrices,
+    turn_covariances,
+)
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 MAX_STEPS = 100
@@ -20,7 +26,9 @@ MAX_STEPS = 100
 ROUNDING = 1e-11
 """Rounding error of the cost, a sum of squares, relative to itself."""
 LEAST_CURVATURE = 0.1
-"""Least curvature of the cost in any direction, relative to that of the linear equations; its inverse limits a step."""
+"""Least curvature of the cost in any direction, relative to that of the linear equations; its
+inverse limits a step.
+"""
 LEAST_SHARE = 1e-10
 """A search whose steps must be shortened further than this has ended."""
 SETTLED = 1e-12
@@ -30,7 +38,10 @@ SETTLED = 1e-12
 def log_normals(tangents: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     """log N(v; 0, S_k), (..., n), of tangent vectors (..., n, d) with covariances (..., d, d)."""
     factors = cholesky(covariances, "covariance of component")
-    log_volumes = np.log(np.diagonal(factors, axis1=-2, axis2=-1)).sum(-1) + 0.5 * tangents.shape[-1] * LOG_2PI
+    log_volumes = (
+        np.log(np.diagonal(factors, axis1=-2, axis2=-1)).sum(-1)
+        + 0.5 * tangents.shape[-1] * LOG_2PI
+    )
     white = tangents @ np.swapaxes(np.linalg.inv(factors), -1, -2)
     return -0.5 * np.einsum("...i,...i->...", white, white) - log_volumes[..., None]
 
@@ -38,15 +49,20 @@ def log_normals(tangents: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 # --- product ---
 
 
-def product_at(means: np.ndarray, covariances: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def product_at(
+    means: np.ndarray, covariances: np.ndarray, seen: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Mode (..., n + 4) and covariance (..., d, d) of the product of P Gaussians.
 
-    means (..., P, n + 4), covariances (..., P, d, d), seen (..., P): which factors are there. The mode minimises the sum of
-    r' S^-1 r with r = log_mean(x), by Newton's method (Zeestraten 2017 iterates with parallel transport in the
-    place of the derivative of the logarithm; for near factors that is the same). The search begins at each factor's mean,
-    and the best end counts: two factors that differ by nearly half a turn have two minima.
+    means (..., P, n + 4), covariances (..., P, d, d), seen (..., P): which factors are there. The
+    mode minimises the sum of r' S^-1 r with r = log_mean(x), by Newton's method (Zeestraten 2017
+    iterates with parallel transport in the place of the derivative of the logarithm; for near
+    factors that is the same). The search begins at each factor's mean, and the best end counts:
+    two factors that differ by nearly half a turn have two minima.
     """
-    whiteners = seen[..., None, None] * np.linalg.inv(cholesky(covariances, "covariance of factor"))
+    whiteners = seen[..., None, None] * np.linalg.inv(
+        cholesky(covariances, "covariance of factor")
+    )
     points = np.moveaxis(means, -2, 0)
     cost = _cost(points, means, whiteners)
     share = np.ones_like(cost)
@@ -56,9 +72,13 @@ def product_at(means: np.ndarray, covariances: np.ndarray, seen: np.ndarray) -> 
         moved_cost = _cost(moved, means, whiteners)
         # Near the mode a step changes the cost by less than its rounding.
         better = moved_cost <= cost * (1.0 + ROUNDING)
-        points, cost = np.where(better[..., None], moved, points), np.where(better, moved_cost, cost)
+        points, cost = (
+            np.where(better[..., None], moved, points),
+            np.where(better, moved_cost, cost),
+        )
         share = np.where(better, np.minimum(2.0 * share, 1.0), 0.5 * share)
-        # A search may end at half a turn from a factor, where the cost jumps; there its share of the step shrinks.
+        # A search may end at half a turn from a factor, where the cost jumps; there its share of
+        # the step shrinks.
         if ((np.abs(step[..., -3:]).max(-1) < SETTLED) | (share < LEAST_SHARE)).all():
             break
     best = np.take_along_axis(points, cost.argmin(0)[None, ..., None], axis=0)
@@ -71,25 +91,37 @@ def _cost(points: np.ndarray, means: np.ndarray, whiteners: np.ndarray) -> np.nd
     return np.square(whiteners @ log_at(means, points[..., None, :])[..., None]).sum((-3, -2, -1))
 
 
-def _newton(points: np.ndarray, means: np.ndarray, whiteners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Newton step (S, ..., d) from points (S, ..., n + 4), and covariance (S, ..., d, d): that of the linear equations alone.
+def _newton(
+    points: np.ndarray, means: np.ndarray, whiteners: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Newton step (S, ..., d) from points (S, ..., n + 4), and covariance (S, ..., d, d): that of
+    the linear equations alone.
 
-    The linear equations r + J d = 0, whitened, are solved by QR, R d = c. In the coordinates R d the Hessian is the identity
-    and a term for the curvature. Where it is not positive definite, its eigenvalues are made so.
+    The linear equations r + J d = 0, whitened, are solved by QR, R d = c. In the coordinates R d
+    the Hessian is the identity and a term for the curvature. Where it is not positive definite,
+    its eigenvalues are made so.
     """
     residuals = log_at(means, points[..., None, :])
     white = whiteners @ residuals[..., None]
-    jacobians = np.array(np.broadcast_to(np.eye(residuals.shape[-1]), (*residuals.shape, residuals.shape[-1])))
+    jacobians = np.array(
+        np.broadcast_to(np.eye(residuals.shape[-1]), (*residuals.shape, residuals.shape[-1]))
+    )
     jacobians[..., -3:, -3:] = inverse_jacobians(residuals[..., -3:])
     rows = np.concatenate([whiteners @ jacobians, -white], axis=-1)
-    triangle = np.asarray(np.linalg.qr(rows.reshape(*rows.shape[:-3], -1, rows.shape[-1]), mode="r"))
+    triangle = np.asarray(
+        np.linalg.qr(rows.reshape(*rows.shape[:-3], -1, rows.shape[-1]), mode="r")
+    )
     size = residuals.shape[-1]
     root = np.linalg.inv(triangle[..., :size, :size])
     pull = (np.swapaxes(whiteners, -1, -2) @ white)[..., -3:, 0]
     curvature = bend(residuals[..., -3:], pull).sum(-3)
     inner = root[..., -3:, :]
     values, vectors = np.linalg.eigh(np.eye(size) + np.swapaxes(inner, -1, -2) @ curvature @ inner)
-    scaled = np.swapaxes(vectors, -1, -2) @ triangle[..., :size, size:] / np.maximum(np.abs(values), LEAST_CURVATURE)[..., None]
+    scaled = (
+        np.swapaxes(vectors, -1, -2)
+        @ triangle[..., :size, size:]
+        / np.maximum(np.abs(values), LEAST_CURVATURE)[..., None]
+    )
     return (root @ (vectors @ scaled))[..., 0], symmetric(root @ np.swapaxes(root, -1, -2))
 
 
@@ -97,16 +129,22 @@ def _newton(points: np.ndarray, means: np.ndarray, whiteners: np.ndarray) -> tup
 
 
 def regress_at(
-    priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, inputs: np.ndarray, into: np.ndarray
+    priors: np.ndarray,
+    means: np.ndarray,
+    covariances: np.ndarray,
+    inputs: np.ndarray,
+    into: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (n, o + 4) and covariance (n, o + 3, o + 3) of the columns that are not `into`, given those: inputs (n, i).
+    """Mean (n, o + 4) and covariance (n, o + 3, o + 3) of the columns that are not `into`, given
+    those: inputs (n, i).
 
-    priors (K,), means (m, K, w), covariances (m, K, d, d), where m is n or 1; `into` are columns of numbers.
+    priors (K,), means (m, K, w), covariances (m, K, d, d), where m is n or 1; `into` are columns
+    of numbers.
 
-    Each component is conditioned in the tangent space of its own mean and is carried to where it is then expected; the
-    result is the mean on the manifold, found by iteration, and the covariance in its tangent space (Calinon 2020
-    conditions in the tangent space of the result. For one component both are the same. Here a component may turn
-    farther than half a turn).
+    Each component is conditioned in the tangent space of its own mean and is carried to where it
+    is then expected; the result is the mean on the manifold, found by iteration, and the
+    covariance in its tangent space (Calinon 2020 conditions in the tangent space of the result.
+    For one component both are the same. Here a component may turn farther than half a turn).
     """
     out, columns = _others(into, means.shape[-1]), _others(into, covariances.shape[-1])
     deviations = inputs[:, None] - means[..., into]
@@ -116,19 +154,30 @@ def regress_at(
         shares, log_density = normalise_log(densities + np.log(priors))
     require_near(log_density, inputs, "inputs")
     slopes = np.linalg.solve(input_covariances, covariances[..., into[:, None], columns])
-    within = covariances[..., columns[:, None], columns] - covariances[..., columns[:, None], into] @ slopes
+    within = (
+        covariances[..., columns[:, None], columns]
+        - covariances[..., columns[:, None], into] @ slopes
+    )
     ways = (deviations[..., None, :] @ slopes)[..., 0, :]
     ends = exp_at(means[..., out], ways)
     return moments_at(ends, _turned_half(within, ways), shares)
 
 
-def moments_at(points: np.ndarray, covariances: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (n, w) and covariance (n, d, d) of mixtures: points (n, K, w), covariances (n, K, d, d), shares (n, K)."""
+def moments_at(
+    points: np.ndarray, covariances: np.ndarray, shares: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (n, w) and covariance (n, d, d) of mixtures: points (n, K, w), covariances (n, K, d,
+    d), shares (n, K).
+    """
     scatter = np.einsum("nk,nki,nkj->nij", shares, points[..., -4:], points[..., -4:])
-    start = np.concatenate([np.einsum("nk,nki->ni", shares, points[..., :-4]), np.linalg.eigh(scatter)[1][..., -1]], axis=-1)
+    start = np.concatenate(
+        [np.einsum("nk,nki->ni", shares, points[..., :-4]), np.linalg.eigh(scatter)[1][..., -1]],
+        axis=-1,
+    )
     mean = settle(start, points, shares)
     ways = log_at(points, mean[:, None])
-    # The tangent vectors at the mean are the ways back: in world axes the way is the same at both ends.
+    # The tangent vectors at the mean are the ways back: in world axes the way is the same at both
+    # ends.
     spread = ways * np.sqrt(shares)[..., None]
     inside = np.einsum("nk,nkij->nij", shares, _turned_half(covariances, ways))
     return mean, symmetric(inside + np.swapaxes(spread, 1, 2) @ spread)

@@ -1,6 +1,7 @@
 """Bags of rosbag2 and their message types: read, written, checked, recovered and played.
 
-What is done with whole bags is imported only then, so that each command of `dart-skill bag` starts as fast as it can.
+What is done with whole bags is imported only then, so that each command of `dart-skill bag` starts
+as fast as it can.
 """
 
 from typing import TYPE_CHECKING
@@ -27,8 +28,22 @@ if TYPE_CHECKING:
         typestore,
         vector_content,
     )
-    from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection, clock_message
-    from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader, GraphBag, TopicInfo
+    from dart_skill.recording.bags.playback import (
+        CLOCK_TOPIC,
+        CLOCK_TYPE,
+        Due,
+        Pace,
+        Playback,
+        Selection,
+        clock_message,
+    )
+    from dart_skill.recording.bags.reader import (
+        BagError,
+        BagMessage,
+        BagReader,
+        GraphBag,
+        TopicInfo,
+    )
     from dart_skill.recording.bags.recovery import Recovery, recover
     from dart_skill.recording.bags.writer import BagWriteError, BagWriter, qos_yaml
 else:
@@ -39,8 +54,9 @@ else:
             "columns": "Columns columns_by_layout columns_of",
             "description": "describe",
             "messages": (
-                "definition deserialize encoded header_content interface_folder is_stamped message pose_content "
-                "serialize stamp_content type_hash types_for typestore vector_content"
+                "definition deserialize encoded header_content interface_folder is_stamped message"
+                " pose_content serialize stamp_content type_hash types_for typestore"
+                " vector_content"
             ),
             "playback": "CLOCK_TOPIC CLOCK_TYPE Due Pace Playback Selection clock_message",
             "reader": "BagError BagMessage BagReader GraphBag TopicInfo",

@@ -1,7 +1,8 @@
-"""Message types from the definitions in a bag: .msg, .srv, .action and .idl texts, as every version of rosbag2 and others write them.
+"""Message types from the definitions in a bag: .msg, .srv, .action and .idl texts, as every
+version of rosbag2 and others write them.
 
-A service has its request, its response and the event of its introspection; an action has more (`parts_of`). A type without fields has the
-byte that ROS 2 sends in their place.
+A service has its request, its response and the event of its introspection; an action has more
+(`parts_of`). A type without fields has the byte that ROS 2 sends in their place.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from rosbags.typesys.store import Typestore
 from dart_skill.recording.bags._names import full_name
 
 MOST_LINES, MOST_LINES_OF_ALL, LARGEST_DEFINITION = 5_000, 20_000, 1_000_000
-"""Most lines of a type's definition with all that it nests, most lines of all of a bag, and most characters of one: a line takes 0.4 ms."""
+"""Most lines of a type's definition with all that it nests, most lines of all of a bag, and most
+characters of one: a line takes 0.4 ms.
+"""
 _HEADS = re.compile(r"^={3,}[ \t]*\n(MSG|SRV|ACTION|IDL):[ \t]*(\S+)[ \t]*\n", re.MULTILINE)
 _SERVICE = re.compile(r"(.+/srv/.+?)(?:_Request|_Response|_Event)?")
 _ACTION = re.compile(
@@ -49,11 +52,15 @@ uint8[16] uuid
 
 
 def embedded_types(
-    definitions: Iterable[tuple[str, str, str]], types: Typestore | None, wanted: Iterable[str] = ()
+    definitions: Iterable[tuple[str, str, str]],
+    types: Typestore | None,
+    wanted: Iterable[str] = (),
 ) -> tuple[Typestore, dict[str, str]]:
-    """Types that the bag defines, and those of `types` that are wanted and that it lacks; and why the others are unknown.
+    """Types that the bag defines, and those of `types` that are wanted and that it lacks; and why
+    the others are unknown.
 
-    A type with an empty definition is as `types` has it; where that does not know it, it is taken for one without fields.
+    A type with an empty definition is as `types` has it; where that does not know it, it is taken
+    for one without fields.
     """
     found, unknown, lines = {}, {}, 0
     definitions = list(dict.fromkeys(definitions))  # each file of a split bag has all of them
@@ -61,7 +68,10 @@ def embedded_types(
         own = text.count("\n") + text.count(";") + 1
         lines += own
         if own > MOST_LINES or lines > MOST_LINES_OF_ALL or len(text) > LARGEST_DEFINITION:
-            unknown[name] = f"whose definition in the bag is too long: {own} lines of {lines} so far, {len(text)} characters"
+            unknown[name] = (
+                f"whose definition in the bag is too long: {own} lines of {lines} so far,"
+                f" {len(text)} characters"
+            )
             continue
         try:
             found.update(_types_in(name, encoding, text))
@@ -70,7 +80,9 @@ def embedded_types(
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(found)
-    except Exception:  # two definitions that cannot be in one store, or names that are none: as many as can be
+    except (
+        Exception
+    ):  # two definitions that cannot be in one store, or names that are none: as many as can be
         for name, fields in found.items():
             try:
                 store.register({name: fields})
@@ -78,9 +90,17 @@ def embedded_types(
                 unknown[name] = _damaged(error)
     if types is not None:
         store.register(
-            {name: types.fielddefs[name] for name in _with_nested({*wanted, *_nested_in(store)}, types) - store.fielddefs.keys()}
+            {
+                name: types.fielddefs[name]
+                for name in _with_nested({*wanted, *_nested_in(store)}, types)
+                - store.fielddefs.keys()
+            }
         )
-        empty = {name for name, encoding, text in definitions if encoding == "ros2msg" and not text.strip()}
+        empty = {
+            name
+            for name, encoding, text in definitions
+            if encoding == "ros2msg" and not text.strip()
+        }
         for name in empty - store.fielddefs.keys():
             with suppress(Exception):  # a name that is none
                 store.register({name: ([], [_NO_FIELD])})
@@ -89,27 +109,45 @@ def embedded_types(
 
 def _damaged(error: Exception) -> str:
     text = " ".join(str(error).split())
-    return f"whose definition in the bag is damaged ({text if len(text) <= 120 else text[:120] + ' ...'})"
+    return (
+        "whose definition in the bag is damaged"
+        f" ({text if len(text) <= 120 else text[:120] + ' ...'})"
+    )
 
 
 def parts_of(name: str, parts: list[str]) -> dict:
-    """Types of the interface `name`, from the parts of its definition: one of a message, two of a service, three of an action.
+    """Types of the interface `name`, from the parts of its definition: one of a message, two of a
+    service, three of an action.
 
-    Nested types without a package are messages of the same one. ValueError for another number of parts.
+    Nested types without a package are messages of the same one. ValueError for another number of
+    parts.
     """
     package = name.split("/")[0]
     if not 1 <= len(parts) <= 3:
-        raise ValueError(f"{len(parts)} parts between '---' lines, need 1 of a message, 2 of a service or 3 of an action")
+        raise ValueError(
+            f"{len(parts)} parts between '---' lines, need 1 of a message, 2 of a service or 3 of"
+            " an action"
+        )
     if len(parts) == 1:
         return _parsed(parts[0], full_name(name), package)
     if len(parts) == 2:
         request, response = parts
-        return _service(name, _parsed(request, f"{name}_Request", package), _parsed(response, f"{name}_Response", package))
+        return _service(
+            name,
+            _parsed(request, f"{name}_Request", package),
+            _parsed(response, f"{name}_Response", package),
+        )
     found: dict = {}
     for part, kind in zip(parts, ("Goal", "Result", "Feedback"), strict=True):
         found |= _parsed(part, f"{name}_{kind}", package)
-    goal_id, stamp = _named("goal_id", "unique_identifier_msgs/msg/UUID"), _named("stamp", "builtin_interfaces/msg/Time")
-    status, accepted = (("status", (Nodetype.BASE, ("int8", 0))), ("accepted", (Nodetype.BASE, ("bool", 0))))
+    goal_id, stamp = (
+        _named("goal_id", "unique_identifier_msgs/msg/UUID"),
+        _named("stamp", "builtin_interfaces/msg/Time"),
+    )
+    status, accepted = (
+        ("status", (Nodetype.BASE, ("int8", 0))),
+        ("accepted", (Nodetype.BASE, ("bool", 0))),
+    )
     found[f"{name}_FeedbackMessage"] = ([], [goal_id, _named("feedback", f"{name}_Feedback")])
     exchanges = {
         "SendGoal": ([goal_id, _named("goal", f"{name}_Goal")], [accepted, stamp]),
@@ -117,14 +155,19 @@ def parts_of(name: str, parts: list[str]) -> dict:
     }
     for exchange, (asked, answered) in exchanges.items():
         service = f"{name}_{exchange}"
-        found |= _service(service, {f"{service}_Request": ([], asked)}, {f"{service}_Response": ([], answered)})
+        found |= _service(
+            service, {f"{service}_Request": ([], asked)}, {f"{service}_Response": ([], answered)}
+        )
     return found
 
 
 def nested(fields: list) -> set[str]:
     """Names of the message types in the fields of a type."""
     kinds = [kind for _, kind in fields]
-    kinds = [detail[0] if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (node, detail) for node, detail in kinds]
+    kinds = [
+        detail[0] if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (node, detail)
+        for node, detail in kinds
+    ]
     return {detail for node, detail in kinds if node == Nodetype.NAME}
 
 
@@ -138,20 +181,30 @@ def _with_nested(names: Iterable[str], types: Typestore) -> set[str]:
     left = set(names) & types.fielddefs.keys()
     while left:
         found |= left
-        left = set().union(*(nested(types.fielddefs[name][1]) for name in left)) & types.fielddefs.keys() - found
+        left = (
+            set().union(*(nested(types.fielddefs[name][1]) for name in left))
+            & types.fielddefs.keys() - found
+        )
     return found
 
 
 @lru_cache(maxsize=256)
 def _types_in(name: str, encoding: str, text: str) -> dict:
-    """Types that a definition of the type `name` defines, with all that it nests; none that is empty."""
+    """Types that a definition of the type `name` defines, with all that it nests; none that is
+    empty.
+    """
     if encoding not in ("ros2msg", "ros2idl", "omgidl") or not text.strip():
         return {}
     found: dict = {}
     for kind, own_name, body in _sections(name, "MSG" if encoding == "ros2msg" else "IDL", text):
         if kind == "IDL":
             types = get_types_from_idl(body) if body.strip() else {}
-            found.update({key: (constants, fields or [_NO_FIELD]) for key, (constants, fields) in types.items()})
+            found.update(
+                {
+                    key: (constants, fields or [_NO_FIELD])
+                    for key, (constants, fields) in types.items()
+                }
+            )
         else:
             parts = split_definition(body)
             found.update(parts_of(own_name if len(parts) == 1 else interface_of(own_name), parts))
@@ -159,12 +212,17 @@ def _types_in(name: str, encoding: str, text: str) -> dict:
 
 
 def _sections(name: str, kind: str, text: str) -> list[tuple[str, str, str]]:
-    """Kind, name and text of the definition of a type and of each that it nests; the first has a head only in some versions."""
+    """Kind, name and text of the definition of a type and of each that it nests; the first has a
+    head only in some versions.
+    """
     text = text.replace("\r\n", "\n").replace("\r", "\n").removeprefix("\ufeff")
     heads = list(_HEADS.finditer(text))
     ends = [*(head.start() for head in heads), len(text)]
     found = [(kind, name, text[: ends[0]])] if text[: ends[0]].strip() or not heads else []
-    return found + [(head[1], head[2], text[head.end() : end]) for head, end in zip(heads, ends[1:], strict=True)]
+    return found + [
+        (head[1], head[2], text[head.end() : end])
+        for head, end in zip(heads, ends[1:], strict=True)
+    ]
 
 
 def interface_of(name: str) -> str:
@@ -188,16 +246,21 @@ def split_definition(text: str) -> list[str]:
 
 def _parsed(text: str, name: str, package: str) -> dict:
     """A type from the text of its fields."""
-    as_message = f"{package}/msg/{name.split('/')[-1]}"  # so that what it nests is looked for among the messages
+    # so that what it nests is looked for among the messages
+    as_message = f"{package}/msg/{name.split('/')[-1]}"
     ((constants, fields),) = get_types_from_msg(text, as_message).values()
     return {name: (constants, fields or [_NO_FIELD])}
 
 
 def _service(name: str, request: dict, response: dict) -> dict:
-    """Types of a service: request, response, and the event that its introspection publishes, which has one or none of each."""
+    """Types of a service: request, response, and the event that its introspection publishes, which
+    has one or none of each.
+    """
     fields = [_named("info", "service_msgs/msg/ServiceEventInfo")]
     for kind in ("request", "response"):
-        fields.append((kind, (Nodetype.SEQUENCE, ((Nodetype.NAME, f"{name}_{kind.capitalize()}"), 1))))
+        fields.append(
+            (kind, (Nodetype.SEQUENCE, ((Nodetype.NAME, f"{name}_{kind.capitalize()}"), 1)))
+        )
     return {**_standard_types(), **request, **response, f"{name}_Event": ([], fields)}
 
 

@@ -1,4 +1,6 @@
-"""Getting files to the disk, beyond the operating system's cache, without waiting for it: fdatasync in a thread."""
+"""Getting files to the disk, beyond the operating system's cache, without waiting for it:
+fdatasync in a thread.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,16 @@ PAUSE_SECONDS = 0.2  # between two syncs of files that are asked for without pau
 
 
 class DiskSync:
-    """A thread that syncs files when asked to; what is asked for twice before it begins is done once.
+    """A thread that syncs files when asked to; what is asked for twice before it begins is done
+    once.
 
     on_error: called in the thread with the OSError of a sync, once; nothing is synced after it.
     """
 
     def __init__(self, on_error: Callable[[OSError], object]):
-        from concurrent.futures import ThreadPoolExecutor  # takes longer to import than all of bags, and who reads needs none
+        from concurrent.futures import (
+            ThreadPoolExecutor,
+        )  # takes longer to import than all of bags, and who reads needs none
 
         self._on_error, self._failed = on_error, False
         self._thread = ThreadPoolExecutor(1, "bag sync")
@@ -34,7 +39,9 @@ class DiskSync:
             self._thread.submit(self._sync, file, close)
 
     def wait(self) -> None:
-        """Return when all that was asked for is on the disk, or has failed (`on_error` was called then)."""
+        """Return when all that was asked for is on the disk, or has failed (`on_error` was called
+        then).
+        """
         self._hurry.set()
         self._thread.submit(lambda: None).result()
         self._hurry.clear()
@@ -45,7 +52,9 @@ class DiskSync:
         self._thread.shutdown()
 
     def _sync(self, file: FileIO, close: bool) -> None:
-        self._waiting.discard(file)  # before it is synced: what is written from now on needs another request
+        self._waiting.discard(
+            file
+        )  # before it is synced: what is written from now on needs another request
         try:
             if not self._failed:
                 os.fdatasync(file.fileno())
@@ -62,7 +71,9 @@ class DiskSync:
 
 
 def sync_folder(path: Path) -> None:
-    """Get the names of the files in a folder to the disk; without them no power cut leaves the files."""
+    """Get the names of the files in a folder to the disk; without them no power cut leaves the
+    files.
+    """
     with suppress(OSError):  # some file systems sync no folders, and need none to
         folder = os.open(path, os.O_RDONLY)
         try:

@@ -32,7 +32,14 @@ from dart_skill.recording.mcap import (
     walk,
 )
 
-_TOLD = "message_start_time", "message_end_time", "chunk_length", "compression", "compressed_size", "uncompressed_size"
+_TOLD = (
+    "message_start_time",
+    "message_end_time",
+    "chunk_length",
+    "compression",
+    "compressed_size",
+    "uncompressed_size",
+)
 """What the index of a chunk in the summary is compared in."""
 AT_ONCE = 500
 """Messages of a topic in a SQLite file are decoded together."""
@@ -42,7 +49,13 @@ EMPTY = "the file is empty (0 bytes): its recorder stopped before the first writ
 class McapCheck(MessageCheck):
     """The check of an MCAP file."""
 
-    def __init__(self, path: Path, types: Typestore | None = None, line: TimeLine | None = None, name: str = ""):
+    def __init__(
+        self,
+        path: Path,
+        types: Typestore | None = None,
+        line: TimeLine | None = None,
+        name: str = "",
+    ):
         super().__init__(path, types, line, name)
         self._summary: Summary | None = None
         self._chunks = ChunkTable()  # what an index must say of each
@@ -55,21 +68,34 @@ class McapCheck(MessageCheck):
         self.topic_findings()
         self._chunk_findings()
         self._summary_findings()
-        if not self._topics and not self._n_records[Opcode.ATTACHMENT]:  # recovery makes no bag of nothing
-            self.findings = [replace(one, remedy="") if one.remedy == REWRITE else one for one in self.findings]
-        self._summary, self._chunks = None, ChunkTable()  # of a long bag all files' checks are kept, but what they found is small
+        if (
+            not self._topics and not self._n_records[Opcode.ATTACHMENT]
+        ):  # recovery makes no bag of nothing
+            self.findings = [
+                replace(one, remedy="") if one.remedy == REWRITE else one for one in self.findings
+            ]
+        self._summary, self._chunks = (
+            None,
+            ChunkTable(),
+        )  # of a long bag all files' checks are kept, but what they found is small
         del self._types, self._own_types
 
     def _check_bytes(self, data: memoryview) -> None:
         try:
             self._summary = read_summary(data)
             if self._summary is None:
-                self.add("warning", "there is no summary: readers must read all of the file to know what is in it", REWRITE)
+                self.add(
+                    "warning",
+                    "there is no summary: readers must read all of the file to know what is in it",
+                    REWRITE,
+                )
             elif not self._summary.has_crc:
                 self.add("note", "the summary has no CRC")
         except DamagedError as error:
             self.add("error", str(error), RECOVER)
-        schemas, channels = read_definitions(data, self._summary)  # all of them, before the first message needs them
+        schemas, channels = read_definitions(
+            data, self._summary
+        )  # all of them, before the first message needs them
         self.define(schemas.values(), channels)
         for found in walk(data, self._summary):
             self._visit(found, data)
@@ -78,10 +104,20 @@ class McapCheck(MessageCheck):
     def _visit(self, found: Record | Damage, data: memoryview) -> None:
         if isinstance(found, Damage):
             self._end_of_chunk()
-            self.add("error", f"{found.reason} ({found.end - found.offset} bytes)", RECOVER, f"byte {found.offset}")
+            self.add(
+                "error",
+                f"{found.reason} ({found.end - found.offset} bytes)",
+                RECOVER,
+                f"byte {found.offset}",
+            )
             return
         if found.repaired:
-            self.add("error", f"{found.repaired}: readers lose the chunk that stands there", RECOVER, f"byte {found.offset}")
+            self.add(
+                "error",
+                f"{found.repaired}: readers lose the chunk that stands there",
+                RECOVER,
+                f"byte {found.offset}",
+            )
         if found.opcode == Opcode.MESSAGE_INDEX:
             channel, entries = found.message_index()
             self._indexed[channel] = entries
@@ -103,14 +139,23 @@ class McapCheck(MessageCheck):
             assert isinstance(last, DataEnd)
             crc = last.data_section_crc
             if crc and crc != crc_of(data, found.offset):
-                self.add("error", "the CRC of all before the summary does not fit: something in there has changed", RECOVER)
+                self.add(
+                    "error",
+                    "the CRC of all before the summary does not fit: something in there has"
+                    " changed",
+                    RECOVER,
+                )
 
     def _header(self, found: Record) -> None:
         header = found.parsed()
         assert isinstance(header, Header)
         profile = header.profile
         if profile != "ros2":
-            self.add("note", f"its profile is '{profile}', not 'ros2': other tools may not take it for a bag of ROS 2")
+            self.add(
+                "note",
+                f"its profile is '{profile}', not 'ros2': other tools may not take it for a bag of"
+                " ROS 2",
+            )
 
     def _attachment(self, found: Record) -> None:
         try:
@@ -128,7 +173,9 @@ class McapCheck(MessageCheck):
                 self.take(message.channel, message.log_time_ns, message.sequence)
                 found_of[message.channel].append(message)
             for channel, messages in found_of.items():
-                self._contained[channel] = [(message.log_time_ns, message.place) for message in messages]
+                self._contained[channel] = [
+                    (message.log_time_ns, message.place) for message in messages
+                ]
                 self.decode(channel, [(message.log_time_ns, message.data) for message in messages])
         except DamagedError as error:
             self._contained = {}
@@ -136,7 +183,12 @@ class McapCheck(MessageCheck):
             return
         stamps = [stamp for entries in self._contained.values() for stamp, _ in entries]
         if stamps and (min(stamps), max(stamps)) != (chunk.start_ns, chunk.end_ns):
-            self.add("error", "its first and last time are not those of its messages: readers may miss some", REWRITE, where)
+            self.add(
+                "error",
+                "its first and last time are not those of its messages: readers may miss some",
+                REWRITE,
+                where,
+            )
         self._n_without_crc += not chunk.crc
         self._chunks.append(_facts(chunk, found, len(raw)))
         self._place = where
@@ -144,20 +196,40 @@ class McapCheck(MessageCheck):
     def _end_of_chunk(self) -> None:
         """Compare the message indexes behind a chunk with its messages."""
         if self._contained and self._indexed:
-            indexed = {channel: sorted(entries) for channel, entries in self._indexed.items() if entries}
-            if indexed != {channel: sorted(entries) for channel, entries in self._contained.items()}:
-                self.add("error", "its message index does not agree with its messages: readers may miss some", REWRITE, self._place)
+            indexed = {
+                channel: sorted(entries) for channel, entries in self._indexed.items() if entries
+            }
+            if indexed != {
+                channel: sorted(entries) for channel, entries in self._contained.items()
+            }:
+                self.add(
+                    "error",
+                    "its message index does not agree with its messages: readers may miss some",
+                    REWRITE,
+                    self._place,
+                )
         elif self._contained:
             self._n_not_indexed += 1
         self._contained, self._indexed = {}, {}
 
     def _chunk_findings(self) -> None:
         if self._n_without_crc:
-            self.add("note", f"{self._n_without_crc} chunks have no CRC: changed bytes in them may go unnoticed")
+            self.add(
+                "note",
+                f"{self._n_without_crc} chunks have no CRC: changed bytes in them may go"
+                " unnoticed",
+            )
         if self._n_not_indexed:
-            self.add("warning", f"{self._n_not_indexed} chunks have no message index: reading in order of time is slow", REWRITE)
+            self.add(
+                "warning",
+                f"{self._n_not_indexed} chunks have no message index: reading in order of time is"
+                " slow",
+                REWRITE,
+            )
         if loose := self._n_records[Opcode.MESSAGE]:
-            self.add("note", f"{loose} messages are outside chunks: without compression, index or CRC")
+            self.add(
+                "note", f"{loose} messages are outside chunks: without compression, index or CRC"
+            )
 
     def _summary_findings(self) -> None:
         """Whether the summary agrees with what was found."""
@@ -169,10 +241,23 @@ class McapCheck(MessageCheck):
             is_so = index if number is None else self._chunks[number]
             wrong = [name for name in _TOLD if getattr(index, name) != getattr(is_so, name)]
             if number is None or wrong:
-                reason = f"disagrees with it ({', '.join(wrong)})" if wrong else "names it, but it cannot be read"
-                self.add("error", f"the summary {reason}", REWRITE, f"chunk at byte {index.chunk_start_offset}")
+                reason = (
+                    f"disagrees with it ({', '.join(wrong)})"
+                    if wrong
+                    else "names it, but it cannot be read"
+                )
+                self.add(
+                    "error",
+                    f"the summary {reason}",
+                    REWRITE,
+                    f"chunk at byte {index.chunk_start_offset}",
+                )
         if found and self._summary.chunks:
-            self.add("error", f"{len(found)} chunks are not in the summary: readers miss their messages", REWRITE)
+            self.add(
+                "error",
+                f"{len(found)} chunks are not in the summary: readers miss their messages",
+                REWRITE,
+            )
         if self._summary.statistics is None:
             self.add("note", "the summary has no statistics")
         else:
@@ -189,16 +274,27 @@ class McapCheck(MessageCheck):
             "metadata records": (told.metadata_count, self._n_records[Opcode.METADATA]),
         }
         if self.counts:
-            pairs["first and last time"] = ((told.message_start_time, told.message_end_time), (self.start_ns, self.end_ns))
+            pairs["first and last time"] = (
+                (told.message_start_time, told.message_end_time),
+                (self.start_ns, self.end_ns),
+            )
         for name, (said, is_so) in pairs.items():
             if said != is_so:
-                self.add("warning", f"the statistics say {said} for {name}, found are {is_so}", REWRITE)
+                self.add(
+                    "warning", f"the statistics say {said} for {name}, found are {is_so}", REWRITE
+                )
 
 
 class SqliteCheck(MessageCheck):
     """The check of a SQLite file."""
 
-    def __init__(self, path: Path, types: Typestore | None = None, line: TimeLine | None = None, name: str = ""):
+    def __init__(
+        self,
+        path: Path,
+        types: Typestore | None = None,
+        line: TimeLine | None = None,
+        name: str = "",
+    ):
         super().__init__(path, types, line, name)
         try:
             file = SqliteInput(path)
@@ -227,12 +323,16 @@ class SqliteCheck(MessageCheck):
         for number, messages in waiting.items():
             self.decode(number, messages)
         self.topic_findings()
-        self.add("note", "its format has no CRC: it was read as a whole, but changed bytes may go unnoticed")
+        self.add(
+            "note",
+            "its format has no CRC: it was read as a whole, but changed bytes may go unnoticed",
+        )
         del self._types, self._own_types
 
 
 class FileGlance(FileFacts):
-    """What a file says of its messages, and their log times by its indexes: nothing is decompressed where they are.
+    """What a file says of its messages, and their log times by its indexes: nothing is
+    decompressed where they are.
 
     * path, line, name: as of `MessageCheck`.
     * topics: endings of the names of topics whose log times are looked at.
@@ -244,7 +344,9 @@ class FileGlance(FileFacts):
         super().__init__(name)
         with closing(open_input(path)) as file:
             for number, channel in file.channels.items():
-                self.take_topic(number, channel, file.schemas.get(channel.schema_id), file.counts[number])
+                self.take_topic(
+                    number, channel, file.schemas.get(channel.schema_id), file.counts[number]
+                )
                 self.counts += Counter({channel.topic: file.counts[number]})
             if file.message_count:
                 self.start_ns, self.end_ns = file.start_ns, file.end_ns
@@ -252,7 +354,11 @@ class FileGlance(FileFacts):
             if isinstance(file, SqliteInput):
                 _sqlite_findings(self, file)
             self.file_findings(file.strays)
-            wanted = {number: line.number(one.name) for number, one in self._topics.items() if one.name.endswith(topics)}
+            wanted = {
+                number: line.number(one.name)
+                for number, one in self._topics.items()
+                if one.name.endswith(topics)
+            }
             try:
                 for numbers, stamps in file.log_times(wanted):
                     line.extend(numbers, stamps)
@@ -266,14 +372,36 @@ class FileGlance(FileFacts):
 def _sqlite_findings(facts: FileFacts, file: SqliteInput) -> None:
     """Add what SQLite's tables tell without reading all of the file."""
     if file.beside:
-        text = f"beside it lies {file.beside}: its recorder was stopped before it closed the file. {file.message_count} messages were"
-        text += " read in all; where such a file is damaged or cut off, SQLite stops without a word, and recovery may find more"
+        text = (
+            f"beside it lies {file.beside}: its recorder was stopped before it closed the file."
+            f" {file.message_count} messages were"
+        )
+        text += (
+            " read in all; where such a file is damaged or cut off, SQLite stops without a word,"
+            " and recovery may find more"
+        )
         facts.add("warning", text, "keep the files together, or " + RECOVER)
     if file.n_unreadable:
-        facts.add("error", f"{file.n_unreadable} messages cannot be read: they have no time, or no bytes", RECOVER)
+        facts.add(
+            "error",
+            f"{file.n_unreadable} messages cannot be read: they have no time, or no bytes",
+            RECOVER,
+        )
 
 
 def _facts(chunk: Chunk, found: Record, size: int) -> ChunkPlace:
-    """What a ChunkIndex must say, as far as `_TOLD`. found: the chunk's record; size: of its records, once they are decompressed."""
+    """What a ChunkIndex must say, as far as `_TOLD`. found: the chunk's record; size: of its
+    records, once they are decompressed.
+    """
     length, packed = found.end - found.offset, len(chunk.records)
-    return ChunkPlace(chunk.start_ns, chunk.end_ns, found.offset, length, 0, packed, size, chunk.compression, frozenset())
+    return ChunkPlace(
+        chunk.start_ns,
+        chunk.end_ns,
+        found.offset,
+        length,
+        0,
+        packed,
+        size,
+        chunk.compression,
+        frozenset(),
+    )

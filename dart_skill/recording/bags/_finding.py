@@ -25,4 +25,6 @@ class Finding:
     remedy: str = ""
 
     def __str__(self) -> str:
-        return f"{self.severity}: {self.place}: {self.message}" + (f" ({self.remedy})" if self.remedy else "")
+        return f"{self.severity}: {self.place}: {self.message}" + (
+            f" ({self.remedy})" if self.remedy else ""
+        )

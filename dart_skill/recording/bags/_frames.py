@@ -14,13 +14,17 @@ MOST_ELEMENTS = 64
 
 
 def frame_of(messages: Iterable[Any]) -> Any:
-    """A pandas.DataFrame: a row for each decoded message, by its log time; a column for each number and text in it, by its path."""
+    """A pandas.DataFrame: a row for each decoded message, by its log time; a column for each
+    number and text in it, by its path.
+    """
     pandas = optional("pandas")
     stamps, rows = [], []
     for one in messages:
         stamps.append(one.stamp_ns)
         rows.append(dict(_cells("", one.data)))
-    return pandas.DataFrame(rows, index=pandas.Index(np.array(stamps, dtype=np.int64), name="log_time_ns"))
+    return pandas.DataFrame(
+        rows, index=pandas.Index(np.array(stamps, dtype=np.int64), name="log_time_ns")
+    )
 
 
 def _cells(path: str, value: Any) -> Iterator[tuple[str, Any]]:

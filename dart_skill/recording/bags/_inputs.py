@@ -1,6 +1,8 @@
-"""Opening the files of a bag, whatever they are called: MCAP or SQLite, compressed as a whole, message by message, or not at all.
+"""Opening the files of a bag, whatever they are called: MCAP or SQLite, compressed as a whole,
+message by message, or not at all.
 
-What a file is, its first bytes say, and so do those of a message: the header of CDR begins with a zero.
+What a file is, its first bytes say, and so do those of a message: the header of CDR begins with a
+zero.
 """
 
 from __future__ import annotations
@@ -12,7 +14,13 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from dart_skill.common.files import open_file
 from dart_skill.recording.bags._files import PACKED, SUFFIXES, unpacked_name
-from dart_skill.recording.mcap import LARGEST_UNPACKED, USUAL_RATIO, BagMessage, DamagedError, McapInput
+from dart_skill.recording.mcap import (
+    LARGEST_UNPACKED,
+    USUAL_RATIO,
+    BagMessage,
+    DamagedError,
+    McapInput,
+)
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags._sqlite import SqliteInput
@@ -24,7 +32,9 @@ LARGEST_MESSAGE = 2**28
 
 
 def storage_of(path: Path) -> str | None:
-    """What rosbag2 calls the format of a file: mcap or sqlite3, by its first bytes, else by its name; None if neither says it."""
+    """What rosbag2 calls the format of a file: mcap or sqlite3, by its first bytes, else by its
+    name; None if neither says it.
+    """
     with open_file(path) as stream:
         first = stream.read(len(SQLITE_MAGIC))
     if first.startswith(MCAP_MAGIC):
@@ -50,7 +60,9 @@ def is_packed(path: Path) -> bool:
 
 
 def unpack_file(path: Path, folder: Path) -> Path:
-    """What a file that was compressed as a whole holds, as a file in the folder; DamagedError, also if that is far more than any bag."""
+    """What a file that was compressed as a whole holds, as a file in the folder; DamagedError,
+    also if that is far more than any bag.
+    """
     import zstandard
 
     target = folder / unpacked_name(path.name)
@@ -60,7 +72,10 @@ def unpack_file(path: Path, folder: Path) -> Path:
             for part in _parts(path, stream):
                 size += len(part)
                 if size > most:
-                    raise DamagedError(f"{path.name} unpacks to more than {most} bytes: no recording is so much larger than its file")
+                    raise DamagedError(
+                        f"{path.name} unpacks to more than {most} bytes: no recording is so much"
+                        " larger than its file"
+                    )
                 unpacked.write(part)
         except (zstandard.ZstdError, RuntimeError, EOFError) as error:
             raise DamagedError(f"{path.name} cannot be unpacked ({error})") from error
@@ -87,11 +102,15 @@ def unpacked_messages(messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
     if first is None:
         return iter(())
     unpack, messages = unpacker_of(first.data), chain((first,), messages)
-    return messages if unpack is None else (one._replace(data=unpack(one.data)) for one in messages)
+    return (
+        messages if unpack is None else (one._replace(data=unpack(one.data)) for one in messages)
+    )
 
 
 def unpacker_of(data: bytes) -> Callable[[bytes], bytes] | None:
-    """What unpacks messages like this one, whose bytes are no CDR; None for what was not compressed. It raises DamagedError."""
+    """What unpacks messages like this one, whose bytes are no CDR; None for what was not
+    compressed. It raises DamagedError.
+    """
     return _UNPACKERS.get(bytes(data[:4]))
 
 
@@ -101,8 +120,13 @@ def _zstd(data: bytes) -> bytes:
     try:
         size = zstandard.frame_content_size(data)
         if size > LARGEST_MESSAGE:
-            raise DamagedError(f"a message says that it holds {size} bytes, more than the {LARGEST_MESSAGE} that are unpacked")
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_MESSAGE if size < 0 else 0)
+            raise DamagedError(
+                f"a message says that it holds {size} bytes, more than the {LARGEST_MESSAGE} that"
+                " are unpacked"
+            )
+        return zstandard.ZstdDecompressor().decompress(
+            data, max_output_size=LARGEST_MESSAGE if size < 0 else 0
+        )
     except zstandard.ZstdError as error:
         raise DamagedError(f"a message cannot be unpacked ({error})") from error
 
@@ -111,7 +135,9 @@ def _lz4(data: bytes) -> bytes:
     import lz4.frame
 
     try:
-        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=LARGEST_MESSAGE)
+        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(
+            data, max_length=LARGEST_MESSAGE
+        )
     except (RuntimeError, EOFError) as error:
         raise DamagedError(f"a message cannot be unpacked ({error})") from error
     return unpacked

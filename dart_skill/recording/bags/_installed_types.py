@@ -1,4 +1,6 @@
-"""Definitions of types that are known here: the standard ones, ours, and those of installed packages."""
+"""Definitions of types that are known here: the standard ones, ours, and those of installed
+packages.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +23,24 @@ def installed_definition(type_name: str) -> str:
 
 
 def installed_fields(type_name: str) -> Any:
-    """Constants and fields of a type, as `rosbags` has them; None if it is known nowhere. type_name: as package/msg/Name."""
+    """Constants and fields of a type, as `rosbags` has them; None if it is known nowhere.
+    type_name: as package/msg/Name.
+    """
     types = _types_with(type_name)
     return types.fielddefs[type_name] if types is not None else None
 
 
 def installed_hash(type_name: str, text: str) -> str:
-    """RIHS01 of a type whose definition is that which is known here; empty for another one. text: the definition."""
+    """RIHS01 of a type whose definition is that which is known here; empty for another one. text:
+    the definition.
+    """
     type_name = full_name(type_name)
     types = _types_with(type_name)
-    return type_hash(types, type_name) if types is not None and definition(types, type_name) == text else ""
+    return (
+        type_hash(types, type_name)
+        if types is not None and definition(types, type_name) == text
+        else ""
+    )
 
 
 def type_of_hash(digest: str) -> str:

@@ -1,7 +1,8 @@
 """What is left of an MCAP file, and of several that stand one after another in one.
 
-Kept is what can be vouched for or at least read: every chunk whose CRC fits its content, messages outside chunks, attachments and
-metadata, and of a chunk that was cut off the messages that its decompressor still gives.
+Kept is what can be vouched for or at least read: every chunk whose CRC fits its content, messages
+outside chunks, attachments and metadata, and of a chunk that was cut off the messages that its
+decompressor still gives.
 """
 
 from __future__ import annotations
@@ -18,7 +19,11 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from dart_skill.recording.bags._decodable import Decoder
 from dart_skill.recording.bags._inputs import unpacker_of
-from dart_skill.recording.bags._installed_types import installed_definition, schema_of, type_of_hash
+from dart_skill.recording.bags._installed_types import (
+    installed_definition,
+    schema_of,
+    type_of_hash,
+)
 from dart_skill.recording.bags._metadata import RECORD_NAME, parse_qos, parse_record
 from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.bags._recovered_bag import OWN_LIBRARY, RecoveredBag
@@ -57,7 +62,9 @@ def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
     bag.n_bytes += len(data)
     parts: list[_FileRecovery] = []
     for number, (begin, end) in enumerate(extents(data)):
-        parts.append(_FileRecovery(bag, name, data[begin:end], begin, number, parts[-1] if parts else None))
+        parts.append(
+            _FileRecovery(bag, name, data[begin:end], begin, number, parts[-1] if parts else None)
+        )
     marks: set[int] = set()  # of what stands there twice that counts which is in a whole file
     for part in parts if any(part.summary is None for part in parts) else ():
         marks |= part.marks() if part.summary is not None else set()
@@ -76,8 +83,14 @@ def _tell_parts(bag: RecoveredBag, name: str, parts: list[_FileRecovery]) -> Non
     bag.note(f"{name} is {len(parts)} files in one:")
     known: list[_FileRecovery] = []
     for part in parts:
-        same = next((one for one in known if len(one.data) == len(part.data) and one.crc == part.crc), None)
-        again = f", which are those of {same.begin} to {same.end} again, byte for byte" if same is not None else ""
+        same = next(
+            (one for one in known if len(one.data) == len(part.data) and one.crc == part.crc), None
+        )
+        again = (
+            f", which are those of {same.begin} to {same.end} again, byte for byte"
+            if same is not None
+            else ""
+        )
         where = f", now in {part.out.path.name}" if part.out is not None else ""
         bag.note(f"bytes {part.begin} to {part.end} hold {part.count} messages{where}{again}")
         known.append(part)
@@ -91,7 +104,15 @@ class _FileRecovery:
     before: the one before it.
     """
 
-    def __init__(self, bag: RecoveredBag, name: str, data: memoryview, begin: int, number: int, before: _FileRecovery | None):
+    def __init__(
+        self,
+        bag: RecoveredBag,
+        name: str,
+        data: memoryview,
+        begin: int,
+        number: int,
+        before: _FileRecovery | None,
+    ):
         self.bag, self.name, self.data, self.begin, self.number = bag, name, data, begin, number
         self.end = begin + len(data)
         self.count, self.is_one_of_several = 0, False
@@ -107,22 +128,42 @@ class _FileRecovery:
         self.chunks: set[int] = set()  # marks of those so far
         self.repeated: list[int] = []  # where chunks stand again
         self.found_at: set[int] = set()  # where chunks stand that the summary names
-        self.last: list[Message] | None = None  # of the chunk before, as long as its message indexes come
+        self.last: list[Message] | None = (
+            None  # of the chunk before, as long as its message indexes come
+        )
         self.kept_marks: set[int] = set()  # of messages of a channel in a chunk
-        self.claims: list[tuple[int, tuple[int, int, int]]] = []  # places of chunks that were left out, and what their indexes say
+        self.claims: list[
+            tuple[int, tuple[int, int, int]]
+        ] = []  # places of chunks that were left out, and what their indexes say
         self.n_wrong_indexes = self.n_foreign = 0
         self.in_summary, self.verified, self.is_changed = False, False, False
         self.n_unverified = 0
-        self.bad_chunk: int | None = None  # which of the bag's places it is, if the chunk before was left out
+        self.bad_chunk: int | None = (
+            None  # which of the bag's places it is, if the chunk before was left out
+        )
         profile = self._read_ends()
-        self.chunk_places: set[int] = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
+        self.chunk_places: set[int] = (
+            {chunk.chunk_start_offset for chunk in self.summary.chunks}
+            if self.summary is not None
+            else set()
+        )
         self._read_definitions()
         self._inherit(before)
-        self.profile = "ros2" if self.channels and all(one.message_encoding == "cdr" for one in self.channels.values()) else profile
+        self.profile = (
+            "ros2"
+            if self.channels
+            and all(one.message_encoding == "cdr" for one in self.channels.values())
+            else profile
+        )
         if profile != self.profile:
-            bag.repairs.append(f"{name}: the profile is 'ros2', as that of its messages is, and no longer '{profile}'")
+            bag.repairs.append(
+                f"{name}: the profile is 'ros2', as that of its messages is, and no longer"
+                f" '{profile}'"
+            )
         self.decoder = Decoder(self.schemas.values())
-        self.decoders: dict[int, Decoder] = {}  # by number of the schema, of types that the file defines in several ways
+        self.decoders: dict[
+            int, Decoder
+        ] = {}  # by number of the schema, of types that the file defines in several ways
 
     def _read_ends(self) -> str:
         """Take header and summary; returns the profile."""
@@ -136,11 +177,16 @@ class _FileRecovery:
         try:
             summary = read_summary(self.data)
             if summary is not None and not belongs(self.data, summary):
-                self.bag.repairs.append(f"{self.name}: its summary is none of this file, or agrees with no chunk of it: made anew")
+                self.bag.repairs.append(
+                    f"{self.name}: its summary is none of this file, or agrees with no chunk of"
+                    " it: made anew"
+                )
             else:
                 self.summary = summary
                 end = data_end_before(self.data, summary.start) if summary is not None else None
-                if end is not None and (told := int.from_bytes(self.data[end + 9 : end + 13], "little")):
+                if end is not None and (
+                    told := int.from_bytes(self.data[end + 9 : end + 13], "little")
+                ):
                     self.verified = told == crc_of(self.data, end)
                     self.is_changed = not self.verified
         except DamagedError:  # the walk comes to it
@@ -153,23 +199,40 @@ class _FileRecovery:
         self.schemas, self.channels = found.best()
         for (kind, number), records in found.others.items():
             if kind is Schema and (kind, number) not in found.vouched:
-                self.schemas[number] = self._sensible([one for one in records if isinstance(one, Schema)])
+                self.schemas[number] = self._sensible(
+                    [one for one in records if isinstance(one, Schema)]
+                )
         for channel in self.channels.values():
-            if channel.schema_id and channel.schema_id not in self.schemas and (lost := self._lost_schema(channel)) is not None:
+            if (
+                channel.schema_id
+                and channel.schema_id not in self.schemas
+                and (lost := self._lost_schema(channel)) is not None
+            ):
                 self.schemas[channel.schema_id] = lost
 
     def _sensible(self, schemas: list[Schema]) -> Schema:
         """The first of several for one number that can be parsed, or that which is installed here."""
         for one in schemas:
-            if one.encoding not in ROS_ENCODINGS or full_name(one.name) not in Decoder([one]).unknown:
+            if (
+                one.encoding not in ROS_ENCODINGS
+                or full_name(one.name) not in Decoder([one]).unknown
+            ):
                 return one
         text = installed_definition(schemas[0].name)
-        done = "that which is installed here is in its place" if text else "it is left out, and its messages can be read raw"
-        self.bag.repairs.append(f"{self.name}: the definition of {schemas[0].name} is damaged: {done}")
+        done = (
+            "that which is installed here is in its place"
+            if text
+            else "it is left out, and its messages can be read raw"
+        )
+        self.bag.repairs.append(
+            f"{self.name}: the definition of {schemas[0].name} is damaged: {done}"
+        )
         return schema_of(schemas[0].name, "ros2msg", text, schemas[0].id)
 
     def _lost_schema(self, channel: Channel) -> Schema | None:
-        """The definition of a topic whose record is lost, if the hash of its type or metadata.yaml tell which it is."""
+        """The definition of a topic whose record is lost, if the hash of its type or metadata.yaml
+        tell which it is.
+        """
         told = self.bag.told_topics.get(channel.topic, {})
         digest = channel.metadata.get("topic_type_hash") or told.get("type_description_hash", "")
         name = type_of_hash(digest) or told.get("type", "")
@@ -177,11 +240,15 @@ class _FileRecovery:
         if not text:
             return None
         where = f"{self.name}: the definition of topic {channel.topic} is lost"
-        self.bag.repairs.append(f"{where}: that of {name}, which is installed here, is in its place")
+        self.bag.repairs.append(
+            f"{where}: that of {name}, which is installed here, is in its place"
+        )
         return schema_of(name, "ros2msg", text, channel.schema_id)
 
     def _inherit(self, before: _FileRecovery | None) -> None:
-        """What only the file before this one in the same file defines: it may be the same recording, and the head of this one lost."""
+        """What only the file before this one in the same file defines: it may be the same
+        recording, and the head of this one lost.
+        """
         self.own = set(self.channels)
         if before is None:
             return
@@ -197,7 +264,11 @@ class _FileRecovery:
 
     def marks(self) -> set[int]:
         """What tells its chunks from others."""
-        found = (one for one in walk(self.data, self.summary) if isinstance(one, Record) and one.opcode == Opcode.CHUNK)
+        found = (
+            one
+            for one in walk(self.data, self.summary)
+            if isinstance(one, Record) and one.opcode == Opcode.CHUNK
+        )
         return {_chunk_mark(one.chunk()) for one in found}
 
     def run(self, marks: set[int]) -> None:
@@ -205,7 +276,9 @@ class _FileRecovery:
         self.marks_elsewhere = marks | self.bag.chunks_before
         self.n_places_before = len(self.bag.places)
         self.bag.unpacked.before = self.begin
-        self.counted = self.counted and not self.is_one_of_several  # whether they are one recording or several, nobody knows
+        self.counted = (
+            self.counted and not self.is_one_of_several
+        )  # whether they are one recording or several, nobody knows
         for found in walk(self.data, self.summary, self.bag.unpacked):
             if isinstance(found, Damage):
                 self._damage(found)
@@ -244,8 +317,14 @@ class _FileRecovery:
         elif found.opcode == Opcode.DATA_END:
             self.in_summary = True
         elif found.opcode > 0x0F:
-            reason = f"a record of the private kind {found.opcode:#x}, which nobody else knows, is left out"
-            was_message = found.opcode & 0x7F == Opcode.MESSAGE and found.end - found.offset >= SMALLEST_MESSAGE
+            reason = (
+                f"a record of the private kind {found.opcode:#x}, which nobody else knows, is"
+                " left out"
+            )
+            was_message = (
+                found.opcode & 0x7F == Opcode.MESSAGE
+                and found.end - found.offset >= SMALLEST_MESSAGE
+            )
             self._lose(found.offset, found.end, reason, None if was_message else 0)
 
     def _take_loose(self) -> None:
@@ -258,7 +337,9 @@ class _FileRecovery:
         try:
             raw = chunk.unpack()
             messages = list(chunk.messages_in(raw))  # all of them, before the first is taken
-            if chunk.crc and sum(len(message.data) for message in messages) + SMALLEST_MESSAGE * len(messages) < len(raw):
+            if chunk.crc and sum(
+                len(message.data) for message in messages
+            ) + SMALLEST_MESSAGE * len(messages) < len(raw):
                 self._define(raw, chunk)
         except DamagedError as error:
             self.bag.lost_chunks += 1
@@ -267,7 +348,9 @@ class _FileRecovery:
             return
         self.found_at.add(found.offset)
         mark = _chunk_mark(chunk)
-        if found.offset not in self.chunk_places and (mark in self.chunks or mark in self.marks_elsewhere):
+        if found.offset not in self.chunk_places and (
+            mark in self.chunks or mark in self.marks_elsewhere
+        ):
             self.repeated.append(self.begin + found.offset)
             self.kept.update(message.channel for message in messages)
             return
@@ -278,25 +361,35 @@ class _FileRecovery:
         self.last = messages
 
     def _mark_kept(self, messages: list[Message]) -> None:
-        """Remember what the index of a chunk would say: another place may have it, too, with nothing else."""
+        """Remember what the index of a chunk would say: another place may have it, too, with
+        nothing else.
+        """
         times: dict[int, list[tuple[int, int]]] = {}
         for message in messages:
             times.setdefault(message.channel, []).append((message.log_time_ns, message.place))
         self.kept_marks |= {_mark(channel, entries)[0] for channel, entries in times.items()}
 
     def _define(self, raw: bytes, chunk: Chunk) -> None:
-        """Definitions in a chunk with a CRC count from there on: a number may mean another topic than before."""
+        """Definitions in a chunk with a CRC count from there on: a number may mean another topic
+        than before.
+        """
         for record in definitions_in(raw, chunk.most_records):
             known: dict = self.schemas if isinstance(record, Schema) else self.channels
             if known.get(record.id) == record:
                 continue
             if record.id in known:
                 self.n_foreign += 1
-                concerned = [number for number, one in self.channels.items() if record.id in (number, one.schema_id)]
+                concerned = [
+                    number
+                    for number, one in self.channels.items()
+                    if record.id in (number, one.schema_id)
+                ]
                 for number in concerned:
                     self.written.pop(number, None)
             known[record.id] = record
-            self.written = {number: channel for number, channel in self.written.items() if channel is not None}
+            self.written = {
+                number: channel for number, channel in self.written.items() if channel is not None
+            }
 
     def _messages(self, messages: list[Message], verified: bool) -> int:
         """Take messages; returns how many were of a known channel, and are messages at all."""
@@ -306,11 +399,17 @@ class _FileRecovery:
             if channel is None:
                 (self.unknown_channels if verified else self.undecodable)[message.channel] += 1
                 continue
-            data = plain_message(message.data) if channel.record.message_encoding == "cdr" else message.data
+            data = (
+                plain_message(message.data)
+                if channel.record.message_encoding == "cdr"
+                else message.data
+            )
             if data is not message.data:
                 self.bag.tell_unpacked(channel.record.topic)
             assert self.out is not None  # since the channel is in it
-            self.out.add_message(channel, message.sequence, message.log_time_ns, message.publish_time_ns, data)
+            self.out.add_message(
+                channel, message.sequence, message.log_time_ns, message.publish_time_ns, data
+            )
             self.kept[message.channel] += 1
             self._follow(channel.record.topic, message.sequence, verified)
             count += 1
@@ -329,17 +428,32 @@ class _FileRecovery:
                 bad.add(index)
         for number, its in places.items():
             channel = self.channels.get(number)
-            schema = self.schemas.get(channel.schema_id) if channel is not None and channel.message_encoding == "cdr" else None
+            schema = (
+                self.schemas.get(channel.schema_id)
+                if channel is not None and channel.message_encoding == "cdr"
+                else None
+            )
             if channel is not None and schema is not None:
                 payloads = [messages[index].data for index in its]
-                good = self._decoder(schema).decodable(schema.name, [plain_message(payload) for payload in payloads])
+                good = self._decoder(schema).decodable(
+                    schema.name, [plain_message(payload) for payload in payloads]
+                )
                 bad |= {index for index, is_good in zip(its, good, strict=True) if not is_good}
         self.undecodable.update(messages[index].channel for index in bad)
-        return [message for index, message in enumerate(messages) if index not in bad] if bad else messages
+        return (
+            [message for index, message in enumerate(messages) if index not in bad]
+            if bad
+            else messages
+        )
 
     def _decoder(self, schema: Schema) -> Decoder:
-        """What decodes messages of a type: one of its own where the file defines it in several ways."""
-        name, others = full_name(schema.name), [one for one in self.schemas.values() if one is not schema]
+        """What decodes messages of a type: one of its own where the file defines it in several
+        ways.
+        """
+        name, others = (
+            full_name(schema.name),
+            [one for one in self.schemas.values() if one is not schema],
+        )
         others = [one for one in others if full_name(one.name) != name or one.data == schema.data]
         if len(others) == len(self.schemas) - 1:
             return self.decoder
@@ -363,7 +477,10 @@ class _FileRecovery:
         if number not in self.written:
             record = self.channels.get(number)
             if record is not None and number not in self.own:
-                self.bag.note(f"{self.name}: what topic channel {number} is, only the file before in it tells: {record.topic}")
+                self.bag.note(
+                    f"{self.name}: what topic channel {number} is, only the file before in it"
+                    f" tells: {record.topic}"
+                )
             self.written[number] = self._write_channel(record) if record is not None else None
         return self.written[number]
 
@@ -378,23 +495,43 @@ class _FileRecovery:
         told_type, told_hash = told.get("type", ""), told.get("type_description_hash", "")
         if schema is None and record.schema_id:
             hint = f"; metadata.yaml says {told_type}" if told_type else ""
-            self.bag.repairs.append(f"{self.name}: the definition of topic {record.topic} is lost{hint}")
+            self.bag.repairs.append(
+                f"{self.name}: the definition of topic {record.topic} is lost{hint}"
+            )
             schema = Schema(id=record.schema_id, name=told_type, encoding="", data=b"")
         number = self._write_schema(out, schema) if schema is not None else 0
-        type_name, type_hash = schema.name if schema is not None else told_type, record.metadata.get("topic_type_hash", told_hash)
+        type_name, type_hash = (
+            schema.name if schema is not None else told_type,
+            record.metadata.get("topic_type_hash", told_hash),
+        )
         name = self.bag.free_name(record.topic, type_name, self.topics)
         self.bag.topic(name, type_name, _qos(record), type_hash, record.message_encoding)
         if record.message_encoding != "cdr":
             encoding = record.message_encoding
-            self.bag.note(f"topic {record.topic} is encoded as '{encoding}', not as cdr: its messages are kept as they are, to be read raw")
-        return out.add_channel(name, record.message_encoding, number, record.metadata, _number(record.id, out.channels))
+            self.bag.note(
+                f"topic {record.topic} is encoded as '{encoding}', not as cdr: its messages are"
+                " kept as they are, to be read raw"
+            )
+        return out.add_channel(
+            name,
+            record.message_encoding,
+            number,
+            record.metadata,
+            _number(record.id, out.channels),
+        )
 
     def _write_schema(self, out: McapFile, schema: Schema) -> int:
         """Its number in the new file."""
         for number, written in out.schemas.items():
-            if (written.name, written.encoding, written.data) == (schema.name, schema.encoding, schema.data) and number == schema.id:
+            if (written.name, written.encoding, written.data) == (
+                schema.name,
+                schema.encoding,
+                schema.data,
+            ) and number == schema.id:
                 return number
-        return out.add_schema(schema.name, schema.encoding, schema.data, _number(schema.id, out.schemas))
+        return out.add_schema(
+            schema.name, schema.encoding, schema.data, _number(schema.id, out.schemas)
+        )
 
     def _attachment(self, found: Record) -> None:
         try:
@@ -404,7 +541,13 @@ class _FileRecovery:
             return
         assert isinstance(attachment, Attachment)
         out = self._file()
-        out.add_attachment(attachment.name, attachment.media_type, attachment.data, attachment.create_time, attachment.log_time)
+        out.add_attachment(
+            attachment.name,
+            attachment.media_type,
+            attachment.data,
+            attachment.create_time,
+            attachment.log_time,
+        )
         self.bag.n_attachments += 1
 
     def _metadata(self, found: Record) -> None:
@@ -418,12 +561,18 @@ class _FileRecovery:
         self.bag.ros_distro = metadata.get("ros_distro") or self.bag.ros_distro
 
     def _indexed(self, found: Record) -> None:
-        """The index of a chunk that was left out tells what was in it; that of another one is compared with it."""
+        """The index of a chunk that was left out tells what was in it; that of another one is
+        compared with it.
+        """
         channel, entries = found.message_index()
         if self.bad_chunk is not None:
             self.claims.append((self.bad_chunk, _mark(channel, entries)))
         elif self.last is not None:
-            content = [(message.log_time_ns, message.place) for message in self.last if message.channel == channel]
+            content = [
+                (message.log_time_ns, message.place)
+                for message in self.last
+                if message.channel == channel
+            ]
             self.n_wrong_indexes += entries != content and sorted(entries) != sorted(content)
 
     def _end_of_indexes(self) -> None:
@@ -432,10 +581,16 @@ class _FileRecovery:
     def _damage(self, damage: Damage) -> None:
         self._take_loose()
         kind = self.data[damage.offset] if damage.offset < len(self.data) else None
-        is_index = self.in_summary or (kind == Opcode.MESSAGE_INDEX and self._is_as_long_as_it_says(damage))
+        is_index = self.in_summary or (
+            kind == Opcode.MESSAGE_INDEX and self._is_as_long_as_it_says(damage)
+        )
         is_chunk = not is_index and (kind == Opcode.CHUNK or damage.offset in self.chunk_places)
         size = damage.end - damage.offset
-        is_magic = damage.offset == 0 and damage.end == 8 and bytes(self.data[8:9]) == bytes([Opcode.HEADER])
+        is_magic = (
+            damage.offset == 0
+            and damage.end == 8
+            and bytes(self.data[8:9]) == bytes([Opcode.HEADER])
+        )
         holds_none = is_index or is_magic or self._is_empty_end(damage)
         reason, messages = damage.reason, 0 if holds_none else None
         if damage.rest is not None:
@@ -456,8 +611,14 @@ class _FileRecovery:
         return damage.end == damage.offset + 9 + length
 
     def _is_empty_end(self, damage: Damage) -> bool:
-        """Whether it is a part without head that holds nothing but zero bytes, behind a file that is whole."""
-        return self.number > 0 and damage.end >= len(self.data) and not any(self.data[damage.offset : damage.end])
+        """Whether it is a part without head that holds nothing but zero bytes, behind a file that
+        is whole.
+        """
+        return (
+            self.number > 0
+            and damage.end >= len(self.data)
+            and not any(self.data[damage.offset : damage.end])
+        )
 
     def _lose(self, offset: int, end: int, reason: str, messages: int | None) -> None:
         self.bag.lose(self.name, self.begin + offset, self.begin + end, reason, messages)
@@ -467,44 +628,84 @@ class _FileRecovery:
         tell = self.bag.repairs.append
         if self.repeated:
             count = len(self.repeated)
-            tell(f"{self.name}: {count} chunks that were there already stand in it again, the first at byte {self.repeated[0]}: taken once")
+            tell(
+                f"{self.name}: {count} chunks that were there already stand in it again, the first"
+                f" at byte {self.repeated[0]}: taken once"
+            )
         if self.n_wrong_indexes:
-            tell(f"{self.name}: {self.n_wrong_indexes} message indexes do not say where the messages of their chunk are: made anew")
+            tell(
+                f"{self.name}: {self.n_wrong_indexes} message indexes do not say where the"
+                " messages of their chunk are: made anew"
+            )
         if self.n_foreign:
-            tell(f"{self.name}: {self.n_foreign} numbers of topics or types change their meaning in it, where they are defined anew")
+            tell(
+                f"{self.name}: {self.n_foreign} numbers of topics or types change their meaning in"
+                " it, where they are defined anew"
+            )
         if wrong := self.chunk_places - self.found_at:
             lost = {place.offset - self.begin for place in self.bag.places[self.n_places_before :]}
             if wrong - lost:
-                tell(f"{self.name}: the summary names {len(wrong - lost)} chunks that are not where it says: made anew")
+                tell(
+                    f"{self.name}: the summary names {len(wrong - lost)} chunks that are not where"
+                    " it says: made anew"
+                )
 
     def _count_claims(self, kept_marks: set[int]) -> None:
-        """What the indexes of chunks say that were left out, if the same is not in the new bag from another place."""
+        """What the indexes of chunks say that were left out, if the same is not in the new bag
+        from another place.
+        """
         for index, (mark, channel, count) in self.claims:
             place, known = self.bag.places[index], mark in kept_marks
             kept_marks.add(mark)
-            self.bag.places[index] = replace(place, messages=(place.messages or 0) + (0 if known else count))
+            self.bag.places[index] = replace(
+                place, messages=(place.messages or 0) + (0 if known else count)
+            )
             self.lost[channel] += 0 if known else count
 
     def count_lost(self, kept_marks: set[int]) -> None:
-        """What this file is known to have lost, by topic. kept_marks: of what was kept of it and of others in the same file."""
+        """What this file is known to have lost, by topic. kept_marks: of what was kept of it and
+        of others in the same file.
+        """
         self._count_claims(kept_marks)
         if self.unknown_channels:
             count = sum(self.unknown_channels.values())
-            self._lose(0, 0, f"messages of channels {sorted(self.unknown_channels)}, which no record of the file defines", count)
+            self._lose(
+                0,
+                0,
+                f"messages of channels {sorted(self.unknown_channels)}, which no record of the"
+                " file defines",
+                count,
+            )
         for number, count in self.undecodable.items():
-            topic = self.channels[number].topic if number in self.channels else f"the unknown channel {number}"
-            self._lose(0, 0, f"{count} records on {topic} for which no CRC vouches are no messages of its type, and are left out", None)
-        statistics = self.summary.statistics if self.summary is not None and self.summary.has_crc else None
+            topic = (
+                self.channels[number].topic
+                if number in self.channels
+                else f"the unknown channel {number}"
+            )
+            self._lose(
+                0,
+                0,
+                f"{count} records on {topic} for which no CRC vouches are no messages of its type,"
+                " and are left out",
+                None,
+            )
+        statistics = (
+            self.summary.statistics if self.summary is not None and self.summary.has_crc else None
+        )
         if statistics is None:
             self.bag.is_exact = False
         else:
             expected = statistics.channel_message_counts
-            self.lost = Counter({number: max(0, count - self.kept[number]) for number, count in expected.items()})
+            self.lost = Counter(
+                {number: max(0, count - self.kept[number]) for number, count in expected.items()}
+            )
             if sum(self.kept.values()) >= statistics.message_count and not self.lost.total():
                 self.bag.nothing_unknown(self.n_places_before, self.n_places)
         if self.is_changed and self.n_unverified:
             reason = "the CRC of all before the summary does not fit: one of the messages"
-            self._lose(0, 0, f"{reason} without their own ({self.n_unverified}) may have changed", None)
+            self._lose(
+                0, 0, f"{reason} without their own ({self.n_unverified}) may have changed", None
+            )
         for number, count in self.lost.items():
             channel = self.written.get(number)
             if channel is not None:
@@ -517,18 +718,26 @@ def _chunk_mark(chunk: Chunk) -> int:
 
 
 def _mark(channel: int, entries: list[tuple[int, int]]) -> tuple[int, int, int]:
-    """What tells the messages of a channel in a chunk from others; the channel; and how many they are."""
+    """What tells the messages of a channel in a chunk from others; the channel; and how many they
+    are.
+    """
     return hash((channel, *sorted(entries))), channel, len(entries)
 
 
 def _number(wanted: int, taken: Iterable[int]) -> int:
     """The number of a schema or channel in the new file: its old one, or the next that is free."""
     taken = set(taken)
-    return wanted if wanted not in taken else next(number for number in range(1, 2**16) if number not in taken)
+    return (
+        wanted
+        if wanted not in taken
+        else next(number for number in range(1, 2**16) if number not in taken)
+    )
 
 
 def plain_message(data: bytes) -> bytes:
-    """A message that was compressed by itself; as it is if it was not, or cannot be unpacked. data: its bytes."""
+    """A message that was compressed by itself; as it is if it was not, or cannot be unpacked.
+    data: its bytes.
+    """
     unpack = unpacker_of(data)
     if unpack is not None:
         with suppress(DamagedError):

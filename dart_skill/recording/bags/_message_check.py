@@ -1,4 +1,6 @@
-"""The check of the messages of one file, whatever kind of file it is: types, decoding, sequence numbers, log times."""
+"""The check of the messages of one file, whatever kind of file it is: types, decoding, sequence
+numbers, log times.
+"""
 
 from __future__ import annotations
 
@@ -74,31 +76,54 @@ class FileFacts:
         """Types by topic, of those that have messages."""
         found: dict[str, list[str]] = {}
         for topic in self._topics.values():
-            if topic.count and topic.type_name and topic.type_name not in found.setdefault(topic.name, []):
+            if (
+                topic.count
+                and topic.type_name
+                and topic.type_name not in found.setdefault(topic.name, [])
+            ):
                 found[topic.name].append(topic.type_name)
         return found
 
     def add(self, severity: str, message: str, remedy: str = "", where: str = "") -> None:
         """Add a finding about the file. where: in it."""
-        self.findings.append(Finding(severity, self.name + (f", {where}" if where else ""), message, remedy))
+        self.findings.append(
+            Finding(severity, self.name + (f", {where}" if where else ""), message, remedy)
+        )
 
-    def take_topic(self, number: int, channel: Channel, schema: Schema | None, count: int = 0) -> _Topic:
+    def take_topic(
+        self, number: int, channel: Channel, schema: Schema | None, count: int = 0
+    ) -> _Topic:
         """Take a topic of the file. number: of its channel; count: of its messages."""
-        encoding = "cdr" if channel.message_encoding.lower() in ("cdr", "") else channel.message_encoding
-        type_name = (full_name(schema.name) if encoding == "cdr" else schema.name) if schema else ""
-        self._topics[number] = topic = _Topic(channel.topic, type_name, encoding, channel.schema_id != 0 and schema is None, count)
+        encoding = (
+            "cdr" if channel.message_encoding.lower() in ("cdr", "") else channel.message_encoding
+        )
+        type_name = (
+            (full_name(schema.name) if encoding == "cdr" else schema.name) if schema else ""
+        )
+        self._topics[number] = topic = _Topic(
+            channel.topic, type_name, encoding, channel.schema_id != 0 and schema is None, count
+        )
         return topic
 
     def file_findings(self, undefined: Mapping[int, int]) -> None:
-        """Add what is to be said of the file once all messages are counted. undefined: messages of channels that it does not define."""
+        """Add what is to be said of the file once all messages are counted. undefined: messages of
+        channels that it does not define.
+        """
         if undefined:
-            told = f"{sum(undefined.values())} messages are of channels {sorted(undefined)}, which the file does not define"
+            told = (
+                f"{sum(undefined.values())} messages are of channels {sorted(undefined)}, which"
+                " the file does not define"
+            )
             self.add("error", told, RECOVER)
         if not self.counts:
             self.add("warning", NO_MESSAGES)
         of_each: dict[str, list[str]] = {}
         for topic in self._topics.values():
-            if topic.count and topic.encoding == "cdr" and topic.type_name not in of_each.setdefault(topic.name, []):
+            if (
+                topic.count
+                and topic.encoding == "cdr"
+                and topic.type_name not in of_each.setdefault(topic.name, [])
+            ):
                 of_each[topic.name].append(topic.type_name)
         for name, types in of_each.items():
             if len(types) > 1:
@@ -115,7 +140,13 @@ class MessageCheck(FileFacts):
     name: of the file in findings, where it was unpacked from another one.
     """
 
-    def __init__(self, path: Path, types: Typestore | None = None, line: TimeLine | None = None, name: str = ""):
+    def __init__(
+        self,
+        path: Path,
+        types: Typestore | None = None,
+        line: TimeLine | None = None,
+        name: str = "",
+    ):
         super().__init__(name or path.name)
         self.path = path
         self._line = TimeLine() if line is None else line
@@ -125,25 +156,40 @@ class MessageCheck(FileFacts):
     def define(self, schemas: Iterable[Schema], channels: dict[int, Channel]) -> None:
         """Take the types and topics of the file, before its messages. channels: by number."""
         known = {schema.id: schema for schema in schemas}
-        texts = [(full_name(one.name), one.encoding, one.data.decode(errors="replace")) for one in known.values()]
+        texts = [
+            (full_name(one.name), one.encoding, one.data.decode(errors="replace"))
+            for one in known.values()
+        ]
         self._others = shared_types() if self._given is None else self._given
-        names = [full_name(known[channel.schema_id].name) for channel in channels.values() if channel.schema_id in known]
+        names = [
+            full_name(known[channel.schema_id].name)
+            for channel in channels.values()
+            if channel.schema_id in known
+        ]
         self._types, self._unknown = embedded_types(texts, self._others, names)
         ways = Counter(name for name, _encoding, _text in set(texts))
-        self._own_types: dict[int, Typestore] = {}  # by channel, of types that the file defines in several ways
+        self._own_types: dict[
+            int, Typestore
+        ] = {}  # by channel, of types that the file defines in several ways
         self._empty = {name for name, _encoding, text in texts if not text.strip()}
         self._defined = embedded_types(texts, None)[0].fielddefs.keys()
         for number, channel in channels.items():
             schema = known.get(channel.schema_id)
             if schema is not None and ways[full_name(schema.name)] > 1:
-                own = (full_name(schema.name), schema.encoding, schema.data.decode(errors="replace"))
+                own = (
+                    full_name(schema.name),
+                    schema.encoding,
+                    schema.data.decode(errors="replace"),
+                )
                 others = [text for text in texts if text[0] != own[0]]
                 self._own_types[number] = embedded_types([*others, own], self._others, names)[0]
             topic = self.take_topic(number, channel, schema)
             if topic.encoding == "cdr" and topic.type_name not in self._types.fielddefs:
                 topic.reason = self._unknown.get(topic.type_name, NOT_DEFINED)
             qos = profiles(channel.topic, channel.metadata.get("offered_qos_profiles", ""))
-            if topic.type_name in OF_EVENTS or any(profile.durability.name == "TRANSIENT_LOCAL" for profile in qos):
+            if topic.type_name in OF_EVENTS or any(
+                profile.durability.name == "TRANSIENT_LOCAL" for profile in qos
+            ):
                 self._line.is_of_events(topic.name)
 
     def take(self, number: int, stamp_ns: int, sequence: int | None = None) -> None:
@@ -159,12 +205,15 @@ class MessageCheck(FileFacts):
                 topic.gaps += 1
                 topic.missing += sequence - topic.last_sequence - 1
             topic.last_sequence = sequence
-        self._line.add(topic.name if topic.encoding == "cdr" else f"{topic.name} ({topic.encoding})", stamp_ns)
+        self._line.add(
+            topic.name if topic.encoding == "cdr" else f"{topic.name} ({topic.encoding})", stamp_ns
+        )
         self.start_ns = stamp_ns if self.start_ns is None else min(self.start_ns, stamp_ns)
         self.end_ns = stamp_ns if self.end_ns is None else max(self.end_ns, stamp_ns)
 
     def decode(self, number: int, messages: list[tuple[int, bytes]]) -> None:
-        """Whether messages can be decoded: one by one, unless they differ from one that could in stamp and numbers alone.
+        """Whether messages can be decoded: one by one, unless they differ from one that could in
+        stamp and numbers alone.
 
         messages: log time and bytes of each.
         """
@@ -173,16 +222,28 @@ class MessageCheck(FileFacts):
             return
         try:
             unpack = unpacker_of(messages[0][1])
-            messages = messages if unpack is None else [(stamp_ns, unpack(data)) for stamp_ns, data in messages]
+            messages = (
+                messages
+                if unpack is None
+                else [(stamp_ns, unpack(data)) for stamp_ns, data in messages]
+            )
         except DamagedError as error:
             self.add("error", str(error), RECOVER, f"topic {topic.name}")
             return
-        if topic.pattern is not None and topic.pattern.table([data for _, data in messages]) is not None:
+        if (
+            topic.pattern is not None
+            and topic.pattern.table([data for _, data in messages]) is not None
+        ):
             return
         types = self._own_types.get(number, self._types)
         for stamp_ns, data in messages:
             self._decode(types, topic, stamp_ns, data)
-        if topic.has_pattern and not topic.undecodable and not topic.by_other and len(messages) > 1:  # those that come may be like this one
+        if (
+            topic.has_pattern
+            and not topic.undecodable
+            and not topic.by_other
+            and len(messages) > 1
+        ):  # those that come may be like this one
             topic.pattern = pattern_of(types, topic.type_name, messages[-1][1])
             topic.has_pattern = topic.pattern is not None
 
@@ -195,38 +256,73 @@ class MessageCheck(FileFacts):
                 topic.by_other += 1
             except ValueError:
                 topic.undecodable += 1
-                topic.first_reason = topic.first_reason or f"the first at log time {stamp_ns} ns: {error}"
+                topic.first_reason = (
+                    topic.first_reason or f"the first at log time {stamp_ns} ns: {error}"
+                )
 
     def topic_findings(self) -> None:
         """Add what is to be said of the topics, once all messages have passed."""
         for topic in self._topics.values():
             if topic.count:
                 self._of_topic(topic, f"topic {topic.name}")
-        self.file_findings({number: count for number, count in self._n_messages.items() if number not in self._topics})
+        self.file_findings(
+            {
+                number: count
+                for number, count in self._n_messages.items()
+                if number not in self._topics
+            }
+        )
 
     def _of_topic(self, topic: _Topic, where: str) -> None:
-        if topic.undecodable and topic.type_name in self._empty:  # it was taken for one without fields
+        if (
+            topic.undecodable and topic.type_name in self._empty
+        ):  # it was taken for one without fields
             topic.reason, topic.undecodable = NOT_DEFINED, 0
         if topic.encoding != "cdr":
-            self.add("note", f"its messages are encoded as '{topic.encoding}', not as cdr: they are not decoded", "read them raw", where)
+            self.add(
+                "note",
+                f"its messages are encoded as '{topic.encoding}', not as cdr: they are not"
+                " decoded",
+                "read them raw",
+                where,
+            )
         elif not topic.type_name:
-            severity, text = ("error", "its schema is missing") if topic.has_lost_schema else ("warning", "its schema names none")
+            severity, text = (
+                ("error", "its schema is missing")
+                if topic.has_lost_schema
+                else ("warning", "its schema names none")
+            )
             self.add(severity, f"it has no type: {text}", "read its messages raw", where)
         elif topic.reason:
             severity = "error" if topic.type_name in self._unknown else "warning"
             self.add(severity, f"it has type {topic.type_name}, {topic.reason}", GIVE_TYPES, where)
         elif topic.type_name in self._unknown:
-            text = f"it has type {topic.type_name}, {self._unknown[topic.type_name]}: it was decoded as it is defined elsewhere"
+            text = (
+                f"it has type {topic.type_name}, {self._unknown[topic.type_name]}: it was decoded"
+                " as it is defined elsewhere"
+            )
             self.add("warning", text, "", where)
         if topic.undecodable:
             text = f"{topic.undecodable} messages are no {topic.type_name}"
             if topic.type_name in self._defined:
                 self.add("error", f"{text}; {topic.first_reason}", "read them raw", where)
             else:
-                self.add("warning", f"{text} as it is known here, and the bag does not define it; {topic.first_reason}", GIVE_TYPES, where)
+                self.add(
+                    "warning",
+                    f"{text} as it is known here, and the bag does not define it;"
+                    f" {topic.first_reason}",
+                    GIVE_TYPES,
+                    where,
+                )
         if topic.by_other:
-            text = f"{topic.by_other} messages are no {topic.type_name} as the bag defines it, but as it is defined elsewhere"
+            text = (
+                f"{topic.by_other} messages are no {topic.type_name} as the bag defines it, but as"
+                " it is defined elsewhere"
+            )
             self.add("warning", text, "they are read by that definition", where)
         if topic.gaps:
-            text = f"{topic.missing} messages are missing in {topic.gaps} gaps of the sequence numbers"
+            text = (
+                f"{topic.missing} messages are missing in {topic.gaps} gaps of the sequence"
+                " numbers"
+            )
             self.add("warning", text, LOST_BEFORE, where)

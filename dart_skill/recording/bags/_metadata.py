@@ -1,4 +1,5 @@
-"""What rosbag2 tells about a bag: the content of metadata.yaml and of the records in its files. Written is version 9 (ROS 2 Jazzy).
+"""What rosbag2 tells about a bag: the content of metadata.yaml and of the records in its files.
+Written is version 9 (ROS 2 Jazzy).
 
 All of it is optional where a bag is read: files tell by themselves which messages are in them.
 """
@@ -14,7 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 
 from dart_skill.common.files import open_file
 from dart_skill.recording.bags._disk_sync import sync_folder
@@ -69,11 +77,18 @@ class FileMetadata:
         return cls(file.path.name, file.message_count, file.start_ns, file.end_ns)
 
 
-def bag_metadata(files: list[FileMetadata], topics: Iterable[TopicMetadata], custom_data: Mapping[str, str], ros_distro: str) -> dict:
+def bag_metadata(
+    files: list[FileMetadata],
+    topics: Iterable[TopicMetadata],
+    custom_data: Mapping[str, str],
+    ros_distro: str,
+) -> dict:
     """Metadata of a bag as rosbag2 nests them."""
     starts = [file.start_ns for file in files if file.start_ns is not None]
     ends = [file.end_ns for file in files if file.end_ns is not None]
-    whole = FileMetadata("", sum(file.count for file in files), min(starts, default=None), max(ends, default=None))
+    whole = FileMetadata(
+        "", sum(file.count for file in files), min(starts, default=None), max(ends, default=None)
+    )
     return {
         "version": METADATA_VERSION,
         "storage_identifier": "mcap",
@@ -89,7 +104,9 @@ def bag_metadata(files: list[FileMetadata], topics: Iterable[TopicMetadata], cus
 
 
 def record_values(metadata: dict) -> dict[str, str]:
-    """Values of the Metadata record (named `RECORD_NAME`) with which a lone file tells its metadata."""
+    """Values of the Metadata record (named `RECORD_NAME`) with which a lone file tells its
+    metadata.
+    """
     return {RECORD_KEY: dump(metadata)}
 
 
@@ -110,9 +127,11 @@ def write_metadata_file(folder: Path, metadata: dict) -> None:
 
 
 def read_metadata_file(folder: Path, faults: list[str] | None = None) -> dict:
-    """Metadata of a bag folder, as far as each of them is of the kind that rosbag2 writes (any version); the others are left out.
+    """Metadata of a bag folder, as far as each of them is of the kind that rosbag2 writes (any
+    version); the others are left out.
 
-    ValueError if its metadata.yaml says nothing at all, FileNotFoundError without one. faults: what was left out is added, a text each.
+    ValueError if its metadata.yaml says nothing at all, FileNotFoundError without one. faults:
+    what was left out is added, a text each.
     """
     with open_file(folder / METADATA_FILE) as stream:
         text = _decoded(stream.read(4 * LARGEST_TEXT + 1))
@@ -124,7 +143,9 @@ def read_metadata_file(folder: Path, faults: list[str] | None = None) -> dict:
 
 
 def known_metadata(folder: Path) -> dict:
-    """The same; empty where there is none, or none that can be read: nothing in it is needed to read messages."""
+    """The same; empty where there is none, or none that can be read: nothing in it is needed to
+    read messages.
+    """
     try:
         return read_metadata_file(folder)
     except (OSError, ValueError):
@@ -132,20 +153,34 @@ def known_metadata(folder: Path) -> dict:
 
 
 def extent_of(told: Mapping[str, Any]) -> tuple[int, int, int] | None:
-    """Number of messages, first and last log time [ns], of a bag or of an item of `files`; None if it does not tell all of them."""
+    """Number of messages, first and last log time [ns], of a bag or of an item of `files`; None if
+    it does not tell all of them.
+    """
     start, duration = told.get("starting_time"), told.get("duration")
     if not isinstance(start, dict) or not isinstance(duration, dict):
         return None
-    count, first, length = told.get("message_count"), start.get("nanoseconds_since_epoch"), duration.get("nanoseconds")
+    count, first, length = (
+        told.get("message_count"),
+        start.get("nanoseconds_since_epoch"),
+        duration.get("nanoseconds"),
+    )
     if not (isinstance(count, int) and isinstance(first, int) and isinstance(length, int)):
         return None
     return count, first, first + length
 
 
 def topics_of(metadata: Mapping[str, Any]) -> dict[str, dict]:
-    """What the metadata say of each topic (name, type, offered_qos_profiles ...), and its message_count, by its name."""
+    """What the metadata say of each topic (name, type, offered_qos_profiles ...), and its
+    message_count, by its name.
+    """
     items = metadata.get("topics_with_message_count") or []
-    return {item["topic_metadata"]["name"]: {**item["topic_metadata"], "message_count": item.get("message_count")} for item in items}
+    return {
+        item["topic_metadata"]["name"]: {
+            **item["topic_metadata"],
+            "message_count": item.get("message_count"),
+        }
+        for item in items
+    }
 
 
 def lost_in(custom_data: Mapping[str, str]) -> dict[str, int] | None:
@@ -165,7 +200,9 @@ def _decoded(data: bytes) -> str:
 
 
 def _cleaned(found: dict, faults: list[str]) -> dict:
-    """Metadata without the entries that are of another kind than rosbag2 writes, of which `faults` gets a text each."""
+    """Metadata without the entries that are of another kind than rosbag2 writes, of which `faults`
+    gets a text each.
+    """
     metadata = dict(found)
     for name, (wanted, clean) in _KINDS.items():
         value = metadata.get(name)
@@ -173,7 +210,11 @@ def _cleaned(found: dict, faults: list[str]) -> dict:
             metadata.pop(name, None)
             continue
         kept = clean(value)
-        if kept is None or (isinstance(kept, (list, dict)) and isinstance(value, (list, dict)) and len(kept) != len(value)):
+        if kept is None or (
+            isinstance(kept, (list, dict))
+            and isinstance(value, (list, dict))
+            and len(kept) != len(value)
+        ):
             faults.append(f"it misuses {name}: it must be {wanted}")
         metadata.pop(name)
         if kept is not None:
@@ -187,20 +228,35 @@ def _texts(value: Any) -> list[str] | None:
 
 
 def _files(value: Any) -> list[dict] | None:
-    return [item for item in value if isinstance(item, dict) and isinstance(item.get("path"), str)] if isinstance(value, list) else None
+    return (
+        [item for item in value if isinstance(item, dict) and isinstance(item.get("path"), str)]
+        if isinstance(value, list)
+        else None
+    )
 
 
 def _named_topics(value: Any) -> list[dict] | None:
-    """Items with a dict topic_metadata, and in it a name; other texts in it that are none are left out."""
+    """Items with a dict topic_metadata, and in it a name; other texts in it that are none are left
+    out.
+    """
     if not isinstance(value, list):
         return None
     found = []
     for item in value:
         told = item.get("topic_metadata") if isinstance(item, dict) else None
         if isinstance(told, dict) and isinstance(told.get("name"), str):
-            texts = {key: text for key, text in told.items() if isinstance(text, str) or key == "offered_qos_profiles"}
+            texts = {
+                key: text
+                for key, text in told.items()
+                if isinstance(text, str) or key == "offered_qos_profiles"
+            }
             count = item.get("message_count")
-            found.append({"topic_metadata": texts, **({"message_count": count} if type(count) is int else {})})
+            found.append(
+                {
+                    "topic_metadata": texts,
+                    **({"message_count": count} if type(count) is int else {}),
+                }
+            )
     return found
 
 
@@ -208,7 +264,9 @@ def _custom(value: Any) -> dict[str, str] | None:
     """Texts by name; yaml-cpp, which rosbag2 reads with, takes a number for its text."""
     if not isinstance(value, dict):
         return None
-    return {str(key): str(text) for key, text in value.items() if isinstance(text, (str, int, float))}
+    return {
+        str(key): str(text) for key, text in value.items() if isinstance(text, (str, int, float))
+    }
 
 
 def _text(value: Any) -> str | None:
@@ -227,12 +285,18 @@ _KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "version": ("a number", _number),
     "relative_file_paths": ("a list of texts", _texts),
     "files": ("a list of mappings with a path", _files),
-    "topics_with_message_count": ("a list of topics, each with topic_metadata and in it a name", _named_topics),
+    "topics_with_message_count": (
+        "a list of topics, each with topic_metadata and in it a name",
+        _named_topics,
+    ),
     "custom_data": ("a mapping of texts", _custom),
     "message_count": ("a number", _number),
     "duration": ("a mapping", _mapping),
     "starting_time": ("a mapping", _mapping),
-    **{name: ("a text", _text) for name in ("storage_identifier", "compression_format", "compression_mode", "ros_distro")},
+    **{
+        name: ("a text", _text)
+        for name in ("storage_identifier", "compression_format", "compression_mode", "ros_distro")
+    },
 }
 """What an entry must be, and what makes it so or says None."""
 
@@ -252,16 +316,22 @@ def parse_qos(topic: str, text: str) -> list:
 
 
 def profiles(topic: str, told: Any) -> tuple[Qos, ...]:
-    """QoS profiles of a topic as `rosbags` has them, from a list of them or its YAML text; none of what cannot be read.
+    """QoS profiles of a topic as `rosbags` has them, from a list of them or its YAML text; none of
+    what cannot be read.
 
-    What a profile does not say is as ROS 2 has it without being told; a policy that nobody knows is UNKNOWN.
+    What a profile does not say is as ROS 2 has it without being told; a policy that nobody knows
+    is UNKNOWN.
     """
     try:
         found = parse_qos(topic, told) if isinstance(told, str) else told
     except ValueError:
         return ()
     found = [found] if isinstance(found, dict) else found
-    return tuple(_profile(one) for one in found if isinstance(one, dict)) if isinstance(found, list) else ()
+    return (
+        tuple(_profile(one) for one in found if isinstance(one, dict))
+        if isinstance(found, list)
+        else ()
+    )
 
 
 def _profile(told: dict) -> Qos:
@@ -282,7 +352,9 @@ def _profile(told: dict) -> Qos:
 def _period(told: Any) -> QosTime:
     """A period [s, ns]; 0 is ROS 2's for none."""
     told = told if isinstance(told, dict) else {}
-    sec, nsec = (value if type(value) is int else 0 for value in (told.get("sec"), told.get("nsec")))
+    sec, nsec = (
+        value if type(value) is int else 0 for value in (told.get("sec"), told.get("nsec"))
+    )
     return QosTime(sec, nsec)
 
 
@@ -320,7 +392,9 @@ _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 class _NoAliases(_Dumper):
-    """yaml-cpp, which rosbag2 reads with, knows anchors, but people who read the file do not expect them."""
+    """yaml-cpp, which rosbag2 reads with, knows anchors, but people who read the file do not
+    expect them.
+    """
 
     def ignore_aliases(self, data: Any) -> bool:
         return True

@@ -8,7 +8,9 @@ _DDS = re.compile(r"(\w+)::(msg|srv|action)::(?:dds_::)?(\w+?)_?")
 
 
 def full_name(type_name: str) -> str:
-    """A message type as package/msg/Name, which is also written in two parts, or as DDS does (package::msg::dds_::Name_)."""
+    """A message type as package/msg/Name, which is also written in two parts, or as DDS does
+    (package::msg::dds_::Name_).
+    """
     if match := _DDS.fullmatch(type_name):
         return "/".join(match.groups())
     package, slash, name = type_name.partition("/")

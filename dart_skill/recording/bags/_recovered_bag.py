@@ -42,7 +42,11 @@ class LostPlace:
     messages: int | None
 
     def __str__(self) -> str:
-        lost = "an unknown number of messages" if self.messages is None else f"{self.messages} messages"
+        lost = (
+            "an unknown number of messages"
+            if self.messages is None
+            else f"{self.messages} messages"
+        )
         return f"{self.file}, byte {self.offset}, {self.n_bytes} bytes: {self.reason}; {lost} lost"
 
 
@@ -52,16 +56,19 @@ class Recovery:
 
     * path, files: the new bag and the names of its files.
     * messages: kept, by topic.
-    * lost: messages by topic, as far as statistics, message indexes, metadata.yaml or gaps in sequence numbers tell; what a recorder had
-      not handed over yet when it stopped leaves no trace.
-    * is_exact: whether statistics that are vouched for count all messages of all files; else `lost` is the least that is lost.
+    * lost: messages by topic, as far as statistics, message indexes, metadata.yaml or gaps in
+      sequence numbers tell; what a recorder had not handed over yet when it stopped leaves no
+      trace.
+    * is_exact: whether statistics that are vouched for count all messages of all files; else
+      `lost` is the least that is lost.
     * places: what is damaged or missing.
     * repairs: damage without loss.
     * notes: what else there is to know, as that there were several files in one.
     * unverified: kept messages for which no CRC vouches.
     * lost_chunks: how many were left out.
     * n_bytes, n_looked_at: bytes of all files, and how many of them were looked at.
-    * start_ns, end_ns: log times of the first and last message that was kept; None without messages.
+    * start_ns, end_ns: log times of the first and last message that was kept; None without
+      messages.
     * n_attachments: how many were kept.
     * custom_data: of the new bag.
     """
@@ -90,14 +97,27 @@ class Recovery:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all was looked at, no message is known to be lost, and no place may have held one."""
-        return not self.lost and all(place.messages == 0 for place in self.places) and self.n_looked_at == self.n_bytes
+        """Whether all was looked at, no message is known to be lost, and no place may have held
+        one.
+        """
+        return (
+            not self.lost
+            and all(place.messages == 0 for place in self.places)
+            and self.n_looked_at == self.n_bytes
+        )
 
     def __str__(self) -> str:
         kept, lost = sum(self.messages.values()), sum(self.lost.values())
         least = "" if self.is_exact or self.is_complete else "at least "
-        text = f"{kept} messages kept, {least}{lost} known to be lost, {self.lost_chunks} chunks and {self.lost_bytes} bytes left out"
-        return text + (f", {self.unverified} kept without a CRC that vouches for them" if self.unverified else "")
+        text = (
+            f"{kept} messages kept, {least}{lost} known to be lost, {self.lost_chunks} chunks and"
+            f" {self.lost_bytes} bytes left out"
+        )
+        return text + (
+            f", {self.unverified} kept without a CRC that vouches for them"
+            if self.unverified
+            else ""
+        )
 
 
 @dataclass
@@ -105,7 +125,8 @@ class RecoveredTopic:
     """A topic of the new bag, and how many of its messages there are.
 
     * kept, lost: messages; lost: as the statistics and indexes of the files tell.
-    * first, top, counted: sequence numbers from the first to the highest that a recorder which counts wrote, and messages since.
+    * first, top, counted: sequence numbers from the first to the highest that a recorder which
+      counts wrote, and messages since.
     """
 
     type_name: str
@@ -134,7 +155,9 @@ class RecoveredBag:
 
     def __init__(self, path: Path, output: Path, told: dict):
         self.path, self.output = path, output
-        self.from_start = path.is_dir() or part_number(path)[1] <= 0  # and not a later part of a split bag
+        self.from_start = (
+            path.is_dir() or part_number(path)[1] <= 0
+        )  # and not a later part of a split bag
         self.topics: dict[str, RecoveredTopic] = {}
         self.places: list[LostPlace] = []
         self.repairs: list[str] = []
@@ -144,12 +167,16 @@ class RecoveredBag:
         self.unpacked = Unpacked()
         self.custom_data: dict[str, str] = dict(told.get("custom_data") or {})
         self.ros_distro = told.get("ros_distro") or ""
-        self.unverified = self.lost_chunks = self.n_attachments = self.n_bytes = self.n_not_looked_at = 0
+        self.unverified = self.lost_chunks = self.n_attachments = self.n_bytes = (
+            self.n_not_looked_at
+        ) = 0
         self.is_exact = True
         self.told_topics: dict[str, dict] = {}
         self.hear_of_topics(told)
         items = told.get("topics_with_message_count") or []
-        self.told_counts = {item["topic_metadata"]["name"]: item.get("message_count") or 0 for item in items}
+        self.told_counts = {
+            item["topic_metadata"]["name"]: item.get("message_count") or 0 for item in items
+        }
 
     def new_file(self, profile: str) -> McapFile:
         """Begin the next file."""
@@ -158,22 +185,39 @@ class RecoveredBag:
         return self.files[-1]
 
     def hear_of_topics(self, metadata: dict) -> None:
-        """Know what metadata say of topics, from a file or in it; what was known before counts more."""
+        """Know what metadata say of topics, from a file or in it; what was known before counts
+        more.
+        """
         for item in metadata.get("topics_with_message_count") or []:
             self.told_topics.setdefault(item["topic_metadata"]["name"], item["topic_metadata"])
 
-    def topic(self, name: str, type_name: str, qos: list, type_hash: str, encoding: str) -> RecoveredTopic:
-        """The topic of a name; of several types under one name the metadata tell the one that is encoded as ROS 2 does."""
+    def topic(
+        self, name: str, type_name: str, qos: list, type_hash: str, encoding: str
+    ) -> RecoveredTopic:
+        """The topic of a name; of several types under one name the metadata tell the one that is
+        encoded as ROS 2 does.
+        """
         known = self.topics.setdefault(name, RecoveredTopic(type_name, qos, type_hash, encoding))
         if (known.type_name, known.encoding) != (type_name, encoding):
-            kinds = f"{known.type_name or '?'} ({known.encoding}) and {type_name or '?'} ({encoding})"
-            self.note(f"topic {name} has messages of two kinds: {kinds}; all are kept, each under its own type")
+            kinds = (
+                f"{known.type_name or '?'} ({known.encoding}) and {type_name or '?'} ({encoding})"
+            )
+            self.note(
+                f"topic {name} has messages of two kinds: {kinds}; all are kept, each under its"
+                " own type"
+            )
             if known.encoding != "cdr" == encoding:
-                known.type_name, known.qos, known.type_hash, known.encoding = type_name, qos, type_hash, encoding
+                known.type_name, known.qos, known.type_hash, known.encoding = (
+                    type_name,
+                    qos,
+                    type_hash,
+                    encoding,
+                )
         return known
 
     def free_name(self, name: str, type_name: str, own: set[str]) -> str:
-        """The name of a topic in the new bag: another one where it was that of another type in a file before.
+        """The name of a topic in the new bag: another one where it was that of another type in a
+        file before.
 
         own: names of topics that the same file had already, under any type; this one is added.
         """
@@ -181,8 +225,15 @@ class RecoveredBag:
         free = name
         if known is not None and known.type_name != type_name and name not in own:
             names = (f"{name}_{number}" for number in range(2, 2**16))
-            free = next(one for one in names if one not in self.topics or self.topics[one].type_name == type_name)
-            self.note(f"topic {name} has type {known.type_name} before and {type_name} here, which is in the new bag as {free}")
+            free = next(
+                one
+                for one in names
+                if one not in self.topics or self.topics[one].type_name == type_name
+            )
+            self.note(
+                f"topic {name} has type {known.type_name} before and {type_name} here, which is in"
+                f" the new bag as {free}"
+            )
         own.add(free)
         return free
 
@@ -200,13 +251,21 @@ class RecoveredBag:
         self.places.append(LostPlace(file, offset, end - offset, reason, messages))
 
     def nothing_unknown(self, begin: int, end: int) -> None:
-        """The places from one to before another held no message, as all are there that the statistics count."""
-        self.places[begin:end] = [replace(place, messages=place.messages or 0) for place in self.places[begin:end]]
+        """The places from one to before another held no message, as all are there that the
+        statistics count.
+        """
+        self.places[begin:end] = [
+            replace(place, messages=place.messages or 0) for place in self.places[begin:end]
+        ]
 
     def finish(self) -> Recovery:
-        """Close all files, now that it is known what they are to tell. BagError if there is nothing in them."""
+        """Close all files, now that it is known what they are to tell. BagError if there is
+        nothing in them.
+        """
         if not any(file.channels for file in self.files) and not self.n_attachments:
-            told = [f"{place.file}: {place.reason}" for place in self.places[:MOST_REASONS]] or ["it has no topics"]
+            told = [f"{place.file}: {place.reason}" for place in self.places[:MOST_REASONS]] or [
+                "it has no topics"
+            ]
             more = len(self.places) - MOST_REASONS
             reasons = "; ".join(told) + (f"; and {more} places more" if more > 0 else "")
             raise BagError(f"{self.path}: there is nothing to recover: {reasons}")
@@ -226,14 +285,21 @@ class RecoveredBag:
             lost_chunks=self.lost_chunks,
             n_bytes=self.n_bytes,
             n_looked_at=self.n_bytes - self.n_not_looked_at,
-            start_ns=min((file.start_ns for file in filled if file.start_ns is not None), default=None),
+            start_ns=min(
+                (file.start_ns for file in filled if file.start_ns is not None), default=None
+            ),
             end_ns=max((file.end_ns for file in filled if file.end_ns is not None), default=None),
             n_attachments=self.n_attachments,
             custom_data=self.custom_data,
         )
         self.custom_data |= {"recovered_from": self.path.name, "recovery": str(result)}
         metadata = [self._close(file) for file in self.files]
-        write_metadata_file(self.output, bag_metadata(metadata, self._topics(result.messages), self.custom_data, self.ros_distro))
+        write_metadata_file(
+            self.output,
+            bag_metadata(
+                metadata, self._topics(result.messages), self.custom_data, self.ros_distro
+            ),
+        )
         sync_folder(self.output.parent)
         return result
 
@@ -242,7 +308,12 @@ class RecoveredBag:
         counts: Counter[str] = Counter()
         for channel in file.channels.values():
             counts[channel.record.topic] += channel.count
-        file.add_metadata(RECORD_NAME, record_values(bag_metadata([metadata], self._topics(counts), self.custom_data, self.ros_distro)))
+        file.add_metadata(
+            RECORD_NAME,
+            record_values(
+                bag_metadata([metadata], self._topics(counts), self.custom_data, self.ros_distro)
+            ),
+        )
         file.finish()
         os.fsync(file.stream.fileno())
         file.close()
@@ -251,14 +322,18 @@ class RecoveredBag:
     def _topics(self, counts: dict[str, int]) -> list[TopicMetadata]:
         """The topics of the bag or of a file, with their counts."""
         return [
-            TopicMetadata(name, topic.type_name, topic.qos, topic.type_hash, counts[name], topic.encoding)
+            TopicMetadata(
+                name, topic.type_name, topic.qos, topic.type_hash, counts[name], topic.encoding
+            )
             for name, topic in self.topics.items()
             if name in counts
         ]
 
     def _lost(self) -> dict[str, int]:
         """Messages known to be lost, by topic: each source is a lower bound."""
-        lost = Counter({name: max(topic.lost, topic.missing) for name, topic in self.topics.items()})
+        lost = Counter(
+            {name: max(topic.lost, topic.missing) for name, topic in self.topics.items()}
+        )
         for name, count in self.told_counts.items():
             kept = self.topics[name].kept if name in self.topics else 0
             lost[name] = max(lost[name], count - kept)

@@ -1,4 +1,5 @@
-"""Bags of ROS 1, read by `rosbags`: their messages become the CDR of ROS 2, by the definitions in the bag, so that all else is the same.
+"""Bags of ROS 1, read by `rosbags`: their messages become the CDR of ROS 2, by the definitions in
+the bag, so that all else is the same.
 
 Types have the names of ROS 2 (`geometry_msgs/msg/PoseStamped`), and headers no `seq`.
 """
@@ -35,7 +36,10 @@ class Ros1Source:
             reader.open()
         except Exception as error:
             if "not indexed" in str(error):
-                raise ValueError("its recorder was stopped before it wrote the index: 'rosbag reindex' of ROS 1 makes it whole") from error
+                raise ValueError(
+                    "its recorder was stopped before it wrote the index: 'rosbag reindex' of ROS 1"
+                    " makes it whole"
+                ) from error
             raise
         self._store = get_typestore(Stores.EMPTY)
         found: dict = dict(get_typestore(Stores.ROS1_NOETIC).fielddefs)
@@ -47,7 +51,9 @@ class Ros1Source:
         self.custom_data: dict[str, str] = {}
         self.start_ns = reader.start_time if reader.message_count else 0
         self.end_ns = reader.end_time - 1 if reader.message_count else 0
-        self.files = [BagFile(path, path.stat().st_size, reader.message_count, self.start_ns, self.end_ns)]
+        self.files = [
+            BagFile(path, path.stat().st_size, reader.message_count, self.start_ns, self.end_ns)
+        ]
         self.topics: dict[str, TopicInfo] = {}
         for name, topic in reader.topics.items():
             type_name = topic.msgtype or topic.connections[0].msgtype
@@ -62,9 +68,14 @@ class Ros1Source:
     def definitions(self) -> tuple[tuple[str, str, str], ...]:
         """Type name, schema encoding and definition text of each type."""
         names = sorted({topic.type_name for topic in self.topics.values()})
-        return tuple((name, "ros2msg", self._store.generate_msgdef(name, ros_version=2)[0]) for name in names)
+        return tuple(
+            (name, "ros2msg", self._store.generate_msgdef(name, ros_version=2)[0])
+            for name in names
+        )
 
-    def messages(self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool) -> Iterator[BagMessage]:
+    def messages(
+        self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool
+    ) -> Iterator[BagMessage]:
         """Messages in order of log time.
 
         * topics: names.
@@ -74,9 +85,13 @@ class Ros1Source:
         chosen = [one for one in self._reader.connections if one.topic in topics]
         if not chosen:
             return
-        for one, stamp_ns, data in self._reader.messages(chosen, start_ns, min(stop_ns, 2**63 - 1)):
+        for one, stamp_ns, data in self._reader.messages(
+            chosen, start_ns, min(stop_ns, 2**63 - 1)
+        ):
             type_name = _renamed(one.msgtype)
-            yield BagMessage(one.topic, type_name, stamp_ns, bytes(self._store.ros1_to_cdr(data, type_name)))
+            yield BagMessage(
+                one.topic, type_name, stamp_ns, bytes(self._store.ros1_to_cdr(data, type_name))
+            )
 
     def attachments(self) -> list[Attachment]:
         """A bag of ROS 1 has none."""

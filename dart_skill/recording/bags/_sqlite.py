@@ -1,6 +1,8 @@
-"""SQLite files of rosbag2 (schema versions 1 to 4), shown as MCAP files are: topics as channels, definitions as schemas.
+"""SQLite files of rosbag2 (schema versions 1 to 4), shown as MCAP files are: topics as channels,
+definitions as schemas.
 
-They are only read: what a recorder that was stopped left beside a file, its journal or write-ahead log, is applied to a copy.
+They are only read: what a recorder that was stopped left beside a file, its journal or write-ahead
+log, is applied to a copy.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ LATEST_NS = 2**63 - 1
 
 
 def copy_with_side_files(file: Path, folder: Path) -> Path:
-    """A copy of an SQLite file with what stands beside it, which SQLite may change when it opens it; returns the copy.
+    """A copy of an SQLite file with what stands beside it, which SQLite may change when it opens
+    it; returns the copy.
 
     * file: which is only read; folder: of the copy.
     """
@@ -43,7 +46,8 @@ def copy_with_side_files(file: Path, folder: Path) -> Path:
 
 
 class SqliteInput:
-    """A SQLite file of a bag, open for reading, with the attributes of `McapInput`. Raises DamagedError for what is none.
+    """A SQLite file of a bag, open for reading, with the attributes of `McapInput`. Raises
+    DamagedError for what is none.
 
     beside: what was found beside the file and read with it, as a text; empty if there was nothing.
     n_unreadable: messages without a time, or without bytes.
@@ -92,17 +96,25 @@ class SqliteInput:
         """As of `McapInput`: one, whose messages are read as they are needed."""
         if not wanted or stop_ns <= start_ns or start_ns > LATEST_NS:
             return []
-        return [Part(self.start_ns, self.end_ns, partial(self._messages, wanted, start_ns, stop_ns))]
+        return [
+            Part(self.start_ns, self.end_ns, partial(self._messages, wanted, start_ns, stop_ns))
+        ]
 
     def rows(self) -> Iterator[tuple[int, int, int, bytes]]:
-        """Row, topic, log time and bytes of each message in the order in which they were written; DamagedError."""
+        """Row, topic, log time and bytes of each message in the order in which they were written;
+        DamagedError.
+        """
         with _explained():
-            yield from self._rows("SELECT rowid, topic_id, timestamp, data FROM messages ORDER BY rowid")
+            yield from self._rows(
+                "SELECT rowid, topic_id, timestamp, data FROM messages ORDER BY rowid"
+            )
 
     def faults(self) -> list[str]:
         """What SQLite finds to be wrong with its tables and indexes."""
         try:
-            return [str(text) for (text,) in self._all("PRAGMA integrity_check(10)") if text != "ok"]
+            return [
+                str(text) for (text,) in self._all("PRAGMA integrity_check(10)") if text != "ok"
+            ]
         except (sqlite3.Error, UnicodeDecodeError) as error:
             return [str(error)]
 
@@ -110,9 +122,14 @@ class SqliteInput:
         """As of `McapInput`."""
         assert self._database is not None
         marks = ", ".join(map(str, wanted))
-        query = f"SELECT topic_id, timestamp FROM messages WHERE topic_id IN ({marks}) AND {_READABLE} ORDER BY rowid"
+        query = (
+            f"SELECT topic_id, timestamp FROM messages WHERE topic_id IN ({marks}) AND {_READABLE}"
+            " ORDER BY rowid"
+        )
         with _explained():
-            yield from in_arrays((wanted[number], stamp_ns) for number, stamp_ns in self._database.execute(query))
+            yield from in_arrays(
+                (wanted[number], stamp_ns) for number, stamp_ns in self._database.execute(query)
+            )
 
     def missing(self, wanted: Collection[int]) -> dict[int, int]:
         """As of `McapInput`: these files have no sequence numbers."""
@@ -128,7 +145,10 @@ class SqliteInput:
 
     def _opened(self) -> tuple[sqlite3.Connection, str]:
         path, found = self.path, side_files(self.path)
-        told = ", ".join(f"{file.name} (a {SIDE_FILES[ending]}, which was read, too)" for ending, file in found.items())
+        told = ", ".join(
+            f"{file.name} (a {SIDE_FILES[ending]}, which was read, too)"
+            for ending, file in found.items()
+        )
         if found:
             self._folder = TemporaryDirectory(prefix="dart_skill_")
             path = copy_with_side_files(self.path, Path(self._folder.name))
@@ -149,50 +169,92 @@ class SqliteInput:
     def _take_topics(self) -> None:
         columns = self._columns("topics")
         if missing := {"id", "name", "type"} - columns:
-            raise DamagedError(f"it is no bag: its table of topics lacks {', '.join(sorted(missing))}")
+            raise DamagedError(
+                f"it is no bag: its table of topics lacks {', '.join(sorted(missing))}"
+            )
         if missing := {"topic_id", "timestamp", "data"} - self._columns("messages"):
-            raise DamagedError(f"it is no bag: its table of messages lacks {', '.join(sorted(missing))}")
+            raise DamagedError(
+                f"it is no bag: its table of messages lacks {', '.join(sorted(missing))}"
+            )
         self.schemas = {schema.id: schema for schema in self._definitions()}
         self.channels: dict[int, Channel] = {}
         optional = ("serialization_format", "offered_qos_profiles", "type_description_hash")
         fields = ", ".join(name if name in columns else "''" for name in optional)
-        for number, name, type_name, encoding, qos, type_hash in self._all(f"SELECT id, name, type, {fields} FROM topics ORDER BY id"):
-            known = next((one.id for one in self.schemas.values() if one.name == type_name), len(self.schemas) + 1)
-            self.schemas.setdefault(known, Schema(id=known, name=str(type_name), encoding="", data=b""))
+        for number, name, type_name, encoding, qos, type_hash in self._all(
+            f"SELECT id, name, type, {fields} FROM topics ORDER BY id"
+        ):
+            known = next(
+                (one.id for one in self.schemas.values() if one.name == type_name),
+                len(self.schemas) + 1,
+            )
+            self.schemas.setdefault(
+                known, Schema(id=known, name=str(type_name), encoding="", data=b"")
+            )
             told = {"offered_qos_profiles": str(qos), "topic_type_hash": str(type_hash)}
             self.channels[number] = Channel(
-                id=number, topic=str(name), message_encoding=str(encoding) or "cdr", schema_id=known, metadata=told
+                id=number,
+                topic=str(name),
+                message_encoding=str(encoding) or "cdr",
+                schema_id=known,
+                metadata=told,
             )
 
     def _definitions(self) -> Iterator[Schema]:
-        if not {"topic_type", "encoding", "encoded_message_definition"} <= self._columns("message_definitions"):
+        if not {"topic_type", "encoding", "encoded_message_definition"} <= self._columns(
+            "message_definitions"
+        ):
             return
-        rows = self._all("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY rowid")
+        rows = self._all(
+            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            " ORDER BY rowid"
+        )
         for number, (name, encoding, text) in enumerate(rows, start=1):
-            yield Schema(id=number, name=str(name), encoding=str(encoding), data=str(text).encode())
+            yield Schema(
+                id=number, name=str(name), encoding=str(encoding), data=str(text).encode()
+            )
 
     def _take_counts(self) -> None:
         columns = f"topic_id, COUNT(*), MIN(timestamp), MAX(timestamp), SUM({_READABLE})"
         counted = self._all(f"SELECT {columns} FROM messages GROUP BY topic_id")
-        self.counts: Counter[int] = Counter({number: count for number, count, *_ in counted if number in self.channels})
-        self.strays = {number: count for number, count, *_ in counted if number not in self.channels}
-        self.n_unreadable = sum(count - readable for _number, count, _first, _last, readable in counted)
+        self.counts: Counter[int] = Counter(
+            {number: count for number, count, *_ in counted if number in self.channels}
+        )
+        self.strays = {
+            number: count for number, count, *_ in counted if number not in self.channels
+        }
+        self.n_unreadable = sum(
+            count - readable for _number, count, _first, _last, readable in counted
+        )
         self.message_count = sum(self.counts.values())
-        times = [time for number, _, first, last, _ in counted if number in self.channels for time in (first, last) if type(time) is int]
+        times = [
+            time
+            for number, _, first, last, _ in counted
+            if number in self.channels
+            for time in (first, last)
+            if type(time) is int
+        ]
         self.start_ns, self.end_ns = (min(times), max(times)) if times else (0, 0)
 
-    def _messages(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
+    def _messages(
+        self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int
+    ) -> Iterator[BagMessage]:
         marks = ", ".join(str(int(number)) for number in wanted)
         query = (
             f"SELECT rowid, topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks})"
             " AND timestamp BETWEEN ? AND ? ORDER BY timestamp, rowid"
         )
         with _explained():
-            for _row, number, stamp_ns, data in self._rows(query, (start_ns or -LATEST_NS, min(stop_ns - 1, LATEST_NS))):
+            for _row, number, stamp_ns, data in self._rows(
+                query, (start_ns or -LATEST_NS, min(stop_ns - 1, LATEST_NS))
+            ):
                 yield BagMessage(*wanted[number], stamp_ns, data)
 
-    def _rows(self, query: str, limits: tuple[int, ...] = ()) -> Iterator[tuple[int, int, int, bytes]]:
-        """Rows of messages; without those whose time is no number or whose data are no bytes, which SQLite does not forbid."""
+    def _rows(
+        self, query: str, limits: tuple[int, ...] = ()
+    ) -> Iterator[tuple[int, int, int, bytes]]:
+        """Rows of messages; without those whose time is no number or whose data are no bytes,
+        which SQLite does not forbid.
+        """
         assert self._database is not None
         for row, number, stamp_ns, data in self._database.execute(query, limits):
             if type(stamp_ns) is int and isinstance(data, bytes):
@@ -203,5 +265,8 @@ class SqliteInput:
 def _explained() -> Iterator[None]:
     try:
         yield
-    except (sqlite3.Error, UnicodeDecodeError) as error:  # the second where what SQLite says is no text, as it quotes damaged bytes
+    except (
+        sqlite3.Error,
+        UnicodeDecodeError,
+    ) as error:  # the second where what SQLite says is no text, as it quotes damaged bytes
         raise DamagedError(f"SQLite cannot read it ({error})") from error

@@ -1,8 +1,10 @@
-"""Rows of an SQLite file that is damaged, read from its pages themselves (https://www.sqlite.org/fileformat2.html).
+"""Rows of an SQLite file that is damaged, read from its pages themselves
+(https://www.sqlite.org/fileformat2.html).
 
-A table is a tree of pages. Only its leaves hold rows, and each leaf says by itself where they are. So every page of the file that looks
-like a leaf is read, whatever is left of the tree above it, of the header and of the indexes. Long rows go on in a chain of overflow pages.
-Frames of a write-ahead log replace the pages that they are newer than.
+A table is a tree of pages. Only its leaves hold rows, and each leaf says by itself where they are.
+So every page of the file that looks like a leaf is read, whatever is left of the tree above it, of
+the header and of the indexes. Long rows go on in a chain of overflow pages. Frames of a
+write-ahead log replace the pages that they are newer than.
 """
 
 from __future__ import annotations
@@ -70,7 +72,9 @@ class Pages:
         self.n_pages = max(self.n_there, told if told < 2 * self.n_there + 2**20 else 0)
         self.has_more_than_told = 0 < told < len(data) // self.size
         self.log_rest = max(0, len(self._log) - _WAL_HEAD) % (_FRAME_HEAD + self.size)
-        self.broken = self._left = 0  # the second: bytes that rows may have in all, for a chain of pages may go round
+        self.broken = self._left = (
+            0  # the second: bytes that rows may have in all, for a chain of pages may go round
+        )
 
     @property
     def _has_header(self) -> bool:
@@ -78,7 +82,11 @@ class Pages:
 
     def _page_size(self) -> int:
         for data, form, place in ((self._data, ">H", 16), (self._log, ">I", 8)):
-            told = struct.unpack_from(form, data, place)[0] if len(data) >= FIRST_HEADER or (data and form == ">I") else 0
+            told = (
+                struct.unpack_from(form, data, place)[0]
+                if len(data) >= FIRST_HEADER or (data and form == ">I")
+                else 0
+            )
             if (65536 if told == 1 else told) in SIZES:
                 return 65536 if told == 1 else told
         return max([USUAL_SIZE, *SIZES], key=self._leaves_of_size)
@@ -86,15 +94,23 @@ class Pages:
     def _leaves_of_size(self, size: int) -> float:
         """Bytes of the first pages that are leaves if pages are of a size."""
         step = range(size, min(len(self._data), 2**22), size)
-        return sum(_pointers(self._data[place : place + size], 0) is not None for place in step) * size * (1 + 0.001 * (size == USUAL_SIZE))
+        return (
+            sum(_pointers(self._data[place : place + size], 0) is not None for place in step)
+            * size
+            * (1 + 0.001 * (size == USUAL_SIZE))
+        )
 
     def _newest_frames(self) -> Iterator[tuple[int, int]]:
-        """Page number and place in the log of each frame that belongs to the log as it is, the newer ones last."""
+        """Page number and place in the log of each frame that belongs to the log as it is, the
+        newer ones last.
+        """
         log = self._log
         if len(log) < _WAL_HEAD:
             return
         salt = bytes(log[16:24])
-        for place in range(_WAL_HEAD, len(log) - _FRAME_HEAD - self.size + 1, _FRAME_HEAD + self.size):
+        for place in range(
+            _WAL_HEAD, len(log) - _FRAME_HEAD - self.size + 1, _FRAME_HEAD + self.size
+        ):
             number = struct.unpack_from(">I", log, place)[0]
             if bytes(log[place + 8 : place + 16]) == salt and number:
                 yield number, place + _FRAME_HEAD
@@ -104,7 +120,11 @@ class Pages:
         if number in self._frames:
             return self._log[self._frames[number] : self._frames[number] + self.size]
         begin = (number - 1) * self.size
-        return self._data[begin : begin + self.size] if 0 <= begin and begin + self.size <= len(self._data) else None
+        return (
+            self._data[begin : begin + self.size]
+            if 0 <= begin and begin + self.size <= len(self._data)
+            else None
+        )
 
     def rows(self, without: set[int]) -> Iterator[Row]:
         """All rows on leaves. without: numbers of pages that are not looked at."""
@@ -133,10 +153,16 @@ class Pages:
 
     def _give_back(self, held: int, number: int) -> int:
         """Let go of the pages before one; returns from where on they are still held."""
-        return give_back(self._data, held, min(number * self.size, len(self._data))) if len(self._data) else 0
+        return (
+            give_back(self._data, held, min(number * self.size, len(self._data)))
+            if len(self._data)
+            else 0
+        )
 
     def free(self) -> set[int]:
-        """Pages that are not in use: rows on them were deleted. Empty where the list of them is damaged."""
+        """Pages that are not in use: rows on them were deleted. Empty where the list of them is
+        damaged.
+        """
         found: set[int] = set()
         if not self._has_header or len(self._data) < FIRST_HEADER:
             return found
@@ -158,7 +184,9 @@ class Pages:
         self._left -= size
         if size > LARGEST_ROW or self._left < 0:
             raise BrokenRow("larger than any row, or than what is left of the file")
-        return Row(number if number < 2**63 else number - 2**64, _values(self._payload(page, place, size)))
+        return Row(
+            number if number < 2**63 else number - 2**64, _values(self._payload(page, place, size))
+        )
 
     def _payload(self, page: memoryview, place: int, size: int) -> bytes:
         """The bytes of a row, which begin on a page and may go on on others."""
@@ -193,7 +221,11 @@ def _pointers(page: memoryview, begin: int) -> list[int] | None:
     content = content or 65536
     if first > len(page) or content > len(page) or (count and content < first):
         return None
-    return [place for place in struct.unpack_from(f">{count}H", page, begin + 8) if content <= place < len(page)]
+    return [
+        place
+        for place in struct.unpack_from(f">{count}H", page, begin + 8)
+        if content <= place < len(page)
+    ]
 
 
 def _varint(data: bytes | memoryview, place: int) -> tuple[int, int]:

@@ -1,6 +1,8 @@
-"""What is left of an SQLite file of rosbag2: by SQLite itself as far as it finds the file whole, else from its pages.
+"""What is left of an SQLite file of rosbag2: by SQLite itself as far as it finds the file whole,
+else from its pages.
 
-A journal or a write-ahead log beside the file belongs to it. SQLite takes it in when it opens a file, so it is given a copy of all of them.
+A journal or a write-ahead log beside the file belongs to it. SQLite takes it in when it opens a
+file, so it is given a copy of all of them.
 """
 
 from __future__ import annotations
@@ -14,7 +16,11 @@ from pathlib import Path
 
 from dart_skill.recording.bags._decodable import Decoder
 from dart_skill.recording.bags._files import SIDE_FILES, side_files
-from dart_skill.recording.bags._installed_types import installed_definition, installed_hash, schema_of
+from dart_skill.recording.bags._installed_types import (
+    installed_definition,
+    installed_hash,
+    schema_of,
+)
 from dart_skill.recording.bags._mcap_recovery import LAST_TIME_NS, plain_message
 from dart_skill.recording.bags._metadata import RECORD_KEY, parse_qos, parse_record
 from dart_skill.recording.bags._names import full_name
@@ -50,7 +56,9 @@ class _Message:
 
 @dataclass
 class _Tables:
-    """The small tables of a file. topics: by number; definitions: encoding and text by type; metadata: text; distro: of ROS."""
+    """The small tables of a file. topics: by number; definitions: encoding and text by type;
+    metadata: text; distro: of ROS.
+    """
 
     topics: dict[int, _Topic] = field(default_factory=dict)
     definitions: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -58,15 +66,24 @@ class _Tables:
     distro: str = ""
 
     def take(self, row: Row, table: str = "") -> None:
-        """Take a row, by its looks where nobody knows its table; those of other tables are passed over."""
+        """Take a row, by its looks where nobody knows its table; those of other tables are passed
+        over.
+        """
         first, *values = row.values if row.values else (0,)
-        kinds = "".join("s" if isinstance(value, str) else "i" if isinstance(value, int) else "-" for value in values)
+        kinds = "".join(
+            "s" if isinstance(value, str) else "i" if isinstance(value, int) else "-"
+            for value in values
+        )
         if first is not None and first != row.number:
             return
-        is_topic = table == "topics" or (not table and kinds[:1] == "s" and values[0].startswith("/"))
+        is_topic = table == "topics" or (
+            not table and kinds[:1] == "s" and values[0].startswith("/")
+        )
         if len(kinds) in (4, 5) and set(kinds) == {"s"} and is_topic:
             name, type_name, encoding, qos, *digest = values
-            self.topics.setdefault(row.number, _Topic(name, type_name, encoding, qos, digest[0] if digest else ""))
+            self.topics.setdefault(
+                row.number, _Topic(name, type_name, encoding, qos, digest[0] if digest else "")
+            )
         elif kinds == "sss" and is_topic:  # of the first versions, without QoS
             self.topics.setdefault(row.number, _Topic(values[0], values[1], values[2], "", ""))
         elif kinds in ("ssss", "sss") and full_name(values[0]).count("/") == 2:
@@ -77,7 +94,9 @@ class _Tables:
             self.distro = values[0]
 
 
-def recover_sqlite(bag: RecoveredBag, name: str, file: Path, data: memoryview, scratch: Path) -> None:
+def recover_sqlite(
+    bag: RecoveredBag, name: str, file: Path, data: memoryview, scratch: Path
+) -> None:
     """Take all that can be read of a file into the new bag.
 
     * bag: the new one; name: of the file, in what is told.
@@ -103,22 +122,40 @@ def _take_by_sqlite(one: _FileRecovery, file: Path, scratch: Path) -> bool:
         return False  # SQLite would throw the log away
     path = copy_with_side_files(file, scratch) if beside else file
     try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?{'mode=rw' if beside else 'mode=ro&immutable=1'}", uri=True)) as base:
+        with closing(
+            sqlite3.connect(
+                f"{path.resolve().as_uri()}?{'mode=rw' if beside else 'mode=ro&immutable=1'}",
+                uri=True,
+            )
+        ) as base:
             base.execute("PRAGMA cell_size_check = ON")
             found = [row[0] for row in base.execute("PRAGMA integrity_check(3)")]
             if found != ["ok"]:
                 one.reason = "; ".join(text for line in found for text in line.splitlines()[:2])
                 if any("index" not in line for line in found):
                     return False
-                one.repair(f"its index is damaged ({one.reason}) and not needed: the new bag has its own")
+                one.repair(
+                    f"its index is damaged ({one.reason}) and not needed: the new bag has its own"
+                )
             one.define(_small_tables(base))
-            one.take_rows(base.execute("SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY rowid"))
+            one.take_rows(
+                base.execute(
+                    "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY"
+                    " rowid"
+                )
+            )
     except (sqlite3.Error, OverflowError, ValueError) as error:
         one.reason = str(error)
         return False
     for ending, side in beside.items():
-        one.bag.note(f"{one.name}: its {SIDE_FILES[ending]} {side.name} ({side.stat().st_size} bytes) was read, on a copy")
-    how = f"{one.name}: SQLite {sqlite3.sqlite_version} finds it whole and read {one.bag.unverified - before} messages"
+        one.bag.note(
+            f"{one.name}: its {SIDE_FILES[ending]} {side.name} ({side.stat().st_size} bytes) was"
+            " read, on a copy"
+        )
+    how = (
+        f"{one.name}: SQLite {sqlite3.sqlite_version} finds it whole and read"
+        f" {one.bag.unverified - before} messages"
+    )
     one.bag.note(how + "; its format has no CRC")
     return True
 
@@ -142,18 +179,34 @@ def _take_from_pages(one: _FileRecovery, pages: Pages, is_whole: bool) -> None:
     count = one.take(_messages_of(pages.rows(unused)))
     if is_whole:
         if count or pages.log_rest:
-            rest = f", and {pages.log_rest} bytes at the end of its log are no whole page" if pages.log_rest else ""
-            more = f"{count} messages more were on its pages, of what its recorder did not complete, or of a log that is damaged{rest}"
+            rest = (
+                f", and {pages.log_rest} bytes at the end of its log are no whole page"
+                if pages.log_rest
+                else ""
+            )
+            more = (
+                f"{count} messages more were on its pages, of what its recorder did not complete,"
+                f" or of a log that is damaged{rest}"
+            )
             bag.lose(one.name, 0, 0, more, None)
         return
-    bag.note(f"{one.name}: it was read page by page: {pages.n_there} pages of {pages.size} bytes gave {count} messages")
+    bag.note(
+        f"{one.name}: it was read page by page: {pages.n_there} pages of {pages.size} bytes gave"
+        f" {count} messages"
+    )
     missing, zeroed = max(0, pages.n_pages - pages.n_there), pages.zeroed()
     reasons = [f"SQLite finds it damaged ({one.reason})"] if one.reason else []
     reasons += [f"{missing} pages of {pages.n_pages} are missing at its end"] if missing else []
     reasons += [f"{zeroed} pages hold nothing but zero bytes"] if zeroed else []
     reasons += [f"{pages.broken} rows are there only in part"] if pages.broken else []
     lost = one.numbers.missing((missing + zeroed + pages.n_there) * pages.size // SMALLEST_ROW)
-    bag.lose(one.name, 0, (missing + zeroed) * pages.size, "; ".join(reasons) or "it is damaged", lost or None)
+    bag.lose(
+        one.name,
+        0,
+        (missing + zeroed) * pages.size,
+        "; ".join(reasons) or "it is damaged",
+        lost or None,
+    )
 
 
 def _messages_of(rows: Iterable[Row]) -> Iterator[_Message]:
@@ -161,7 +214,12 @@ def _messages_of(rows: Iterable[Row]) -> Iterator[_Message]:
     for row in rows:
         if len(row.values) == 4:
             first, topic, stamp, data = row.values
-            if first is None and isinstance(topic, int) and isinstance(stamp, int) and isinstance(data, bytes):
+            if (
+                first is None
+                and isinstance(topic, int)
+                and isinstance(stamp, int)
+                and isinstance(data, bytes)
+            ):
                 yield _Message(row.number, topic, stamp, data)
 
 
@@ -183,14 +241,18 @@ class _Numbers:
         return True
 
     def missing(self, most: int) -> int:
-        """How many between 1 and the last are missing; 0 for more than there can be, as then the last is none."""
+        """How many between 1 and the last are missing; 0 for more than there can be, as then the
+        last is none.
+        """
         last = max(self._bits, default=0)
         count = (last << 12) + self._bits.get(last, 1).bit_length() - 1 - self._count
         return count if 0 < count <= most else 0
 
 
 class _FileRecovery:
-    """One file on its way into the new bag. name: of the file; reason: what SQLite says is wrong with it."""
+    """One file on its way into the new bag. name: of the file; reason: what SQLite says is wrong
+    with it.
+    """
 
     def __init__(self, bag: RecoveredBag, name: str):
         self.bag, self.name, self.reason = bag, name, ""
@@ -210,7 +272,9 @@ class _FileRecovery:
     def define(self, tables: _Tables) -> None:
         """Know topics and types from here on."""
         self.tables = tables
-        texts = {topic.type_name: self._definition(topic.type_name) for topic in tables.topics.values()}
+        texts = {
+            topic.type_name: self._definition(topic.type_name) for topic in tables.topics.values()
+        }
         self.texts = {name: found for name, found in texts.items() if found is not None}
         self.decoder = Decoder([schema_of(name, *found) for name, found in self.texts.items()])
         if tables.metadata:
@@ -229,34 +293,52 @@ class _FileRecovery:
         return ("ros2msg", text) if text else None
 
     def _settle(self, topic: _Topic, payloads: list[bytes]) -> None:
-        """Take the definition of an installed type where that of the file fits no message, and this one fits all."""
+        """Take the definition of an installed type where that of the file fits no message, and
+        this one fits all.
+        """
         name = topic.type_name
         text = installed_definition(name) if full_name(name) in self.tables.definitions else ""
         if not text or self.decoder.fits(name, payloads):
             return
         other = Decoder([schema_of(name, "ros2msg", text)])
         if other.fits(name, payloads):
-            self.repair(f"its definition of {name} does not fit its messages: that which is installed here does, and stands in the new bag")
+            self.repair(
+                f"its definition of {name} does not fit its messages: that which is installed here"
+                " does, and stands in the new bag"
+            )
             self.texts[name] = ("ros2msg", text)
             self.decoder = Decoder([schema_of(name, *found) for name, found in self.texts.items()])
 
     def _lost_topic(self, number: int, payloads: list[bytes]) -> _Topic | None:
-        """The topic of messages whose row is lost: the only one that the metadata name, which has no row, and whose type they are."""
+        """The topic of messages whose row is lost: the only one that the metadata name, which has
+        no row, and whose type they are.
+        """
         there = {topic.name for topic in self.tables.topics.values()}
         found = []
         for name, told in self.bag.told_topics.items():
             text = self._definition(type_name := str(told.get("type", "")))
-            if name not in there and text is not None and Decoder([schema_of(type_name, *text)]).fits(type_name, payloads):
-                found.append(_Topic(name, type_name, str(told.get("serialization_format") or "cdr"), "", ""))
+            if (
+                name not in there
+                and text is not None
+                and Decoder([schema_of(type_name, *text)]).fits(type_name, payloads)
+            ):
+                found.append(
+                    _Topic(name, type_name, str(told.get("serialization_format") or "cdr"), "", "")
+                )
         if len(found) != 1:
             return None
-        self.repair(f"the row of topic {found[0].name} is lost: metadata.yaml names it, and its messages are of its type")
+        self.repair(
+            f"the row of topic {found[0].name} is lost: metadata.yaml names it, and its messages"
+            " are of its type"
+        )
         self.tables.topics[number] = found[0]
         self.define(self.tables)
         return found[0]
 
     def take_rows(self, rows: Iterable[tuple]) -> None:
-        """Take those rows that are messages, as SQLite reads them: it does not mind what kind their values are of."""
+        """Take those rows that are messages, as SQLite reads them: it does not mind what kind
+        their values are of.
+        """
         good = (row for row in rows if self._is_message(row))
         self.take(_Message(*row) for row in good)
         if self.n_odd:
@@ -264,7 +346,10 @@ class _FileRecovery:
             self.bag.lose(self.name, 0, 0, f"{reason}, and are left out", self.n_odd)
 
     def _is_message(self, row: tuple) -> bool:
-        is_one = all(isinstance(value, kind) for value, kind in zip(row, (int, int, int, bytes), strict=True))
+        is_one = all(
+            isinstance(value, kind)
+            for value, kind in zip(row, (int, int, int, bytes), strict=True)
+        )
         self.n_odd += not is_one
         return is_one
 
@@ -292,13 +377,25 @@ class _FileRecovery:
                 continue
             if number not in self.channels and topic.encoding == "cdr":
                 self._settle(topic, payloads)
-            is_good = self.decoder.decodable(topic.type_name, payloads) if topic.encoding == "cdr" else [True] * len(its)
+            is_good = (
+                self.decoder.decodable(topic.type_name, payloads)
+                if topic.encoding == "cdr"
+                else [True] * len(its)
+            )
             in_time = [0 <= messages[index].stamp_ns <= LAST_TIME_NS for index in its]
-            its_good = [index for index, one, other in zip(its, is_good, in_time, strict=True) if one and other]
+            its_good = [
+                index
+                for index, one, other in zip(its, is_good, in_time, strict=True)
+                if one and other
+            ]
             good.update(its_good)
             if len(its_good) < len(its):
                 self.undecodable[topic.name] += len(its) - len(its_good)
-        taken = [message for index, message in enumerate(messages) if index in good and self.numbers.add(message.number)]
+        taken = [
+            message
+            for index, message in enumerate(messages)
+            if index in good and self.numbers.add(message.number)
+        ]
         for message in taken:
             channel = self._channel(message.topic)
             assert channel is not None and self.out is not None  # as the topic is known
@@ -318,15 +415,22 @@ class _FileRecovery:
 
     def _write_channel(self, topic: _Topic) -> McapChannel:
         if self.out is None:
-            self.out = self.bag.new_file("ros2" if all(one.encoding == "cdr" for one in self.tables.topics.values()) else "")
+            self.out = self.bag.new_file(
+                "ros2" if all(one.encoding == "cdr" for one in self.tables.topics.values()) else ""
+            )
         encoding, text = self.texts.get(topic.type_name, ("", ""))
         if not text:
             self.bag.note(
-                f"the type {topic.type_name} of {topic.name} is defined neither in {self.name} nor here: its messages are kept, and can be"
-                " read raw or where its package is installed"
+                f"the type {topic.type_name} of {topic.name} is defined neither in {self.name} nor"
+                " here: its messages are kept, and can be read raw or where its package is"
+                " installed"
             )
-        written = (number for number, one in self.out.schemas.items() if one.name == topic.type_name)
-        schema = next(written, None) or self.out.add_schema(topic.type_name, encoding, text.encode())
+        written = (
+            number for number, one in self.out.schemas.items() if one.name == topic.type_name
+        )
+        schema = next(written, None) or self.out.add_schema(
+            topic.type_name, encoding, text.encode()
+        )
         digest = topic.type_hash or installed_hash(topic.type_name, text)
         qos: list = []
         with suppress(ValueError):
@@ -341,6 +445,18 @@ class _FileRecovery:
         for number in self.tables.topics:
             self._channel(number)
         if count := self.unknown.total():
-            self.bag.lose(self.name, 0, 0, f"{count} messages of topics {sorted(self.unknown)}, which no row names", count)
+            self.bag.lose(
+                self.name,
+                0,
+                0,
+                f"{count} messages of topics {sorted(self.unknown)}, which no row names",
+                count,
+            )
         for topic, count in self.undecodable.items():
-            self.bag.lose(self.name, 0, 0, f"{count} rows on {topic} are no messages of its type, and are left out", None)
+            self.bag.lose(
+                self.name,
+                0,
+                0,
+                f"{count} rows on {topic} are no messages of its type, and are left out",
+                None,
+            )

@@ -1,9 +1,11 @@
 """Files that were copied as if they were text, which changed some of their bytes everywhere.
 
-The first bytes of MCAP are made to show it, as those of PNG: one above 127, carriage return and line feed. In a file without them the bytes
-themselves show it: no line feed without a carriage return before it, or no byte above 127.
+The first bytes of MCAP are made to show it, as those of PNG: one above 127, carriage return and
+line feed. In a file without them the bytes themselves show it: no line feed without a carriage
+return before it, or no byte above 127.
 
-* What a copy put in (a carriage return before each line feed, two bytes of UTF-8 for one) is taken out again, without loss.
+* What a copy put in (a carriage return before each line feed, two bytes of UTF-8 for one) is taken
+  out again, without loss.
 * A carriage return that a copy left out is put back where the CRC of the chunk says that it was.
 * Where many bytes became one and the same, nothing can be done.
 """
@@ -60,7 +62,9 @@ _UNDONE = (b"\xc2\x89", b"\xe2\x80\xb0")
 
 @dataclass(frozen=True)
 class Copied:
-    """How a file was copied as text. text: what is said of it; high: what became of the byte 0x89; ends: of CR LF; is_mcap: what it is."""
+    """How a file was copied as text. text: what is said of it; high: what became of the byte 0x89;
+    ends: of CR LF; is_mcap: what it is.
+    """
 
     high: bytes
     ends: bytes
@@ -92,7 +96,12 @@ def _by_all_bytes(data: memoryview) -> Copied | None:
     part = bytes(data[:LOOKED_AT])
     ends = part.count(b"\n")
     if ends >= ENOUGH and ends == part.count(b"\r\n") and (is_mcap or len(data) % 512):
-        return Copied(b"\x89", b"\r\n", _said(["a carriage return was put before each line feed that had none"]), is_mcap)
+        return Copied(
+            b"\x89",
+            b"\r\n",
+            _said(["a carriage return was put before each line feed that had none"]),
+            is_mcap,
+        )
     high = len(re.findall(rb"[\x80-\xff]", part))
     if not is_mcap and high == 0 and len(part) - part.count(0) >= MANY:
         return Copied(b"\x09", b"\r\n", _said([_HIGH[b"\x09"]]), is_mcap)
@@ -111,14 +120,17 @@ def _is_whole(data: memoryview) -> bool:
 
 
 def as_it_was(copied: Copied, data: memoryview, folder: Path) -> tuple[Path, str, bool] | None:
-    """Write a file as it was before it was copied; returns it, what was done and whether that is all, None if nothing can be done.
+    """Write a file as it was before it was copied; returns it, what was done and whether that is
+    all, None if nothing can be done.
 
     * copied: how it was; data: its bytes.
     * folder: of the new file.
     """
     if copied.high not in (b"\x89", *_UNDONE) or copied.ends not in (b"\r\n", b"\r\r\n", b"\n"):
         return None
-    parts: Iterator[bytes] = (bytes(data[begin : begin + _AT_ONCE]) for begin in range(0, len(data), _AT_ONCE))
+    parts: Iterator[bytes] = (
+        bytes(data[begin : begin + _AT_ONCE]) for begin in range(0, len(data), _AT_ONCE)
+    )
     if copied.high in _UNDONE:
         parts = _encoded(parts, copied.high != b"\xc2\x89")
     if copied.ends == b"\r\r\n" or (copied.ends == b"\r\n" and copied.high == b"\x89"):
@@ -135,7 +147,10 @@ def as_it_was(copied: Copied, data: memoryview, folder: Path) -> tuple[Path, str
         with open(folder / "returned", "xb") as out:
             returns = _Returns(undone, out)
             returns.write()
-    text = f"of {returns.changed} records that lost a carriage return, {returns.mended} have it again, where their CRC says"
+    text = (
+        f"of {returns.changed} records that lost a carriage return, {returns.mended} have it"
+        " again, where their CRC says"
+    )
     return folder / "returned", text, returns.mended == returns.changed
 
 
@@ -152,14 +167,22 @@ def _without_returns(parts: Iterator[bytes]) -> Iterator[bytes]:
 def _encoded(parts: Iterator[bytes], for_windows: bool) -> Iterator[bytes]:
     """A byte again for each character; UnicodeError where there are others."""
     decoder = getincrementaldecoder("utf-8")()
-    table = {ord(bytes([byte]).decode("cp1252", "ignore") or chr(byte)): byte for byte in range(128, 256)} if for_windows else {}
+    table = (
+        {
+            ord(bytes([byte]).decode("cp1252", "ignore") or chr(byte)): byte
+            for byte in range(128, 256)
+        }
+        if for_windows
+        else {}
+    )
     for part in parts:
         yield decoder.decode(part).translate(table).encode("latin-1")
     yield decoder.decode(b"", final=True).encode("latin-1")
 
 
 class _Returns:
-    """Carriage returns that are put back before line feeds, record by record: the length of each says how many are missing.
+    """Carriage returns that are put back before line feeds, record by record: the length of each
+    says how many are missing.
 
     * data: the bytes without them; out: gets those with them.
     * changed, mended: records that lost some, and those of them that are as they were.
@@ -185,10 +208,15 @@ class _Returns:
                 continue
             opcode, length = RECORD.unpack_from(data, place)
             begin, place = place + RECORD.size, place + RECORD.size + length - missing
-            self._out.write(RECORD.pack(opcode, length) + self._content(opcode, bytes(data[begin:place]), missing))
+            self._out.write(
+                RECORD.pack(opcode, length)
+                + self._content(opcode, bytes(data[begin:place]), missing)
+            )
 
     def _content(self, opcode: int, content: bytes, missing: int) -> bytes:
-        """The content of a record as it was; with zero bytes at its end, which make it no record, where nothing says how it was."""
+        """The content of a record as it was; with zero bytes at its end, which make it no record,
+        where nothing says how it was.
+        """
         if not missing:
             return content
         self.changed += 1
@@ -209,7 +237,14 @@ class _Returns:
             return None
         length = RECORD.unpack_from(self._data, place)[1]
         end = place + RECORD.size + length
-        return next((missing for missing in range(min(MOST_MISSING, length) + 1) if self._begins(end - missing)), None)
+        return next(
+            (
+                missing
+                for missing in range(min(MOST_MISSING, length) + 1)
+                if self._begins(end - missing)
+            ),
+            None,
+        )
 
     def _begins(self, place: int) -> bool:
         """Whether a record, the magic or the end of the file is at a place."""
@@ -223,7 +258,9 @@ class _Returns:
 
     def _next(self, place: int) -> int:
         found = (match.start() for match in _LOOKS.finditer(self._data, place))
-        return next((begin for begin in found if self._missing(begin) is not None), len(self._data))
+        return next(
+            (begin for begin in found if self._missing(begin) is not None), len(self._data)
+        )
 
 
 def _put_in(content: bytes, places: tuple[int, ...]) -> bytes:

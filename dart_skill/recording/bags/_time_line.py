@@ -1,11 +1,14 @@
-"""Log times of a bag as they were written: jumps back and forward, and gaps of a topic against its usual rate.
+"""Log times of a bag as they were written: jumps back and forward, and gaps of a topic against its
+usual rate.
 
-Of each topic a histogram of its intervals is kept, and the longest of them: as much memory for a day as for a minute.
+Of each topic a histogram of its intervals is kept, and the longest of them: as much memory for a
+day as for a minute.
 
-A topic is regular if most of its intervals are much alike, or if they come in bursts that are. Only such topics have gaps: messages on
-/rosout, of buttons, of parameters and latched ones come when there is something to say. What is silent for more than a fifth of the time,
-and more than twice, is taken for such a topic, too (a joystick, a teleoperator). Where all regular topics are silent together, the
-recorder or the world was paused, which is told once.
+A topic is regular if most of its intervals are much alike, or if they come in bursts that are.
+Only such topics have gaps: messages on /rosout, of buttons, of parameters and latched ones come
+when there is something to say. What is silent for more than a fifth of the time, and more than
+twice, is taken for such a topic, too (a joystick, a teleoperator). Where all regular topics are
+silent together, the recorder or the world was paused, which is told once.
 """
 
 from __future__ import annotations
@@ -30,8 +33,17 @@ SHORTEST_GAP_NS = 200_000_000
 SHORTEST_PAUSE_NS = 5 * NS_PER_S
 """Shorter ones of all topics together are usual: a world that is reset, a player that waits."""
 SHORTEST_LEAP_NS, LEAP_NS = 60 * NS_PER_S, 86_400 * NS_PER_S
-"""A clock was set, rather than the recording paused: by more than half of the bag, if it is a minute; by a day in any case."""
-OF_EVENTS = frozenset({"rcl_interfaces/msg/Log", "rcl_interfaces/msg/ParameterEvent", "sensor_msgs/msg/Joy", "sensor_msgs/msg/JoyFeedback"})
+"""A clock was set, rather than the recording paused: by more than half of the bag, if it is a
+minute; by a day in any case.
+"""
+OF_EVENTS = frozenset(
+    {
+        "rcl_interfaces/msg/Log",
+        "rcl_interfaces/msg/ParameterEvent",
+        "sensor_msgs/msg/Joy",
+        "sensor_msgs/msg/JoyFeedback",
+    }
+)
 """Types of messages that come when there is something to say, however regular they look."""
 _LATEST = 2**63 - 1
 _PER_OCTAVE = 8
@@ -48,7 +60,9 @@ class _Intervals:
     n_back: int = 0
     most_back_ns: int = 0
     back_at_ns: int = 0
-    histogram: np.ndarray = field(default_factory=lambda: np.zeros(64 * _PER_OCTAVE, dtype=np.int64))
+    histogram: np.ndarray = field(
+        default_factory=lambda: np.zeros(64 * _PER_OCTAVE, dtype=np.int64)
+    )
     longest: list[tuple[int, int]] = field(default_factory=list)  # and when each began; a heap
 
     def take(self, stamps: np.ndarray) -> None:
@@ -75,10 +89,16 @@ class _Intervals:
     def share(self, share: float) -> float:
         """An interval that this share of them does not exceed [ns]."""
         total = np.cumsum(self.histogram)
-        return float(2.0 ** ((np.searchsorted(total, share * total[-1]) + 0.5) / _PER_OCTAVE)) if total[-1] else 0.0
+        return (
+            float(2.0 ** ((np.searchsorted(total, share * total[-1]) + 0.5) / _PER_OCTAVE))
+            if total[-1]
+            else 0.0
+        )
 
     def usual(self) -> float | None:
-        """The usual interval of a regular topic, or between its bursts [ns]; None of an irregular one."""
+        """The usual interval of a regular topic, or between its bursts [ns]; None of an irregular
+        one.
+        """
         n = int(self.histogram.sum())
         half, most, nearly_all = self.share(0.5), self.share(0.9), self.share(0.99)
         if n >= FEWEST and most <= 2.0 * half:
@@ -86,7 +106,9 @@ class _Intervals:
         return most if n >= FEWEST_IN_BURSTS and nearly_all <= 1.5 * most else None
 
     def gaps(self) -> list[tuple[int, int]]:
-        """Length and begin of intervals that are much longer than the usual ones [ns], in order; none of an irregular topic."""
+        """Length and begin of intervals that are much longer than the usual ones [ns], in order;
+        none of an irregular topic.
+        """
         usual = self.usual()
         if usual is None:
             return []
@@ -132,8 +154,14 @@ class TimeLine:
     def findings(self, place: str) -> list[Finding]:
         """What is to be said of the bag. place: its name."""
         self._take()
-        usual = {name: topic.usual() for name, topic in self._topics.items() if name not in self._events}
-        regular = {name: self._topics[name].gaps() for name, interval in usual.items() if interval is not None}
+        usual = {
+            name: topic.usual() for name, topic in self._topics.items() if name not in self._events
+        }
+        regular = {
+            name: self._topics[name].gaps()
+            for name, interval in usual.items()
+            if interval is not None
+        }
         pauses = self._pauses(regular)
         found = [*self._back(place), *self._pause_findings(place, pauses)]
         for name, gaps in regular.items():
@@ -153,21 +181,38 @@ class TimeLine:
 
     def _back(self, place: str) -> list[Finding]:
         found = []
-        turned = {name: one for name, one in self._topics.items() if one.n_back and one.most_back_ns >= one.share(0.5) * 0.9}
+        turned = {
+            name: one
+            for name, one in self._topics.items()
+            if one.n_back and one.most_back_ns >= one.share(0.5) * 0.9
+        }
         if turned:
             name, worst = max(turned.items(), key=lambda item: item[1].most_back_ns)
-            most, others = worst.most_back_ns / NS_PER_S, f" and {len(turned) - 1} other topics" if len(turned) > 1 else ""
-            text = f"log time jumps back {worst.n_back} times, by up to {most:.6f} s, first at {worst.back_at_ns} ns, on {name}{others}"
-            found.append(Finding("warning", place, text, "a clock was set, or a simulation began anew"))
+            most, others = (
+                worst.most_back_ns / NS_PER_S,
+                f" and {len(turned) - 1} other topics" if len(turned) > 1 else "",
+            )
+            text = (
+                f"log time jumps back {worst.n_back} times, by up to {most:.6f} s, first at"
+                f" {worst.back_at_ns} ns, on {name}{others}"
+            )
+            found.append(
+                Finding("warning", place, text, "a clock was set, or a simulation began anew")
+            )
         elif self._all.most_back_ns >= NS_PER_S:
-            text = f"messages do not stand in order of log time, by up to {self._all.most_back_ns / NS_PER_S:.3f} s: readers sort them"
+            text = (
+                "messages do not stand in order of log time, by up to"
+                f" {self._all.most_back_ns / NS_PER_S:.3f} s: readers sort them"
+            )
             found.append(Finding("note", place, text))
         return found
 
     def _pauses(self, regular: dict[str, list[tuple[int, int]]]) -> list[tuple[int, int]]:
-        """Length and begin of what no regular topic has messages in, in order: in gaps, before it begins, or when it has ended.
+        """Length and begin of what no regular topic has messages in, in order: in gaps, before it
+        begins, or when it has ended.
 
-        That takes two of them, unless it is longer than all the rest, or than any recording is paused. regular: gaps of each.
+        That takes two of them, unless it is longer than all the rest, or than any recording is
+        paused. regular: gaps of each.
         """
         start, end = self._all.first_ns or 0, self._all.last_ns or 0
         least = max(SHORTEST_LEAP_NS, 0.5 * (end - start)) if regular else LEAP_NS
@@ -193,20 +238,33 @@ class TimeLine:
             return [Finding("warning", place, text, "a clock was set, or the recorder was paused")]
         text = f"no topic of a regular rate has messages for {_length(longest)} after {begin} ns"
         more = f" ({len(pauses)} such pauses)" if len(pauses) > 1 else ""
-        return [Finding("note", place, text + more, "the recorder or the world was paused, or a clock was set")]
+        return [
+            Finding(
+                "note",
+                place,
+                text + more,
+                "the recorder or the world was paused, or a clock was set",
+            )
+        ]
 
     def _gap_findings(self, name: str, gaps: list[tuple[int, int]]) -> list[Finding]:
         topic = self._topics[name]
         usual = topic.usual()
         if not gaps or usual is None or len(gaps) == N_LONGEST:
             return []
-        silent, whole = sum(length for length, _begin in gaps), (topic.last_ns or 0) - (topic.first_ns or 0)
+        silent, whole = (
+            sum(length for length, _begin in gaps),
+            (topic.last_ns or 0) - (topic.first_ns or 0),
+        )
         is_short = silent <= 0.2 * whole
         if not is_short and len(gaps) > 2:
             return []
         longest, begin = max(gaps)
         times = f"{len(gaps)} gaps, the longest of " if len(gaps) > 1 else "a gap of "
-        text = f"{times}{_length(longest)} after {begin} ns, where a message usually comes after {usual / NS_PER_S:.2g} s"
+        text = (
+            f"{times}{_length(longest)} after {begin} ns, where a message usually comes after"
+            f" {usual / NS_PER_S:.2g} s"
+        )
         cause = "what published it was silent, or its messages were lost"
         return [Finding("warning" if is_short else "note", f"topic {name}", text, cause)]
 

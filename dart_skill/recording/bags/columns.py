@@ -1,7 +1,9 @@
-"""The numbers of many messages at once: those of a topic mostly differ in their stamps and in their numbers alone.
+"""The numbers of many messages at once: those of a topic mostly differ in their stamps and in
+their numbers alone.
 
-Each message as an object takes rosbags 0.1 ms. Here the first one is read so, and tells where the numbers stand in its bytes; all others
-are taken as rows of a table of bytes, if they are as long and have everything else in common.
+Each message as an object takes rosbags 0.1 ms. Here the first one is read so, and tells where the
+numbers stand in its bytes; all others are taken as rows of a table of bytes, if they are as long
+and have everything else in common.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ LITTLE_ENDIAN = 1
 
 
 MOST_LAYOUTS = 16
-"""Largest number of layouts of a topic that are taken at once; what is laid out otherwise is read one by one."""
+"""Largest number of layouts of a topic that are taken at once; what is laid out otherwise is read
+one by one.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +52,8 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """What messages of a topic have in common with one of them: their length, and all but their stamp and their float64.
+    """What messages of a topic have in common with one of them: their length, and all but their
+    stamp and their float64.
 
     * example: that one.
     * bytes_of_numbers: of the float64 of a message, in the order of its fields (8 k,).
@@ -65,25 +70,33 @@ class Pattern:
         """Bytes of messages (n, length), None if one of them does not fit. payloads: (n,), CDR."""
         if any(len(one) != len(self.first) for one in payloads):
             return None
-        table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), len(self.first))
+        table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(
+            len(payloads), len(self.first)
+        )
         return None if (table[:, self.common] != self.first[self.common]).any() else table
 
     def stamps_and_numbers(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Stamps (n,) [ns] and all float64 (n, k) of messages that fit. table: of their bytes (n, length)."""
+        """Stamps (n,) [ns] and all float64 (n, k) of messages that fit. table: of their bytes (n,
+        length).
+        """
         stamps = np.ascontiguousarray(table[:, STAMP]).view(TIME)[:, 0]
         numbers = np.ascontiguousarray(table[:, self.bytes_of_numbers]).view("<f8")
         return stamps["sec"].astype(np.int64) * NS_PER_S + stamps["nanosec"], numbers
 
 
 def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | None:
-    """The pattern of a message; None for a type that does not begin with a stamp, where its numbers are not found in its bytes, and for
-    bytes that are no such message.
+    """The pattern of a message; None for a type that does not begin with a stamp, where its
+    numbers are not found in its bytes, and for bytes that are no such message.
 
     * types: that know the message.
     * type_name: of the message.
     * payload: CDR.
     """
-    if not is_stamped(types, type_name) or len(payload) < STAMP.stop or payload[1] != LITTLE_ENDIAN:
+    if (
+        not is_stamped(types, type_name)
+        or len(payload) < STAMP.stop
+        or payload[1] != LITTLE_ENDIAN
+    ):
         return None
     try:
         example = deserialize(types, type_name, payload)
@@ -92,15 +105,22 @@ def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | No
     places = _places(types, type_name, example, len(payload))
     if places is None:
         return None
-    common, of_numbers = np.ones(len(payload), dtype=bool), (places[:, None] + np.arange(8)).ravel()
+    common, of_numbers = (
+        np.ones(len(payload), dtype=bool),
+        (places[:, None] + np.arange(8)).ravel(),
+    )
     common[STAMP] = common[of_numbers] = False
     return Pattern(example, of_numbers, common, np.frombuffer(payload, dtype=np.uint8))
 
 
-def columns_of(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> tuple[Any, np.ndarray, np.ndarray] | None:
-    """The first message, the stamps (n,) [ns], and all float64 of each message in the order of its fields (n, k).
+def columns_of(
+    types: Typestore, type_name: str, payloads: Sequence[bytes]
+) -> tuple[Any, np.ndarray, np.ndarray] | None:
+    """The first message, the stamps (n,) [ns], and all float64 of each message in the order of its
+    fields (n, k).
 
-    None where the messages have more than that to themselves, such as names or lengths, and have to be read one by one.
+    None where the messages have more than that to themselves, such as names or lengths, and have
+    to be read one by one.
 
     * types: that know the messages.
     * type_name: of all messages.
@@ -108,11 +128,18 @@ def columns_of(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> t
     """
     pattern = pattern_of(types, type_name, bytes(payloads[0]))
     table = None if pattern is None else pattern.table(payloads)
-    return None if pattern is None or table is None else (pattern.example, *pattern.stamps_and_numbers(table))
+    return (
+        None
+        if pattern is None or table is None
+        else (pattern.example, *pattern.stamps_and_numbers(table))
+    )
 
 
-def columns_by_layout(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> tuple[list[Columns], list[int]]:
-    """Messages of a topic by their layouts, and the places of those (ascending) that have to be read one by one.
+def columns_by_layout(
+    types: Typestore, type_name: str, payloads: Sequence[bytes]
+) -> tuple[list[Columns], list[int]]:
+    """Messages of a topic by their layouts, and the places of those (ascending) that have to be
+    read one by one.
 
     * types: that know the messages.
     * type_name: of all messages.
@@ -126,16 +153,24 @@ def columns_by_layout(types: Typestore, type_name: str, payloads: Sequence[bytes
         if pattern is None:
             break
         alike = left[lengths[left] == lengths[left[0]]]
-        table = np.frombuffer(b"".join(payloads[k] for k in alike.tolist()), dtype=np.uint8).reshape(len(alike), -1)
+        table = np.frombuffer(
+            b"".join(payloads[k] for k in alike.tolist()), dtype=np.uint8
+        ).reshape(len(alike), -1)
         fits = (table[:, pattern.common] == pattern.first[pattern.common]).all(axis=1)
-        found.append(Columns(pattern.example, alike[fits], *pattern.stamps_and_numbers(table[fits])))
+        found.append(
+            Columns(pattern.example, alike[fits], *pattern.stamps_and_numbers(table[fits]))
+        )
         left = left[~np.isin(left, alike[fits])]
     return found, left.tolist()
 
 
 def _places(types: Typestore, type_name: str, example: Any, length: int) -> np.ndarray | None:
-    """Where each float64 of a message begins in its bytes (k,); None if the message is not written back as it came."""
-    marks = (1e300 + k * 1e285 for k in itertools.count())  # numbers that nothing else in a message looks like
+    """Where each float64 of a message begins in its bytes (k,); None if the message is not written
+    back as it came.
+    """
+    marks = (
+        1e300 + k * 1e285 for k in itertools.count()
+    )  # numbers that nothing else in a message looks like
     marked = copy.deepcopy(example)
     used = list(_marked(types, type_name, marked, marks))
     data = bytes(types.serialize_cdr(marked, type_name))
@@ -145,15 +180,23 @@ def _places(types: Typestore, type_name: str, example: Any, length: int) -> np.n
     return np.array(places, dtype=int)
 
 
-def _marked(types: Typestore, type_name: str, message: Any, marks: Iterator[float]) -> Iterator[float]:
-    """Give each float64 of a message, in the order of its fields, a mark of its own; yields the marks."""
+def _marked(
+    types: Typestore, type_name: str, message: Any, marks: Iterator[float]
+) -> Iterator[float]:
+    """Give each float64 of a message, in the order of its fields, a mark of its own; yields the
+    marks.
+    """
     for name, (node, detail) in types.fielddefs[type_name][1]:
         value = getattr(message, name)
         if node == Nodetype.BASE and detail[0] == "float64":
             mark = next(marks)
             setattr(message, name, mark)
             yield mark
-        elif node in (Nodetype.ARRAY, Nodetype.SEQUENCE) and isinstance(value, np.ndarray) and value.dtype == np.float64:
+        elif (
+            node in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+            and isinstance(value, np.ndarray)
+            and value.dtype == np.float64
+        ):
             own = np.array(list(itertools.islice(marks, len(value))))
             setattr(message, name, own)
             yield from own.tolist()

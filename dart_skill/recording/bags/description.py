@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 
-def describe(path: str | os.PathLike, types: Typestore | None = None, with_definitions: bool = True) -> dict:
+def describe(
+    path: str | os.PathLike, types: Typestore | None = None, with_definitions: bool = True
+) -> dict:
     """What a bag holds, in numbers, texts, lists and dicts only (JSON). Raises BagError.
 
-    types: known message types. with_definitions: whether to parse those of the bag and tell of each topic if its type is defined
-    (`is_defined`), which takes longer than all the rest.
+    types: known message types. with_definitions: whether to parse those of the bag and tell of
+    each topic if its type is defined (`is_defined`), which takes longer than all the rest.
     """
     with BagReader(path, types) as bag:
         duration_ns = bag.end_ns - bag.start_ns
@@ -35,8 +37,14 @@ def describe(path: str | os.PathLike, types: Typestore | None = None, with_defin
             "has_metadata_file": (Path(path) / METADATA_FILE).is_file(),
             "ros_distro": bag.metadata.get("ros_distro") or "",
             "files": [_file(file) for file in bag.files],
-            "topics": [_topic(topic, duration_ns, bag.types if with_definitions else None) for topic in bag.topics.values()],
-            "attachments": [{"name": one.name, "media_type": one.media_type, "size_bytes": len(one.data)} for one in attachments],
+            "topics": [
+                _topic(topic, duration_ns, bag.types if with_definitions else None)
+                for topic in bag.topics.values()
+            ],
+            "attachments": [
+                {"name": one.name, "media_type": one.media_type, "size_bytes": len(one.data)}
+                for one in attachments
+            ],
             "lost": lost_in(bag.custom_data),
             "custom_data": bag.custom_data,
         }
@@ -48,7 +56,9 @@ def _file(file: BagFile) -> dict:
         "size_bytes": file.size,
         "message_count": file.count,
         "start_ns": file.start_ns,
-        "duration_ns": None if file.start_ns is None or file.end_ns is None else file.end_ns - file.start_ns,
+        "duration_ns": None
+        if file.start_ns is None or file.end_ns is None
+        else file.end_ns - file.start_ns,
         "library": file.library,
     }
 
@@ -69,6 +79,10 @@ def _topic(topic: TopicInfo, duration_ns: int, types: Typestore | None) -> dict:
 
 def _qos(profile: Qos) -> dict:
     return {
-        name: value.name.lower() if hasattr(value, "name") else {"sec": value.sec, "nsec": value.nsec} if hasattr(value, "sec") else value
+        name: value.name.lower()
+        if hasattr(value, "name")
+        else {"sec": value.sec, "nsec": value.nsec}
+        if hasattr(value, "sec")
+        else value
         for name, value in profile._asdict().items()
     }

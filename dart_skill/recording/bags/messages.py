@@ -1,7 +1,8 @@
-"""Messages without ROS: definitions, type hashes, CDR bytes, and Python objects, for any interface package.
+"""Messages without ROS: definitions, type hashes, CDR bytes, and Python objects, for any interface
+package.
 
-Standard types come from the tables of `rosbags` (ROS 2 Jazzy), our own from the .msg, .srv and .action
-files of the interface package.
+Standard types come from the tables of `rosbags` (ROS 2 Jazzy), our own from the .msg, .srv and
+.action files of the interface package.
 """
 
 from __future__ import annotations
@@ -32,12 +33,15 @@ _ENCAPSULATIONS = {
     **{bytes((0, kind)): "XCDR version 2" for kind in range(6, 12)},
     **{bytes((0, kind)): "XML" for kind in (4,)},
 }
-"""First two bytes of messages that some DDS send, and that no reader of bags decodes, and what they mean."""
+"""First two bytes of messages that some DDS send, and that no reader of bags decodes, and what
+they mean.
+"""
 _STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 
 
 def interface_folder() -> Path:
-    """Folder of our interfaces: in a wheel, msg_schemas/ of a checkout, or the installed package's share.
+    """Folder of our interfaces: in a wheel, msg_schemas/ of a checkout, or the installed package's
+    share.
 
     FileNotFoundError if it is nowhere.
     """
@@ -45,14 +49,17 @@ def interface_folder() -> Path:
     for folder in folders:
         if (folder / "msg").is_dir():
             return folder
-    raise FileNotFoundError(f"no definitions of {PACKAGE} in {', '.join(map(str, folders))}: build the workspace")
+    raise FileNotFoundError(
+        f"no definitions of {PACKAGE} in {', '.join(map(str, folders))}: build the workspace"
+    )
 
 
 def typestore(*extra_folders: str | os.PathLike) -> Typestore:
-    """Message types of ROS 2 Jazzy, of our interface package, and of the packages in `extra_folders`.
+    """Message types of ROS 2 Jazzy, of our interface package, and of the packages in
+    `extra_folders`.
 
-    A folder holds .msg, .srv and .action files in any subfolder; its package is named by the package.xml in
-    it or above it, else by the folder itself. extra_folders: of other packages.
+    A folder holds .msg, .srv and .action files in any subfolder; its package is named by the
+    package.xml in it or above it, else by the folder itself. extra_folders: of other packages.
     """
     types = get_typestore(Stores.ROS2_JAZZY)
     for folder in (interface_folder(), *map(Path, extra_folders)):
@@ -61,14 +68,18 @@ def typestore(*extra_folders: str | os.PathLike) -> Typestore:
 
 
 def types_for(type_name: str) -> Typestore:
-    """Types that include one of any installed package, with all that it nests; ValueError if its definition is not found."""
+    """Types that include one of any installed package, with all that it nests; ValueError if its
+    definition is not found.
+    """
     types = shared_types()
     _install(types, full_name(type_name))
     return types
 
 
 def is_stamped(types: Typestore, type_name: str) -> bool:
-    """Whether messages of a type begin with a stamp, in a header or bare: 4 bytes of seconds and 4 of nanoseconds behind CDR's header."""
+    """Whether messages of a type begin with a stamp, in a header or bare: 4 bytes of seconds and 4
+    of nanoseconds behind CDR's header.
+    """
     fields = types.fielddefs[_known(types, type_name)][1]
     if type_name == "builtin_interfaces/msg/Time":
         return True
@@ -87,16 +98,23 @@ def type_hash(types: Typestore, type_name: str) -> str:
 
 
 def message(types: Typestore, type_name: str, value: Any = None) -> Any:
-    """Message object of a type, filled from `value`: a mapping or any object with the type's field names.
+    """Message object of a type, filled from `value`: a mapping or any object with the type's field
+    names.
 
-    Fields that are missing, in nested messages too, are zero or empty; sequences may be lists or arrays. A
-    field of `value` that the type does not have is an error. ValueError for a field that the type does not have.
+    Fields that are missing, in nested messages too, are zero or empty; sequences may be lists or
+    arrays. A field of `value` that the type does not have is an error. ValueError for a field that
+    the type does not have.
     """
     type_name = _known(types, type_name)
     fields = dict(types.fielddefs[type_name][1])
     if _is_mapping(value) and set(value) - set(fields):
-        raise ValueError(f"{type_name} has no field {sorted(set(value) - set(fields))}, only {list(fields)}")
-    content = {name: _field(types, f"{type_name}.{name}", kind, _get(value, name)) for name, kind in fields.items()}
+        raise ValueError(
+            f"{type_name} has no field {sorted(set(value) - set(fields))}, only {list(fields)}"
+        )
+    content = {
+        name: _field(types, f"{type_name}.{name}", kind, _get(value, name))
+        for name, kind in fields.items()
+    }
     return types.types[type_name](**content)
 
 
@@ -113,7 +131,11 @@ def encoded(types: Typestore, type_name: str, made: Any) -> bytes:
 
     types: known message types; made: of one of them.
     """
-    return bytes(types.serialize_cdr(made, type_name if type_name in types.fielddefs else full_name(type_name)))
+    return bytes(
+        types.serialize_cdr(
+            made, type_name if type_name in types.fielddefs else full_name(type_name)
+        )
+    )
 
 
 def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
@@ -123,7 +145,9 @@ def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
         return types.deserialize_cdr(data, type_name)
     except Exception as error:  # generated code meets arbitrary bytes
         if len(data) == 4 and dict(types.fielddefs[type_name][1]).keys() == {_NO_FIELD}:
-            return types.deserialize_cdr(bytes(data) + b"\0", type_name)  # some writers leave out what stands for no field
+            return types.deserialize_cdr(
+                bytes(data) + b"\0", type_name
+            )  # some writers leave out what stands for no field
         kind = _ENCAPSULATIONS.get(bytes(data[:2]), "")
         reason = f"they are encoded as {kind}, not as plain CDR" if kind else repr(error)
         raise ValueError(f"{len(data)} bytes are no {type_name}: {reason}") from error
@@ -157,19 +181,31 @@ def shared_types() -> Typestore:
 
 
 def _install(types: Typestore, type_name: str) -> None:
-    """Add a type and those that it nests to a store, from the definitions that its package installed."""
+    """Add a type and those that it nests to a store, from the definitions that its package
+    installed.
+    """
     if type_name in types.fielddefs:
         return
     package, kind, _name = type_name.split("/")
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        file = Path(prefix, "share", package, kind, f"{interface_of(type_name).split('/')[-1]}.{kind}")
+        file = Path(
+            prefix, "share", package, kind, f"{interface_of(type_name).split('/')[-1]}.{kind}"
+        )
         if file.is_file():
             found = _defined_in(file, package)
-            for name in set().union(*(nested(fields) for _constants, fields in found.values())) - found.keys():
+            for name in (
+                set().union(*(nested(fields) for _constants, fields in found.values()))
+                - found.keys()
+            ):
                 _install(types, name)
-            types.register({key: fields for key, fields in found.items() if key not in types.fielddefs})
+            types.register(
+                {key: fields for key, fields in found.items() if key not in types.fielddefs}
+            )
             return
-    raise ValueError(f"no definition of {type_name}: source the workspace in which the package {package} is installed")
+    raise ValueError(
+        f"no definition of {type_name}: source the workspace in which the package {package} is"
+        " installed"
+    )
 
 
 def _definitions(folder: Path) -> dict:
@@ -187,7 +223,9 @@ def _defined_in(file: Path, package: str) -> dict:
     """Types that a .msg, .srv or .action file of a package defines."""
     parts = split_definition(file.read_text(encoding="utf-8-sig"))
     if len(parts) != _PARTS[file.suffix]:
-        raise ValueError(f"{file}: {len(parts)} parts between '---' lines, need {_PARTS[file.suffix]}")
+        raise ValueError(
+            f"{file}: {len(parts)} parts between '---' lines, need {_PARTS[file.suffix]}"
+        )
     try:
         return parts_of(f"{package}/{file.suffix[1:]}/{file.stem}", parts)
     except Exception as error:
@@ -209,13 +247,16 @@ def _known(types: Typestore, type_name: str) -> str:
     type_name = full_name(type_name)
     if type_name not in types.fielddefs:
         raise ValueError(
-            f"unknown message type '{type_name}': write it as package/msg/Name, and give the folder of its .msg files to typestore()"
+            f"unknown message type '{type_name}': write it as package/msg/Name, and give the"
+            " folder of its .msg files to typestore()"
         )
     return type_name
 
 
 def _is_mapping(value: Any) -> bool:
-    return type(value) is dict or isinstance(value, Mapping)  # a dictionary is told in a tenth of the time
+    return type(value) is dict or isinstance(
+        value, Mapping
+    )  # a dictionary is told in a tenth of the time
 
 
 def _get(value: Any, name: str) -> Any:

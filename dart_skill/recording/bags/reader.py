@@ -1,7 +1,9 @@
-"""Reading bags without ROS: rosbag2 folders, with or without metadata.yaml, and single .mcap files.
+"""Reading bags without ROS: rosbag2 folders, with or without metadata.yaml, and single .mcap
+files.
 
-Messages are decoded by the definitions in the bag, so that types of other packages need no installation.
-Which messages there are, the files themselves say; metadata.yaml only adds what they do not tell.
+Messages are decoded by the definitions in the bag, so that types of other packages need no
+installation. Which messages there are, the files themselves say; metadata.yaml only adds what they
+do not tell.
 """
 
 from __future__ import annotations
@@ -17,11 +19,37 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from dart_skill.common.files import open_file, require_file
-from dart_skill.recording.bags._files import chosen_files, files_in, has_only_log, missing_parts, part_number, unpacked_name
-from dart_skill.recording.bags._inputs import is_packed, open_input, storage_of, unpack_file, unpacked_messages
-from dart_skill.recording.bags._metadata import RECORD_NAME, known_metadata, parse_record, profiles, topics_of
+from dart_skill.recording.bags._files import (
+    chosen_files,
+    files_in,
+    has_only_log,
+    missing_parts,
+    part_number,
+    unpacked_name,
+)
+from dart_skill.recording.bags._inputs import (
+    is_packed,
+    open_input,
+    storage_of,
+    unpack_file,
+    unpacked_messages,
+)
+from dart_skill.recording.bags._metadata import (
+    RECORD_NAME,
+    known_metadata,
+    parse_record,
+    profiles,
+    topics_of,
+)
 from dart_skill.recording.bags._names import full_name
-from dart_skill.recording.mcap import END_OF_TIME, BagMessage, DamagedError, McapInput, Part, in_time_order
+from dart_skill.recording.mcap import (
+    END_OF_TIME,
+    BagMessage,
+    DamagedError,
+    McapInput,
+    Part,
+    in_time_order,
+)
 
 if TYPE_CHECKING:
     from mcap.records import Attachment, Channel, Schema
@@ -34,7 +62,10 @@ _RECOVER = (
     "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
     " 'dart-skill bag recover' makes a new bag of what is in it"
 )
-OF_A_GRAPH = {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/demonstrations": "dart_skill_msgs/msg/Demonstration"}
+OF_A_GRAPH = {
+    "/wam/command": "dart_skill_msgs/msg/WamCommand",
+    "/demonstrations": "dart_skill_msgs/msg/Demonstration",
+}
 """Topics by which a graph is known in a bag, without its namespace, and their types."""
 ROS1_SUFFIX, ROS1_MAGIC = ".bag", b"#ROSBAG "
 MAPPED = (".csv", ".tsv", ".txt", ".npy", ".npz", ".mat", ".parquet", ".c3d", ".trc", ".bvh")
@@ -54,7 +85,8 @@ class TopicInfo:
     * type_hash: RIHS01; empty where the bag does not tell it.
     * qos: profiles of `rosbags`.
     * encoding: of the messages.
-    * other_types: of messages on the same topic, where it has several; each message says which it is of.
+    * other_types: of messages on the same topic, where it has several; each message says which it
+      is of.
     """
 
     name: str
@@ -90,21 +122,25 @@ class BagReader:
     """An open bag; a context manager. Raises BagError for what is no whole bag.
 
     * path: rosbag2 folder, or .mcap or .db3 file, or .bag file of ROS 1.
-    * types: definitions for topics whose bag holds none, or what makes these when they are needed (`typestore`). The attribute of this name
-      decodes the messages. Bags that define the same types share it: make another store to add to it.
+    * types: definitions for topics whose bag holds none, or what makes these when they are needed
+      (`typestore`). The attribute of this name decodes the messages. Bags that define the same
+      types share it: make another store to add to it.
 
     Attributes:
 
     * topics: TopicInfo by name.
     * files: a list of BagFile, in order.
     * storage: how rosbag2 calls the format of the files: mcap or sqlite3; ros1 for a bag of ROS 1.
-    * metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither tells them.
+    * metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither
+      tells them.
     * custom_data: names and texts of the metadata, as `BagWriter` got them.
     * start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
     * message_count: on all topics.
     """
 
-    def __init__(self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None):
+    def __init__(
+        self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None
+    ):
         self.path, self._given = Path(path), types
         if not self.path.exists():
             raise BagError(f"{self.path}: no such bag")
@@ -113,7 +149,9 @@ class BagReader:
         with _explained(self.path):
             self._source = source = _opened(self.path, files, metadata)
             self._definitions = source.definitions
-        self._types_by_definition: dict[tuple[str, str, str], tuple[Typestore, dict[str, str]]] = {}
+        self._types_by_definition: dict[
+            tuple[str, str, str], tuple[Typestore, dict[str, str]]
+        ] = {}
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
         self.custom_data: dict[str, str] = dict(source.custom_data)
@@ -127,9 +165,16 @@ class BagReader:
 
     @cached_property
     def _all_types(self) -> tuple[Typestore, dict[str, str]]:
-        """All types that are known, and why others are not. What the bag does not define is as it was given, else as ROS 2 Jazzy has it."""
+        """All types that are known, and why others are not. What the bag does not define is as it
+        was given, else as ROS 2 Jazzy has it.
+        """
         store, unknown = _shared_types(self._definitions)
-        names = {name for topic in self.topics.values() if topic.encoding == "cdr" for name in (topic.type_name, *topic.other_types)}
+        names = {
+            name
+            for topic in self.topics.values()
+            if topic.encoding == "cdr"
+            for name in (topic.type_name, *topic.other_types)
+        }
         if names <= store.fielddefs.keys():
             return store, unknown
         if self._given is None:
@@ -139,7 +184,9 @@ class BagReader:
         return embedded_types(self._definitions, self._other_types, names)
 
     def _types_of(self, type_name: _DefinedType) -> tuple[Typestore, dict[str, str]]:
-        """The same for a type that the bag defines in several ways. type_name: with its own definition."""
+        """The same for a type that the bag defines in several ways. type_name: with its own
+        definition.
+        """
         from dart_skill.recording.bags._definitions import embedded_types
 
         if type_name.definition not in self._types_by_definition:
@@ -166,32 +213,45 @@ class BagReader:
     ) -> Iterator[BagMessage]:
         """Messages in order of log time.
 
-        topics: names; None: all.
-        start_ns, stop_ns: log times from the first to before the second; None: no limit.
-        decode: give objects instead of CDR bytes.
-        every_ns: log time at least from a message of a topic to the next one that is given; 0: all are.
+        topics: names; None: all. start_ns, stop_ns: log times from the first to before the second;
+        None: no limit. decode: give objects instead of CDR bytes. every_ns: log time at least from
+        a message of a topic to the next one that is given; 0: all are.
         """
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
         with _explained(self.path):
             found = self._called(self._source.messages(chosen, *limits, decode))
             found = _thinned(found, every_ns) if every_ns else found
-            yield from (one._replace(type_name=str(one.type_name), data=self.typed(one)[1]) for one in found) if decode else found
+            yield from (
+                (
+                    one._replace(type_name=str(one.type_name), data=self.typed(one)[1])
+                    for one in found
+                )
+                if decode
+                else found
+            )
 
     def typed(self, message: BagMessage) -> tuple[Typestore, Any]:
-        """The types that a raw message is decoded by, those of the bag unless only others fit, and its content. BagError if none does."""
+        """The types that a raw message is decoded by, those of the bag unless only others fit, and
+        its content. BagError if none does.
+        """
         from dart_skill.recording.bags.messages import deserialize
 
         topic, known, _stamp_ns, data = message
         encoding = self.topics[topic].encoding
         if encoding != "cdr":
-            raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
-        types, unknown = self._types_of(known) if isinstance(known, _DefinedType) else self._all_types
+            raise BagError(
+                f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw"
+            )
+        types, unknown = (
+            self._types_of(known) if isinstance(known, _DefinedType) else self._all_types
+        )
         type_name = str(known)
         if type_name not in types.fielddefs:
             reason = unknown.get(type_name, "which neither the bag nor the given types define")
             raise BagError(
-                f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with its folder of .msg files, or read it raw"
+                f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with"
+                " its folder of .msg files, or read it raw"
             )
         try:
             return types, deserialize(types, type_name, data)
@@ -201,10 +261,14 @@ class BagReader:
             except ValueError:
                 raise BagError(f"{self.path}: topic {topic}: {error}") from error
 
-    def to_pandas(self, topic: str, start_ns: int | None = None, stop_ns: int | None = None) -> Any:
-        """Messages of a topic as a pandas.DataFrame: a row for each, by its log time [ns]; columns as `pose.position.x`, `position[0]`.
+    def to_pandas(
+        self, topic: str, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Any:
+        """Messages of a topic as a pandas.DataFrame: a row for each, by its log time [ns]; columns
+        as `pose.position.x`, `position[0]`.
 
-        Stamps and durations are nanoseconds. start_ns, stop_ns: as for `messages`. ModuleNotFoundError without pandas.
+        Stamps and durations are nanoseconds. start_ns, stop_ns: as for `messages`.
+        ModuleNotFoundError without pandas.
         """
         from dart_skill.recording.bags._frames import frame_of
 
@@ -246,18 +310,23 @@ class BagReader:
 
 
 class GraphBag(BagReader):
-    """An open bag of one graph, whichever namespace it ran in: /arm1/joint_states is called /joint_states here.
+    """An open bag of one graph, whichever namespace it ran in: /arm1/joint_states is called
+    /joint_states here.
 
     namespace: that one, "" without one; found by the topics of commands and of demonstrations.
 
     BagError for a bag of several graphs.
     """
 
-    def __init__(self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None):
+    def __init__(
+        self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None
+    ):
         super().__init__(path, types)
         self.namespace = self._found_namespace()
         self._full = {self._in_graph(name): name for name in self.topics}
-        self.topics = {name: replace(self.topics[full], name=name) for name, full in self._full.items()}
+        self.topics = {
+            name: replace(self.topics[full], name=name) for name, full in self._full.items()
+        }
 
     def _chosen(self, topics: Iterable[str] | None) -> set[str]:
         return {self._full[name] for name in super()._chosen(topics)}
@@ -277,7 +346,10 @@ class GraphBag(BagReader):
         if len(found) > 1:
             spaces = ", ".join(space or "/" for space in sorted(found))
             self.close()
-            raise BagError(f"{self.path}: of several graphs, in the namespaces {spaces}: record each into a bag of its own")
+            raise BagError(
+                f"{self.path}: of several graphs, in the namespaces {spaces}: record each into a"
+                " bag of its own"
+            )
         return found.pop() if found else ""
 
     def _in_graph(self, name: str) -> str:
@@ -313,10 +385,14 @@ class _Source:
         self.end_ns = max((file.end_ns for file in filled), default=0)
         self.metadata = metadata or self._embedded_metadata()
         self.custom_data = self.metadata.get("custom_data") or {}
-        self._names: dict[tuple[int, int], str] = {}  # of topics, by number of the file and number of the channel
+        self._names: dict[
+            tuple[int, int], str
+        ] = {}  # of topics, by number of the file and number of the channel
         self.topics = self._topics()
         told = self.metadata.get("compression_format") or ""
-        self.files = [_bag_file(file, one, told) for file, one in zip(files, self._files, strict=True)]
+        self.files = [
+            _bag_file(file, one, told) for file, one in zip(files, self._files, strict=True)
+        ]
 
     @property
     def is_open(self) -> bool:
@@ -328,17 +404,34 @@ class _Source:
 
     @cached_property
     def definitions(self) -> tuple[tuple[str, str, str], ...]:
-        """Type name, schema encoding and definition text of each type; each file of a split bag has all of them."""
-        return tuple(dict.fromkeys(_definition(schema) for file in self._files for schema in file.schemas.values()))
+        """Type name, schema encoding and definition text of each type; each file of a split bag
+        has all of them.
+        """
+        return tuple(
+            dict.fromkeys(
+                _definition(schema) for file in self._files for schema in file.schemas.values()
+            )
+        )
 
-    def messages(self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool) -> Iterator[BagMessage]:
-        """Messages in order. with_definitions: types that the bag defines in several ways are a `_DefinedType`."""
+    def messages(
+        self, topics: set[str], start_ns: int, stop_ns: int, with_definitions: bool
+    ) -> Iterator[BagMessage]:
+        """Messages in order. with_definitions: types that the bag defines in several ways are a
+        `_DefinedType`.
+        """
         parts: list[Part] = []
-        ways = Counter(name for name, _encoding, _text in self.definitions) if with_definitions else Counter[str]()
+        ways = (
+            Counter(name for name, _encoding, _text in self.definitions)
+            if with_definitions
+            else Counter[str]()
+        )
         several = {name for name, count in ways.items() if count > 1}
         for k, file in enumerate(self._files):
             wanted = {
-                number: (name, _type_to_read(file, channel, several) or self.topics[name].type_name)
+                number: (
+                    name,
+                    _type_to_read(file, channel, several) or self.topics[name].type_name,
+                )
                 for number, channel in file.channels.items()
                 if (name := self._names[k, number]) in topics
             }
@@ -364,24 +457,45 @@ class _Source:
 
     def _embedded_metadata(self) -> dict:
         """What the last file tells by itself."""
-        records = [record for file in self._files for record in file.metadata() if record.name == RECORD_NAME]
+        records = [
+            record
+            for file in self._files
+            for record in file.metadata()
+            if record.name == RECORD_NAME
+        ]
         return parse_record(records[-1].metadata) if records else {}
 
     def _topics(self) -> dict[str, TopicInfo]:
-        """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there.
+        """Counts from the files; what only metadata.yaml tells (types of schemaless channels,
+        hashes, QoS) from there.
 
-        Where channels of one topic have several encodings, those that are not CDR are topics of their own, named after both.
+        Where channels of one topic have several encodings, those that are not CDR are topics of
+        their own, named after both.
         """
         told_of = topics_of(self.metadata)
-        plain = {channel.topic for file in self._files for channel in file.channels.values() if _encoding(channel) == "cdr"}
+        plain = {
+            channel.topic
+            for file in self._files
+            for channel in file.channels.values()
+            if _encoding(channel) == "cdr"
+        }
         found: dict[str, list[_Channel]] = {}
         for k, file in enumerate(self._files):
             for number, channel in file.channels.items():
                 encoding = _encoding(channel)
-                name = channel.topic if encoding == "cdr" or channel.topic not in plain else f"{channel.topic} ({encoding})"
+                name = (
+                    channel.topic
+                    if encoding == "cdr" or channel.topic not in plain
+                    else f"{channel.topic} ({encoding})"
+                )
                 self._names[k, number] = name
-                found.setdefault(name, []).append(_Channel(channel, _type_of(file, channel), file.counts[number]))
-        return {name: _topic(name, channels, told_of.get(channels[0].record.topic, {})) for name, channels in found.items()}
+                found.setdefault(name, []).append(
+                    _Channel(channel, _type_of(file, channel), file.counts[number])
+                )
+        return {
+            name: _topic(name, channels, told_of.get(channels[0].record.topic, {}))
+            for name, channels in found.items()
+        }
 
 
 @dataclass(frozen=True)
@@ -396,10 +510,18 @@ class _Channel:
 def _topic(name: str, channels: list[_Channel], told: dict) -> TopicInfo:
     """A topic of a bag from its channels. told: what metadata.yaml says of it."""
     filled = [one for one in channels if one.count] or channels
-    types = list(dict.fromkeys(one.type_name for one in filled if one.type_name)) or [full_name(told.get("type", ""))]
+    types = list(dict.fromkeys(one.type_name for one in filled if one.type_name)) or [
+        full_name(told.get("type", ""))
+    ]
     told_by_files = [one.record.metadata for one in channels]
-    hashes = [told.get("type_description_hash"), *(one.get("topic_type_hash") for one in told_by_files)]
-    qos = [told.get("offered_qos_profiles"), *(one.get("offered_qos_profiles") for one in told_by_files)]
+    hashes = [
+        told.get("type_description_hash"),
+        *(one.get("topic_type_hash") for one in told_by_files),
+    ]
+    qos = [
+        told.get("offered_qos_profiles"),
+        *(one.get("offered_qos_profiles") for one in told_by_files),
+    ]
     return TopicInfo(
         name,
         types[0],
@@ -422,13 +544,17 @@ def _type_of(file: McapInput | SqliteInput, channel: Channel) -> str:
 
 
 class _DefinedType(str):
-    """The name of a type that the bag defines in several ways. definition: its own: name, encoding, text."""
+    """The name of a type that the bag defines in several ways. definition: its own: name,
+    encoding, text.
+    """
 
     definition: tuple[str, str, str]
 
 
 def _type_to_read(file: McapInput | SqliteInput, channel: Channel, several: set[str]) -> str:
-    """As `_type_of`, with its own definition if it has one of several. several: names of such types."""
+    """As `_type_of`, with its own definition if it has one of several. several: names of such
+    types.
+    """
     name = _type_of(file, channel)
     if name in several and (schema := file.schemas.get(channel.schema_id)) is not None:
         name = _DefinedType(name)
@@ -442,45 +568,79 @@ def _definition(schema: Schema) -> tuple[str, str, str]:
 
 def _bag_file(file: Path, opened: McapInput | SqliteInput, told: str) -> BagFile:
     """What is known of a file. told: the compression that the metadata tell."""
-    compression = {".lz4": "lz4"}.get(file.suffix, "zstd") if is_packed(file) else opened.compression or told
-    return BagFile(file, file.stat().st_size, opened.message_count, opened.start_ns, opened.end_ns, opened.library, compression)
+    compression = (
+        {".lz4": "lz4"}.get(file.suffix, "zstd") if is_packed(file) else opened.compression or told
+    )
+    return BagFile(
+        file,
+        file.stat().st_size,
+        opened.message_count,
+        opened.start_ns,
+        opened.end_ns,
+        opened.library,
+        compression,
+    )
 
 
 def _of_tables(folder: Path) -> str:
-    """What to say of a folder that holds tables or motion capture instead of a bag; empty for another one."""
+    """What to say of a folder that holds tables or motion capture instead of a bag; empty for
+    another one.
+    """
     found = sorted({file.suffix.lower() for file in folder.iterdir()} & set(MAPPED))
     if not found:
         return ""
     own = folder / "mapping.yaml"
     what = "CSV" if ".csv" in found else found[0]
-    return f"; its {what} files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
+    return (
+        f"; its {what} files are read with --mapping {own if own.is_file() else 'FILE'}, which"
+        " names their columns"
+    )
 
 
 def _lone_logs(folder: Path) -> str:
-    """What to say of a folder that has only the write-ahead logs of SQLite files; empty for another one."""
-    logs = [file.name for file in sorted(folder.glob("*.db3-wal")) if has_only_log(folder / file.name.removesuffix("-wal"))]
-    return f"of its .db3 files there is only {', '.join(logs)}: 'dart-skill bag recover' reads it" if logs else ""
+    """What to say of a folder that has only the write-ahead logs of SQLite files; empty for
+    another one.
+    """
+    logs = [
+        file.name
+        for file in sorted(folder.glob("*.db3-wal"))
+        if has_only_log(folder / file.name.removesuffix("-wal"))
+    ]
+    return (
+        f"of its .db3 files there is only {', '.join(logs)}: 'dart-skill bag recover' reads it"
+        if logs
+        else ""
+    )
 
 
 def _storage_files(path: Path, metadata: dict) -> list[Path]:
-    """Files that hold a bag's messages, in order; BagError if there are none, or several that are not one bag's."""
+    """Files that hold a bag's messages, in order; BagError if there are none, or several that are
+    not one bag's.
+    """
     if not path.is_dir():
         require_file(path)
         files = [path]
         if storage_of(path) is None and not is_of_ros1(path):
             raise BagError(
-                f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag file of ROS 1;"
-                " what else is read needs --mapping"
+                f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file, or a .bag"
+                " file of ROS 1; what else is read needs --mapping"
             )
     else:
         files, missing = chosen_files(path, metadata)
         if missing:
-            raise BagError(f"{path}: {', '.join(file.name for file in missing)} is missing, which metadata.yaml names")
+            raise BagError(
+                f"{path}: {', '.join(file.name for file in missing)} is missing, which"
+                " metadata.yaml names"
+            )
         files = files or files_in(path, (ROS1_SUFFIX,))
         if not files:
-            raise BagError(f"{path}: {_lone_logs(path) or 'no .mcap file in this folder' + _of_tables(path)}")
+            raise BagError(
+                f"{path}: {_lone_logs(path) or 'no .mcap file in this folder' + _of_tables(path)}"
+            )
         if len(files) > 1 and files[0].suffix == ROS1_SUFFIX:
-            raise _not_one_bag(path, len(files), "are of ROS 1, which has no bags of several files")
+            raise _not_one_bag(
+                path, len(files), "are of ROS 1, which has no bags of several files"
+            )
     for file in files:
         require_file(file)
     if lost := [file.name for file in files if has_only_log(file)]:
@@ -489,20 +649,35 @@ def _storage_files(path: Path, metadata: dict) -> list[Path]:
     empty = [file for file in files if file.stat().st_size == 0]
     if len(empty) == len(files):
         names = ", ".join(file.name for file in empty)
-        raise BagError(f"{path}: {names} is empty (0 bytes): the recorder stopped before its first write")
+        raise BagError(
+            f"{path}: {names} is empty (0 bytes): the recorder stopped before its first write"
+        )
     if len(files) > 1 and not metadata.get("relative_file_paths"):
         _require_one_name(path, files)
     return [file for file in files if file not in empty]
 
 
 def _require_one_name(path: Path, files: list[Path]) -> None:
-    """Files of a split bag without metadata.yaml are called NAME_0, NAME_1 ...; one of them may be missing, but the first."""
+    """Files of a split bag without metadata.yaml are called NAME_0, NAME_1 ...; one of them may be
+    missing, but the first.
+    """
     names, numbers = zip(*map(part_number, files), strict=True)
     suffixes = {Path(unpacked_name(file.name)).suffix for file in files}
-    if len(suffixes) > 1 or len(set(names)) > 1 or len(set(numbers)) < len(files) or numbers[0] < 0:
-        raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
+    if (
+        len(suffixes) > 1
+        or len(set(names)) > 1
+        or len(set(numbers)) < len(files)
+        or numbers[0] < 0
+    ):
+        raise _not_one_bag(
+            path,
+            len(files),
+            "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)",
+        )
     if numbers[0] > 0:
-        raise _not_one_bag(path, len(files), f"lack the first part of a bag ({missing_parts(files)[0]})")
+        raise _not_one_bag(
+            path, len(files), f"lack the first part of a bag ({missing_parts(files)[0]})"
+        )
 
 
 def is_of_ros1(path: Path) -> bool:
@@ -513,17 +688,21 @@ def is_of_ros1(path: Path) -> bool:
 
 def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
     return BagError(
-        f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its name,"
-        " or 'dart-skill bag recover' makes one bag of them"
+        f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its"
+        " name, or 'dart-skill bag recover' makes one bag of them"
     )
 
 
 def _require_one_bag(path: Path, files: list[McapInput | SqliteInput]) -> None:
-    """Files of a split bag without metadata.yaml (its recorder crashed) follow each other and agree on their topics."""
+    """Files of a split bag without metadata.yaml (its recorder crashed) follow each other and
+    agree on their topics.
+    """
     types: dict[str, str] = {}
     for file in files:
         for channel in file.channels.values():
-            if file.counts[channel.id] and types.setdefault(channel.topic, _type_of(file, channel)) != _type_of(file, channel):
+            if file.counts[channel.id] and types.setdefault(
+                channel.topic, _type_of(file, channel)
+            ) != _type_of(file, channel):
                 raise _not_one_bag(path, len(files), f"disagree on the type of {channel.topic}")
     starts = [file.start_ns for file in files if file.message_count]
     if any(later <= earlier for earlier, later in zip(starts, starts[1:], strict=False)):
@@ -531,7 +710,9 @@ def _require_one_bag(path: Path, files: list[McapInput | SqliteInput]) -> None:
 
 
 def _thinned(messages: Iterable[BagMessage], every_ns: int) -> Iterator[BagMessage]:
-    """Messages of each topic that are at least so long after the last one [ns]; where log time jumps back, the next one."""
+    """Messages of each topic that are at least so long after the last one [ns]; where log time
+    jumps back, the next one.
+    """
     last: dict[str, int] = {}
     for one in messages:
         since = one.stamp_ns - last.get(one.topic, one.stamp_ns - every_ns)
@@ -541,7 +722,9 @@ def _thinned(messages: Iterable[BagMessage], every_ns: int) -> Iterator[BagMessa
 
 
 @lru_cache(maxsize=8)
-def _with_standard_types(definitions: tuple[tuple[str, str, str], ...], names: frozenset[str]) -> tuple[Typestore, dict[str, str]]:
+def _with_standard_types(
+    definitions: tuple[tuple[str, str, str], ...], names: frozenset[str]
+) -> tuple[Typestore, dict[str, str]]:
     """The same with types that the bag lacks as ROS 2 Jazzy has them."""
     from dart_skill.recording.bags._definitions import embedded_types
     from dart_skill.recording.bags.messages import shared_types
@@ -550,8 +733,12 @@ def _with_standard_types(definitions: tuple[tuple[str, str, str], ...], names: f
 
 
 @lru_cache(maxsize=8)
-def _shared_types(definitions: tuple[tuple[str, str, str], ...]) -> tuple[Typestore, dict[str, str]]:
-    """As `embedded_types` without others, once for all bags that define the same, as those of one graph do."""
+def _shared_types(
+    definitions: tuple[tuple[str, str, str], ...],
+) -> tuple[Typestore, dict[str, str]]:
+    """As `embedded_types` without others, once for all bags that define the same, as those of one
+    graph do.
+    """
     from dart_skill.recording.bags._definitions import embedded_types
 
     return embedded_types(definitions, None)

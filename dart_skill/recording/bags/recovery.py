@@ -1,7 +1,9 @@
-"""Making a new bag of one whose recorder was killed, whose disk was full or lost power, or whose bytes have changed.
+"""Making a new bag of one whose recorder was killed, whose disk was full or lost power, or whose
+bytes have changed.
 
-What a file is, its first bytes tell, not its name: MCAP, SQLite, or one of them compressed. Files that were copied as if they were text are
-recognised, and mended where that can be verified. The bag itself is never changed.
+What a file is, its first bytes tell, not its name: MCAP, SQLite, or one of them compressed. Files
+that were copied as if they were text are recognised, and mended where that can be verified. The
+bag itself is never changed.
 """
 
 from __future__ import annotations
@@ -12,7 +14,13 @@ from pathlib import Path
 
 from dart_skill.common.files import require_file
 from dart_skill.recording.bags._contents import SQLITE, foreign, packing, unpack
-from dart_skill.recording.bags._files import SUFFIXES, has_only_log, missing_parts, named_files, part_number
+from dart_skill.recording.bags._files import (
+    SUFFIXES,
+    has_only_log,
+    missing_parts,
+    named_files,
+    part_number,
+)
 from dart_skill.recording.bags._mcap_recovery import recover_mcap
 from dart_skill.recording.bags._metadata import read_metadata_file
 from dart_skill.recording.bags._recovered_bag import LostPlace, RecoveredBag, Recovery
@@ -29,17 +37,22 @@ COMPRESSED = (".zstd", ".zst", ".gz")
 def recover(path: str | os.PathLike, output: str | os.PathLike) -> Recovery:
     """Make a new bag of what can be read of a damaged one.
 
-    path: bag folder, with or without metadata.yaml, or a file of MCAP or SQLite, also compressed; it is only read.
-    output: folder of the new bag, which must not exist.
+    path: bag folder, with or without metadata.yaml, or a file of MCAP or SQLite, also compressed;
+    it is only read. output: folder of the new bag, which must not exist.
 
-    Raises BagError if nothing is left to recover, FileExistsError, and OSError if the new bag cannot be written.
+    Raises BagError if nothing is left to recover, FileExistsError, and OSError if the new bag
+    cannot be written.
     """
     path, output = Path(path), Path(output)
     files, told = _input(path)
     if output.exists():
-        raise FileExistsError(f"{output} exists already: bags are never overwritten, choose another name")
+        raise FileExistsError(
+            f"{output} exists already: bags are never overwritten, choose another name"
+        )
     if path.is_dir() and path.resolve() in output.resolve().parents:
-        raise BagError(f"{output} is in the damaged bag {path}, which must not change: choose another folder")
+        raise BagError(
+            f"{output} is in the damaged bag {path}, which must not change: choose another folder"
+        )
     output.mkdir(parents=True)
     scratch = output / ".recovery"
     try:
@@ -65,7 +78,9 @@ def _input(path: Path) -> tuple[list[Path], dict]:
         require_file(path)
         files, told = [path], {}
     else:
-        there = {file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()}  # also where only the log of one is left
+        there = {
+            file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()
+        }  # also where only the log of one is left
         files = sorted((file for file in there if _is_for_messages(file)), key=part_number)
         try:
             told = read_metadata_file(path)
@@ -75,16 +90,31 @@ def _input(path: Path) -> tuple[list[Path], dict]:
             told = {}
     if not files:
         raise BagError(f"{path}: no .mcap file and no .db3 file to recover")
-    if all(file.is_file() and file.stat().st_size == 0 and not has_only_log(file) for file in files):
+    if all(
+        file.is_file() and file.stat().st_size == 0 and not has_only_log(file) for file in files
+    ):
         names = ", ".join(file.name for file in files)
         raise BagError(f"{path}: {names} is empty (0 bytes): there is nothing to recover")
     return files, told
 
 
 def _first_named(named: list[Path], there: list[Path]) -> list[Path]:
-    """Files that metadata.yaml names, then those that it does not; the plain one of a compressed file stands for it, and the reverse."""
-    found = [file if file in there else next((one for one in there if _plain_name(one) == _plain_name(file)), file) for file in named]
-    return found + [file for file in there if file not in found and _plain_name(file) not in map(_plain_name, found)]
+    """Files that metadata.yaml names, then those that it does not; the plain one of a compressed
+    file stands for it, and the reverse.
+    """
+    found = [
+        (
+            file
+            if file in there
+            else next((one for one in there if _plain_name(one) == _plain_name(file)), file)
+        )
+        for file in named
+    ]
+    return found + [
+        file
+        for file in there
+        if file not in found and _plain_name(file) not in map(_plain_name, found)
+    ]
 
 
 def _is_for_messages(file: Path) -> bool:
@@ -117,14 +147,25 @@ def _take(bag: RecoveredBag, file: Path, scratch: Path) -> None:
         reason = unpack(file, kind, plain)
     except ValueError as error:
         raise BagError(f"{file.name}: {error}") from error
-    bag.note(f"{file.name} is compressed with {kind}: what follows is said of its {plain.stat().st_size} bytes, unpacked")
+    bag.note(
+        f"{file.name} is compressed with {kind}: what follows is said of its"
+        f" {plain.stat().st_size} bytes, unpacked"
+    )
     if reason:
-        bag.lose(file.name, file.stat().st_size, file.stat().st_size, f"it could be unpacked only in part ({reason})", None)
+        bag.lose(
+            file.name,
+            file.stat().st_size,
+            file.stat().st_size,
+            f"it could be unpacked only in part ({reason})",
+            None,
+        )
     with mapped(plain) as data:
         _take_plain(bag, plain, file, data, scratch)
 
 
-def _take_plain(bag: RecoveredBag, file: Path, named: Path, data: memoryview, scratch: Path) -> None:
+def _take_plain(
+    bag: RecoveredBag, file: Path, named: Path, data: memoryview, scratch: Path
+) -> None:
     """Recover what is not compressed. named: the file that it stands for."""
     what = foreign(data) if len(data) else ""
     copied = how_copied(data)
@@ -138,13 +179,24 @@ def _take_plain(bag: RecoveredBag, file: Path, named: Path, data: memoryview, sc
         return
     mended = as_it_was(copied, data, scratch)
     if mended is None:
-        _refuse(bag, named, len(data), f"{copied.text}, which cannot be undone: fetch it again in binary mode")
+        _refuse(
+            bag,
+            named,
+            len(data),
+            f"{copied.text}, which cannot be undone: fetch it again in binary mode",
+        )
         return
     path, done, is_all = mended
     with mapped(path) as again:
-        bag.note(f"{named.name}: {copied.text}; {done}; what follows is said of its {len(again)} bytes as they were")
+        bag.note(
+            f"{named.name}: {copied.text}; {done}; what follows is said of its {len(again)} bytes"
+            " as they were"
+        )
         if not is_all:
-            bag.note(f"{named.name}: fetch it again in binary mode if it is still to be had: then nothing is lost")
+            bag.note(
+                f"{named.name}: fetch it again in binary mode if it is still to be had: then"
+                " nothing is lost"
+            )
         _take_bytes(bag, path, named.name, again, scratch)
 
 
@@ -159,7 +211,9 @@ def _refuse(bag: RecoveredBag, file: Path, size: int, reason: str) -> None:
 
 
 def _take_bytes(bag: RecoveredBag, file: Path, name: str, data: memoryview, scratch: Path) -> None:
-    if bytes(data[: len(SQLITE)]) == SQLITE or (".db3" in Path(name).suffixes and not _is_one(data)):
+    if bytes(data[: len(SQLITE)]) == SQLITE or (
+        ".db3" in Path(name).suffixes and not _is_one(data)
+    ):
         recover_sqlite(bag, name, file, data, scratch)
     else:
         recover_mcap(bag, name, data)

@@ -1,10 +1,10 @@
 """Writing bags: a rosbag2 folder of MCAP files, from messages that are serialised already.
 
-The layout is that of rosbag2 in ROS 2 Jazzy (metadata version 9; MCAP profile `ros2`, schemas `ros2msg` with
-all nested definitions), so that `ros2 bag`, Foxglove, Rerun and `rosbags` open it without this package.
-Chunks of 256 KiB are zstd-compressed and, each second of log time, handed to the operating system, which a thread
-asks to put them on the disk: a killed process loses no more than that second, and a cut power line what the disk had
-not taken yet.
+The layout is that of rosbag2 in ROS 2 Jazzy (metadata version 9; MCAP profile `ros2`, schemas
+`ros2msg` with all nested definitions), so that `ros2 bag`, Foxglove, Rerun and `rosbags` open it
+without this package. Chunks of 256 KiB are zstd-compressed and, each second of log time, handed to
+the operating system, which a thread asks to put them on the disk: a killed process loses no more
+than that second, and a cut power line what the disk had not taken yet.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
 class BagWriteError(OSError):
-    """A bag that can be written no further: which file, why, how much of it is safe, and what to do."""
+    """A bag that can be written no further: which file, why, how much of it is safe, and what to
+    do.
+    """
 
 
 @dataclass
@@ -54,7 +56,12 @@ class _Topic:
         return self.channel.count if self.channel is not None else 0
 
 
-def qos_yaml(reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10) -> str:
+def qos_yaml(
+    reliability: str = "reliable",
+    durability: str = "volatile",
+    history: str = "keep_last",
+    depth: int = 10,
+) -> str:
     """A QoS profile as the YAML text that rosbag2 keeps in `offered_qos_profiles`.
 
     reliability: "reliable" or "best_effort".
@@ -86,18 +93,23 @@ def qos_yaml(reliability: str = "reliable", durability: str = "volatile", histor
 
 
 class BagWriter:
-    """A bag that is being written; a context manager. What was written stays, also when the block raises.
+    """A bag that is being written; a context manager. What was written stays, also when the block
+    raises.
 
-    * path: folder of the bag, which must not exist; it holds `<name>_0.mcap`, `<name>_1.mcap` ... and, once closed, metadata.yaml.
-    * custom_data: names and texts that go into the metadata (seed, version, who recorded); `note` adds some.
-    * chunk_size: bytes of messages after which they are compressed and handed to the operating system.
+    * path: folder of the bag, which must not exist; it holds `<name>_0.mcap`, `<name>_1.mcap` ...
+      and, once closed, metadata.yaml.
+    * custom_data: names and texts that go into the metadata (seed, version, who recorded); `note`
+      adds some.
+    * chunk_size: bytes of messages after which they are compressed and handed to the operating
+      system.
     * flush_period_ns: log time after which they are in any case.
     * ros_distro: goes into the metadata.
     * max_bytes: a new file begins before the current one gets larger; 0: never.
     * max_duration_ns: a new file begins before the current one gets as long in log time; 0: never.
 
-    One thread at a time may call its methods. Each of them raises BagWriteError once the disk takes no more;
-    what was written until then stays readable (`recover`), and `close` adds no second error.
+    One thread at a time may call its methods. Each of them raises BagWriteError once the disk
+    takes no more; what was written until then stays readable (`recover`), and `close` adds no
+    second error.
     """
 
     def __init__(
@@ -112,26 +124,40 @@ class BagWriter:
     ):
         self.path = Path(path)
         self.custom_data = _check_custom_data(custom_data or {})
-        self._chunk_size, self._max_bytes, self._max_duration_ns = int(chunk_size), int(max_bytes), int(max_duration_ns)
-        if self._max_bytes < 0 or self._max_duration_ns < 0 or 0 < self._max_bytes < 2 * self._chunk_size:
+        self._chunk_size, self._max_bytes, self._max_duration_ns = (
+            int(chunk_size),
+            int(max_bytes),
+            int(max_duration_ns),
+        )
+        if (
+            self._max_bytes < 0
+            or self._max_duration_ns < 0
+            or 0 < self._max_bytes < 2 * self._chunk_size
+        ):
             raise ValueError(
-                f"max_bytes = {max_bytes}, max_duration_ns = {max_duration_ns}: give 0 for no limit, and at least two chunks"
-                f" ({2 * self._chunk_size} bytes)"
+                f"max_bytes = {max_bytes}, max_duration_ns = {max_duration_ns}: give 0 for no"
+                f" limit, and at least two chunks ({2 * self._chunk_size} bytes)"
             )
         self._ros_distro, self._flush_period_ns = ros_distro, int(flush_period_ns)
         self._topics: dict[str, _Topic] = {}
-        self._writable: dict[str, _Topic] = {}  # the same, empty when nothing can be written any more
+        self._writable: dict[
+            str, _Topic
+        ] = {}  # the same, empty when nothing can be written any more
         self._types: dict[str, str] = {}
         self._finished: list[FileMetadata] = []
         self._file: McapFile | None = None  # none between two files
-        self._flushed_ns = self._due_ns = 0  # log times: of the last flush, and when the next thing is due
+        self._flushed_ns = self._due_ns = (
+            0  # log times: of the last flush, and when the next thing is due
+        )
         self._file_first_ns: int | None = None
         self._failure: tuple[int | None, str, str] | None = None
         self._closed, self._full, self._synced_bytes = False, False, 0
         try:
             self.path.mkdir(parents=True)
         except FileExistsError:
-            raise FileExistsError(f"{self.path} exists already: bags are never overwritten, choose another name") from None
+            raise FileExistsError(
+                f"{self.path} exists already: bags are never overwritten, choose another name"
+            ) from None
         sync_folder(self.path.parent)
         with self._explained():
             self._open_file()
@@ -147,32 +173,45 @@ class BagWriter:
     @property
     def file(self) -> Path:
         """The file that is being written, or was the last."""
-        return self.path / f"{self.path.name}_{max(0, len(self._finished) - (self._file is None))}.mcap"
+        return (
+            self.path
+            / f"{self.path.name}_{max(0, len(self._finished) - (self._file is None))}.mcap"
+        )
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
         return {name: topic.count for name, topic in self._topics.items()}
 
-    def add_topic(self, name: str, type_name: str, definition_text: str, qos_profile_yaml: str = "", type_hash: str = "") -> None:
+    def add_topic(
+        self,
+        name: str,
+        type_name: str,
+        definition_text: str,
+        qos_profile_yaml: str = "",
+        type_hash: str = "",
+    ) -> None:
         """Announce a topic before its first message.
 
-        name: with its leading slash.
-        type_name: as package/msg/Name.
-        definition_text: with all nested definitions (`definition`).
-        qos_profile_yaml: list of profiles (`qos_yaml`).
-        type_hash: RIHS01 (`type_hash`). ValueError for a name, type or QoS that cannot be, or that contradicts what the bag has.
+        name: with its leading slash. type_name: as package/msg/Name. definition_text: with all
+        nested definitions (`definition`). qos_profile_yaml: list of profiles (`qos_yaml`).
+        type_hash: RIHS01 (`type_hash`). ValueError for a name, type or QoS that cannot be, or that
+        contradicts what the bag has.
         """
         self._check_writable()
         if not name.startswith("/"):
             raise ValueError(f"topic '{name}': give the full name, with its leading slash")
         if name in self._topics:
-            raise ValueError(f"topic {name} is in the bag already, with type {self._topics[name].type_name}")
+            raise ValueError(
+                f"topic {name} is in the bag already, with type {self._topics[name].type_name}"
+            )
         if len(type_name.split("/")) != 3:
             raise ValueError(f"type '{type_name}' of topic {name}: write it as package/msg/Name")
         qos = parse_qos(name, qos_profile_yaml)
         if not isinstance(qos, list):
-            raise ValueError(f"QoS of topic {name} must be a YAML list of profiles, got {qos_profile_yaml!r}")
+            raise ValueError(
+                f"QoS of topic {name} must be a YAML list of profiles, got {qos_profile_yaml!r}"
+            )
         if self._types.setdefault(type_name, definition_text) != definition_text:
             raise ValueError(f"type {type_name} is in the bag already with another definition")
         topic = _Topic(name, type_name, qos_profile_yaml, qos, type_hash, channel=None)
@@ -183,9 +222,8 @@ class BagWriter:
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, cdr_bytes: bytes) -> None:
         """Append a message.
 
-        log_time_ns: when it was received.
-        publish_time_ns: when it was sent.
-        cdr_bytes: any buffer of bytes. topic: as in `add_topic`. ValueError for times or bytes that cannot be.
+        log_time_ns: when it was received. publish_time_ns: when it was sent. cdr_bytes: any buffer
+        of bytes. topic: as in `add_topic`. ValueError for times or bytes that cannot be.
         """
         entry = self._writable.get(topic)
         if entry is None:
@@ -195,12 +233,16 @@ class BagWriter:
         if type(cdr_bytes) is not bytes:
             cdr_bytes = memoryview(cdr_bytes).tobytes()
         if len(cdr_bytes) < 4:
-            raise ValueError(f"{topic}: {len(cdr_bytes)} bytes: a CDR message has at least its 4-byte header")
+            raise ValueError(
+                f"{topic}: {len(cdr_bytes)} bytes: a CDR message has at least its 4-byte header"
+            )
         file = self._file
         if file is None or entry.channel is None:
             raise self._refusal(topic)
         try:
-            if file.add_message(entry.channel, entry.count & 0xFFFFFFFF, log_time_ns, publish_time_ns, cdr_bytes):
+            if file.add_message(
+                entry.channel, entry.count & 0xFFFFFFFF, log_time_ns, publish_time_ns, cdr_bytes
+            ):
                 self._chunk_ended()
         except struct.error:
             raise ValueError(_bad_times(topic, log_time_ns, publish_time_ns)) from None
@@ -208,7 +250,9 @@ class BagWriter:
             raise self._stopped(error) from error
         entry.count += 1
 
-    def add_attachment(self, name: str, data: bytes | str, media_type: str = "text/plain", time_ns: int = 0) -> None:
+    def add_attachment(
+        self, name: str, data: bytes | str, media_type: str = "text/plain", time_ns: int = 0
+    ) -> None:
         """Keep a file with the bag: parameters (YAML), robot description (URDF).
 
         data: its content; media_type: as on the internet; time_ns: when it was made [ns].
@@ -219,15 +263,19 @@ class BagWriter:
             self._current.add_attachment(name, media_type, data, time_ns, time_ns)
 
     def note(self, name: str, text: str) -> None:
-        """Add to the custom data, or replace what it says by that name; until the bag is closed. text: what it says."""
+        """Add to the custom data, or replace what it says by that name; until the bag is closed.
+        text: what it says.
+        """
         if self._closed:
             raise self._refusal()
         self.custom_data.update(_check_custom_data({name: text}))
 
     def flush(self, to_disk: bool = False) -> None:
-        """Hand all to the operating system, safe from a crash of this process, and have it put on the disk soon.
+        """Hand all to the operating system, safe from a crash of this process, and have it put on
+        the disk soon.
 
-        to_disk: return only when it is there, safe from a crash of the machine. Costs nothing when nothing is new.
+        to_disk: return only when it is there, safe from a crash of the machine. Costs nothing when
+        nothing is new.
         """
         self._check_writable()
         with self._explained():
@@ -241,7 +289,8 @@ class BagWriter:
             self._check_writable()
 
     def close(self) -> None:
-        """Write index, summary and metadata.yaml. Closing twice is no error, nor closing what cannot be written.
+        """Write index, summary and metadata.yaml. Closing twice is no error, nor closing what
+        cannot be written.
 
         BagWriteError if the bag could not be written.
         """
@@ -284,18 +333,27 @@ class BagWriter:
             return BagWriteError(*self._failure)
         if self._closed:
             return ValueError(f"bag {self.path} is closed")
-        return ValueError(f"topic '{topic}' is not in the bag, only {sorted(self._topics)}: add_topic first")
+        return ValueError(
+            f"topic '{topic}' is not in the bag, only {sorted(self._topics)}: add_topic first"
+        )
 
     def _stopped(self, error: OSError) -> BagWriteError:
         """Write no more, for a reason that every later call meets. Called by the sync thread too."""
         self._writable = {}
         if self._failure is None:
-            files = [*self._finished, *([FileMetadata.of(self._file)] if self._file is not None else [])]
-            count, ends = sum(file.count for file in files), [file.end_ns for file in files if file.end_ns is not None]
+            files = [
+                *self._finished,
+                *([FileMetadata.of(self._file)] if self._file is not None else []),
+            ]
+            count, ends = (
+                sum(file.count for file in files),
+                [file.end_ns for file in files if file.end_ns is not None],
+            )
             until = f", until log time {max(ends)} ns," if ends else ""
             text = (
-                f"{error.strerror or error}: writing of the bag stopped; {count} messages{until} are in its files: make room, and see"
-                f" 'dart-skill bag check {self.path}'; if a file is not whole, 'dart-skill bag recover' makes a new bag of it"
+                f"{error.strerror or error}: writing of the bag stopped; {count} messages{until}"
+                f" are in its files: make room, and see 'dart-skill bag check {self.path}'; if a"
+                " file is not whole, 'dart-skill bag recover' makes a new bag of it"
             )
             self._failure = (error.errno, text, str(self.file))
         return BagWriteError(*self._failure)
@@ -323,7 +381,8 @@ class BagWriter:
                 self.flush()
         if self._file_first_ns is None:
             self._file_first_ns = log_time_ns
-        # Time that jumps back (a new simulation) comes here too: else what is written after it would not be flushed in time.
+        # Time that jumps back (a new simulation) comes here too: else what is written after it
+        # would not be flushed in time.
         self._flushed_ns, self._due_ns = log_time_ns, 0
         if not self._full:
             self._due_ns = log_time_ns + self._flush_period_ns
@@ -331,9 +390,16 @@ class BagWriter:
             self._due_ns = min(self._due_ns, self._file_first_ns + self._max_duration_ns)
 
     def _chunk_ended(self) -> None:
-        """Whether another chunk, with its index and the file's end, would be more than a file may hold."""
+        """Whether another chunk, with its index and the file's end, would be more than a file may
+        hold.
+        """
         texts = sum(len(text) for item in self.custom_data.items() for text in item)
-        room = 3 * self._chunk_size // 2 + 1000 * len(self._topics) + texts + self._current.summary_size
+        room = (
+            3 * self._chunk_size // 2
+            + 1000 * len(self._topics)
+            + texts
+            + self._current.summary_size
+        )
         if self._max_bytes and self._current.position + room > self._max_bytes:
             self._full, self._due_ns = True, 0
 
@@ -348,14 +414,18 @@ class BagWriter:
 
     def _open_file(self) -> None:
         """Begin the next file, with the metadata record that rosbag2 writes at opening."""
-        file = McapFile(self.path / f"{self.path.name}_{len(self._finished)}.mcap", chunk_size=self._chunk_size)
+        file = McapFile(
+            self.path / f"{self.path.name}_{len(self._finished)}.mcap", chunk_size=self._chunk_size
+        )
         self._file = file
         self._schemas: dict[str, int] = {}
         self._full, self._file_first_ns, self._synced_bytes = False, None, 0
         file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(file)])))
 
     def _finish_file(self) -> None:
-        """End the file; the metadata record that rosbag2 writes at closing lets it tell what it holds by itself."""
+        """End the file; the metadata record that rosbag2 writes at closing lets it tell what it
+        holds by itself.
+        """
         file = self._current
         file.end_chunk()
         file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(file)])))
@@ -370,21 +440,34 @@ class BagWriter:
         """The topic's channel in the current file."""
         if topic.type_name not in self._schemas:
             definition = self._types[topic.type_name].encode()
-            self._schemas[topic.type_name] = self._current.add_schema(topic.type_name, "ros2msg", definition)
+            self._schemas[topic.type_name] = self._current.add_schema(
+                topic.type_name, "ros2msg", definition
+            )
         metadata = {"offered_qos_profiles": topic.qos_text, "topic_type_hash": topic.type_hash}
-        return self._current.add_channel(topic.name, "cdr", self._schemas[topic.type_name], metadata)
+        return self._current.add_channel(
+            topic.name, "cdr", self._schemas[topic.type_name], metadata
+        )
 
     def _metadata(self, files: list[FileMetadata], in_file: bool = True) -> dict:
         """Metadata of the current file by itself, or of the whole bag."""
         topics = [
-            TopicMetadata(topic.name, topic.type_name, topic.qos, topic.type_hash, topic.saved if in_file else topic.finished)
+            TopicMetadata(
+                topic.name,
+                topic.type_name,
+                topic.qos,
+                topic.type_hash,
+                topic.saved if in_file else topic.finished,
+            )
             for topic in self._topics.values()
         ]
         return bag_metadata(files, topics, self.custom_data, self._ros_distro)
 
 
 def _bad_times(topic: str, *times_ns: int) -> str:
-    return f"{topic}: log and publish time {', '.join(map(str, times_ns))} ns: times are integers and must not be negative"
+    return (
+        f"{topic}: log and publish time {', '.join(map(str, times_ns))} ns: times are integers and"
+        " must not be negative"
+    )
 
 
 def _check_custom_data(data: Mapping[str, str]) -> dict[str, str]:

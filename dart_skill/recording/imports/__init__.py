@@ -1,7 +1,14 @@
-"""Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong with their poses; ours as CSV files."""
+"""Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong
+with their poses; ours as CSV files.
+"""
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
-from dart_skill.recording.imports.bag_topics import BODY_TYPES, POSE_TYPES, bag_faults, filled_topics
+from dart_skill.recording.imports.bag_topics import (
+    BODY_TYPES,
+    POSE_TYPES,
+    bag_faults,
+    filled_topics,
+)
 from dart_skill.recording.imports.clocks import MOST_STEPS, steps_at, without_running_back
 from dart_skill.recording.imports.faults import BACKWARDS, BAG, Fault, fault_lines, in_words
 from dart_skill.recording.imports.joint_streams import JointStream
@@ -28,8 +35,21 @@ from dart_skill.recording.imports.mapping import (
 )
 from dart_skill.recording.imports.orientation_leaps import Leaps, find_leaps
 from dart_skill.recording.imports.pose_faults import repair
-from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, PoseStream, RigidTransform, axes_matrix, nearest_axes
-from dart_skill.recording.imports.throw_recording import ThrowRecording, convert, read_in_parts, read_recording
+from dart_skill.recording.imports.pose_stream import (
+    AS_OURS,
+    UP_AXES,
+    Axes,
+    PoseStream,
+    RigidTransform,
+    axes_matrix,
+    nearest_axes,
+)
+from dart_skill.recording.imports.throw_recording import (
+    ThrowRecording,
+    convert,
+    read_in_parts,
+    read_recording,
+)
 
 __all__ = [
     "CaptureFile",

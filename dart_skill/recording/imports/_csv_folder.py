@@ -1,6 +1,8 @@
-"""Recordings as CSV files, for every program that reads tables; those of throws with a mapping, by which they are read again.
+"""Recordings as CSV files, for every program that reads tables; those of throws with a mapping, by
+which they are read again.
 
-The header names each column, with its unit. Numbers have as many digits as it takes to be read as the same number again.
+The header names each column, with its unit. Numbers have as many digits as it takes to be read as
+the same number again.
 """
 
 from __future__ import annotations
@@ -30,8 +32,11 @@ STATES = "/joint_states"
 STATE_TYPE, POSE_TYPE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
 
 
-def throws_to_csv(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
-    """Write a recording of throws as a folder of CSV files and the mapping that reads them; returns what was read.
+def throws_to_csv(
+    source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None
+) -> ThrowRecording:
+    """Write a recording of throws as a folder of CSV files and the mapping that reads them;
+    returns what was read.
 
     source, mapping: as for `read_recording`. output: folder, which must not exist.
     """
@@ -48,12 +53,17 @@ def throws_to_csv(source: str | os.PathLike, output: str | os.PathLike, mapping:
             _write(folder / f"{name}.csv", [TIME], ([seconds(stamp)] for stamp in stamps))
             keys[name] = {"csv": f"{name}.csv", "columns": {"time": TIME}}
     text = yaml.safe_dump(keys, sort_keys=False, allow_unicode=True, width=140)
-    (folder / MAPPING).write_text(f"# dart-skill learn FOLDER --mapping FOLDER/{MAPPING}\n{text}", encoding="utf-8")
+    (folder / MAPPING).write_text(
+        f"# dart-skill learn FOLDER --mapping FOLDER/{MAPPING}\n{text}", encoding="utf-8"
+    )
     return recording
 
 
-def bodies_to_csv(source: str | os.PathLike, output: str | os.PathLike, roles: Sequence[str]) -> dict[str, int]:
-    """Write poses of tracked bodies and joint states of a bag of ours as CSV files; the number of rows by file. BagError if there are none.
+def bodies_to_csv(
+    source: str | os.PathLike, output: str | os.PathLike, roles: Sequence[str]
+) -> dict[str, int]:
+    """Write poses of tracked bodies and joint states of a bag of ours as CSV files; the number of
+    rows by file. BagError if there are none.
 
     roles: of the bodies. output: folder, which must not exist. source: the bag.
     """
@@ -76,18 +86,38 @@ def seconds(stamp_ns: int) -> str:
 
 
 def _write_poses(folder: Path, role: str, stream: PoseStream) -> dict[str, Any]:
-    rows = zip(map(seconds, stream.stamp_ns.tolist()), np.hstack([stream.position, stream.quaternion]).tolist(), strict=True)
+    rows = zip(
+        map(seconds, stream.stamp_ns.tolist()),
+        np.hstack([stream.position, stream.quaternion]).tolist(),
+        strict=True,
+    )
     _write(folder / f"{role}.csv", [TIME, *POSE], ([time, *row] for time, row in rows))
-    return {"csv": f"{role}.csv", "columns": {"time": TIME, "position": list(POSE[:3]), "quaternion": list(POSE[3:])}}
+    return {
+        "csv": f"{role}.csv",
+        "columns": {"time": TIME, "position": list(POSE[:3]), "quaternion": list(POSE[3:])},
+    }
 
 
 def _write_joints(folder: Path, joints: JointStream) -> dict[str, Any]:
     names = joints.names or joint_names()
-    position, velocity = [f"{name} position [rad]" for name in names], [f"{name} velocity [rad/s]" for name in names]
-    rows = zip(map(seconds, joints.stamp_ns.tolist()), np.hstack([joints.position, joints.velocity]).tolist(), strict=True)
-    _write(folder / "joints.csv", [TIME, *position, *velocity], ([time, *row] for time, row in rows))
+    position, velocity = (
+        [f"{name} position [rad]" for name in names],
+        [f"{name} velocity [rad/s]" for name in names],
+    )
+    rows = zip(
+        map(seconds, joints.stamp_ns.tolist()),
+        np.hstack([joints.position, joints.velocity]).tolist(),
+        strict=True,
+    )
+    _write(
+        folder / "joints.csv", [TIME, *position, *velocity], ([time, *row] for time, row in rows)
+    )
     columns = {"time": TIME, "position": position, "velocity": velocity}
-    return {"csv": "joints.csv", "columns": columns, **({"names": list(joints.names)} if joints.names else {})}
+    return {
+        "csv": "joints.csv",
+        "columns": columns,
+        **({"names": list(joints.names)} if joints.names else {}),
+    }
 
 
 def _write(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -97,15 +127,25 @@ def _write(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> 
         writer.writerows(rows)
 
 
-def _read_topics(source: str | os.PathLike, roles: Sequence[str]) -> tuple[dict[str, PoseStream], JointStream | None]:
+def _read_topics(
+    source: str | os.PathLike, roles: Sequence[str]
+) -> tuple[dict[str, PoseStream], JointStream | None]:
     topics: Mapping[str, str] = {pose_topic(the_world().body(role)): role for role in roles}
     with GraphBag(source) as bag:
         kinds = {**dict.fromkeys(topics, POSE_TYPE), STATES: STATE_TYPE}
-        there = [name for name, topic in bag.topics.items() if topic.type_name == kinds.get(name) and topic.count]
+        there = [
+            name
+            for name, topic in bag.topics.items()
+            if topic.type_name == kinds.get(name) and topic.count
+        ]
         found: dict[str, list] = {name: [] for name in there}
         for item in bag.messages(there) if there else ():
             found[item.topic].append(item.data)
-    poses = {topics[name]: _pose_stream(topics[name], messages) for name, messages in found.items() if name in topics}
+    poses = {
+        topics[name]: _pose_stream(topics[name], messages)
+        for name, messages in found.items()
+        if name in topics
+    }
     return poses, _joint_stream(found[STATES]) if STATES in found else None
 
 
@@ -116,11 +156,18 @@ def _stamps(messages: Sequence[Any]) -> np.ndarray:
 def _pose_stream(role: str, messages: Sequence[Any]) -> PoseStream:
     poses = [one.pose for one in messages]
     position = np.array([[p.position.x, p.position.y, p.position.z] for p in poses])
-    quaternion = np.array([[p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w] for p in poses])
+    quaternion = np.array(
+        [[p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w] for p in poses]
+    )
     return PoseStream(role, _stamps(messages), position, quaternion, messages[0].header.frame_id)
 
 
 def _joint_stream(messages: Sequence[Any]) -> JointStream:
     n = len(messages[0].name)
     velocity = [one.velocity if len(one.velocity) == n else np.full(n, np.nan) for one in messages]
-    return JointStream(_stamps(messages), np.array([one.position for one in messages]), np.array(velocity), tuple(messages[0].name))
+    return JointStream(
+        _stamps(messages),
+        np.array([one.position for one in messages]),
+        np.array(velocity),
+        tuple(messages[0].name),
+    )

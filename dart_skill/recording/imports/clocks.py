@@ -1,7 +1,9 @@
-"""The time of samples: what stamps are worth beside the times at which they were recorded, and what a mapping makes of both.
+"""The time of samples: what stamps are worth beside the times at which they were recorded, and
+what a mapping makes of both.
 
-A message has two times: its stamp, and the log time at which it was recorded, which is late but never early. Log time tells stamps that
-nobody filled in, seconds that are milliseconds, counters that overflow. Of several topics it tells whose clocks are apart.
+A message has two times: its stamp, and the log time at which it was recorded, which is late but
+never early. Log time tells stamps that nobody filled in, seconds that are milliseconds, counters
+that overflow. Of several topics it tells whose clocks are apart.
 """
 
 from __future__ import annotations
@@ -24,9 +26,13 @@ BUNCHED = 0.3
 STEADY = 0.1
 """Where the usual step differs from the mean one by less than this share, times follow a rate."""
 HONEST = 0.1
-"""Smallest share of the log time that a clock goes forward in it, if it is one of seconds; its inverse is the largest."""
+"""Smallest share of the log time that a clock goes forward in it, if it is one of seconds; its
+inverse is the largest.
+"""
 FEWEST_STEPS = 0.2
-"""Smallest share of the usual step of the log time that the usual step of stamps is; its inverse is the largest."""
+"""Smallest share of the usual step of the log time that the usual step of stamps is; its inverse
+is the largest.
+"""
 BACK_NS = 500_000_000
 """A stamp that runs back by more is no late message [ns]."""
 BEHIND_NS = 20_000_000
@@ -43,8 +49,16 @@ MOST_STEPS = 5
 """A clock that was set more often is none."""
 BIN_NS = NS_PER_S
 """Log time over which the difference of two clocks is taken together [ns]."""
-OVERFLOWS = {2**32: "32 bits of nanoseconds", 2**32 * 10**3: "32 bits of microseconds", 2**32 * NS_PER_S: "32 bits of seconds"}
-OVERFLOWS |= {2**31: "31 bits of nanoseconds", 2**16 * 10**6: "16 bits of milliseconds", NS_PER_S: "nanoseconds without seconds"}
+OVERFLOWS = {
+    2**32: "32 bits of nanoseconds",
+    2**32 * 10**3: "32 bits of microseconds",
+    2**32 * NS_PER_S: "32 bits of seconds",
+}
+OVERFLOWS |= {
+    2**31: "31 bits of nanoseconds",
+    2**16 * 10**6: "16 bits of milliseconds",
+    NS_PER_S: "nanoseconds without seconds",
+}
 """After which time [ns] counters of so many bits begin anew."""
 HOUR_NS = 3600 * NS_PER_S
 
@@ -76,7 +90,9 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
     by_log = clock.source == "log" and log_ns is not None
     times = log_ns if by_log and log_ns is not None else stamps
     if not by_log and log_ns is not None:
-        times = in_seconds(stamps, clock.unit)  # of a table that was done when its numbers were read
+        times = in_seconds(
+            stamps, clock.unit
+        )  # of a table that was done when its numbers were read
         if not clock.is_regular:
             kept, faults = _stamp_faults(body, times, log_ns)
             times = times[kept]
@@ -86,14 +102,18 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
 
 
 def in_seconds(stamps: np.ndarray, unit: str) -> np.ndarray:
-    """Stamps in truth (n,) [ns]. stamps: as recorded (n,) [ns], whose seconds are of a unit of TIME_UNITS. unit: its name."""
+    """Stamps in truth (n,) [ns]. stamps: as recorded (n,) [ns], whose seconds are of a unit of
+    TIME_UNITS. unit: its name.
+    """
     return stamps if unit == "s" else stamps // round(NS_PER_S / TIME_UNITS[unit])
 
 
 # stamps beside log times
 
 
-def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np.ndarray, list[Fault]]:
+def _stamp_faults(
+    body: str, stamps: np.ndarray, log_ns: np.ndarray
+) -> tuple[np.ndarray, list[Fault]]:
     """Which samples have a stamp (n,), and what is wrong with the stamps as a whole."""
     n, filled = len(stamps), stamps != 0
     if n > 1 and not filled[0] and 0 < stamps[1] < NS_PER_S:
@@ -104,7 +124,13 @@ def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np
     recorded = f"they were recorded over {lasted:.1f} s"
     if not filled.any():
         return ~filled, [
-            _fault(UNSTAMPED, body, stamps, f"nobody filled in the stamps of {n} messages: all are 0; {recorded}", "time: log")
+            _fault(
+                UNSTAMPED,
+                body,
+                stamps,
+                f"nobody filled in the stamps of {n} messages: all are 0; {recorded}",
+                "time: log",
+            )
         ]
     if np.ptp(stamps) == 0 and lasted > 0.1:
         text = f"all {n} messages have the same stamp, {1e-9 * stamps[0]:.3f} s; {recorded}"
@@ -114,10 +140,22 @@ def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np
         gone = int(n - filled.sum())
         text = f"nobody filled in the stamps of {gone} of {n} messages, which are 0: left out"
         faults.append(
-            _fault(UNSTAMPED, body, stamps[filled], text, "time: log" if gone > 0.05 * n else "", gone, repaired=gone <= 0.05 * n)
+            _fault(
+                UNSTAMPED,
+                body,
+                stamps[filled],
+                text,
+                "time: log" if gone > 0.05 * n else "",
+                gone,
+                repaired=gone <= 0.05 * n,
+            )
         )
     known, log = stamps[filled], log_ns[filled]
-    return filled, faults + (_overflow(body, known, log) or _rate_fault(body, known, log) or _step_fault(body, known, log))
+    return filled, faults + (
+        _overflow(body, known, log)
+        or _rate_fault(body, known, log)
+        or _step_fault(body, known, log)
+    )
 
 
 def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
@@ -138,20 +176,45 @@ def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault
     told = f"stamps go forward by {1e-9 * whole:.6g} s while {1e-9 * lasted:.1f} s were recorded"
     for unit, ns in TIME_UNITS.items():
         if unit != "s" and 1.0 / 3.0 < rate * ns / NS_PER_S < 3.0:
-            return [_fault(UNIT, body, stamps, f"{told}: their seconds are {unit} in truth", f"time: {unit}")]
-    return [_fault(UNIT, body, stamps, f"{told}: seconds or nanoseconds are filled in wrongly", "time: log")]
+            return [
+                _fault(
+                    UNIT,
+                    body,
+                    stamps,
+                    f"{told}: their seconds are {unit} in truth",
+                    f"time: {unit}",
+                )
+            ]
+    return [
+        _fault(
+            UNIT,
+            body,
+            stamps,
+            f"{told}: seconds or nanoseconds are filled in wrongly",
+            "time: log",
+        )
+    ]
 
 
 def _step_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
-    """Stamps that go forward rightly over seconds, but not from one message to the next, as where nanoseconds are microseconds."""
+    """Stamps that go forward rightly over seconds, but not from one message to the next, as where
+    nanoseconds are microseconds.
+    """
     if len(stamps) < LEAST or _unsteadiness(1e-9 * (log_ns - log_ns[0])) > 0.5:
         return []
     step, logged = float(np.median(np.diff(stamps))), float(np.median(np.diff(log_ns)))
     rate = rate_of(1e-9 * (np.maximum.accumulate(stamps) - stamps[0]))
-    if (rate is not None and rate.is_bunched) or FEWEST_STEPS * logged < step < logged / FEWEST_STEPS:
+    if (
+        rate is not None and rate.is_bunched
+    ) or FEWEST_STEPS * logged < step < logged / FEWEST_STEPS:
         return []
-    text = f"stamps go forward by {1e-6 * step:.3f} ms from one message to the next, which are {1e-6 * logged:.3f} ms apart: "
-    return [_fault(UNIT, body, stamps, f"{text}the nanoseconds are filled in wrongly", "time: log")]
+    text = (
+        f"stamps go forward by {1e-6 * step:.3f} ms from one message to the next, which are"
+        f" {1e-6 * logged:.3f} ms apart: "
+    )
+    return [
+        _fault(UNIT, body, stamps, f"{text}the nanoseconds are filled in wrongly", "time: log")
+    ]
 
 
 def _overflow(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
@@ -161,24 +224,43 @@ def _overflow(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
     if not len(back):
         return []
     usual = float(np.median(back))
-    counter = next((text for ns, text in OVERFLOWS.items() if abs(usual - ns) < 0.02 * ns and len(back) > np.ptp(log_ns) / ns - 2), "")
+    counter = next(
+        (
+            text
+            for ns, text in OVERFLOWS.items()
+            if abs(usual - ns) < 0.02 * ns and len(back) > np.ptp(log_ns) / ns - 2
+        ),
+        "",
+    )
     if len(back) > 1 and np.ptp(back) > 0.05 * usual and not counter:
         return []
-    why = f"as a counter of {counter} does that overflows" if counter else "the clock was set, or a bag was played again"
+    why = (
+        f"as a counter of {counter} does that overflows"
+        if counter
+        else "the clock was set, or a bag was played again"
+    )
     text = f"stamps run back {len(back)} times by {1e-9 * usual:.3f} s, {why}"
     if not counter and 1 < len(back) <= MOST_STEPS:
         rows, late = np.flatnonzero(steps < -BACK_NS) + 1, 1e-9 * (log_ns - stamps)
-        by = [float(np.median(late[row : row + LEAST]) - np.median(late[max(0, row - LEAST) : row])) for row in rows]
+        by = [
+            float(np.median(late[row : row + LEAST]) - np.median(late[max(0, row - LEAST) : row]))
+            for row in rows
+        ]
         return [_fault(SET_BACK, body, stamps, text, f"time_steps: {steps_at(stamps, rows, by)}")]
     return [_fault(SET_BACK, body, stamps, text, "time: log")] if counter or len(back) > 1 else []
 
 
 def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[Fault]:
-    """What is wrong with clocks whose stamps differ from those of others, by when both were recorded.
+    """What is wrong with clocks whose stamps differ from those of others, by when both were
+    recorded.
 
     * streams: stamps (n,) and log times (n,) [ns] of each topic by its name in a mapping.
     """
-    late = {name: _lateness(stamps, log_ns) for name, (stamps, log_ns) in streams.items() if len(stamps) >= LEAST}
+    late = {
+        name: _lateness(stamps, log_ns)
+        for name, (stamps, log_ns) in streams.items()
+        if len(stamps) >= LEAST
+    }
     if len(late) < 2:
         return []
     reference = min(late, key=lambda name: _untrusted(name, late))
@@ -187,12 +269,15 @@ def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[F
         both = sorted(set(bins) & set(late[reference]))
         if name != reference and len(both) >= 3:
             off = np.array([bins[k] - late[reference][k] for k in both], dtype=np.int64)
-            faults += _of_difference(name, reference, streams[name], np.array(both) * 1e-9 * BIN_NS, off)
+            faults += _of_difference(
+                name, reference, streams[name], np.array(both) * 1e-9 * BIN_NS, off
+            )
     return faults
 
 
 def _untrusted(name: str, late: Mapping[str, Mapping[int, int]]) -> tuple[int, int, int]:
-    """How little a clock is to be trusted: by how far it is from those of the others, how unsteady it is by the log, and how far from it.
+    """How little a clock is to be trusted: by how far it is from those of the others, how unsteady
+    it is by the log, and how far from it.
 
     late: lateness by second of log time, of each topic.
     """
@@ -201,45 +286,91 @@ def _untrusted(name: str, late: Mapping[str, Mapping[int, int]]) -> tuple[int, i
     for other in (bins for one, bins in late.items() if one != name):
         both = sorted(set(other) & set(late[name]))
         off.append(max((abs(other[k] - late[name][k]) for k in both), default=0) // DRIFTS_NS)
-    return int(np.median(off)), int(np.ptp(own)) // DRIFTS_NS, abs(int(own[len(own) // 2])) // APART_NS
+    return (
+        int(np.median(off)),
+        int(np.ptp(own)) // DRIFTS_NS,
+        abs(int(own[len(own) // 2])) // APART_NS,
+    )
 
 
 def _lateness(stamps: np.ndarray, log_ns: np.ndarray) -> dict[int, int]:
-    """By how much messages were recorded after their stamps [ns], of the earlier ones of each second of log time."""
+    """By how much messages were recorded after their stamps [ns], of the earlier ones of each
+    second of log time.
+    """
     order = np.argsort(log_ns, kind="stable")
     bins, first = np.unique(log_ns[order] // BIN_NS, return_index=True)
     groups = np.split((log_ns - stamps)[order], first[1:])
-    return {int(k): int(np.sort(group)[len(group) // 10]) for k, group in zip(bins, groups, strict=True)}
+    return {
+        int(k): int(np.sort(group)[len(group) // 10])
+        for k, group in zip(bins, groups, strict=True)
+    }
 
 
-def _of_difference(name: str, reference: str, stream: tuple[np.ndarray, np.ndarray], at: np.ndarray, off: np.ndarray) -> list[Fault]:
-    """Stamps that would have to be later by `off` (k,) [ns] to agree with those of another topic, at log times (k,) [s]."""
+def _of_difference(
+    name: str,
+    reference: str,
+    stream: tuple[np.ndarray, np.ndarray],
+    at: np.ndarray,
+    off: np.ndarray,
+) -> list[Fault]:
+    """Stamps that would have to be later by `off` (k,) [ns] to agree with those of another topic,
+    at log times (k,) [s].
+    """
     stamps, log_ns = stream
     level = int(np.median(off - off[0])) + int(off[0])
     rest = 1e-9 * (off - level)
     slope = _slope(at, rest) if len(at) >= 5 else 0.0
     from_line = rest - slope * (at - np.median(at))
-    drifts = MOST_DRIFT > abs(slope) > 1e-9 * DRIFTS_NS / np.ptp(at) and np.median(np.abs(from_line)) < 0.1 * abs(slope) * np.ptp(at)
+    drifts = MOST_DRIFT > abs(slope) > 1e-9 * DRIFTS_NS / np.ptp(at) and np.median(
+        np.abs(from_line)
+    ) < 0.1 * abs(slope) * np.ptp(at)
     spread = from_line - np.median(from_line) if drifts else rest
     steps = np.flatnonzero(np.abs(np.diff(spread)) > 1e-9 * APART_NS)
     if 0 < len(steps) <= MOST_STEPS:
         by, when = np.diff(spread)[steps[0]], at[steps[0] + 1] - at[0]
-        text = f"the clock was set by {-by:.3f} s, {when:.0f} s after the first message, against that of the {reference}"
+        text = (
+            f"the clock was set by {-by:.3f} s, {when:.0f} s after the first message, against that"
+            f" of the {reference}"
+        )
         levels = [float(np.median(part)) * 1e-9 for part in np.split(off, steps + 1)]
         rows = [_leap(stamps, log_ns, at[k : k + 2]) for k in steps]
         told = f"time_shift: {levels[0]:.3f}, " if abs(levels[0]) > 1e-9 * APART_NS else ""
-        return [_fault(SET_BACK, name, stamps, text, f"{told}time_steps: {steps_at(stamps, rows, np.diff(levels))}")]
+        return [
+            _fault(
+                SET_BACK,
+                name,
+                stamps,
+                text,
+                f"{told}time_steps: {steps_at(stamps, rows, np.diff(levels))}",
+            )
+        ]
     if drifts:
         shift = 1e-9 * level - slope * (float(np.median(at)) - float(at[0]))
-        text = f"the clock runs {'slower' if slope > 0 else 'faster'} than that of the {reference}, by {1e3 * abs(slope):.3f} ms a second"
+        text = (
+            f"the clock runs {'slower' if slope > 0 else 'faster'} than that of the {reference},"
+            f" by {1e3 * abs(slope):.3f} ms a second"
+        )
         told = f"time_shift: {shift:.3f}, " if abs(shift) > 1e-9 * SAME_NS else ""
         return [_fault("drift", name, stamps, text, f"{told}time_drift: {slope:.6f}")]
     if abs(level) <= APART_NS:
         return []
-    hours = abs(level) > 0.9 * HOUR_NS and abs((level + HOUR_NS // 2) % HOUR_NS - HOUR_NS // 2) < APART_NS and abs(level) < 27 * HOUR_NS
-    kind = "a whole number of hours: a time zone" if hours else "another epoch" if abs(level) > 30 * 24 * HOUR_NS else "another clock"
+    hours = (
+        abs(level) > 0.9 * HOUR_NS
+        and abs((level + HOUR_NS // 2) % HOUR_NS - HOUR_NS // 2) < APART_NS
+        and abs(level) < 27 * HOUR_NS
+    )
+    kind = (
+        "a whole number of hours: a time zone"
+        if hours
+        else "another epoch"
+        if abs(level) > 30 * 24 * HOUR_NS
+        else "another clock"
+    )
     side = "behind" if level > 0 else "ahead of"
-    text = f"stamps are {1e-9 * abs(level):.3f} s {side} those of the {reference}, by when both were recorded: {kind}"
+    text = (
+        f"stamps are {1e-9 * abs(level):.3f} s {side} those of the {reference}, by when both were"
+        f" recorded: {kind}"
+    )
     return [_fault("clock", name, stamps, text, f"time_shift: {1e-9 * level:.3f}")]
 
 
@@ -250,24 +381,39 @@ def _leap(stamps: np.ndarray, log_ns: np.ndarray, around: np.ndarray) -> int:
 
 
 def without_running_back(stamp_ns: np.ndarray) -> np.ndarray:
-    """Stamps (n,) of a clock that was set back, as if it went on with the next sample. stamp_ns: in the order of recording (n,) [ns]."""
+    """Stamps (n,) of a clock that was set back, as if it went on with the next sample. stamp_ns:
+    in the order of recording (n,) [ns].
+    """
     if len(stamp_ns) < 4:
         return stamp_ns
     steps = np.diff(stamp_ns)
-    following = np.lib.stride_tricks.sliding_window_view(np.pad(stamp_ns[1:], (0, 2), mode="edge"), 3).max(axis=1)
-    back = (steps < -BEHIND_NS) & (following < stamp_ns[:-1])  # what is late is followed by what is not
-    return stamp_ns + np.concatenate([[0], np.cumsum(np.where(back, round(float(np.median(steps))) - steps, 0))])
+    following = np.lib.stride_tricks.sliding_window_view(
+        np.pad(stamp_ns[1:], (0, 2), mode="edge"), 3
+    ).max(axis=1)
+    back = (steps < -BEHIND_NS) & (
+        following < stamp_ns[:-1]
+    )  # what is late is followed by what is not
+    return stamp_ns + np.concatenate(
+        [[0], np.cumsum(np.where(back, round(float(np.median(steps))) - steps, 0))]
+    )
 
 
-def steps_at(stamps: np.ndarray, rows: Sequence[int] | np.ndarray, by: Sequence[float] | np.ndarray) -> list[list[float]]:
+def steps_at(
+    stamps: np.ndarray, rows: Sequence[int] | np.ndarray, by: Sequence[float] | np.ndarray
+) -> list[list[float]]:
     """The steps of a clock that was set, as a mapping has them.
 
     * stamps: as recorded (n,) [ns].
     * rows: first samples after that, ascending.
     * by: what is to be added from each of them on [s].
     """
-    at = [0.5e-9 * float(stamps[row - 1] + stamps[row]) + 0.5 * more for row, more in zip(rows, by, strict=True)]
-    return [[round(float(when), 4), round(float(more), 4)] for when, more in zip(at, by, strict=True)]
+    at = [
+        0.5e-9 * float(stamps[row - 1] + stamps[row]) + 0.5 * more
+        for row, more in zip(rows, by, strict=True)
+    ]
+    return [
+        [round(float(when), 4), round(float(more), 4)] for when, more in zip(at, by, strict=True)
+    ]
 
 
 def _slope(at: np.ndarray, values: np.ndarray) -> float:
@@ -278,7 +424,15 @@ def _slope(at: np.ndarray, values: np.ndarray) -> float:
     return float(np.median((values[later] - values[earlier]) / (at[later] - at[earlier])))
 
 
-def _fault(kind: str, body: str, stamps: np.ndarray, text: str, remedy: str, count: int | None = None, repaired: bool = False) -> Fault:
+def _fault(
+    kind: str,
+    body: str,
+    stamps: np.ndarray,
+    text: str,
+    remedy: str,
+    count: int | None = None,
+    repaired: bool = False,
+) -> Fault:
     count = len(stamps) if count is None else count
     return Fault(kind, body, int(stamps.min()), int(stamps.max()), count, text, repaired, remedy)
 
@@ -306,7 +460,9 @@ class Rate:
 
 
 def rate_of(time: np.ndarray) -> Rate | None:
-    """How often samples come at times (n,) [s], in ascending order; None of too few. It counts steps, and no frames between them."""
+    """How often samples come at times (n,) [s], in ascending order; None of too few. It counts
+    steps, and no frames between them.
+    """
     steps = np.diff(time)
     steps = steps[steps < PAUSE]
     if len(steps) < LEAST - 1 or steps.sum() <= 0.0:
@@ -321,13 +477,16 @@ def rate_of(time: np.ndarray) -> Rate | None:
 
 
 def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
-    """The rate of samples that come in bursts, and that as a fault; None if they do not. body: its name. stamps: in ascending order."""
+    """The rate of samples that come in bursts, and that as a fault; None if they do not. body: its
+    name. stamps: in ascending order.
+    """
     rate = rate_of((stamps - stamps[:1]) * 1e-9)
     if rate is None or not rate.is_bunched:
         return None
     text = (
-        f"stamps come in bursts, {rate.count} within {1e3 * _within(stamps, rate):.1f} ms every {1e3 * rate.interval:.0f} ms: "
-        f"of receipt, and not of the frames, of which there are {1.0 / rate.period:.1f} a second"
+        f"stamps come in bursts, {rate.count} within {1e3 * _within(stamps, rate):.1f} ms every"
+        f" {1e3 * rate.interval:.0f} ms: of receipt, and not of the frames, of which there are"
+        f" {1.0 / rate.period:.1f} a second"
     )
     return rate, [_fault(BURSTS, body, stamps, text, "time: regular")]
 
@@ -340,9 +499,10 @@ def _within(stamps: np.ndarray, rate: Rate) -> float:
 def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
     """Evenly spaced times (n,) [ns] of samples, in the order of recording.
 
-    Of stamps and log times those that follow a rate better are the ruler. A stretch without a silence has the common period; where the
-    ruler follows a rate, a longer step in it is as many frames as fit into it, else no frame is taken to be missing. A sample is late and
-    never early: the earliest ones of a stretch say where its frames are.
+    Of stamps and log times those that follow a rate better are the ruler. A stretch without a
+    silence has the common period; where the ruler follows a rate, a longer step in it is as many
+    frames as fit into it, else no frame is taken to be missing. A sample is late and never early:
+    the earliest ones of a stretch say where its frames are.
 
     * times: stamps of the samples [ns].
     * log_ns: when they were recorded (n,) [ns], None where nobody kept that.
@@ -355,9 +515,16 @@ def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
         return times
     longest = PAUSE if not rate.is_bunched else min(PAUSE, 2.5 * rate.interval)
     steps = np.diff(time)
-    frames = np.ones(len(steps)) if rate.is_bunched or not _is_steady(time) else np.maximum(1.0, np.rint(steps / rate.period))
+    frames = (
+        np.ones(len(steps))
+        if rate.is_bunched or not _is_steady(time)
+        else np.maximum(1.0, np.rint(steps / rate.period))
+    )
     ends = np.concatenate([[0], np.flatnonzero(steps > longest) + 1, [len(time)]])
-    numbers = [np.concatenate([[0.0], np.cumsum(frames[a : b - 1])]) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    numbers = [
+        np.concatenate([[0.0], np.cumsum(frames[a : b - 1])])
+        for a, b in zip(ends[:-1], ends[1:], strict=True)
+    ]
     period = _common_period(time, ends, numbers) or rate.period
     found = times.copy()
     for (first, last), number in zip(zip(ends[:-1], ends[1:], strict=True), numbers, strict=True):
@@ -367,7 +534,9 @@ def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
 
 
 def _ruler(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
-    """Stamps or log times (n,) [ns]: those that tell a rate. Log times of another epoch than the stamps keep that of the stamps."""
+    """Stamps or log times (n,) [ns]: those that tell a rate. Log times of another epoch than the
+    stamps keep that of the stamps.
+    """
     if log_ns is None or len(times) < LEAST:
         return times
     if np.ptp(times) == 0:
@@ -384,7 +553,11 @@ def _unsteadiness(time: np.ndarray) -> float:
     """By which share the usual step of times (n,) [s] differs from the mean one."""
     steps = np.diff(time)
     steps = steps[(steps < PAUSE)]
-    return abs(1.0 - float(np.median(steps) / np.mean(steps))) if len(steps) and np.mean(steps) > 0.0 else np.inf
+    return (
+        abs(1.0 - float(np.median(steps) / np.mean(steps)))
+        if len(steps) and np.mean(steps) > 0.0
+        else np.inf
+    )
 
 
 def _is_steady(time: np.ndarray) -> bool:
@@ -396,7 +569,9 @@ def _is_steady(time: np.ndarray) -> bool:
 
 
 def _common_period(time: np.ndarray, ends: np.ndarray, numbers: list[np.ndarray]) -> float:
-    """Slope of time over the number of the frame, of all stretches together [s]; 0 if there is none."""
+    """Slope of time over the number of the frame, of all stretches together [s]; 0 if there is
+    none.
+    """
     above = below = 0.0
     for first, last, number in zip(ends[:-1], ends[1:], numbers, strict=True):
         if last - first >= LEAST:

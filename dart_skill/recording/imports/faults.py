@@ -13,23 +13,31 @@ MOST_OF_A_KIND = 4
 GAP, NOTE, BAG, BACKWARDS = "gap", "note", "bag", "backwards"
 UNSTAMPED, UNIT, SET_BACK, BURSTS = "unstamped", "unit", "set_back", "bursts"
 TIMELESS = (UNSTAMPED, UNIT, SET_BACK, BURSTS)
-"""Kinds of stamps that tell no time: not filled in, in another unit, of a counter that overflows or a clock that was set, of receipt."""
+"""Kinds of stamps that tell no time: not filled in, in another unit, of a counter that overflows
+or a clock that was set, of receipt.
+"""
 INFORMATION = (GAP, NOTE)
-"""Kinds that are no fault: a body that the cameras do not see is not published, and what else is good to know."""
+"""Kinds that are no fault: a body that the cameras do not see is not published, and what else is
+good to know.
+"""
 
 
 @dataclass(frozen=True)
 class Fault:
     """What is wrong with the poses of a body, the states of the joints, or their stamps.
 
-    * kind: of poses not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, leap, outlier; of joints those of
-      `joint_streams`; of stamps those of `clocks`; BAG of the bag itself; or what is no fault: of INFORMATION.
-    * body: its name; of an exchange, both names; `joints` for the arm's; of a bag its file or topic.
+    * kind: of poses not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter,
+      swap, leap, outlier; of joints those of `joint_streams`; of stamps those of `clocks`; BAG of
+      the bag itself; or what is no fault: of INFORMATION.
+    * body: its name; of an exchange, both names; `joints` for the arm's; of a bag its file or
+      topic.
     * start_ns, stop_ns: stamps of the first and last sample that is concerned.
     * count: of samples; of a gap, of missing frames.
     * message: what is wrong and what was done, for people.
-    * remedy: what mends it in a mapping, below the body's name, or what to do about a bag; empty if nothing does.
-    * repaired: what is left is right as far as anybody can tell; samples that were left out count as repaired if nothing was known of them.
+    * remedy: what mends it in a mapping, below the body's name, or what to do about a bag; empty
+      if nothing does.
+    * repaired: what is left is right as far as anybody can tell; samples that were left out count
+      as repaired if nothing was known of them.
     """
 
     kind: str
@@ -62,7 +70,11 @@ def fault_lines(faults: Iterable[Fault]) -> list[str]:
     for fault in (fault for fault in faults if fault.kind == GAP):
         gaps[fault.body] += 1
         missing[fault.body] += fault.count
-    lines, shown, of_kind = [], Counter[tuple](), Counter((f.kind, f.body, f.repaired) for f in faults)
+    lines, shown, of_kind = (
+        [],
+        Counter[tuple](),
+        Counter((f.kind, f.body, f.repaired) for f in faults),
+    )
     for fault in (fault for fault in faults if fault.kind != GAP):
         kind = fault.kind, fault.body, fault.repaired
         shown[kind] += 1
@@ -70,8 +82,18 @@ def fault_lines(faults: Iterable[Fault]) -> list[str]:
             lines.append(f"{1e-9 * fault.start_ns:10.3f} s  {in_words(fault)}")
         elif shown[kind] == of_kind[kind]:
             more = of_kind[kind] - MOST_OF_A_KIND + 1
-            lines.append(f"{1e-9 * fault.start_ns:10.3f} s  {in_words(fault)}; {more - 1} more of the kind '{fault.kind}' before it")
-    return of_bag + lines + [f"{body} was not seen {number} times, {missing[body]} frames in all" for body, number in gaps.items()]
+            lines.append(
+                f"{1e-9 * fault.start_ns:10.3f} s  {in_words(fault)}; {more - 1} more of the kind"
+                f" '{fault.kind}' before it"
+            )
+    return (
+        of_bag
+        + lines
+        + [
+            f"{body} was not seen {number} times, {missing[body]} frames in all"
+            for body, number in gaps.items()
+        ]
+    )
 
 
 def in_words(fault: Fault) -> str:
@@ -79,7 +101,10 @@ def in_words(fault: Fault) -> str:
     if fault.kind == BAG:
         return f"{fault.body}: {fault.message}" + (f" ({fault.remedy})" if fault.remedy else "")
     remedy = f"; in a mapping: {fault.body}: {{{fault.remedy}}}" if fault.remedy else ""
-    return f"{fault.body}: {fault.message}{remedy}{'' if fault.repaired or fault.is_information else ' (NOT REPAIRED)'}"
+    return (
+        f"{fault.body}:"
+        f" {fault.message}{remedy}{'' if fault.repaired or fault.is_information else ' (NOT REPAIRED)'}"
+    )
 
 
 def spans(mask: np.ndarray) -> list[tuple[int, int]]:

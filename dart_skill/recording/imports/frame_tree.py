@@ -1,7 +1,8 @@
-"""Frames of a bag and the transforms between them over time, as /tf and /tf_static tell them (REP 105, tf2).
+"""Frames of a bag and the transforms between them over time, as /tf and /tf_static tell them (REP
+105, tf2).
 
-As in tf2 a transform is interpolated between two messages and known neither before the first nor after the last. One that never
-changes holds at all times.
+As in tf2 a transform is interpolated between two messages and known neither before the first nor
+after the last. One that never changes holds at all times.
 """
 
 from __future__ import annotations
@@ -16,7 +17,14 @@ from typing import Any
 import numpy as np
 
 from dart_skill.common.constants import NS_PER_S
-from dart_skill.common.quaternions import CONJUGATE, from_vectors, product, rotate, to_vectors, unit
+from dart_skill.common.quaternions import (
+    CONJUGATE,
+    from_vectors,
+    product,
+    rotate,
+    to_vectors,
+    unit,
+)
 from dart_skill.recording.bags import BagReader, deserialize, typestore
 
 LONGEST_GAP_NS = NS_PER_S
@@ -38,7 +46,9 @@ class FrameTransform:
     rows: np.ndarray
 
     def at(self, instants: np.ndarray, by_log: bool) -> np.ndarray:
-        """The pose (n, 7) at instants (n,) [ns], nan where it is not known. by_log: whether they are log times instead of stamps."""
+        """The pose (n, 7) at instants (n,) [ns], nan where it is not known. by_log: whether they
+        are log times instead of stamps.
+        """
         if np.ptp(self.rows, axis=0).max() < SAME:
             return np.repeat(self.rows[:1], len(instants), axis=0)
         time, first = np.unique(self.log_ns if by_log else self.stamp_ns, return_index=True)
@@ -48,7 +58,12 @@ class FrameTransform:
         share = ((instants - time[after - 1]) / gap)[:, None]
         before, later = rows[after - 1], rows[after]
         turn = to_vectors(product(later[:, 3:], before[:, 3:] * CONJUGATE))
-        found = np.hstack([(1.0 - share) * before[:, :3] + share * later[:, :3], product(from_vectors(share * turn), before[:, 3:])])
+        found = np.hstack(
+            [
+                (1.0 - share) * before[:, :3] + share * later[:, :3],
+                product(from_vectors(share * turn), before[:, 3:]),
+            ]
+        )
         known = (instants >= time[0]) & (instants <= time[-1]) & (gap <= LONGEST_GAP_NS)
         return np.where(known[:, None], found, np.nan)
 
@@ -70,7 +85,9 @@ class FrameTree:
         """Whether transforms lead from one frame to another."""
         return bool(self._path(frame, target))
 
-    def moved(self, rows: np.ndarray, frame: str, target: str, instants: np.ndarray, by_log: bool = False) -> np.ndarray:
+    def moved(
+        self, rows: np.ndarray, frame: str, target: str, instants: np.ndarray, by_log: bool = False
+    ) -> np.ndarray:
         """Poses in another frame (n, 7), nan where a transform between them is not known.
 
         * rows: x, y, z, qx, qy, qz, qw of each pose (n, 7) in `frame` [m].
@@ -85,15 +102,23 @@ class FrameTree:
         for one, following in pairwise(path):
             if (following, one) in self._transforms:
                 pose = self._transforms[following, one].at(instants, by_log)
-                position, quaternion = rotate(pose[:, 3:], position) + pose[:, :3], product(pose[:, 3:], quaternion)
+                position, quaternion = (
+                    rotate(pose[:, 3:], position) + pose[:, :3],
+                    product(pose[:, 3:], quaternion),
+                )
             else:
                 pose = self._transforms[one, following].at(instants, by_log)
                 back = pose[:, 3:] * CONJUGATE
-                position, quaternion = rotate(back, position - pose[:, :3]), product(back, quaternion)
+                position, quaternion = (
+                    rotate(back, position - pose[:, :3]),
+                    product(back, quaternion),
+                )
         return np.hstack([position, quaternion])
 
     def _path(self, frame: str, target: str) -> list[str]:
-        """Names of the frames from one to the other, both included; empty if nothing connects them."""
+        """Names of the frames from one to the other, both included; empty if nothing connects
+        them.
+        """
         reached = {frame: [frame]}
         for name in (waiting := [frame]):
             for neighbour in self._neighbours[name]:
@@ -104,14 +129,23 @@ class FrameTree:
 
 
 def read_frame_tree(path: Path) -> FrameTree:
-    """The frames of a bag, from every topic that is called tf or tf_static in whichever namespace; BagError."""
+    """The frames of a bag, from every topic that is called tf or tf_static in whichever namespace;
+    BagError.
+    """
     told: defaultdict[tuple[str, str], list[tuple[int, int, Any]]] = defaultdict(list)
     with BagReader(path, typestore) as bag:
-        topics = [name for name, one in bag.topics.items() if one.type_name.endswith("/TFMessage") and _is_tf(name)]
+        topics = [
+            name
+            for name, one in bag.topics.items()
+            if one.type_name.endswith("/TFMessage") and _is_tf(name)
+        ]
         for message in bag.messages(topics, decode=False) if topics else ():
             for one in deserialize(bag.types, message.type_name, message.data).transforms:
                 stamp = one.header.stamp.sec * NS_PER_S + one.header.stamp.nanosec
-                edge = (one.header.frame_id.removeprefix("/"), one.child_frame_id.removeprefix("/"))
+                edge = (
+                    one.header.frame_id.removeprefix("/"),
+                    one.child_frame_id.removeprefix("/"),
+                )
                 told[edge].append((stamp, message.stamp_ns, one.transform))
     found = {edge: _transform(of_this) for edge, of_this in told.items()}
     return FrameTree({edge: one for edge, one in found.items() if len(one.rows)})
@@ -129,4 +163,6 @@ def _transform(told: Iterable[tuple[int, int, Any]]) -> FrameTransform:
     known = np.isfinite(rows).all(axis=1) & (np.abs(rows[:, 3:]).max(axis=1) > 0.0)
     rows = rows[known]
     rows[:, 3:] = unit(rows[:, 3:])
-    return FrameTransform(np.array(stamps, dtype=np.int64)[known], np.array(log, dtype=np.int64)[known], rows)
+    return FrameTransform(
+        np.array(stamps, dtype=np.int64)[known], np.array(log, dtype=np.int64)[known], rows
+    )

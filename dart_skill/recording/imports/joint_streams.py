@@ -1,7 +1,9 @@
-"""The arm's joint states out of all that was published on their topic: by gripper, other arm and twin as well as by the arm.
+"""The arm's joint states out of all that was published on their topic: by gripper, other arm and
+twin as well as by the arm.
 
-Each message is read by its own names (`joint_layout`). Messages that are laid out alike are one voice. Those that name the arm's joints are
-taken; where two voices contradict each other, it must be clear which one is the arm's, or a mapping says it.
+Each message is read by its own names (`joint_layout`). Messages that are laid out alike are one
+voice. Those that name the arm's joints are taken; where two voices contradict each other, it must
+be clear which one is the arm's, or a mapping says it.
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ from dart_skill.recording.joint_state import JointLayout, joint_layout
 JOINTS = "joints"
 """What the arm's joints are called in faults and in a mapping."""
 APART = 0.02
-"""Positions that are farther apart are not the same: of an arm that moves less than a radian [rad], else of its range."""
+"""Positions that are farther apart are not the same: of an arm that moves less than a radian
+[rad], else of its range.
+"""
 AT_ONCE_NS = 250_000_000
 """Messages that are nearer to each other in time can be compared [ns]."""
 SILENCE_NS = 1_000_000_000
@@ -57,7 +61,8 @@ class States:
     """Rows of the arm's joints, in the order of recording, as they were recorded.
 
     * stamp_ns, log_ns: (n,) [ns].
-    * position, velocity: (n, 7) [rad], [rad/s], in the senses and from the zeros that were recorded; nan where nobody said it.
+    * position, velocity: (n, 7) [rad], [rad/s], in the senses and from the zeros that were
+      recorded; nan where nobody said it.
     * names: of the joints; may be empty.
     * faults: what else was on the topic, and what is wrong.
     """
@@ -74,7 +79,10 @@ class States:
 
     def take(self, index: np.ndarray) -> States:
         """The rows of an index array or mask."""
-        columns = {name: getattr(self, name)[index] for name in ("stamp_ns", "log_ns", "position", "velocity")}
+        columns = {
+            name: getattr(self, name)[index]
+            for name in ("stamp_ns", "log_ns", "position", "velocity")
+        }
         return replace(self, **columns)
 
 
@@ -82,7 +90,8 @@ class States:
 class _Voice:
     """Messages of one topic that are laid out alike.
 
-    * names: of all joints that they name; n_velocities: how many of those they have; frame: of their header.
+    * names: of all joints that they name; n_velocities: how many of those they have; frame: of
+      their header.
     * index: places among all messages (n,), ascending; stamp_ns, log_ns: (n,).
     * position, velocity: (n, k).
     """
@@ -103,40 +112,63 @@ class _Voice:
         return len(self.index)
 
     def take(self, kept: np.ndarray) -> _Voice:
-        columns = {name: getattr(self, name)[kept] for name in ("index", "stamp_ns", "log_ns", "position", "velocity")}
+        columns = {
+            name: getattr(self, name)[kept]
+            for name in ("index", "stamp_ns", "log_ns", "position", "velocity")
+        }
         return replace(self, **columns)
 
     def __str__(self) -> str:
         names = f"{_listed(self.names)}" if self.names else "no joint by name"
         speeds = "" if self.n_velocities else ", no velocities"
-        return f"{len(self)} messages that list {names}{speeds}{f', in frame {self.frame!r}' if self.frame else ''}"
+        return (
+            f"{len(self)} messages that list"
+            f" {names}{speeds}{f', in frame {self.frame!r}' if self.frame else ''}"
+        )
 
 
 def read_states(
-    messages: Sequence[BagMessage], types: Any, decode: Callable[[BagMessage], Any], where: SignalSource, stamp_of: Callable[[Any], int]
+    messages: Sequence[BagMessage],
+    types: Any,
+    decode: Callable[[BagMessage], Any],
+    where: SignalSource,
+    stamp_of: Callable[[Any], int],
 ) -> States:
     """The arm's joint states among the messages of a topic.
 
     * messages: of the topic, in the order of recording.
     * types: that know them.
     * decode: a message that has to be read by itself.
-    * where: names the joints that are meant, if they are not those of config/wam.yaml, and the voice.
+    * where: names the joints that are meant, if they are not those of config/wam.yaml, and the
+      voice.
     * stamp_of: stamp of a decoded message [ns].
 
     ValueError says what was seen where it is not clear which joints are the arm's.
     """
     voices = _voices(messages, types, decode, stamp_of, ANGLE_UNITS[where.angle])
     if not voices:
-        return States(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, N_JOINTS)), np.empty((0, N_JOINTS)), where.names)
-    asked = [one for one in voices if where.frame in ("", one.frame) and where.listed in ((), one.names)]
+        return States(
+            np.empty(0, np.int64),
+            np.empty(0, np.int64),
+            np.empty((0, N_JOINTS)),
+            np.empty((0, N_JOINTS)),
+            where.names,
+        )
+    asked = [
+        one for one in voices if where.frame in ("", one.frame) and where.listed in ((), one.names)
+    ]
     if not asked:
-        raise ValueError(f"{where.topic}: no message as the mapping describes it, only {_seen(voices)}")
+        raise ValueError(
+            f"{where.topic}: no message as the mapping describes it, only {_seen(voices)}"
+        )
     namings = [where.names] if where.names else _namings(asked, where.topic)
     states, taken = _rows(asked, namings, where)
     return replace(states, faults=(*states.faults, *_of_others(voices, taken, states)))
 
 
-def joint_stream(states: States, stamps: np.ndarray, where: SignalSource) -> tuple[JointStream, list[Fault]]:
+def joint_stream(
+    states: States, stamps: np.ndarray, where: SignalSource
+) -> tuple[JointStream, list[Fault]]:
     """The states in our angles with their velocities, and what was missing of these.
 
     * states: as they were recorded; stamps: of each (n,) [ns].
@@ -153,12 +185,18 @@ def joint_stream(states: States, stamps: np.ndarray, where: SignalSource) -> tup
 
 
 def _voices(
-    messages: Sequence[BagMessage], types: Any, decode: Callable[[BagMessage], Any], stamp_of: Callable[[Any], int], scale: float
+    messages: Sequence[BagMessage],
+    types: Any,
+    decode: Callable[[BagMessage], Any],
+    stamp_of: Callable[[Any], int],
+    scale: float,
 ) -> list[_Voice]:
     if not messages:
         return []
     decode(messages[0])  # or it says what is wrong with it
-    found, left = columns_by_layout(types, messages[0].type_name, [message.data for message in messages])
+    found, left = columns_by_layout(
+        types, messages[0].type_name, [message.data for message in messages]
+    )
     log_ns = np.array([message.stamp_ns for message in messages], dtype=np.int64)
     parts: dict[tuple, list[tuple]] = {}
     for columns in found:
@@ -168,11 +206,17 @@ def _voices(
         parts.setdefault(_key(first), []).append((columns.index, columns.stamps, *numbers))
     for k in left:
         one = decode(messages[k])
-        numbers = np.array(one.position, dtype=float)[None], np.array(one.velocity, dtype=float)[None]
+        numbers = (
+            np.array(one.position, dtype=float)[None],
+            np.array(one.velocity, dtype=float)[None],
+        )
         parts.setdefault(_key(one), []).append(([k], [stamp_of(one)], *numbers))
     voices = []
     for (names, frame, _, n_velocities), several in parts.items():
-        index, stamps, position, velocity = (np.concatenate([np.asarray(part) for part in column]) for column in zip(*several, strict=True))
+        index, stamps, position, velocity = (
+            np.concatenate([np.asarray(part) for part in column])
+            for column in zip(*several, strict=True)
+        )
         order = np.argsort(index)
         index = index[order].astype(int)
         voices.append(
@@ -191,47 +235,76 @@ def _voices(
 
 
 def _key(message: Any) -> tuple:
-    return tuple(message.name), message.header.frame_id, len(message.position), len(message.velocity)
+    return (
+        tuple(message.name),
+        message.header.frame_id,
+        len(message.position),
+        len(message.velocity),
+    )
 
 
 # which joints are meant
 
 
 def _namings(voices: list[_Voice], topic: str) -> list[tuple[str, ...]]:
-    """What the arm's joints are called, by falling right: those of config/wam.yaml; these with something before or behind; the only seven.
+    """What the arm's joints are called, by falling right: those of config/wam.yaml; these with
+    something before or behind; the only seven.
 
     ValueError where several names would do as well.
     """
     ours, told = joint_names(), {name for voice in voices for name in voice.names}
-    variants = [tuple(f"{before}{name}{behind}" for name in ours) for before, behind in _additions(told, ours[0])]
+    variants = [
+        tuple(f"{before}{name}{behind}" for name in ours)
+        for before, behind in _additions(told, ours[0])
+    ]
     variants = [one for one in variants if set(one) <= told]
     if set(ours) <= told:
         return [ours, *(one for one in variants if one != ours)]
     if variants:
         return _unless_at_once(variants, voices, topic)
-    sevens = {frozenset(voice.names): voice.names for voice in reversed(voices) if len(set(voice.names)) == N_JOINTS}
+    sevens = {
+        frozenset(voice.names): voice.names
+        for voice in reversed(voices)
+        if len(set(voice.names)) == N_JOINTS
+    }
     if sevens:
         return _unless_at_once(list(sevens.values())[::-1], voices, topic)
     if any(not voice.names and voice.position.shape[1] == N_JOINTS for voice in voices):
         return [()]
     if set(ours) & told:
         return [ours]
-    raise ValueError(f"{topic}: {_seen(voices)}: name the arm's joints in a mapping, joints: {{topic: {topic}, names: [...]}}")
+    raise ValueError(
+        f"{topic}: {_seen(voices)}: name the arm's joints in a mapping, joints: {{topic: {topic},"
+        " names: [...]}"
+    )
 
 
 def _additions(told: set[str], first: str) -> list[tuple[str, str]]:
-    """What stands before and behind the name of the first joint wherever it is a part of another name."""
-    return sorted((name[: name.index(first)], name[name.index(first) + len(first) :]) for name in told if first in name)
+    """What stands before and behind the name of the first joint wherever it is a part of another
+    name.
+    """
+    return sorted(
+        (name[: name.index(first)], name[name.index(first) + len(first) :])
+        for name in told
+        if first in name
+    )
 
 
-def _unless_at_once(namings: list[tuple[str, ...]], voices: list[_Voice], topic: str) -> list[tuple[str, ...]]:
+def _unless_at_once(
+    namings: list[tuple[str, ...]], voices: list[_Voice], topic: str
+) -> list[tuple[str, ...]]:
     """Names, of which several must not have been used at the same time."""
     times = [_log_of(voices, names) for names in namings]
     for k, one in enumerate(times):
         for j in range(k):
             if _are_at_once(one, times[j]):
-                lines = " or ".join(f"joints: {{topic: {topic}, names: [{', '.join(namings[i])}]}}" for i in (j, k))
-                raise ValueError(f"{topic}: {_seen(voices)}: which of them is the arm? Say it in a mapping, {lines}")
+                lines = " or ".join(
+                    f"joints: {{topic: {topic}, names: [{', '.join(namings[i])}]}}" for i in (j, k)
+                )
+                raise ValueError(
+                    f"{topic}: {_seen(voices)}: which of them is the arm? Say it in a mapping,"
+                    f" {lines}"
+                )
     return namings
 
 
@@ -241,36 +314,64 @@ def _log_of(voices: list[_Voice], names: tuple[str, ...]) -> np.ndarray:
 
 
 def _are_at_once(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether somebody spoke while somebody else did: log times (n,), (m,), ascending, of both [ns]."""
+    """Whether somebody spoke while somebody else did: log times (n,), (m,), ascending, of both
+    [ns].
+    """
     if not (len(one) and len(other)):
         return False
     after = np.searchsorted(one, other)
     inside = (after > 0) & (after < len(one))
-    between = one[np.clip(after, 1, len(one) - 1)] - one[np.clip(after, 1, len(one) - 1) - 1] if len(one) > 1 else np.zeros(len(other))
+    between = (
+        one[np.clip(after, 1, len(one) - 1)] - one[np.clip(after, 1, len(one) - 1) - 1]
+        if len(one) > 1
+        else np.zeros(len(other))
+    )
     return bool(np.any(inside & (between < SILENCE_NS)))
 
 
 def _seen(voices: Sequence[_Voice]) -> str:
-    return "; ".join(map(str, voices[:6])) + (f"; {len(voices) - 6} other kinds" if len(voices) > 6 else "")
+    return "; ".join(map(str, voices[:6])) + (
+        f"; {len(voices) - 6} other kinds" if len(voices) > 6 else ""
+    )
 
 
 def _listed(names: Sequence[str], most: int = 12) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+    return ", ".join(names[:most]) + (
+        f" and {len(names) - most} more" if len(names) > most else ""
+    )
 
 
 # the rows
 
 
-def _rows(voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSource) -> tuple[States, list[tuple[str, ...]]]:
-    """Rows of the joints that are called so, and what they are called; those of a later naming only where the earlier ones are silent."""
+def _rows(
+    voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSource
+) -> tuple[States, list[tuple[str, ...]]]:
+    """Rows of the joints that are called so, and what they are called; those of a later naming
+    only where the earlier ones are silent.
+    """
     parts: list[States] = []
     taken = []
     for names in namings:
         rows = _rows_of(voices, names, where)
-        before = np.sort(np.concatenate([part.log_ns for part in parts])) if parts else np.empty(0, np.int64)
-        if len(rows) and not _are_at_once(before, rows.log_ns) and not _are_at_once(rows.log_ns, before):
+        before = (
+            np.sort(np.concatenate([part.log_ns for part in parts]))
+            if parts
+            else np.empty(0, np.int64)
+        )
+        if (
+            len(rows)
+            and not _are_at_once(before, rows.log_ns)
+            and not _are_at_once(rows.log_ns, before)
+        ):
             if parts:
-                rows = replace(rows, faults=(*rows.faults, _note(rows, len(rows), f"from here on they are called {_listed(names)}")))
+                rows = replace(
+                    rows,
+                    faults=(
+                        *rows.faults,
+                        _note(rows, len(rows), f"from here on they are called {_listed(names)}"),
+                    ),
+                )
             parts.append(rows)
             taken.append(names)
     if not parts:
@@ -279,19 +380,46 @@ def _rows(voices: list[_Voice], namings: list[tuple[str, ...]], where: SignalSou
 
 
 def _rows_of(voices: list[_Voice], names: tuple[str, ...], where: SignalSource) -> States:
-    """Rows of the arm's joints under some names; without a name those of messages that name nothing."""
-    whole = [voice for voice in voices if (not names and not voice.names) or voice.layout(names).order is not None]
+    """Rows of the arm's joints under some names; without a name those of messages that name
+    nothing.
+    """
+    whole = [
+        voice
+        for voice in voices
+        if (not names and not voice.names) or voice.layout(names).order is not None
+    ]
     if not names or not whole:
-        unnamed = [voice for voice in voices if not voice.names and voice.position.shape[1] == N_JOINTS]
-        whole = whole or (unnamed if not any(set(names) & set(voice.names) for voice in voices) else [])
-    return _unanimous(whole, [_row_states(voice, names) for voice in whole], where) if whole else _numbered(_joined(voices, names))
+        unnamed = [
+            voice for voice in voices if not voice.names and voice.position.shape[1] == N_JOINTS
+        ]
+        whole = whole or (
+            unnamed if not any(set(names) & set(voice.names) for voice in voices) else []
+        )
+    return (
+        _unanimous(whole, [_row_states(voice, names) for voice in whole], where)
+        if whole
+        else _numbered(_joined(voices, names))
+    )
 
 
 def _row_states(voice: _Voice, names: tuple[str, ...]) -> States:
     if not voice.names:
-        velocity = voice.velocity if voice.velocity.shape == voice.position.shape else np.full_like(voice.position, np.nan)
+        velocity = (
+            voice.velocity
+            if voice.velocity.shape == voice.position.shape
+            else np.full_like(voice.position, np.nan)
+        )
         states = States(voice.stamp_ns, voice.log_ns, voice.position, velocity, names)
-        return replace(states, faults=(_note(states, len(states), "no names were recorded: they are taken to be in the arm's order"),))
+        return replace(
+            states,
+            faults=(
+                _note(
+                    states,
+                    len(states),
+                    "no names were recorded: they are taken to be in the arm's order",
+                ),
+            ),
+        )
     position, velocity = voice.layout(names).row(voice.position, voice.velocity)
     return States(voice.stamp_ns, voice.log_ns, position, velocity, names)
 
@@ -299,14 +427,18 @@ def _row_states(voice: _Voice, names: tuple[str, ...]) -> States:
 def _merged(parts: Sequence[States]) -> States:
     """Rows of several, in the order of recording."""
     stamps, log_ns, position, velocity = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("stamp_ns", "log_ns", "position", "velocity")
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("stamp_ns", "log_ns", "position", "velocity")
     )
     faults = tuple(fault for part in parts for fault in part.faults)
-    return States(stamps, log_ns, position, velocity, parts[0].names, faults).take(np.argsort(log_ns, kind="stable"))
+    return States(stamps, log_ns, position, velocity, parts[0].names, faults).take(
+        np.argsort(log_ns, kind="stable")
+    )
 
 
 def _unanimous(voices: list[_Voice], rows: list[States], where: SignalSource) -> States:
-    """All rows, without those of a publisher that says the same all the time while the others move.
+    """All rows, without those of a publisher that says the same all the time while the others
+    move.
 
     ValueError where two contradict each other, and nothing tells which of them is the arm's.
     """
@@ -321,7 +453,9 @@ def _unanimous(voices: list[_Voice], rows: list[States], where: SignalSource) ->
             continue
         if len(kept) > 1:
             one, other = sorted(sorted(kept, key=lambda k: -len(rows[k]))[:2])
-            raise ValueError(_contradiction(voices[one], voices[other], rows[one], rows[other], where))
+            raise ValueError(
+                _contradiction(voices[one], voices[other], rows[one], rows[other], where)
+            )
         merged, found = _without_constant(merged, back, where)
         faults.append(found)
     return replace(merged, faults=(*merged.faults, *faults))
@@ -334,7 +468,10 @@ def _is_still(position: np.ndarray) -> bool:
 
 def _apart(position: np.ndarray) -> float:
     """What makes two positions different, in their unit."""
-    return APART * max(1.0, float(np.nanmax(np.nanmax(position, axis=0) - np.nanmin(position, axis=0), initial=0.0)))
+    return APART * max(
+        1.0,
+        float(np.nanmax(np.nanmax(position, axis=0) - np.nanmin(position, axis=0), initial=0.0)),
+    )
 
 
 def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -342,8 +479,11 @@ def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=1)
 
 
-def _without_constant(states: States, back: np.ndarray, where: SignalSource) -> tuple[States, Fault]:
-    """Without the rows of a second publisher that says the same all the time, in messages that look like those of the first.
+def _without_constant(
+    states: States, back: np.ndarray, where: SignalSource
+) -> tuple[States, Fault]:
+    """Without the rows of a second publisher that says the same all the time, in messages that
+    look like those of the first.
 
     back: rows that leap away and back (k,). ValueError if a second one moves, too.
     """
@@ -353,9 +493,10 @@ def _without_constant(states: States, back: np.ndarray, where: SignalSource) -> 
         return states.take(~same), _silenced(states.take(same), f"{int(same.sum())} messages")
     k = back[len(back) // 2]
     raise ValueError(
-        f"{where.topic}: two publishers give different positions of the same joints, {np.round(states.position[k - 1], 3).tolist()} and "
-        f"{np.round(states.position[k], 3).tolist()} at {1e-9 * states.stamp_ns[k]:.3f} s, in messages that nothing tells apart: "
-        "record them on topics of their own"
+        f"{where.topic}: two publishers give different positions of the same joints,"
+        f" {np.round(states.position[k - 1], 3).tolist()} and"
+        f" {np.round(states.position[k], 3).tolist()} at {1e-9 * states.stamp_ns[k]:.3f} s, in"
+        " messages that nothing tells apart: record them on topics of their own"
     )
 
 
@@ -370,7 +511,9 @@ def _leaps_back(states: States) -> np.ndarray:
     back = np.full(len(leap), np.inf)
     for ahead in range(2, min(6, len(q))):
         later = np.minimum(np.arange(len(leap)) + ahead, len(q) - 1)
-        back = np.minimum(back, np.where(log[later] - log[:-2] < AT_ONCE_NS, _turns(q[later], q[:-2]), np.inf))
+        back = np.minimum(
+            back, np.where(log[later] - log[:-2] < AT_ONCE_NS, _turns(q[later], q[:-2]), np.inf)
+        )
     return np.flatnonzero((leap > apart) & (back < 0.25 * leap)) + 1
 
 
@@ -378,58 +521,102 @@ def _silenced(rows: States, voice: str) -> Fault:
     value = np.round(rows.position[0], 3).tolist()
     said = "zeros" if not rows.position[0].any() else f"always {value}"
     text = f"{voice} say {said} while the others move: another publisher's, left out"
-    return Fault("other_publisher", JOINTS, int(rows.stamp_ns[0]), int(rows.stamp_ns[-1]), len(rows), text, True)
+    return Fault(
+        "other_publisher",
+        JOINTS,
+        int(rows.stamp_ns[0]),
+        int(rows.stamp_ns[-1]),
+        len(rows),
+        text,
+        True,
+    )
 
 
-def _contradiction(one: _Voice, other: _Voice, rows: States, others: States, where: SignalSource) -> str:
+def _contradiction(
+    one: _Voice, other: _Voice, rows: States, others: States, where: SignalSource
+) -> str:
     near = int(np.argmin(np.abs(rows.log_ns - others.log_ns[len(others) // 2])))
-    said = [np.round(part.position[k], 3).tolist() for part, k in ((rows, near), (others, len(others) // 2))]
-    text = f"{where.topic}: two publishers contradict each other of the arm's joints: {one}, and {other}; {said[0]} against {said[1]}"
+    said = [
+        np.round(part.position[k], 3).tolist()
+        for part, k in ((rows, near), (others, len(others) // 2))
+    ]
+    text = (
+        f"{where.topic}: two publishers contradict each other of the arm's joints: {one}, and"
+        f" {other}; {said[0]} against {said[1]}"
+    )
     if one.names != other.names:
-        lines = " or ".join(f"joints: {{topic: {where.topic}, listed: [{', '.join(voice.names)}]}}" for voice in (one, other))
+        lines = " or ".join(
+            f"joints: {{topic: {where.topic}, listed: [{', '.join(voice.names)}]}}"
+            for voice in (one, other)
+        )
     elif one.frame != other.frame:
-        lines = " or ".join(f"joints: {{topic: {where.topic}, frame: {voice.frame or '(none)'}}}" for voice in (one, other))
+        lines = " or ".join(
+            f"joints: {{topic: {where.topic}, frame: {voice.frame or '(none)'}}}"
+            for voice in (one, other)
+        )
     else:
         return f"{text}: record them on topics of their own"
     return f"{text}: say which is meant in a mapping, {lines}"
 
 
 def _joined(voices: list[_Voice], names: tuple[str, ...]) -> States:
-    """Rows from messages each of which has a part of the joints: at the instants of those that came most often, the other joints on
-    straight lines between the messages around.
+    """Rows from messages each of which has a part of the joints: at the instants of those that
+    came most often, the other joints on straight lines between the messages around.
     """
     parts = []
     for voice in voices:
-        joints = [k for k, name in enumerate(names) if voice.names.count(name) == 1] if voice.position.shape[1] == len(voice.names) else []
+        joints = (
+            [k for k, name in enumerate(names) if voice.names.count(name) == 1]
+            if voice.position.shape[1] == len(voice.names)
+            else []
+        )
         if joints:
             parts.append((joints, voice, [voice.names.index(names[k]) for k in joints]))
     covered = {k for joints, _, _ in parts for k in joints}
-    empty = States(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, N_JOINTS)), np.empty((0, N_JOINTS)), names)
+    empty = States(
+        np.empty(0, np.int64),
+        np.empty(0, np.int64),
+        np.empty((0, N_JOINTS)),
+        np.empty((0, N_JOINTS)),
+        names,
+    )
     if len(covered) < N_JOINTS:
         return empty
     base = max(parts, key=lambda part: len(part[1]))[1]
     position, velocity = np.full((2, len(base), N_JOINTS), np.nan)
     for k in range(N_JOINTS):
-        saying = max((part for part in parts if k in part[0]), key=lambda part: (part[1] is base, len(part[1])))
+        saying = max(
+            (part for part in parts if k in part[0]),
+            key=lambda part: (part[1] is base, len(part[1])),
+        )
         voice, place = saying[1], saying[2][saying[0].index(k)]
         position[:, k] = _between(base.stamp_ns, voice.stamp_ns, voice.position[:, place])
         if voice.n_velocities == len(voice.names):
             velocity[:, k] = _between(base.stamp_ns, voice.stamp_ns, voice.velocity[:, place])
     states = States(base.stamp_ns, base.log_ns, position, velocity, names)
     others = [names[k] for k in range(N_JOINTS) if names[k] not in base.names]
-    text = f"{', '.join(others)} come in messages of their own: taken at the instants of the others, on straight lines between two of them"
+    text = (
+        f"{', '.join(others)} come in messages of their own: taken at the instants of the others,"
+        " on straight lines between two of them"
+    )
     return replace(states, faults=(_note(states, len(states), text),))
 
 
 def _between(at: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values at instants (n,) on straight lines between samples (m,); nan where these are too far apart."""
+    """Values at instants (n,) on straight lines between samples (m,); nan where these are too far
+    apart.
+    """
     order = np.argsort(stamps, kind="stable")
     stamps, values = stamps[order], values[order]
     origin = int(stamps[0])
     found = np.interp((at - origin).astype(float), (stamps - origin).astype(float), values)
     after = np.clip(np.searchsorted(stamps, at), 0, len(stamps) - 1)
     before = np.maximum(after - 1, 0)
-    near = (stamps[after] == at) | ((at > stamps[before]) & (at < stamps[after]) & (stamps[after] - stamps[before] < AT_ONCE_NS))
+    near = (stamps[after] == at) | (
+        (at > stamps[before])
+        & (at < stamps[after])
+        & (stamps[after] - stamps[before] < AT_ONCE_NS)
+    )
     return np.where(near, found, np.nan)
 
 
@@ -438,9 +625,14 @@ def _why_none(voices: list[_Voice], namings: list[tuple[str, ...]], where: Signa
     names = namings[0] or joint_names()
     told = {name for voice in voices for name in voice.names}
     if missing := [name for name in names if name not in told]:
-        return f"{where.topic}: no joint '{missing[0]}', only {sorted(told)}: name the arm's joints in a mapping"
+        return (
+            f"{where.topic}: no joint '{missing[0]}', only {sorted(told)}: name the arm's joints"
+            " in a mapping"
+        )
     reasons = Counter({voice.layout(names).why: len(voice) for voice in voices})
-    return f"{where.topic}: no message has the arm's joints: " + "; ".join(f"{n} times: {why}" for why, n in reasons.most_common(3) if why)
+    return f"{where.topic}: no message has the arm's joints: " + "; ".join(
+        f"{n} times: {why}" for why, n in reasons.most_common(3) if why
+    )
 
 
 def _numbered(states: States) -> States:
@@ -452,9 +644,15 @@ def _numbered(states: States) -> States:
     if len(never) or not known.any():
         names = states.names or joint_names()
         which = f"joint {names[never[0]]} never has" if len(never) else "no state has"
-        raise ValueError(f"{which} a position that is a number, in {len(states)} joint states: look at the driver")
+        raise ValueError(
+            f"{which} a position that is a number, in {len(states)} joint states: look at the"
+            " driver"
+        )
     gone = states.stamp_ns[~known]
-    text = f"{len(gone)} states lack the position of a joint (not a number, or nobody said it): left out"
+    text = (
+        f"{len(gone)} states lack the position of a joint (not a number, or nobody said it):"
+        " left out"
+    )
     fault = Fault("not_finite", JOINTS, int(gone[0]), int(gone[-1]), len(gone), text, True)
     return replace(states.take(known), faults=(*states.faults, fault))
 
@@ -462,15 +660,21 @@ def _numbered(states: States) -> States:
 # what else was on the topic
 
 
-def _of_others(voices: list[_Voice], namings: list[tuple[str, ...]], states: States) -> list[Fault]:
-    """A note for all joints that are not the arm's, and one for all messages that are no use. namings: that were taken."""
+def _of_others(
+    voices: list[_Voice], namings: list[tuple[str, ...]], states: States
+) -> list[Fault]:
+    """A note for all joints that are not the arm's, and one for all messages that are no use.
+    namings: that were taken.
+    """
     used = {name for names in namings for name in names}
     notes = []
     foreign: Counter[str] = Counter()
     useless: Counter[str] = Counter()
     for voice in voices:
         layouts = [voice.layout(names) for names in namings if names]
-        layout = None if not layouts or any(one.order is not None for one in layouts) else layouts[0]
+        layout = (
+            None if not layouts or any(one.order is not None for one in layouts) else layouts[0]
+        )
         for name in dict.fromkeys(voice.names):
             if name not in used:
                 foreign[name] += len(voice)
@@ -484,32 +688,64 @@ def _of_others(voices: list[_Voice], namings: list[tuple[str, ...]], states: Sta
     if not any("messages of their own" in fault.message for fault in states.faults):
         notes += [_note(states, n, f"{n} messages left out: {why}") for why, n in useless.items()]
     if namings[0] and namings[0] != joint_names():
-        notes.append(_note(states, len(states), f"the joints of the arm are taken to be {_listed(namings[0])}, in this order"))
+        notes.append(
+            _note(
+                states,
+                len(states),
+                f"the joints of the arm are taken to be {_listed(namings[0])}, in this order",
+            )
+        )
     return notes
 
 
 def _note(states: States, count: int, text: str) -> Fault:
     stamps = states.stamp_ns
-    return Fault(NOTE, JOINTS, int(stamps[0]) if len(stamps) else 0, int(stamps[-1]) if len(stamps) else 0, count, text, True)
+    return Fault(
+        NOTE,
+        JOINTS,
+        int(stamps[0]) if len(stamps) else 0,
+        int(stamps[-1]) if len(stamps) else 0,
+        count,
+        text,
+        True,
+    )
 
 
 # velocities
 
 
-def _with_speeds(stamps: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, list[Fault]]:
-    """Velocities (n, 7), those that were not recorded by differences of positions, and what was not."""
+def _with_speeds(
+    stamps: np.ndarray, position: np.ndarray, velocity: np.ndarray
+) -> tuple[np.ndarray, list[Fault]]:
+    """Velocities (n, 7), those that were not recorded by differences of positions, and what was
+    not.
+    """
     if not velocity.size:
         return velocity, []
     moves = np.nanmax(position, axis=0) - np.nanmin(position, axis=0) > MOVES
-    zero = moves & (np.nan_to_num(velocity, nan=0.0) == 0.0).all(axis=0) & np.isfinite(velocity).any(axis=0)
+    zero = (
+        moves
+        & (np.nan_to_num(velocity, nan=0.0) == 0.0).all(axis=0)
+        & np.isfinite(velocity).any(axis=0)
+    )
     missing = ~np.isfinite(velocity) | zero
     if not missing.any() or len(stamps) < 2:
         return velocity, []
-    text = "velocities were not recorded" if np.isnan(velocity).all() else f"{int(missing.any(axis=1).sum())} states lack velocities"
+    text = (
+        "velocities were not recorded"
+        if np.isnan(velocity).all()
+        else f"{int(missing.any(axis=1).sum())} states lack velocities"
+    )
     if zero.any():
         text = f"velocities are zero for {int(zero.sum())} joints that move: taken as missing"
     fault = Fault(
-        NOTE, JOINTS, int(stamps[0]), int(stamps[-1]), int(missing.any(axis=1).sum()), f"{text}; from the positions instead", True
+        NOTE,
+        JOINTS,
+        int(stamps[0]),
+        int(stamps[-1]),
+        int(missing.any(axis=1).sum()),
+        f"{text}; from the positions instead",
+        True,
     )
     return np.where(missing, _speeds(stamps, position), velocity), [fault]
 
@@ -519,7 +755,9 @@ def _speeds(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
     speeds = np.zeros_like(position)
     order = np.argsort(stamps, kind="stable")
     order = order[np.diff(stamps[order], prepend=stamps[order[0]] - 1) > 0]
-    ends = np.concatenate([[0], np.flatnonzero(np.diff(stamps[order]) > STRETCH_NS) + 1, [len(order)]])
+    ends = np.concatenate(
+        [[0], np.flatnonzero(np.diff(stamps[order]) > STRETCH_NS) + 1, [len(order)]]
+    )
     for first, last in zip(ends[:-1], ends[1:], strict=True):
         rows = order[first:last]
         if len(rows) > 1:

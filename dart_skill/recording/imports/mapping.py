@@ -1,6 +1,8 @@
-"""What a recording from elsewhere calls its topics, files and columns, and in which axes and units it is: a YAML file, read strictly.
+"""What a recording from elsewhere calls its topics, files and columns, and in which axes and units
+it is: a YAML file, read strictly.
 
-docs/bags.md explains it, config/recordings/example.yaml has every key. Our own bags need none: `OWN`.
+docs/bags.md explains it, config/recordings/example.yaml has every key. Our own bags need none:
+`OWN`.
 """
 
 from __future__ import annotations
@@ -17,7 +19,13 @@ import yaml
 from dart_skill.common.constants import N_JOINTS, UNTURNED
 from dart_skill.common.world import ROLES, the_world
 from dart_skill.recording.imports.faults import Fault
-from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, RigidTransform, axes_matrix
+from dart_skill.recording.imports.pose_stream import (
+    AS_OURS,
+    UP_AXES,
+    Axes,
+    RigidTransform,
+    axes_matrix,
+)
 
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 """Nanoseconds of each unit of time."""
@@ -34,9 +42,15 @@ QUATERNION_ORDERS = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
 
 EULER_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 """Orders of three angles about the axes x, y, z."""
-ROTATIONS = {"helical": "", **{one: one for one in EULER_ORDERS}, **{f"fixed {one}": one.lower() for one in EULER_ORDERS}}
-"""How three numbers tell an orientation: as an axis that is as long as the angle, or as angles about the axes of the body, or about fixed
-axes, in this order; and the sequence of SciPy that is meant."""
+ROTATIONS = {
+    "helical": "",
+    **{one: one for one in EULER_ORDERS},
+    **{f"fixed {one}": one.lower() for one in EULER_ORDERS},
+}
+"""How three numbers tell an orientation: as an axis that is as long as the angle, or as angles
+about the axes of the body, or about fixed axes, in this order; and the sequence of SciPy that is
+meant.
+"""
 TABLE_KINDS = ("table", "csv")
 """Keys of a table of columns; both mean the same."""
 CAPTURE_KINDS = ("capture", "motive")
@@ -56,7 +70,8 @@ class Clock:
     * is_regular: whether samples are evenly spaced, whatever their stamps say.
     * shift_ns: added to every stamp [ns].
     * drift: added to every stamp, as a share of the time since the first one.
-    * steps: stamp at which the clock was set, as recorded, and what is added from then on, in order of recording [s].
+    * steps: stamp at which the clock was set, as recorded, and what is added from then on, in
+      order of recording [s].
     """
 
     source: str = "stamp"
@@ -67,7 +82,9 @@ class Clock:
     steps: tuple[tuple[float, float], ...] = ()
 
     def corrected(self, stamp_ns: np.ndarray) -> np.ndarray:
-        """Stamps (n,) [ns] with steps, drift and shift. stamp_ns: as they were recorded (n,) [ns], in the order of recording."""
+        """Stamps (n,) [ns] with steps, drift and shift. stamp_ns: as they were recorded (n,) [ns],
+        in the order of recording.
+        """
         stamps = np.array(stamp_ns, dtype=np.int64)
         row = 0
         for at, by in self.steps:
@@ -79,15 +96,23 @@ class Clock:
 
 
 def _row_of_step(stamps: np.ndarray, at: float, by: float) -> int:
-    """The first of stamps (n,), in the order of recording, after their clock went from `at` to `at - by` [ns]; n if none is.
+    """The first of stamps (n,), in the order of recording, after their clock went from `at` to `at
+    - by` [ns]; n if none is.
 
-    Of a clock that was set back they run back there; a body that was not seen meanwhile is silent there.
+    Of a clock that was set back they run back there; a body that was not seen meanwhile is silent
+    there.
     """
     before, after = np.concatenate([[-np.inf], stamps]), np.concatenate([stamps, [np.inf]])
     fits = (before <= at + 0.5 * abs(by)) & (after >= at - by - 0.5 * abs(by))
     holds = (before <= at - 0.5 * by) & (after >= at - 0.5 * by)
-    leap = np.clip((after - before) - float(np.median(np.diff(stamps))), -abs(by), 0.6 * abs(by)) if len(stamps) > 1 else 0.0
-    return int(np.argmax(np.where(fits, np.maximum(leap, -2.0 * leap) + 0.1 * abs(by) * holds, -1.0)))
+    leap = (
+        np.clip((after - before) - float(np.median(np.diff(stamps))), -abs(by), 0.6 * abs(by))
+        if len(stamps) > 1
+        else 0.0
+    )
+    return int(
+        np.argmax(np.where(fits, np.maximum(leap, -2.0 * leap) + 0.1 * abs(by) * holds, -1.0))
+    )
 
 
 @dataclass(frozen=True)
@@ -113,9 +138,11 @@ class CaptureFile:
     * file: its name, in the folder of the recording.
     * body: name of a rigid body, a bone or a marker.
     * markers: names of the markers that it carries, in place of the body.
-    * rotation: how its orientation is told, words of ROTATIONS and ANGLE_UNITS; empty: as the file says.
+    * rotation: how its orientation is told, words of ROTATIONS and ANGLE_UNITS; empty: as the file
+      says.
     * rate: frames per second, 0: as the file says [1/s].
-    * space: "global" if positions are those of the world, which a file may not say; empty: as the file says.
+    * space: "global" if positions are those of the world, which a file may not say; empty: as the
+      file says.
     """
 
     file: str
@@ -128,7 +155,8 @@ class CaptureFile:
 
 @dataclass(frozen=True)
 class PoseSource:
-    """Where the poses of a body come from: a topic, a table, a file of motion capture, or a fixed position.
+    """Where the poses of a body come from: a topic, a table, a file of motion capture, or a fixed
+    position.
 
     * topic: name of the topic; child: of which transform on it.
     * table: columns of a file.
@@ -136,14 +164,17 @@ class PoseSource:
     * fixed: a position that never changes (3,) [m].
     * frame: header.frame_id that is wanted, to which /tf takes other poses; "" for any.
     * axes: where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
-    * orientation_axes: the same for orientations, where a driver turns positions only; None: those of the positions.
+    * orientation_axes: the same for orientations, where a driver turns positions only; None: those
+      of the positions.
     * length: unit of lengths, of LENGTH_UNITS.
     * order: of the numbers of a quaternion, of QUATERNION_ORDERS.
-    * is_inverse: whether quaternions turn the axes of the world into those of the body, instead of the other way.
+    * is_inverse: whether quaternions turn the axes of the world into those of the body, instead of
+      the other way.
     * world: from the recorded axes, once they point like ours, to ours.
     * offset: the frame that we mean, in the axes of the tracked body.
     * clock: how stamps are read.
-    * told: which of up, xyz and length the mapping itself says: a file of motion capture may say them, too, or nobody does.
+    * told: which of up, xyz and length the mapping itself says: a file of motion capture may say
+      them, too, or nobody does.
     """
 
     topic: str = ""
@@ -172,18 +203,25 @@ class PoseSource:
     def is_plain(self) -> bool:
         """Whether the poses are in our axes already."""
         moved = any(t.position.any() or t.quaternion[:3].any() for t in (self.world, self.offset))
-        return self.axes == AS_OURS and self.orientation_axes in (None, AS_OURS) and not self.is_inverse and not moved
+        return (
+            self.axes == AS_OURS
+            and self.orientation_axes in (None, AS_OURS)
+            and not self.is_inverse
+            and not moved
+        )
 
 
 @dataclass(frozen=True)
 class SignalSource:
     """Where joint states or commands come from: a topic or a table.
 
-    * names: of the seven joints in their order; empty: those of config/wam.yaml where they are there, else as recorded.
+    * names: of the seven joints in their order; empty: those of config/wam.yaml where they are
+      there, else as recorded.
     * angle: unit of the positions, of ANGLE_UNITS.
     * signs: 1 or -1 for each joint that turns the other way; empty for none.
     * zeros: what each joint of the arm says where the recording says 0 [rad]; empty for zeros.
-    * listed: names of all joints of the messages that are meant, as these list them; empty for any.
+    * listed: names of all joints of the messages that are meant, as these list them; empty for
+      any.
     * frame: header.frame_id of the messages that are meant, "" for any.
     * clock: how stamps are read.
     """
@@ -224,7 +262,10 @@ class RecordingMapping:
 
 
 OWN = RecordingMapping(
-    {role: PoseSource(topic=topic, frame=the_world().frame_id) for role, topic in the_world().pose_topics().items()},
+    {
+        role: PoseSource(topic=topic, frame=the_world().frame_id)
+        for role, topic in the_world().pose_topics().items()
+    },
     SignalSource("/joint_states"),
     SignalSource("/wam/teacher_wrench"),
     SignalSource("/wam/command"),
@@ -246,33 +287,56 @@ def load_mapping(path: str | os.PathLike) -> RecordingMapping:
 
 
 def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
-    """The mapping in nested dictionaries as YAML gives them; MappingError. place: names them in errors. content: of the file."""
+    """The mapping in nested dictionaries as YAML gives them; MappingError. place: names them in
+    errors. content: of the file.
+    """
     values = _Section(content, place)
     shared = values.section("axes") or _Section({}, f"{place}: axes")
     axes = _axes(shared)
     shared.nothing_else()
     bodies = {role: _pose_source(part, axes) for role in ROLES if (part := values.section(role))}
-    signals = {name: _signal_source(part, name) for name in ("joints", "teacher", "command") if (part := values.section(name))}
+    signals = {
+        name: _signal_source(part, name)
+        for name in ("joints", "teacher", "command")
+        if (part := values.section(name))
+    }
     frame = values.text("frame", the_world().frame_id)
     values.nothing_else()
     if missing := [role for role in ROLES if role not in bodies]:
-        raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, table, capture or position")
-    return RecordingMapping(bodies, signals.get("joints"), signals.get("teacher"), signals.get("command"), frame=frame)
+        raise MappingError(
+            f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic,"
+            " table, capture or position"
+        )
+    return RecordingMapping(
+        bodies, signals.get("joints"), signals.get("teacher"), signals.get("command"), frame=frame
+    )
 
 
 def with_remedies(mapping: RecordingMapping, faults: Iterable[Fault]) -> RecordingMapping:
-    """A mapping with what mends faults of stamps. faults: as a recording has them that was read with it. mapping: the one without."""
-    bodies, signals = dict(mapping.bodies), {name: getattr(mapping, name) for name in ("joints", "teacher", "command")}
+    """A mapping with what mends faults of stamps. faults: as a recording has them that was read
+    with it. mapping: the one without.
+    """
+    bodies, signals = (
+        dict(mapping.bodies),
+        {name: getattr(mapping, name) for name in ("joints", "teacher", "command")},
+    )
     for fault in faults:
         group: dict[str, Any] = bodies if fault.body in bodies else signals
         if fault.remedy and group.get(fault.body) is not None:
             where = group[fault.body]
-            group[fault.body] = replace(where, clock=_clock(_Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body), where.clock))
+            group[fault.body] = replace(
+                where,
+                clock=_clock(
+                    _Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body), where.clock
+                ),
+            )
     return replace(mapping, bodies=bodies, **signals)
 
 
 class _Section:
-    """A mapping of the file: every key that is asked for is taken, and what is left at the end is unknown."""
+    """A mapping of the file: every key that is asked for is taken, and what is left at the end is
+    unknown.
+    """
 
     def __init__(self, content: Any, place: str):
         if not isinstance(content, Mapping):
@@ -300,10 +364,17 @@ class _Section:
         return None if value is None else _Section(value, f"{self.place}: {key}")
 
     def text(self, key: str, default: str = "") -> str:
-        return self.take(key, default, lambda value: isinstance(value, str) and value != "", "a text")
+        return self.take(
+            key, default, lambda value: isinstance(value, str) and value != "", "a text"
+        )
 
     def choice(self, key: str, default: str, choices: Mapping) -> str:
-        return self.take(key, default, lambda value: isinstance(value, str) and value in choices, f"one of {', '.join(choices)}")
+        return self.take(
+            key,
+            default,
+            lambda value: isinstance(value, str) and value in choices,
+            f"one of {', '.join(choices)}",
+        )
 
     def number(self, key: str, default: float) -> float:
         return float(self.take(key, default, _is_number, "a number"))
@@ -317,11 +388,18 @@ class _Section:
     def nothing_else(self) -> None:
         """MappingError if there are keys that nobody asked for."""
         if self._left:
-            raise MappingError(f"{self.place}: unknown key '{next(iter(self._left))}'; known are {', '.join(self._asked)}")
+            raise MappingError(
+                f"{self.place}: unknown key '{next(iter(self._left))}'; known are"
+                f" {', '.join(self._asked)}"
+            )
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and bool(np.isfinite(value))
+    return (
+        isinstance(value, (int, float))
+        and not isinstance(value, bool)
+        and bool(np.isfinite(value))
+    )
 
 
 def mended_pose(where: PoseSource, keys: Mapping[str, Any]) -> PoseSource:
@@ -331,61 +409,91 @@ def mended_pose(where: PoseSource, keys: Mapping[str, Any]) -> PoseSource:
     * keys: of the section of a body: topic, offset and those of axes.
     """
     section = _Section(keys, "mended")
-    found = replace(_axes(section, where), topic=section.text("topic", where.topic), offset=_rigid(section, "offset", where.offset))
+    found = replace(
+        _axes(section, where),
+        topic=section.text("topic", where.topic),
+        offset=_rigid(section, "offset", where.offset),
+    )
     section.nothing_else()
     return found
 
 
 def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
-    """A source of joint states with other values of some keys, as a mapping has them; MappingError.
+    """A source of joint states with other values of some keys, as a mapping has them;
+    MappingError.
 
     * where: the source.
-    * keys: of the section of the joints, but for topic and csv; those of the clock for teacher and command, too.
+    * keys: of the section of the joints, but for topic and csv; those of the clock for teacher and
+      command, too.
     """
     section = _Section(keys, "mended")
     found = replace(_joint_keys(section, where), clock=_clock(section, where.clock))
     part = section.section("columns")
     if part is not None and where.table is not None:
-        columns = {name: _columns(part, name, (len(of_this),)) for name, of_this in where.table.columns.items() if part.has(name)}
+        columns = {
+            name: _columns(part, name, (len(of_this),))
+            for name, of_this in where.table.columns.items()
+            if part.has(name)
+        }
         part.nothing_else()
-        found = replace(found, table=replace(where.table, columns={**where.table.columns, **columns}))
+        found = replace(
+            found, table=replace(where.table, columns={**where.table.columns, **columns})
+        )
     section.nothing_else()
     return found
 
 
 def flow_text(keys: Mapping[str, Any]) -> str:
     """Keys and values of a mapping in one line of YAML. keys: by section."""
-    return yaml.safe_dump(dict(keys), default_flow_style=True, sort_keys=False, width=10**6).strip()[1:-1]
+    return yaml.safe_dump(
+        dict(keys), default_flow_style=True, sort_keys=False, width=10**6
+    ).strip()[1:-1]
 
 
 def mapping_text(mapping: RecordingMapping) -> str:
-    """A mapping as the text of a file, which `load_mapping` reads as the same mapping. mapping: to be written."""
+    """A mapping as the text of a file, which `load_mapping` reads as the same mapping. mapping: to
+    be written.
+    """
     content: dict[str, Any] = {"frame": mapping.frame}
     content |= {role: _pose_keys(where) for role, where in mapping.bodies.items()}
     for name in ("joints", "teacher", "command"):
         where = getattr(mapping, name)
         if where is not None:
             content[name] = _signal_keys(where)
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140)
+    return yaml.safe_dump(
+        content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140
+    )
 
 
 def clocks_of(mapping: RecordingMapping) -> dict[str, dict[str, Any]]:
-    """How stamps are read, as the keys of a mapping by body, joints and signals; of those whose stamps are taken as they are, nothing.
+    """How stamps are read, as the keys of a mapping by body, joints and signals; of those whose
+    stamps are taken as they are, nothing.
 
     * mapping: says it.
     """
-    sources = {**mapping.bodies, **{name: getattr(mapping, name) for name in ("joints", "teacher", "command")}}
-    return {name: keys for name, where in sources.items() if where is not None and (keys := _clock_keys(where.clock))}
+    sources = {
+        **mapping.bodies,
+        **{name: getattr(mapping, name) for name in ("joints", "teacher", "command")},
+    }
+    return {
+        name: keys
+        for name, where in sources.items()
+        if where is not None and (keys := _clock_keys(where.clock))
+    }
 
 
 def _pose_keys(where: PoseSource) -> dict[str, Any]:
     default = PoseSource()
     if where.fixed:
         return {"position": list(where.fixed)}
-    keys: dict[str, Any] = {name: getattr(where, name) for name in ("topic", "child", "frame") if getattr(where, name)}
+    keys: dict[str, Any] = {
+        name: getattr(where, name) for name in ("topic", "child", "frame") if getattr(where, name)
+    }
     keys |= _table_keys(where.table) | _capture_keys(where.capture)
     keys |= {
-        name: getattr(where, name) for name in ("length", "order") if getattr(where, name) != getattr(default, name) or name in where.told
+        name: getattr(where, name)
+        for name in ("length", "order")
+        if getattr(where, name) != getattr(default, name) or name in where.told
     }
     if where.axes != default.axes or where.told & {"up", "xyz"}:
         keys["xyz"] = list(where.axes)
@@ -394,21 +502,37 @@ def _pose_keys(where: PoseSource) -> dict[str, Any]:
     if where.is_inverse:
         keys["inverse"] = True
     moved = {"transform": where.world, "offset": where.offset}
-    keys |= {name: _rigid_keys(one) for name, one in moved.items() if one.position.any() or one.quaternion[:3].any()}
+    keys |= {
+        name: _rigid_keys(one)
+        for name, one in moved.items()
+        if one.position.any() or one.quaternion[:3].any()
+    }
     return keys | _clock_keys(where.clock)
 
 
 def _signal_keys(where: SignalSource) -> dict[str, Any]:
-    keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(where.table)
-    keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros", "listed") if getattr(where, name)}
+    keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(
+        where.table
+    )
+    keys |= {
+        name: list(getattr(where, name))
+        for name in ("names", "signs", "zeros", "listed")
+        if getattr(where, name)
+    }
     keys |= {"frame": where.frame} if where.frame else {}
-    return keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
+    return (
+        keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
+    )
 
 
 def _table_keys(table: Table | None) -> dict[str, Any]:
     if table is None:
         return {}
-    columns = {name: list(found) if len(found) > 1 else found[0] for name, found in table.columns.items() if found}
+    columns = {
+        name: list(found) if len(found) > 1 else found[0]
+        for name, found in table.columns.items()
+        if found
+    }
     form = {"delimiter": table.delimiter} if table.delimiter else {}
     return {"table": table.file, **form, "header_lines": table.header_lines, "columns": columns}
 
@@ -416,9 +540,15 @@ def _table_keys(table: Table | None) -> dict[str, Any]:
 def _capture_keys(capture: CaptureFile | None) -> dict[str, Any]:
     if capture is None:
         return {}
-    which: dict[str, Any] = {"markers": list(capture.markers)} if capture.markers else {"body": capture.body}
+    which: dict[str, Any] = (
+        {"markers": list(capture.markers)} if capture.markers else {"body": capture.body}
+    )
     more = {"rotation": list(capture.rotation), "rate": capture.rate, "space": capture.space}
-    return {"capture": capture.file, **which, **{name: value for name, value in more.items() if value}}
+    return {
+        "capture": capture.file,
+        **which,
+        **{name: value for name, value in more.items() if value},
+    }
 
 
 def _rigid_keys(one: RigidTransform) -> dict[str, Any]:
@@ -427,7 +557,11 @@ def _rigid_keys(one: RigidTransform) -> dict[str, Any]:
 
 def _clock_keys(clock: Clock) -> dict[str, Any]:
     default = Clock()
-    words = [word for word, usual in ((clock.source, default.source), (clock.unit, default.unit)) if word != usual]
+    words = [
+        word
+        for word, usual in ((clock.source, default.source), (clock.unit, default.unit))
+        if word != usual
+    ]
     words += [REGULAR] if clock.is_regular else []
     keys: dict[str, Any] = {"time": words} if words else {}
     keys |= {"time_shift": 1e-9 * clock.shift_ns} if clock.shift_ns else {}
@@ -445,7 +579,9 @@ def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
         orientation_axes=_signed_axes(section, "orientation_xyz", default.orientation_axes),
         length=section.choice("length", default.length, LENGTH_UNITS),
         order=section.choice("order", default.order, QUATERNION_ORDERS),
-        is_inverse=section.take("inverse", default.is_inverse, lambda value: isinstance(value, bool), "true or false"),
+        is_inverse=section.take(
+            "inverse", default.is_inverse, lambda value: isinstance(value, bool), "true or false"
+        ),
         world=_rigid(section, "transform", default.world),
         clock=_clock(section, default.clock),
     )
@@ -465,7 +601,9 @@ def _signed_axes(section: _Section, key: str, default: Axes | None) -> Axes | No
     def check(value: Any) -> bool:
         return isinstance(value, list) and axes_matrix(tuple(map(str, value))) is not None
 
-    found = section.take(key, None, check, "where our x, y, z point in the recorded axes, as [x, -z, y]")
+    found = section.take(
+        key, None, check, "where our x, y, z point in the recorded axes, as [x, -z, y]"
+    )
     if found is None:
         return default
     x, y, z = map(str, found)
@@ -492,12 +630,21 @@ def _clock(section: _Section, default: Clock | None = None) -> Clock:
     )
 
 
-def _steps(section: _Section, default: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def _steps(
+    section: _Section, default: tuple[tuple[float, float], ...]
+) -> tuple[tuple[float, float], ...]:
     def check(value: Any) -> bool:
-        return isinstance(value, list) and all(isinstance(one, list) and len(one) == 2 and all(map(_is_number, one)) for one in value)
+        return isinstance(value, list) and all(
+            isinstance(one, list) and len(one) == 2 and all(map(_is_number, one)) for one in value
+        )
 
-    what = "for each time that the clock was set its last stamp before and what is added from then on, as [[12.4, 0.3]]"
-    return tuple((float(at), float(by)) for at, by in section.take("time_steps", default, check, what))
+    what = (
+        "for each time that the clock was set its last stamp before and what is added from then"
+        " on, as [[12.4, 0.3]]"
+    )
+    return tuple(
+        (float(at), float(by)) for at, by in section.take("time_steps", default, check, what)
+    )
 
 
 def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransform:
@@ -505,19 +652,26 @@ def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransfo
     if part is None:
         return default
     position = part.vector("position", 3, (0.0, 0.0, 0.0))
-    quaternion, degrees = part.vector("quaternion", 4, ()), part.vector("roll_pitch_yaw_deg", 3, ())
+    quaternion, degrees = (
+        part.vector("quaternion", 4, ()),
+        part.vector("roll_pitch_yaw_deg", 3, ()),
+    )
     part.nothing_else()
     if quaternion and degrees:
         raise MappingError(f"{part.place}: give quaternion or roll_pitch_yaw_deg, not both")
     try:
-        return RigidTransform(np.array(position), _turned(degrees) if degrees else np.array(quaternion or UNTURNED))
+        return RigidTransform(
+            np.array(position), _turned(degrees) if degrees else np.array(quaternion or UNTURNED)
+        )
     except ValueError as error:
         raise MappingError(f"{part.place}: {error}") from error
 
 
 def _turned(degrees: Sequence[float]) -> np.ndarray:
     """Quaternion (4,) of roll, pitch and yaw about fixed axes."""
-    from scipy.spatial.transform import Rotation  # our own bags need none, and it takes longer to import than all that reads them
+    from scipy.spatial.transform import (
+        Rotation,
+    )  # our own bags need none, and it takes longer to import than all that reads them
 
     return Rotation.from_euler("xyz", degrees, degrees=True).as_quat()
 
@@ -529,11 +683,17 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
     if kind == "position":
         where["fixed"] = section.vector("position", 3, ())
     elif kind == "topic":
-        where = {"topic": section.text("topic"), "child": section.text("child"), "frame": section.text("frame")}
+        where = {
+            "topic": section.text("topic"),
+            "child": section.text("child"),
+            "frame": section.text("frame"),
+        }
     elif kind in CAPTURE_KINDS:
         where["capture"] = _capture(section, kind)
     else:
-        where["table"] = _table(section, kind, {"time": (1,), "position": (3, 1), "quaternion": (4, 1, 0)})
+        where["table"] = _table(
+            section, kind, {"time": (1,), "position": (3, 1), "quaternion": (4, 1, 0)}
+        )
     offset = _rigid(section, "offset", RigidTransform())
     section.nothing_else()
     _check_clock(section, own.clock, "topic" in where)
@@ -542,15 +702,23 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
 
 def _check_clock(section: _Section, clock: Clock, is_topic: bool) -> None:
     if clock.source == "log" and not is_topic:
-        raise MappingError(f"{section.place}: time is log, but only messages of a bag have a log time: give time: stamp here")
+        raise MappingError(
+            f"{section.place}: time is log, but only messages of a bag have a log time: give time:"
+            " stamp here"
+        )
 
 
 def _one_of(section: _Section, *kinds: str) -> str:
     """The one of these keys that is there."""
     given = [kind for kind in kinds if section.has(kind)]
     if len(given) != 1:
-        known = ", ".join(kind for kind in kinds if kind not in (*TABLE_KINDS[1:], *CAPTURE_KINDS[1:]))
-        raise MappingError(f"{section.place}: give exactly one of {known}; got {', '.join(given) or 'none of them'}")
+        known = ", ".join(
+            kind for kind in kinds if kind not in (*TABLE_KINDS[1:], *CAPTURE_KINDS[1:])
+        )
+        raise MappingError(
+            f"{section.place}: give exactly one of {known}; got"
+            f" {', '.join(given) or 'none of them'}"
+        )
     return given[0]
 
 
@@ -561,14 +729,23 @@ def _capture(section: _Section, kind: str) -> CaptureFile:
     words = (*ROTATIONS, *ANGLE_UNITS)
 
     def are_texts(value: Any) -> bool:
-        return isinstance(value, list) and bool(value) and all(isinstance(one, str) for one in value) and len(set(value)) == len(value)
+        return (
+            isinstance(value, list)
+            and bool(value)
+            and all(isinstance(one, str) for one in value)
+            and len(set(value)) == len(value)
+        )
 
     def are_words(value: Any) -> bool:
         given = value if isinstance(value, list) else [value]
         return all(isinstance(one, str) and one in words for one in given) and len(given) <= 2
 
-    said = section.take("rotation", [], are_words, f"one or two of {', '.join(words)}, as [XYZ, deg]")
-    rate = section.take("rate", 0.0, lambda value: _is_number(value) and value > 0, "the frames per second")
+    said = section.take(
+        "rotation", [], are_words, f"one or two of {', '.join(words)}, as [XYZ, deg]"
+    )
+    rate = section.take(
+        "rate", 0.0, lambda value: _is_number(value) and value > 0, "the frames per second"
+    )
     return CaptureFile(
         file,
         section.text("body", role),
@@ -597,9 +774,15 @@ def _signal_source(section: _Section, name: str) -> SignalSource:
 def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
     return replace(
         default,
-        names=tuple(section.take("names", default.names, _are_joints, f"the names of {N_JOINTS} joints")),
+        names=tuple(
+            section.take("names", default.names, _are_joints, f"the names of {N_JOINTS} joints")
+        ),
         angle=section.choice("angle", default.angle, ANGLE_UNITS),
-        signs=tuple(section.take("signs", default.signs, _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
+        signs=tuple(
+            section.take(
+                "signs", default.signs, _are_signs, f"1 or -1 for each of {N_JOINTS} joints"
+            )
+        ),
         zeros=section.vector("zeros", N_JOINTS, default.zeros),
         listed=tuple(section.take("listed", default.listed, _are_names, "names of joints")),
         frame=section.text("frame", default.frame),
@@ -607,7 +790,11 @@ def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
 
 
 def _are_signs(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == N_JOINTS and all(_is_number(one) and abs(one) == 1 for one in value)
+    return (
+        isinstance(value, list)
+        and len(value) == N_JOINTS
+        and all(_is_number(one) and abs(one) == 1 for one in value)
+    )
 
 
 def _are_names(value: Any) -> bool:
@@ -619,23 +806,41 @@ def _are_joints(value: Any) -> bool:
 
 
 def _table(section: _Section, kind: str, wanted: Mapping[str, tuple[int, ...]]) -> Table:
-    """wanted: how many columns each name may have; 0: it may be missing; 1 beside others: one array with all of them."""
+    """wanted: how many columns each name may have; 0: it may be missing; 1 beside others: one
+    array with all of them.
+    """
     file = section.text(kind)
-    delimiter = section.take("delimiter", "", lambda value: isinstance(value, str) and len(value) == 1, "one character")
-    lines = section.take("header_lines", 1, lambda value: isinstance(value, int) and not isinstance(value, bool) and value >= 0, "a number")
+    delimiter = section.take(
+        "delimiter", "", lambda value: isinstance(value, str) and len(value) == 1, "one character"
+    )
+    lines = section.take(
+        "header_lines",
+        1,
+        lambda value: isinstance(value, int) and not isinstance(value, bool) and value >= 0,
+        "a number",
+    )
     part = section.section("columns")
     if part is None:
-        raise MappingError(f"{section.place}: columns are missing: name those of {', '.join(wanted)}")
+        raise MappingError(
+            f"{section.place}: columns are missing: name those of {', '.join(wanted)}"
+        )
     columns = {name: _columns(part, name, sizes) for name, sizes in wanted.items()}
     part.nothing_else()
-    if lines == 0 and (words := [c for group in columns.values() for c in group if isinstance(c, str)]):
-        raise MappingError(f"{part.place}: column '{words[0]}' has a name, but header_lines is 0: give numbers, the first column is 1")
+    if lines == 0 and (
+        words := [c for group in columns.values() for c in group if isinstance(c, str)]
+    ):
+        raise MappingError(
+            f"{part.place}: column '{words[0]}' has a name, but header_lines is 0: give numbers,"
+            " the first column is 1"
+        )
     return Table(file, columns, delimiter, lines)
 
 
 def _columns(section: _Section, name: str, sizes: tuple[int, ...]) -> tuple:
     def is_column(value: Any) -> bool:
-        return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 1)
+        return isinstance(value, str) or (
+            isinstance(value, int) and not isinstance(value, bool) and value >= 1
+        )
 
     def check(value: Any) -> bool:
         columns = value if isinstance(value, list) else [value]

@@ -1,6 +1,8 @@
-"""Poses of one tracked body over time, and what it takes to bring them from a laboratory's axes into ours.
+"""Poses of one tracked body over time, and what it takes to bring them from a laboratory's axes
+into ours.
 
-Motive's axes (x right, y up, z towards the viewer) become Z-up by a quarter turn about x, (x, y, z) -> (x, -z, y).
+Motive's axes (x right, y up, z towards the viewer) become Z-up by a quarter turn about x, (x, y,
+z) -> (x, -z, y).
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ from dart_skill.common.constants import UNTURNED
 from dart_skill.common.world import the_world
 
 Axes: TypeAlias = tuple[str, str, str]
-"""Where our axes x, y, z point in other axes: each is x, y or z, with a minus where it points the other way."""
+"""Where our axes x, y, z point in other axes: each is x, y or z, with a minus where it points the
+other way.
+"""
 AS_OURS: Axes = ("x", "y", "z")
 """Axes that point like ours."""
 UP_AXES: dict[str, Axes] = {"z": AS_OURS, "y": ("x", "-z", "y"), "x": ("y", "z", "x")}
@@ -40,14 +44,22 @@ def nearest_axes(matrix: np.ndarray) -> Axes:
 
 
 def axes_matrix(axes: Sequence[str]) -> np.ndarray | None:
-    """The matrix (3, 3) that takes vectors of other axes into ours, None unless these are three different axes.
+    """The matrix (3, 3) that takes vectors of other axes into ours, None unless these are three
+    different axes.
 
     * axes: as `Axes`.
     """
-    if sorted(one.lstrip("-+") for one in axes) != ["x", "y", "z"] or any(len(one) > 2 for one in axes):
+    if sorted(one.lstrip("-+") for one in axes) != ["x", "y", "z"] or any(
+        len(one) > 2 for one in axes
+    ):
         return None
     signs = [-1.0 if one.startswith("-") else 1.0 for one in axes]
-    return np.array([np.where(np.array(AS_OURS) == one[-1], sign, 0.0) for one, sign in zip(axes, signs, strict=True)])
+    return np.array(
+        [
+            np.where(np.array(AS_OURS) == one[-1], sign, 0.0)
+            for one, sign in zip(axes, signs, strict=True)
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -91,10 +103,21 @@ class PoseStream:
     def __post_init__(self) -> None:
         stamps = np.asarray(self.stamp_ns, dtype=np.int64)
         position, quaternion = floats(self.position), floats(self.quaternion)
-        if stamps.ndim != 1 or position.shape != (len(stamps), 3) or quaternion.shape != (len(stamps), 4):
+        if (
+            stamps.ndim != 1
+            or position.shape != (len(stamps), 3)
+            or quaternion.shape != (len(stamps), 4)
+        ):
             shapes = f"{stamps.shape}, {position.shape}, {quaternion.shape}"
-            raise ValueError(f"poses of {self.body}: need stamps (n,), positions (n, 3), quaternions (n, 4), got {shapes}")
-        for name, value in (("stamp_ns", stamps), ("position", position), ("quaternion", quaternion)):
+            raise ValueError(
+                f"poses of {self.body}: need stamps (n,), positions (n, 3), quaternions (n, 4),"
+                f" got {shapes}"
+            )
+        for name, value in (
+            ("stamp_ns", stamps),
+            ("position", position),
+            ("quaternion", quaternion),
+        ):
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -102,7 +125,12 @@ class PoseStream:
 
     def take(self, index: np.ndarray) -> PoseStream:
         """The samples of an index array or mask."""
-        return replace(self, stamp_ns=self.stamp_ns[index], position=self.position[index], quaternion=self.quaternion[index])
+        return replace(
+            self,
+            stamp_ns=self.stamp_ns[index],
+            position=self.position[index],
+            quaternion=self.quaternion[index],
+        )
 
 
 def transformed(
@@ -115,7 +143,8 @@ def transformed(
 ) -> PoseStream:
     """The poses in our axes. Norms of quaternions stay as they were, for they tell faults.
 
-    Orientations are turned as positions are: the body keeps its own axes. Of a body in left-handed axes the z axis is mirrored, too.
+    Orientations are turned as positions are: the body keeps its own axes. Of a body in left-handed
+    axes the z axis is mirrored, too.
 
     * world: takes axes that point like ours into ours.
     * offset: our body's frame in the axes of the tracked body.
@@ -126,7 +155,9 @@ def transformed(
     from scipy.spatial.transform import Rotation  # our own bags need none
 
     matrix, of_turns = axes_matrix(axes), axes_matrix(orientation_axes or axes)
-    assert matrix is not None and of_turns is not None  # as they were checked when the mapping was read
+    assert (
+        matrix is not None and of_turns is not None
+    )  # as they were checked when the mapping was read
     turn = Rotation.from_quat(world.quaternion)
     position = turn.apply(stream.position @ matrix.T) + world.position
     norm = np.linalg.norm(stream.quaternion, axis=1, keepdims=True)
@@ -144,7 +175,9 @@ def transformed(
 
 
 def with_continuous_signs(stream: PoseStream) -> PoseStream:
-    """The same orientations, each quaternion with the sign that is nearer to its predecessor: q and -q are one orientation."""
+    """The same orientations, each quaternion with the sign that is nearer to its predecessor: q
+    and -q are one orientation.
+    """
     flips = np.einsum("ij,ij->i", stream.quaternion[1:], stream.quaternion[:-1]) < 0.0
     signs = np.where(np.cumsum(np.concatenate([[0], flips])) % 2, -1.0, 1.0)[: len(stream)]
     return replace(stream, quaternion=stream.quaternion * signs[:, None])

@@ -1,6 +1,8 @@
-"""Text files of rows of cells, as programs of all kinds write them: encodings, delimiters, decimal commas, cells that say nothing.
+"""Text files of rows of cells, as programs of all kinds write them: encodings, delimiters, decimal
+commas, cells that say nothing.
 
-A file is read row by row, and only the wanted columns are kept, so that a long and wide one needs little memory.
+A file is read row by row, and only the wanted columns are kept, so that a long and wide one needs
+little memory.
 """
 
 from __future__ import annotations
@@ -23,8 +25,26 @@ from dart_skill.common.files import open_file
 from dart_skill.recording.imports.mapping import TIME_UNITS
 
 DELIMITERS = ("\t", ";", ",")
-"""Between cells, in the order in which they are tried: a comma may be a decimal one where there are others."""
-MISSING = {"", "null", "na", "n/a", "#n/a", "#nv", "none", "-", "--", "-nan(ind)", "nan(ind)", "1.#qnan", "1.#ind", "-1.#ind", "-1.#qnan"}
+"""Between cells, in the order in which they are tried: a comma may be a decimal one where there
+are others.
+"""
+MISSING = {
+    "",
+    "null",
+    "na",
+    "n/a",
+    "#n/a",
+    "#nv",
+    "none",
+    "-",
+    "--",
+    "-nan(ind)",
+    "nan(ind)",
+    "1.#qnan",
+    "1.#ind",
+    "-1.#ind",
+    "-1.#qnan",
+}
 """What cells without a number hold, in small letters."""
 OTHERS = {
     b"PK\x03\x04": "a workbook or an archive: save the sheet as CSV",
@@ -86,23 +106,34 @@ class TextFile:
     def rows(self) -> Iterator[Row]:
         """The rows, in order."""
         try:
-            with io.TextIOWrapper(open_file(self.path), self._encoding, errors="replace") as stream:
+            with io.TextIOWrapper(
+                open_file(self.path), self._encoding, errors="replace"
+            ) as stream:
                 numbered = self._quoted(stream) if self._is_quoted else self._split(stream)
                 yield from (
-                    Row(number, cells) for number, cells in numbered if any(map(str.strip, cells[:1])) or any(map(str.strip, cells))
+                    Row(number, cells)
+                    for number, cells in numbered
+                    if any(map(str.strip, cells[:1])) or any(map(str.strip, cells))
                 )
         except csv.Error as error:
             raise self.error(f"no CSV file: {error}") from error
 
-    def read(self, rows: Iterable[Row], timing: Timing, places: Sequence[int], is_ragged: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """Stamps (n,) [ns] and numbers (n, k) in some columns of rows; nan where a cell says nothing.
+    def read(
+        self, rows: Iterable[Row], timing: Timing, places: Sequence[int], is_ragged: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Stamps (n,) [ns] and numbers (n, k) in some columns of rows; nan where a cell says
+        nothing.
 
         * timing: how time is told.
         * places: indices of the columns.
         * is_ragged: whether cells may be missing at the end of a row.
         """
         place, last = timing.place, max((*places, timing.place or 0))
-        pick = itemgetter(*places) if len(places) > 1 else lambda cells: tuple(cells[one] for one in places)
+        pick = (
+            itemgetter(*places)
+            if len(places) > 1
+            else lambda cells: tuple(cells[one] for one in places)
+        )
         times: list[int] = []
         parts: list[np.ndarray] = []
         chunk: list[Row] = []
@@ -118,11 +149,17 @@ class TextFile:
         stamps = np.rint(np.array(times) * (NS_PER_S / timing.rate)) if timing.rate else times
         return np.array(stamps, dtype=np.int64), np.concatenate(parts)
 
-    def _filled(self, row: Row, timing: Timing, places: Sequence[int], is_ragged: bool) -> list[str]:
+    def _filled(
+        self, row: Row, timing: Timing, places: Sequence[int], is_ragged: bool
+    ) -> list[str]:
         """The cells of a row that ends too early."""
         missing = [one for one in (*places, timing.place or 0) if one >= len(row.cells)]
         if not is_ragged:
-            raise self.error(f"{len(row.cells)} columns, column {min(missing) + 1} is missing: is it the right delimiter?", row)
+            raise self.error(
+                f"{len(row.cells)} columns, column {min(missing) + 1} is missing: is it the right"
+                " delimiter?",
+                row,
+            )
         return [*row.cells, *[""] * (max(missing) + 1 - len(row.cells))]
 
     def _beginning(self) -> bytes:
@@ -136,27 +173,40 @@ class TextFile:
         return sample
 
     def _told_encoding(self) -> str:
-        """By the mark at the beginning, by zeros of UTF-16, else UTF-8 or what Windows writes in western Europe."""
+        """By the mark at the beginning, by zeros of UTF-16, else UTF-8 or what Windows writes in
+        western Europe.
+        """
         sample = self._sample
         if sample[:2] in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
         if b"\0" in sample:
             even, odd = sample[0::2].count(0), sample[1::2].count(0)
             if min(even, odd) or max(even, odd) < len(sample) // 4:
-                known = next((text for magic, text in OTHERS.items() if sample.startswith(magic)), "export it as text")
+                known = next(
+                    (text for magic, text in OTHERS.items() if sample.startswith(magic)),
+                    "export it as text",
+                )
                 raise self.error(f"no text file: {known}")
             return "utf-16-le" if odd > even else "utf-16-be"
         try:
             sample.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            return "utf-8-sig" if error.start > len(sample) - 4 and len(sample) == SAMPLE else "cp1252"
+            return (
+                "utf-8-sig"
+                if error.start > len(sample) - 4 and len(sample) == SAMPLE
+                else "cp1252"
+            )
         return "utf-8-sig"
 
     @cached_property
     def first_lines(self) -> list[str]:
         """Lines at the beginning that are not empty and whole."""
         lines = self._sample.decode(self._encoding, errors="replace").splitlines()
-        return [line for line in (lines[:-1] if len(self._sample) == SAMPLE and len(lines) > 1 else lines) if line.strip()]
+        return [
+            line
+            for line in (lines[:-1] if len(self._sample) == SAMPLE and len(lines) > 1 else lines)
+            if line.strip()
+        ]
 
     @property
     def _is_quoted(self) -> bool:
@@ -186,18 +236,26 @@ class TextFile:
 
     def _numbers(self, chunk: Sequence[Row]) -> np.ndarray:
         try:
-            return np.array([[float(cell) if cell else math.nan for cell in cells] for _, cells in chunk])
+            return np.array(
+                [[float(cell) if cell else math.nan for cell in cells] for _, cells in chunk]
+            )
         except ValueError:
             pass
         has_points = any("." in cell for _, cells in chunk for cell in cells)
-        return np.array([[self._number(cell, row, has_points) for cell in row.cells] for row in chunk])
+        return np.array(
+            [[self._number(cell, row, has_points) for cell in row.cells] for row in chunk]
+        )
 
     def _number(self, cell: str, row: Row, has_points: bool) -> float:
         text = cell.strip()
         if text.lower() in MISSING:
             return math.nan
         if "," in text and has_points:
-            raise self.error(f"'{text}' has a comma and other numbers have a point: export it without commas for thousands", row)
+            raise self.error(
+                f"'{text}' has a comma and other numbers have a point: export it without commas"
+                " for thousands",
+                row,
+            )
         try:
             return float(text.replace(",", ".", 1))
         except ValueError:
@@ -210,12 +268,16 @@ class TextFile:
         except (ValueError, OverflowError):
             raise self.error(f"time '{text}' is no number", Row(number, [])) from None
         if abs(time) >= LATEST_NS:
-            raise self.error(f"time '{text}' is no time of a recording: is '{timing.unit}' its unit?", Row(number, []))
+            raise self.error(
+                f"time '{text}' is no time of a recording: is '{timing.unit}' its unit?",
+                Row(number, []),
+            )
         return time
 
 
 def nanoseconds(text: str, unit: str = "s") -> int:
-    """A time exactly: as a binary fraction of a second, an instant of today would be off by a tenth of a microsecond.
+    """A time exactly: as a binary fraction of a second, an instant of today would be off by a
+    tenth of a microsecond.
 
     ValueError for what is no time.
 

@@ -1,7 +1,8 @@
-"""Recordings of throws from anywhere as what the sensors saw of hand, ball, basket and arm: our bags, other people's bags, CSV files.
+"""Recordings of throws from anywhere as what the sensors saw of hand, ball, basket and arm: our
+bags, other people's bags, CSV files.
 
-A mapping says where everything is (`mapping`); poses come out in our axes and units, without the faults that can be repaired
-(`pose_faults`). `convert` writes them as a bag of ours.
+A mapping says where everything is (`mapping`); poses come out in our axes and units, without the
+faults that can be repaired (`pose_faults`). `convert` writes them as a bag of ours.
 """
 
 from __future__ import annotations
@@ -32,8 +33,20 @@ from dart_skill.recording.bags import (
 )
 from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_pose_table, read_table
-from dart_skill.recording.imports.bag_topics import PART_NS, Poses, bag_faults, buttons, read_topics
-from dart_skill.recording.imports.clocks import bunched, clocks_apart, in_seconds, timed, without_running_back
+from dart_skill.recording.imports.bag_topics import (
+    PART_NS,
+    Poses,
+    bag_faults,
+    buttons,
+    read_topics,
+)
+from dart_skill.recording.imports.clocks import (
+    bunched,
+    clocks_apart,
+    in_seconds,
+    timed,
+    without_running_back,
+)
 from dart_skill.recording.imports.faults import BACKWARDS, GAP, NOTE, UNSTAMPED, Fault, in_words
 from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
 from dart_skill.recording.imports.mapping import (
@@ -50,7 +63,9 @@ from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import PoseStream, transformed, with_continuous_signs
 
 FEW = 10
-"""A body that was published less often, and did not move, stands still: it is published once, for all who come later."""
+"""A body that was published less often, and did not move, stands still: it is published once, for
+all who come later.
+"""
 STILL = 1e-3
 """Poses that are nearer to each other are of a body that did not move [m]."""
 
@@ -66,7 +81,8 @@ class ThrowRecording:
     * has_button: whether somebody recorded at all when the hand was told to open.
     * faults: found in poses, joint states and stamps.
     * frame_id: of the poses, default that of config/world.yaml.
-    * command_stamps: of the commands to the arm (n,) [ns], in order of time; none where they were not recorded.
+    * command_stamps: of the commands to the arm (n,) [ns], in order of time; none where they were
+      not recorded.
     * recorded: how many poses of each body were recorded, by role, whatever was wrong with them.
     """
 
@@ -81,7 +97,9 @@ class ThrowRecording:
     recorded: Mapping[str, int] = field(default_factory=dict)
 
 
-def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None, mend: bool = True) -> ThrowRecording:
+def read_recording(
+    source: str | os.PathLike, mapping: RecordingMapping | None = None, mend: bool = True
+) -> ThrowRecording:
     """Everything that a mapping names, without the faults that can be repaired.
 
     source: bag, or folder with CSV files.
@@ -95,12 +113,17 @@ def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None =
 
 
 def read_in_parts(
-    source: str | os.PathLike, mapping: RecordingMapping | None = None, part_ns: int = PART_NS, mend: bool = True
+    source: str | os.PathLike,
+    mapping: RecordingMapping | None = None,
+    part_ns: int = PART_NS,
+    mend: bool = True,
 ) -> Iterator[ThrowRecording]:
-    """As `read_recording`, one part of a bag of ours after the other, so that only a part of a long one is in memory.
+    """As `read_recording`, one part of a bag of ours after the other, so that only a part of a
+    long one is in memory.
 
-    A part ends in a pause, where there is one: a world that is set anew. Faults are looked for in each part by itself. Recordings of
-    others, and without the command that opens the hand, are one part.
+    A part ends in a pause, where there is one: a world that is set anew. Faults are looked for in
+    each part by itself. Recordings of others, and without the command that opens the hand, are one
+    part.
 
     * source, mapping, mend: as for that.
     * part_ns: log time of a part, about; 0: all is one part [ns].
@@ -122,7 +145,9 @@ def read_in_parts(
             recording = _recording(source, mapping, taken, mend, still)
             seen |= {role for role, stream in recording.bodies.items() if len(stream)}
             recorded.update(recording.recorded)
-            faults += [fault for fault in recording.faults if fault.kind != GAP][: FEW - len(faults)]
+            faults += [fault for fault in recording.faults if fault.kind != GAP][
+                : FEW - len(faults)
+            ]
             if part_ns == 0:
                 _require_seen(tracked, seen, recorded, faults)
             yield replace(recording, faults=(*told, *recording.faults))
@@ -140,7 +165,12 @@ def _beside(of_bag: list[Fault]) -> Iterator[None]:
         raise
 
 
-def _require_seen(tracked: Mapping[str, PoseSource], seen: set[str], recorded: Mapping[str, int], faults: list[Fault]) -> None:
+def _require_seen(
+    tracked: Mapping[str, PoseSource],
+    seen: set[str],
+    recorded: Mapping[str, int],
+    faults: list[Fault],
+) -> None:
     for role, where in tracked.items():
         name = where.topic or next(one.file for one in (where.table, where.capture) if one)
         if role in seen:
@@ -148,49 +178,105 @@ def _require_seen(tracked: Mapping[str, PoseSource], seen: set[str], recorded: M
         if not recorded.get(role):
             raise ValueError(f"{name}: no pose of the {role}: was it tracked?")
         why = "; ".join(in_words(fault) for fault in faults if fault.body == role)
-        raise ValueError(f"{name}: {recorded[role]} poses of the {role} were recorded, and none of them is left: {why}")
+        raise ValueError(
+            f"{name}: {recorded[role]} poses of the {role} were recorded, and none of them is"
+            f" left: {why}"
+        )
 
 
-def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], mend: bool, still: dict[str, np.ndarray]) -> ThrowRecording:
-    """What was collected, in our axes and units. still: poses (7,) of bodies that were published once, by role; found ones are added."""
+def _recording(
+    source: Path,
+    mapping: RecordingMapping,
+    taken: dict[str, Any],
+    mend: bool,
+    still: dict[str, np.ndarray],
+) -> ThrowRecording:
+    """What was collected, in our axes and units. still: poses (7,) of bodies that were published
+    once, by role; found ones are added.
+    """
     folder = source if source.is_dir() else source.parent
     faults: list[Fault] = []
     bodies, recorded = {}, {}
     for role, where in mapping.bodies.items():
         if not where.fixed:
             bodies[role], found = _body(role, where, taken, folder, mapping.frame)
-            recorded[role] = len(bodies[role]) + sum(fault.count for fault in found if fault.kind == UNSTAMPED and fault.repaired)
+            recorded[role] = len(bodies[role]) + sum(
+                fault.count for fault in found if fault.kind == UNSTAMPED and fault.repaired
+            )
             faults += found
     joints, found = _joints(mapping.joints, taken.get(JOINTS), folder)
-    faults += [*found, *clocks_apart(_clocks(mapping, taken, {fault.body for fault in faults if not fault.repaired}))]
+    faults += [
+        *found,
+        *clocks_apart(
+            _clocks(mapping, taken, {fault.body for fault in faults if not fault.repaired})
+        ),
+    ]
     if mend:
         timeless = {fault.body for fault in faults if fault.is_of_time}
-        repaired, found = repair({role: body for role, body in bodies.items() if len(body) and role not in timeless})
+        repaired, found = repair(
+            {role: body for role, body in bodies.items() if len(body) and role not in timeless}
+        )
         bodies |= repaired
         faults += [*found, *_never_moving(bodies)]
     else:
         faults = []
     for role, where in mapping.bodies.items():
         if where.fixed:
-            bodies[role] = _resting(role, np.array([*where.fixed, *UNTURNED]), bodies["hand"].stamp_ns, mapping.frame)
+            bodies[role] = _resting(
+                role, np.array([*where.fixed, *UNTURNED]), bodies["hand"].stamp_ns, mapping.frame
+            )
     bodies |= _standing(bodies, mapping.frame, still, faults)
     openings = _openings(mapping, taken, folder)
-    has_button = any(name in taken or (where is not None and where.table) for name, where in buttons(mapping))
-    stamps = np.unique(mapping.command.clock.corrected(taken["command"].stamps) if mapping.command and "command" in taken else ())
-    return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame, stamps, recorded)
+    has_button = any(
+        name in taken or (where is not None and where.table) for name, where in buttons(mapping)
+    )
+    stamps = np.unique(
+        mapping.command.clock.corrected(taken["command"].stamps)
+        if mapping.command and "command" in taken
+        else ()
+    )
+    return ThrowRecording(
+        source.name,
+        bodies,
+        joints,
+        openings,
+        has_button,
+        tuple(faults),
+        mapping.frame,
+        stamps,
+        recorded,
+    )
 
 
-def _clocks(mapping: RecordingMapping, taken: dict[str, Any], faulty: set[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def _clocks(
+    mapping: RecordingMapping, taken: dict[str, Any], faulty: set[str]
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Stamps and log times (n,) [ns] of what has both, and no fault that is known."""
-    sources: dict[str, PoseSource | SignalSource | None] = {**mapping.bodies, JOINTS: mapping.joints, **dict(buttons(mapping))}
+    sources: dict[str, PoseSource | SignalSource | None] = {
+        **mapping.bodies,
+        JOINTS: mapping.joints,
+        **dict(buttons(mapping)),
+    }
     found = {}
     for role, content in taken.items():
         where = sources[role]
-        if where is None or where.clock.source == "log" or where.clock.is_regular or role in faulty:
+        if (
+            where is None
+            or where.clock.source == "log"
+            or where.clock.is_regular
+            or role in faulty
+        ):
             continue
-        stamps, log_ns = (content.stamp_ns, content.log_ns) if isinstance(content, States) else (content.stamps, content.log)
+        stamps, log_ns = (
+            (content.stamp_ns, content.log_ns)
+            if isinstance(content, States)
+            else (content.stamps, content.log)
+        )
         filled = stamps != 0
-        found[role] = (where.clock.corrected(in_seconds(stamps[filled], where.clock.unit)), log_ns[filled])
+        found[role] = (
+            where.clock.corrected(in_seconds(stamps[filled], where.clock.unit)),
+            log_ns[filled],
+        )
     return found
 
 
@@ -201,32 +287,54 @@ def _never_moving(bodies: Mapping[str, PoseStream]) -> list[Fault]:
         stream = bodies.get(role)
         if stream is not None and len(stream) >= FEW and not np.ptp(stream.position, axis=0).any():
             start, stop = int(stream.stamp_ns.min()), int(stream.stamp_ns.max())
-            text = f"{len(stream)} poses that are the same to the last bit: a body that was lost, or is not the one that moved"
+            text = (
+                f"{len(stream)} poses that are the same to the last bit: a body that was lost, or"
+                " is not the one that moved"
+            )
             faults.append(Fault("stale", role, start, stop, len(stream), text, False))
     return faults
 
 
-def _standing(bodies: Mapping[str, PoseStream], frame: str, still: dict[str, np.ndarray], faults: list[Fault]) -> dict[str, PoseStream]:
+def _standing(
+    bodies: Mapping[str, PoseStream], frame: str, still: dict[str, np.ndarray], faults: list[Fault]
+) -> dict[str, PoseStream]:
     """Bodies that were published once or a few times at one place, at each stamp of the hand."""
     found, hand = {}, bodies["hand"].stamp_ns
     for role, stream in bodies.items():
-        if 0 < len(stream) < FEW < len(hand) and role not in ("hand", "ball") and np.ptp(stream.position, axis=0).max() < STILL:
+        if (
+            0 < len(stream) < FEW < len(hand)
+            and role not in ("hand", "ball")
+            and np.ptp(stream.position, axis=0).max() < STILL
+        ):
             still[role] = np.concatenate([stream.position[0], stream.quaternion[0]])
             at = ", ".join(f"{x:.3f}" for x in still[role][:3])
             text = f"published {len(stream)} times, always at ({at}): taken to stand there"
-            faults.append(Fault(NOTE, role, int(stream.stamp_ns[0]), int(stream.stamp_ns[-1]), len(stream), text, True))
+            faults.append(
+                Fault(
+                    NOTE,
+                    role,
+                    int(stream.stamp_ns[0]),
+                    int(stream.stamp_ns[-1]),
+                    len(stream),
+                    text,
+                    True,
+                )
+            )
         if role in still and len(stream) < FEW:
             found[role] = _resting(role, still[role], hand, frame)
     return found
 
 
 def convert(
-    source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None, storage: str = "mcap"
+    source: str | os.PathLike,
+    output: str | os.PathLike,
+    mapping: RecordingMapping | None = None,
+    storage: str = "mcap",
 ) -> ThrowRecording:
-    """Write a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of continuous sign; returns what was read.
+    """Write a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of
+    continuous sign; returns what was read.
 
-    source, mapping: as for `read_recording`.
-    output: folder of the bag, which must not exist.
+    source, mapping: as for `read_recording`. output: folder of the bag, which must not exist.
     storage: format of its files, mcap or sqlite3.
 
     Where it came from and what was wrong with it stands in the bag's custom data.
@@ -240,16 +348,28 @@ def convert(
     return recording
 
 
-def _write_mcap(output: Path, about: dict[str, str], messages: list[tuple[str, int, str, dict]]) -> None:
+def _write_mcap(
+    output: Path, about: dict[str, str], messages: list[tuple[str, int, str, dict]]
+) -> None:
     types = typestore()
     with BagWriter(output, custom_data=about) as bag:
-        for topic, type_name in sorted({(topic, type_name) for topic, _, type_name, _ in messages}):
-            bag.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+        for topic, type_name in sorted(
+            {(topic, type_name) for topic, _, type_name, _ in messages}
+        ):
+            bag.add_topic(
+                topic,
+                type_name,
+                definition(types, type_name),
+                qos_yaml(),
+                type_hash(types, type_name),
+            )
         for topic, stamp, type_name, content in messages:
             bag.write(topic, stamp, stamp, serialize(types, type_name, content))
 
 
-def _write_sqlite(output: Path, about: dict[str, str], messages: list[tuple[str, int, str, dict]]) -> None:
+def _write_sqlite(
+    output: Path, about: dict[str, str], messages: list[tuple[str, int, str, dict]]
+) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     types = typestore()
@@ -257,28 +377,48 @@ def _write_sqlite(output: Path, about: dict[str, str], messages: list[tuple[str,
         for name, text in about.items():
             bag.set_custom_data(name, text)
         topics = sorted({(topic, type_name) for topic, _, type_name, _ in messages})
-        connections = {topic: bag.add_connection(topic, type_name, typestore=types) for topic, type_name in topics}
+        connections = {
+            topic: bag.add_connection(topic, type_name, typestore=types)
+            for topic, type_name in topics
+        }
         for topic, stamp, type_name, content in messages:
             bag.write(connections[topic], stamp, serialize(types, type_name, content))
 
 
-def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> tuple[PoseStream, list[Fault]]:
+def _body(
+    role: str, where: PoseSource, taken: dict, folder: Path, frame: str
+) -> tuple[PoseStream, list[Fault]]:
     """The poses of a body in our axes, and what is wrong with their stamps."""
     scale, order, log_ns = LENGTH_UNITS[where.length], QUATERNION_ORDERS[where.order], None
     faults: list[Fault] = []
     if where.topic:
         poses: Poses = taken.get(role, Poses())
-        stamps, log_ns, position, quaternion = poses.stamps, poses.log, poses.rows[:, :3], poses.rows[:, 3:]
+        stamps, log_ns, position, quaternion = (
+            poses.stamps,
+            poses.log,
+            poses.rows[:, :3],
+            poses.rows[:, 3:],
+        )
         faults += poses.faults
     elif where.table is not None:
-        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit, where.length)
+        stamps, position, quaternion = read_pose_table(
+            folder, where.table, where.clock.unit, where.length
+        )
     else:
         stamps, position, quaternion, axes = read_capture(folder, where)
-        where, scale, order = replace(where, axes=axes), 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
+        where, scale, order = (
+            replace(where, axes=axes),
+            1.0,
+            QUATERNION_ORDERS["xyzw"],
+        )  # as the file itself says
     time = timed(role, stamps, log_ns, where.clock)
-    stream = PoseStream(role, time.stamp_ns, scale * position[time.kept], quaternion[time.kept][:, order], frame)
+    stream = PoseStream(
+        role, time.stamp_ns, scale * position[time.kept], quaternion[time.kept][:, order], frame
+    )
     if not where.is_plain:
-        stream = transformed(stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse)
+        stream = transformed(
+            stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse
+        )
     return stream, faults + time.faults
 
 
@@ -288,19 +428,33 @@ def _resting(role: str, pose: np.ndarray, stamps: np.ndarray, frame: str) -> Pos
     return PoseStream(role, stamps, rows[:, :3], rows[:, 3:], frame)
 
 
-def _joints(where: SignalSource | None, states: States | None, folder: Path) -> tuple[JointStream | None, list[Fault]]:
+def _joints(
+    where: SignalSource | None, states: States | None, folder: Path
+) -> tuple[JointStream | None, list[Fault]]:
     """The joint states in our angles, and what is wrong with them."""
     if where is None or (where.table is None and states is None):
         return None, []
     log_ns = None
     if where.table is not None:
         columns = read_table(folder, where.table, where.clock.unit, {"position": where.angle})
-        if (width := columns["position"].shape[1]) != N_JOINTS or columns["velocity"].shape[1] not in (0, N_JOINTS):
-            raise ValueError(f"{folder / where.table.file}: {width} columns of positions of {N_JOINTS} joints")
+        if (width := columns["position"].shape[1]) != N_JOINTS or columns["velocity"].shape[
+            1
+        ] not in (0, N_JOINTS):
+            raise ValueError(
+                f"{folder / where.table.file}: {width} columns of positions of {N_JOINTS} joints"
+            )
         n = len(columns["time"])
-        velocity = columns["velocity"] if columns["velocity"].shape[1] else np.full((n, N_JOINTS), np.nan)
+        velocity = (
+            columns["velocity"] if columns["velocity"].shape[1] else np.full((n, N_JOINTS), np.nan)
+        )
         unit = ANGLE_UNITS[where.angle]
-        states = States(columns["time"], columns["time"], unit * columns["position"], unit * velocity, where.names)
+        states = States(
+            columns["time"],
+            columns["time"],
+            unit * columns["position"],
+            unit * velocity,
+            where.names,
+        )
         states = states.take(np.isfinite(states.position).all(axis=1))
     else:
         assert states is not None  # as was just asked
@@ -309,9 +463,21 @@ def _joints(where: SignalSource | None, states: States | None, folder: Path) -> 
     stream, found = joint_stream(states.take(time.kept), time.stamp_ns, where)
     if not where.clock.is_regular and (bursts := bunched(JOINTS, stream.stamp_ns)) is not None:
         found += bursts[1]
-    if (back := int(np.sum(np.diff(without_running_back(time.stamp_ns) - time.stamp_ns) != 0))) and not time.faults:
+    if (
+        back := int(np.sum(np.diff(without_running_back(time.stamp_ns) - time.stamp_ns) != 0))
+    ) and not time.faults:
         text = f"stamps run back {back} times, and stay behind: was the clock set?"
-        found.append(Fault(BACKWARDS, JOINTS, int(time.stamp_ns.min()), int(time.stamp_ns.max()), back, text, False))
+        found.append(
+            Fault(
+                BACKWARDS,
+                JOINTS,
+                int(time.stamp_ns.min()),
+                int(time.stamp_ns.max()),
+                back,
+                text,
+                False,
+            )
+        )
     return stream, [*states.faults, *time.faults, *found]
 
 
@@ -325,8 +491,13 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
         if signal is None and where.table is not None:
             stamps = read_table(folder, where.table, where.clock.unit)["time"].tolist()
         if name == "teacher" and signal:
-            pushes.pushes = np.sort(where.clock.corrected(np.array(signal.pushes, dtype=np.int64))).tolist()
-        found += [Opening(one, name == "teacher" or pushes.pushed_before(one)) for one in where.clock.corrected(np.array(stamps)).tolist()]
+            pushes.pushes = np.sort(
+                where.clock.corrected(np.array(signal.pushes, dtype=np.int64))
+            ).tolist()
+        found += [
+            Opening(one, name == "teacher" or pushes.pushed_before(one))
+            for one in where.clock.corrected(np.array(stamps)).tolist()
+        ]
     return tuple(sorted(found, key=lambda opening: opening.stamp_ns))
 
 
@@ -341,13 +512,35 @@ def _messages(recording: ThrowRecording) -> Iterator[tuple[str, int, str, dict]]
 
     for role, topic in the_world().pose_topics().items():
         stream = with_continuous_signs(recording.bodies[role])
-        for stamp, p, q in zip(stream.stamp_ns.tolist(), stream.position.tolist(), stream.quaternion.tolist(), strict=True):
-            yield topic, stamp, "geometry_msgs/msg/PoseStamped", {"header": header(stamp), "pose": pose_content(p, q)}
+        for stamp, p, q in zip(
+            stream.stamp_ns.tolist(),
+            stream.position.tolist(),
+            stream.quaternion.tolist(),
+            strict=True,
+        ):
+            yield (
+                topic,
+                stamp,
+                "geometry_msgs/msg/PoseStamped",
+                {"header": header(stamp), "pose": pose_content(p, q)},
+            )
     joints = recording.joints
     if joints is not None:
-        for stamp, q, v in zip(joints.stamp_ns.tolist(), joints.position, joints.velocity, strict=True):
-            content = {"header": header(stamp), "name": list(joints.names), "position": q, "velocity": v}
+        for stamp, q, v in zip(
+            joints.stamp_ns.tolist(), joints.position, joints.velocity, strict=True
+        ):
+            content = {
+                "header": header(stamp),
+                "name": list(joints.names),
+                "position": q,
+                "velocity": v,
+            }
             yield "/joint_states", stamp, "sensor_msgs/msg/JointState", content
     for opening in recording.openings:
         topic = "/wam/teacher_wrench" if opening.taught else "/wam/command"
-        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", {"header": header(opening.stamp_ns), "grip": int(Grip.OPEN)}
+        yield (
+            topic,
+            opening.stamp_ns,
+            "dart_skill_msgs/msg/WamCommand",
+            {"header": header(opening.stamp_ns), "grip": int(Grip.OPEN)},
+        )

@@ -18,14 +18,22 @@ EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODE_LINES, TASK_LINES = "meta/episodes.jsonl", "meta/tasks.jsonl"
 """Where version 2 has a line for each episode, and for each task."""
 INFO, STATS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
-COUNTED = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
+COUNTED = {
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
 """What every dataset has beside its own features, and its type."""
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 
 
 @dataclass(frozen=True)
 class Feature:
-    """A vector of each frame: its key in the dataset, and the names of its elements, with their units in brackets."""
+    """A vector of each frame: its key in the dataset, and the names of its elements, with their
+    units in brackets.
+    """
 
     key: str
     names: tuple[str, ...]
@@ -60,13 +68,25 @@ def described_video(camera: Camera, fps: int, codec: str, pixel_format: str) -> 
         "has_audio": False,
         "is_depth_map": False,
     }
-    return {"dtype": "video", "shape": [camera.height, camera.width, 3], "names": ["height", "width", "channels"], "info": about}
+    return {
+        "dtype": "video",
+        "shape": [camera.height, camera.width, 3],
+        "names": ["height", "width", "channels"],
+        "info": about,
+    }
 
 
 def statistics(values: np.ndarray) -> dict[str, np.ndarray]:
-    """Statistics of values (n, k) over n: min, max, mean, std and quantiles (k,), and the count (1,)."""
+    """Statistics of values (n, k) over n: min, max, mean, std and quantiles (k,), and the count
+    (1,).
+    """
     values = np.asarray(values, dtype=float)
-    found = {"min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0)}
+    found = {
+        "min": values.min(axis=0),
+        "max": values.max(axis=0),
+        "mean": values.mean(axis=0),
+        "std": values.std(axis=0),
+    }
     quantiles = {f"q{round(100 * q):02d}": np.quantile(values, q, axis=0) for q in QUANTILES}
     return {**found, "count": np.array([len(values)]), **quantiles}
 
@@ -79,10 +99,18 @@ def chunk_and_file(number: int) -> dict[str, int]:
 def task_metadata() -> Mapping[bytes, bytes]:
     """What pandas writes beside a table whose index is `task`: lerobot looks tasks up by it."""
     column = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode"}
-    number = {"name": "task_index", "field_name": "task_index", "metadata": None, "numpy_type": "int64", "pandas_type": "int64"}
+    number = {
+        "name": "task_index",
+        "field_name": "task_index",
+        "metadata": None,
+        "numpy_type": "int64",
+        "pandas_type": "int64",
+    }
     about = {
         "index_columns": ["task"],
-        "column_indexes": [{"name": None, "field_name": None, **column, "metadata": {"encoding": "UTF-8"}}],
+        "column_indexes": [
+            {"name": None, "field_name": None, **column, "metadata": {"encoding": "UTF-8"}}
+        ],
         "columns": [number, {"name": "task", "field_name": "task", **column}],
         "pandas_version": "2.0.0",
     }

@@ -1,4 +1,6 @@
-"""A dataset of LeRobot as arrays: versions 3, with many episodes in a file, and 2, with a file and lines of JSON for each episode."""
+"""A dataset of LeRobot as arrays: versions 3, with many episodes in a file, and 2, with a file and
+lines of JSON for each episode.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ COMMANDED = "action"
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """An episode: its index, its task in words, the instants (n,) of its frames [s], and its vectors (n, k) by the key of the feature."""
+    """An episode: its index, its task in words, the instants (n,) of its frames [s], and its
+    vectors (n, k) by the key of the feature.
+    """
 
     index: int
     task: str
@@ -36,7 +40,8 @@ class Episode:
 
 @dataclass(frozen=True, eq=False)
 class LeRobotDataset:
-    """A dataset: its folder, frames per second, names of the elements by feature (vectors only), and episodes in order.
+    """A dataset: its folder, frames per second, names of the elements by feature (vectors only),
+    and episodes in order.
 
     * fps: frames per second.
     * notes: what is wrong with its names.
@@ -49,14 +54,18 @@ class LeRobotDataset:
     notes: tuple[str, ...] = ()
 
     def column(self, episode: Episode, name: str) -> np.ndarray | None:
-        """An element (n,) of any feature by its name, of an observation rather than a command; None if there is none of that name.
+        """An element (n,) of any feature by its name, of an observation rather than a command;
+        None if there is none of that name.
 
         episode: which one. ValueError if a feature has several of that name.
         """
         for key in sorted(self.names, key=lambda key: key.startswith(COMMANDED)):
             found = self.names[key].count(name)
             if found > 1:
-                raise ValueError(f"{self.path}: {found} elements of {key} are called '{name}': give them different names in {format_.INFO}")
+                raise ValueError(
+                    f"{self.path}: {found} elements of {key} are called '{name}': give them"
+                    f" different names in {format_.INFO}"
+                )
             if found:
                 return episode.frames[key][:, self.names[key].index(name)]
         return None
@@ -68,22 +77,37 @@ def is_dataset(path: str | os.PathLike) -> bool:
 
 
 def read_dataset(path: str | os.PathLike) -> LeRobotDataset:
-    """A dataset of version 2 or 3; videos and pictures are not read. ValueError names what is wrong, and where."""
+    """A dataset of version 2 or 3; videos and pictures are not read. ValueError names what is
+    wrong, and where.
+    """
     need("pyarrow")
     path = Path(path)
     info = _info(path)
     notes: list[str] = []
-    names = {key: _names(key, one, notes) for key, one in info["features"].items() if _is_vector(key, one)}
+    names = {
+        key: _names(key, one, notes)
+        for key, one in info["features"].items()
+        if _is_vector(key, one)
+    }
     columns = _data(path, names)
     tasks, told = _tasks(path), _tasks_of_episodes(path)
     order = np.lexsort((columns["frame_index"], columns["episode_index"]))
     columns = {key: values[order] for key, values in columns.items()}
-    starts = np.flatnonzero(np.diff(columns["episode_index"], prepend=columns["episode_index"][:1] - 1))
-    parts = ({key: values[a:b] for key, values in columns.items()} for a, b in zip(starts, [*starts[1:], len(order)], strict=True))
-    episodes = tuple(_episode(path, float(info["fps"]), names, tasks, told, part) for part in parts)
+    starts = np.flatnonzero(
+        np.diff(columns["episode_index"], prepend=columns["episode_index"][:1] - 1)
+    )
+    parts = (
+        {key: values[a:b] for key, values in columns.items()}
+        for a, b in zip(starts, [*starts[1:], len(order)], strict=True)
+    )
+    episodes = tuple(
+        _episode(path, float(info["fps"]), names, tasks, told, part) for part in parts
+    )
     expected = info.get("total_episodes", len(episodes))
     if len(episodes) != expected:
-        raise ValueError(f"{path}: {format_.INFO} tells of {expected} episodes, in data/ are {len(episodes)}")
+        raise ValueError(
+            f"{path}: {format_.INFO} tells of {expected} episodes, in data/ are {len(episodes)}"
+        )
     return LeRobotDataset(path, info["fps"], names, episodes, tuple(notes))
 
 
@@ -95,18 +119,28 @@ def _info(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise ValueError(f"{path}: no dataset of LeRobot: it has no {format_.INFO}") from None
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{file}: codebase_version, fps and features are needed: {error}") from error
+        raise ValueError(
+            f"{file}: codebase_version, fps and features are needed: {error}"
+        ) from error
     if not version.startswith(READ):
         raise ValueError(
-            f"{file}: version {version}, neither 2 nor 3: '{CONVERTER}' of lerobot before 0.4 makes version 2 of one of version 1"
+            f"{file}: version {version}, neither 2 nor 3: '{CONVERTER}' of lerobot before 0.4"
+            " makes version 2 of one of version 1"
         )
-    if isinstance(fps, bool) or not isinstance(fps, (int, float)) or not 0 < fps < np.inf or not isinstance(features, dict):
+    if (
+        isinstance(fps, bool)
+        or not isinstance(fps, (int, float))
+        or not 0 < fps < np.inf
+        or not isinstance(features, dict)
+    ):
         raise ValueError(f"{file}: fps is {fps!r}: give a number above 0")
     return info
 
 
 def _is_vector(key: str, feature: Any) -> bool:
-    is_number = isinstance(feature, dict) and str(feature.get("dtype")).startswith(("float", "int", "uint", "bool"))
+    is_number = isinstance(feature, dict) and str(feature.get("dtype")).startswith(
+        ("float", "int", "uint", "bool")
+    )
     return is_number and key not in format_.COUNTED and _size(feature) is not None
 
 
@@ -118,7 +152,9 @@ def _size(feature: Mapping[str, Any]) -> int | None:
 
 
 def _names(key: str, feature: Mapping[str, Any], notes: list[str]) -> tuple[str, ...]:
-    """Names of the elements; their places, and a note, where a dataset has none, or not as many as there are elements."""
+    """Names of the elements; their places, and a note, where a dataset has none, or not as many as
+    there are elements.
+    """
     size = _size(feature) or 0
     told = list(_told(feature.get("names")))
     several = {name for name, count in Counter(name for _, name in told).items() if count > 1}
@@ -131,17 +167,27 @@ def _names(key: str, feature: Mapping[str, Any], notes: list[str]) -> tuple[str,
 
 
 def _told(names: Any, group: str = "") -> Iterator[tuple[str, str]]:
-    """Names of elements in their order, each with the group in which it stands: lists, groups of them, or names with their places."""
+    """Names of elements in their order, each with the group in which it stands: lists, groups of
+    them, or names with their places.
+    """
     if isinstance(names, dict):
-        if names and all(isinstance(place, int) and not isinstance(place, bool) for place in names.values()):
+        if names and all(
+            isinstance(place, int) and not isinstance(place, bool) for place in names.values()
+        ):
             names = sorted(names, key=names.__getitem__)
         else:
             are_groups = any(isinstance(part, (dict, list, tuple)) for part in names.values())
             for key, part in names.items():
-                yield from _told(part, str(key)) if are_groups and part is not None else [(group, str(key))]
+                yield from (
+                    _told(part, str(key))
+                    if are_groups and part is not None
+                    else [(group, str(key))]
+                )
             return
     for one in names if isinstance(names, (list, tuple)) else () if names is None else (names,):
-        yield from _told(one, group) if isinstance(one, (dict, list, tuple)) else [(group, str(one))]
+        yield from (
+            _told(one, group) if isinstance(one, (dict, list, tuple)) else [(group, str(one))]
+        )
 
 
 def _data(path: Path, names: Mapping[str, tuple[str, ...]]) -> dict[str, np.ndarray]:
@@ -156,7 +202,9 @@ def _data(path: Path, names: Mapping[str, tuple[str, ...]]) -> dict[str, np.ndar
                 there = stored.schema_arrow.names
                 if missing := [key for key in names if key not in there]:
                     raise ValueError(f"no column {missing[0]}, of which {format_.INFO} tells")
-                table = stored.read(columns=[key for key in (*names, *format_.COUNTED) if key in there])
+                table = stored.read(
+                    columns=[key for key in (*names, *format_.COUNTED) if key in there]
+                )
             columns = {key: _array(table.column(key)) for key in table.column_names}
             for key, values in _counted(columns, file, len(table)).items():
                 parts.setdefault(key, []).append(values)
@@ -169,7 +217,9 @@ def _data(path: Path, names: Mapping[str, tuple[str, ...]]) -> dict[str, np.ndar
 
 
 def _counted(columns: dict[str, np.ndarray], file: Path, n: int) -> dict[str, np.ndarray]:
-    """The columns of a file, with those that every dataset should have made from the others; task_index is -1 where it is not told."""
+    """The columns of a file, with those that every dataset should have made from the others;
+    task_index is -1 where it is not told.
+    """
     if "episode_index" not in columns:
         number = file.stem.rpartition("_")[2]
         if not (file.stem.startswith("episode_") and number.isdigit()):
@@ -182,37 +232,61 @@ def _counted(columns: dict[str, np.ndarray], file: Path, n: int) -> dict[str, np
     columns["task_index"] = columns.get("task_index", np.full(n, -1))
     columns["timestamp"] = columns.get("timestamp", np.full(n, np.nan))
     columns["index"] = np.arange(n)
-    return {key: values.reshape(-1) if key in format_.COUNTED else values for key, values in columns.items()}
+    return {
+        key: values.reshape(-1) if key in format_.COUNTED else values
+        for key, values in columns.items()
+    }
 
 
 def _array(column: Any) -> np.ndarray:
     """(n, k) of lists, (n,) of numbers."""
     types = optional("pyarrow").types
     column = column.combine_chunks()
-    if types.is_list(column.type) or types.is_large_list(column.type) or types.is_fixed_size_list(column.type):
-        return np.array(column.flatten().to_numpy(zero_copy_only=False), dtype=float).reshape(len(column), -1)
+    if (
+        types.is_list(column.type)
+        or types.is_large_list(column.type)
+        or types.is_fixed_size_list(column.type)
+    ):
+        return np.array(column.flatten().to_numpy(zero_copy_only=False), dtype=float).reshape(
+            len(column), -1
+        )
     return column.to_numpy(zero_copy_only=False)
 
 
 def _tasks(path: Path) -> dict[int, str]:
-    """Texts of the tasks by number. lerobot keeps the text as the index of a data frame, which had no name in its first versions."""
+    """Texts of the tasks by number. lerobot keeps the text as the index of a data frame, which had
+    no name in its first versions.
+    """
     pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
     file = path / format_.TASKS
     if not file.is_file():
-        return {int(line["task_index"]): str(line["task"]) for line in _lines(path / format_.TASK_LINES, "task_index", "task")}
+        return {
+            int(line["task_index"]): str(line["task"])
+            for line in _lines(path / format_.TASK_LINES, "task_index", "task")
+        }
     try:
         table = pq.read_table(file)
         texts = next(name for name in ("task", "__index_level_0__") if name in table.column_names)
-        return dict(zip(table.column("task_index").to_pylist(), map(str, table.column(texts).to_pylist()), strict=True))
+        return dict(
+            zip(
+                table.column("task_index").to_pylist(),
+                map(str, table.column(texts).to_pylist()),
+                strict=True,
+            )
+        )
     except (pa.ArrowException, OSError, StopIteration, KeyError) as error:
         raise ValueError(f"{file}: no table of task and task_index: {error}") from error
 
 
 def _tasks_of_episodes(path: Path) -> dict[int, str]:
-    """The task of each episode by its number, as version 2 tells it beside the frames, where it is one."""
+    """The task of each episode by its number, as version 2 tells it beside the frames, where it is
+    one.
+    """
     lines = _lines(path / format_.EPISODE_LINES, "episode_index", "tasks")
     return {
-        int(line["episode_index"]): str(line["tasks"][0]) for line in lines if isinstance(line["tasks"], list) and len(line["tasks"]) == 1
+        int(line["episode_index"]): str(line["tasks"][0])
+        for line in lines
+        if isinstance(line["tasks"], list) and len(line["tasks"]) == 1
     }
 
 
@@ -248,9 +322,15 @@ def _episode(
     rounded = 2.0 * np.spacing(np.abs(stamps).max()) if stamps.dtype.kind == "f" else 0.0
     late = np.abs((stamps - stamps[0]).astype(float) - time)
     if np.isfinite(late).any() and np.nanmax(late) > max(LATE, rounded):
-        raise ValueError(f"{path}: episode {index}: frame {np.nanargmax(late)} is {np.nanmax(late):.3g} s away from frame_index / fps")
+        raise ValueError(
+            f"{path}: episode {index}: frame {np.nanargmax(late)} is {np.nanmax(late):.3g} s away"
+            " from frame_index / fps"
+        )
     frames = {key: columns[key].reshape(len(time), -1) for key in names}
     for key, values in frames.items():
         if values.shape[1] != len(names[key]):
-            raise ValueError(f"{path}: episode {index}: {key} has {values.shape[1]} elements, not {len(names[key])}")
+            raise ValueError(
+                f"{path}: episode {index}: {key} has {values.shape[1]} elements, not"
+                f" {len(names[key])}"
+            )
     return Episode(index, tasks.get(number, told.get(index, "")), time, frames)

@@ -18,7 +18,8 @@ from dart_skill.recording.lerobot._format import Camera, Feature
 
 
 class DatasetWriter:
-    """A new dataset; a context manager, which takes the folder away again where something goes wrong.
+    """A new dataset; a context manager, which takes the folder away again where something goes
+    wrong.
 
     * path: folder, which must not exist.
     * fps: frames per second.
@@ -29,29 +30,52 @@ class DatasetWriter:
     FileExistsError for a folder that is there, ModuleNotFoundError without the extra `lerobot`.
     """
 
-    def __init__(self, path: str | os.PathLike, fps: int, robot_type: str, features: Sequence[Feature], cameras: Sequence[Camera] = ()):
+    def __init__(
+        self,
+        path: str | os.PathLike,
+        fps: int,
+        robot_type: str,
+        features: Sequence[Feature],
+        cameras: Sequence[Camera] = (),
+    ):
         need("pyarrow", *(["av"] if cameras else []))
-        self.path, self.fps, self.features, self.cameras = Path(path), fps, tuple(features), tuple(cameras)
+        self.path, self.fps, self.features, self.cameras = (
+            Path(path),
+            fps,
+            tuple(features),
+            tuple(cameras),
+        )
         self._robot_type = robot_type
         self.path.mkdir(parents=True)
         self._tasks: dict[str, int] = {}
         self._rows: list[dict[str, Any]] = []
         self._all: dict[str, list[np.ndarray]] = {}
         self._n_frames = 0
-        self._data, self._videos = _DataFiles(self.path, self.features), {one.key: _video(self.path, one, fps) for one in self.cameras}
+        self._data, self._videos = (
+            _DataFiles(self.path, self.features),
+            {one.key: _video(self.path, one, fps) for one in self.cameras},
+        )
 
     @property
     def n_frames(self) -> int:
         return self._n_frames
 
-    def add(self, task: str, frames: Mapping[str, np.ndarray], pictures: Mapping[str, Iterable[np.ndarray]] | None = None) -> None:
-        """An episode. frames: arrays (n, k) by the key of a feature. pictures: n arrays (height, width, 3), uint8, by the key of a camera.
+    def add(
+        self,
+        task: str,
+        frames: Mapping[str, np.ndarray],
+        pictures: Mapping[str, Iterable[np.ndarray]] | None = None,
+    ) -> None:
+        """An episode. frames: arrays (n, k) by the key of a feature. pictures: n arrays (height,
+        width, 3), uint8, by the key of a camera.
 
         ValueError for what is not of these shapes, or not finite.
         """
         n, episode = _n_frames(frames, self.features), len(self._rows)
         number = self._tasks.setdefault(task, len(self._tasks))
-        columns: dict[str, np.ndarray] = {key.key: floats(frames[key.key]).astype(np.float32) for key in self.features}
+        columns: dict[str, np.ndarray] = {
+            key.key: floats(frames[key.key]).astype(np.float32) for key in self.features
+        }
         columns["timestamp"] = (np.arange(n) / self.fps).astype(np.float32)
         columns["frame_index"] = np.arange(n)
         columns["episode_index"] = np.full(n, episode)
@@ -66,12 +90,23 @@ class DatasetWriter:
             row |= self._videos[camera.key].write((pictures or {})[camera.key], n)
             for name, value in self._videos[camera.key].statistics().items():
                 row[f"stats/{camera.key}/{name}"] = value.tolist()
-        self._rows.append({**row, **{f"meta/episodes/{name}": value for name, value in format_.chunk_and_file(0).items()}})
+        self._rows.append(
+            {
+                **row,
+                **{
+                    f"meta/episodes/{name}": value
+                    for name, value in format_.chunk_and_file(0).items()
+                },
+            }
+        )
         self._n_frames += n
 
     def _keep(self, row: dict[str, Any], key: str, values: np.ndarray) -> None:
         self._all.setdefault(key, []).append(values)
-        row |= {f"stats/{key}/{name}": value.tolist() for name, value in format_.statistics(values).items()}
+        row |= {
+            f"stats/{key}/{name}": value.tolist()
+            for name, value in format_.statistics(values).items()
+        }
 
     def close(self) -> None:
         """Write what is about all episodes; ValueError without any."""
@@ -81,11 +116,18 @@ class DatasetWriter:
         for video in self._videos.values():
             video.close()
         self._write_tables()
-        totals = {key: format_.statistics(np.concatenate(parts)) for key, parts in self._all.items()}
+        totals = {
+            key: format_.statistics(np.concatenate(parts)) for key, parts in self._all.items()
+        }
         totals |= {key: video.statistics(of_all=True) for key, video in self._videos.items()}
-        plain = {key: {name: value.tolist() for name, value in one.items()} for key, one in totals.items()}
+        plain = {
+            key: {name: value.tolist() for name, value in one.items()}
+            for key, one in totals.items()
+        }
         _write_json(self.path / format_.STATS, plain)
-        _write_json(self.path / format_.INFO, self._info())  # the last one: without it there is no dataset
+        _write_json(
+            self.path / format_.INFO, self._info()
+        )  # the last one: without it there is no dataset
 
     def _write_tables(self) -> None:
         pa, pq = optional("pyarrow"), optional("pyarrow.parquet")
@@ -93,12 +135,17 @@ class DatasetWriter:
         path.parent.mkdir(parents=True)
         pq.write_table(pa.Table.from_pylist(self._rows), path)
         tasks = pa.table({"task_index": list(self._tasks.values()), "task": list(self._tasks)})
-        pq.write_table(tasks.replace_schema_metadata(format_.task_metadata()), self.path / format_.TASKS)
+        pq.write_table(
+            tasks.replace_schema_metadata(format_.task_metadata()), self.path / format_.TASKS
+        )
 
     def _info(self) -> dict[str, Any]:
         features = {one.key: format_.described(one) for one in self.features}
         features |= {key: video.described() for key, video in self._videos.items()}
-        features |= {key: {"dtype": dtype, "shape": [1], "names": None} for key, dtype in format_.COUNTED.items()}
+        features |= {
+            key: {"dtype": dtype, "shape": [1], "names": None}
+            for key, dtype in format_.COUNTED.items()
+        }
         return {
             "codebase_version": format_.VERSION,
             "fps": self.fps,
@@ -143,8 +190,14 @@ class _DataFiles:
         arrays = {}
         for one in self._features:
             flat = pa.array(columns[one.key].ravel())
-            arrays[one.key] = flat if len(one.names) == 1 else pa.FixedSizeListArray.from_arrays(flat, len(one.names))
-        arrays |= {key: pa.array(columns[key], type=dtype) for key, dtype in format_.COUNTED.items()}
+            arrays[one.key] = (
+                flat
+                if len(one.names) == 1
+                else pa.FixedSizeListArray.from_arrays(flat, len(one.names))
+            )
+        arrays |= {
+            key: pa.array(columns[key], type=dtype) for key, dtype in format_.COUNTED.items()
+        }
         table = pa.table(arrays)
         if self._writer is None or self._bytes + table.nbytes > format_.DATA_MB * 2**20:
             self.close()
@@ -171,14 +224,22 @@ def _video(path: Path, camera: Camera, fps: int) -> Any:
 
 def _n_frames(frames: Mapping[str, np.ndarray], features: Sequence[Feature]) -> int:
     if set(frames) != {one.key for one in features}:
-        raise ValueError(f"an episode has {', '.join(sorted(frames))}: give {', '.join(one.key for one in features)}")
+        raise ValueError(
+            f"an episode has {', '.join(sorted(frames))}: give"
+            f" {', '.join(one.key for one in features)}"
+        )
     n = len(frames[features[0].key])
     for one in features:
         shape = np.shape(frames[one.key])
         if shape != (n, len(one.names)) or n == 0:
-            raise ValueError(f"{one.key} has shape {shape}: give {(n or 'n', len(one.names))}, with n at least 1")
+            raise ValueError(
+                f"{one.key} has shape {shape}: give {(n or 'n', len(one.names))}, with n at"
+                " least 1"
+            )
         if not np.isfinite(floats(frames[one.key])).all():
-            raise ValueError(f"{one.key} is not finite in all frames: lerobot takes statistics of it")
+            raise ValueError(
+                f"{one.key} is not finite in all frames: lerobot takes statistics of it"
+            )
     return n
 
 

@@ -1,10 +1,20 @@
-"""The container: MCAP files read whole, walked when damaged, and written so that a crash costs little."""
+"""The container: MCAP files read whole, walked when damaged, and written so that a crash costs
+little.
+"""
 
 from typing import TYPE_CHECKING
 
 from dart_skill.common.lazy import on_first_use
 from dart_skill.recording.mcap._mapped import crc_of, give_back, mapped
-from dart_skill.recording.mcap.reader import AT_ONCE, END_OF_TIME, BagMessage, McapInput, Part, in_arrays, in_time_order
+from dart_skill.recording.mcap.reader import (
+    AT_ONCE,
+    END_OF_TIME,
+    BagMessage,
+    McapInput,
+    Part,
+    in_arrays,
+    in_time_order,
+)
 from dart_skill.recording.mcap.records import (
     Chunk,
     ChunkPlace,

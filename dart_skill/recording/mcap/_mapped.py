@@ -32,7 +32,8 @@ def mapped(path: Path) -> Iterator[memoryview]:
 
 
 def give_back(data: memoryview, begin: int, end: int) -> int:
-    """Let go of the memory of a file's bytes once they are many; returns where those begin that are still held.
+    """Let go of the memory of a file's bytes once they are many; returns where those begin that
+    are still held.
 
     * data: the bytes of `mapped`, which are read again where somebody asks for them again.
     * begin, end: what was read since the last time.
@@ -40,7 +41,9 @@ def give_back(data: memoryview, begin: int, end: int) -> int:
     if end - begin < READ_AT_ONCE:
         return begin
     if isinstance(data.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-        before = _address(data) - _address(data.obj)  # where a file that is one of several in it begins
+        before = _address(data) - _address(
+            data.obj
+        )  # where a file that is one of several in it begins
         first, last = ((before + place) // mmap.PAGESIZE * mmap.PAGESIZE for place in (begin, end))
         data.obj.madvise(mmap.MADV_DONTNEED, first, last - first)
     return end
@@ -53,7 +56,9 @@ def _address(data: memoryview | mmap.mmap) -> int:
 
 
 def crc_of(data: memoryview, end: int) -> int:
-    """CRC of a file's bytes before an end, of which few are in memory at a time. data: its bytes; end: before which they count."""
+    """CRC of a file's bytes before an end, of which few are in memory at a time. data: its bytes;
+    end: before which they count.
+    """
     crc = held = 0
     for begin in range(0, end, READ_AT_ONCE):
         stop = min(begin + READ_AT_ONCE, end)

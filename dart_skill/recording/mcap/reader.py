@@ -141,27 +141,47 @@ class McapInput:
         start_ns, stop_ns: log times from the first to before the second.
         """
         if self._chunks is None:
-            return [Part(self.start_ns, self.end_ns, lambda: self._found_messages(wanted, start_ns, stop_ns))]
+            return [
+                Part(
+                    self.start_ns,
+                    self.end_ns,
+                    lambda: self._found_messages(wanted, start_ns, stop_ns),
+                )
+            ]
         return [
-            Part(chunk.message_start_time, chunk.message_end_time, partial(self._chunk_messages, index, wanted, start_ns, stop_ns))
+            Part(
+                chunk.message_start_time,
+                chunk.message_end_time,
+                partial(self._chunk_messages, index, wanted, start_ns, stop_ns),
+            )
             for index, chunk in enumerate(self._chunks)
-            if start_ns <= chunk.message_end_time and chunk.message_start_time < stop_ns and not wanted.keys().isdisjoint(chunk.channels)
+            if start_ns <= chunk.message_end_time
+            and chunk.message_start_time < stop_ns
+            and not wanted.keys().isdisjoint(chunk.channels)
         ]
 
     def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Numbers and log times (n,) [ns] of messages of some channels, some at a time, in the order of writing; DamagedError.
+        """Numbers and log times (n,) [ns] of messages of some channels, some at a time, in the
+        order of writing; DamagedError.
 
-        By the message indexes, where there are some: no chunk is unpacked. wanted: number that is given for each channel.
+        By the message indexes, where there are some: no chunk is unpacked. wanted: number that is
+        given for each channel.
         """
         import numpy as np
 
         if self._chunks is None:
             with mapped(self.path) as data:
                 messages = (one for record in _undamaged(data) for one in record.messages())
-                yield from in_arrays((wanted[one.channel], one.log_time_ns) for one in messages if one.channel in wanted)
+                yield from in_arrays(
+                    (wanted[one.channel], one.log_time_ns)
+                    for one in messages
+                    if one.channel in wanted
+                )
             return
         for chunk in self._chunks:
-            data = memoryview(self._at(chunk.chunk_start_offset + chunk.chunk_length, chunk.message_index_length))
+            data = memoryview(
+                self._at(chunk.chunk_start_offset + chunk.chunk_length, chunk.message_index_length)
+            )
             numbers, entries = [np.empty(0, np.int64)], [np.empty((0, 2), "<u8")]
             while len(data) > RECORD.size:
                 end = RECORD.size + RECORD.unpack_from(data)[1]
@@ -175,16 +195,27 @@ class McapInput:
             yield np.concatenate(numbers)[order], stamps[order]
 
     def missing(self, wanted: Collection[int]) -> dict[int, int]:
-        """Messages that are missing by the sequence numbers of the first and the last one of each channel; DamagedError.
+        """Messages that are missing by the sequence numbers of the first and the last one of each
+        channel; DamagedError.
 
-        Only the chunks with these two are unpacked; of a file without indexes nothing is told. wanted: numbers of channels.
+        Only the chunks with these two are unpacked; of a file without indexes nothing is told.
+        wanted: numbers of channels.
         """
-        places = {number: [k for k, chunk in enumerate(self._chunks or ()) if number in chunk.channels] for number in wanted}
+        places = {
+            number: [k for k, chunk in enumerate(self._chunks or ()) if number in chunk.channels]
+            for number in wanted
+        }
         told: dict[int, list[int]] = {}
         for index in sorted({k for found in places.values() for k in (*found[:1], *found[-1:])}):
-            for message in self._of_chunk(index, lambda raw, most: list(messages_of(raw, most=most))):
+            for message in self._of_chunk(
+                index, lambda raw, most: list(messages_of(raw, most=most))
+            ):
                 told.setdefault(message.channel, []).append(message.sequence)
-        lost = {number: told[number][-1] - told[number][0] + 1 - self.counts[number] for number in wanted if number in told}
+        lost = {
+            number: told[number][-1] - told[number][0] + 1 - self.counts[number]
+            for number in wanted
+            if number in told
+        }
         return {number: count for number, count in lost.items() if count > 0}
 
     def close(self) -> None:
@@ -202,7 +233,11 @@ class McapInput:
     def _take(self, summary: Summary) -> None:
         statistics = summary.statistics
         assert statistics is not None  # or the summary would not have been complete
-        self.schemas, self.channels, self._chunks = summary.schemas, summary.channels, summary.chunks
+        self.schemas, self.channels, self._chunks = (
+            summary.schemas,
+            summary.channels,
+            summary.chunks,
+        )
         self.strays: dict[int, int] = {}
         self.counts: Counter[int] = Counter(statistics.channel_message_counts)
         self.message_count = statistics.message_count
@@ -220,40 +255,66 @@ class McapInput:
         for found in _undamaged(data):
             for message in found.messages():
                 self.counts[message.channel] += 1
-                first_ns, last_ns = min(first_ns, message.log_time_ns), max(last_ns, message.log_time_ns)
+                first_ns, last_ns = (
+                    min(first_ns, message.log_time_ns),
+                    max(last_ns, message.log_time_ns),
+                )
             if found.opcode == Opcode.CHUNK:
                 compressions.add(found.chunk().compression)
             elif found.opcode in places:
                 places[found.opcode].append(found.offset)
         self.schemas, self.channels = read_definitions(data)
-        self.strays = {number: count for number, count in self.counts.items() if number not in self.channels}
+        self.strays = {
+            number: count for number, count in self.counts.items() if number not in self.channels
+        }
         self.compression = _listed(compressions)
-        self._metadata_places, self._attachment_places = places[Opcode.METADATA], places[Opcode.ATTACHMENT]
+        self._metadata_places, self._attachment_places = (
+            places[Opcode.METADATA],
+            places[Opcode.ATTACHMENT],
+        )
         self.message_count = sum(self.counts.values())
         self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)
 
-    def _chunk_messages(self, index: int, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
-        return self._of_chunk(index, lambda raw, most: _messages_in(raw, most, wanted, start_ns, stop_ns))
+    def _chunk_messages(
+        self, index: int, wanted: dict, start_ns: int, stop_ns: int
+    ) -> list[BagMessage]:
+        return self._of_chunk(
+            index, lambda raw, most: _messages_in(raw, most, wanted, start_ns, stop_ns)
+        )
 
     def _of_chunk(self, index: int, read: Callable[[bytes, int], T]) -> T:
-        """What is read of a chunk; DamagedError. read: takes its unpacked records, and how many there may be."""
+        """What is read of a chunk; DamagedError. read: takes its unpacked records, and how many
+        there may be.
+        """
         assert self._chunks is not None  # as there are parts
         chunk = self._chunks[index]
         place = chunk.chunk_start_offset
         try:
             record = self._at(place, chunk.chunk_length)
-            if len(record) < RECORD.size or RECORD.unpack_from(record) != (Opcode.CHUNK, len(record) - RECORD.size):
+            if len(record) < RECORD.size or RECORD.unpack_from(record) != (
+                Opcode.CHUNK,
+                len(record) - RECORD.size,
+            ):
                 raise DamagedError("no chunk begins there")
             packed_chunk = parse_chunk(memoryview(record)[RECORD.size :])
             return read(packed_chunk.unpack(), packed_chunk.most_records)
         except (DamagedError, struct.error) as error:
-            raise DamagedError(f"the chunk at byte {place} of {self.path.name} is damaged: {error}") from error
+            raise DamagedError(
+                f"the chunk at byte {place} of {self.path.name} is damaged: {error}"
+            ) from error
 
     def _found_messages(self, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
-        """All that are wanted of a file that does not tell where its messages are: they are read into memory."""
+        """All that are wanted of a file that does not tell where its messages are: they are read
+        into memory.
+        """
         with mapped(self.path) as data:
             found = [
-                BagMessage(wanted[message.channel][0], wanted[message.channel][1], message.log_time_ns, message.data)
+                BagMessage(
+                    wanted[message.channel][0],
+                    wanted[message.channel][1],
+                    message.log_time_ns,
+                    message.data,
+                )
                 for record in _undamaged(data)
                 for message in record.messages()
                 if message.channel in wanted and start_ns <= message.log_time_ns < stop_ns
@@ -290,7 +351,9 @@ def _undamaged(data: memoryview) -> Iterator[Record]:
         yield found
 
 
-def _messages_in(raw: bytes, most: int, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[BagMessage]:
+def _messages_in(
+    raw: bytes, most: int, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int
+) -> list[BagMessage]:
     """The same as `messages_of` in less time, of what is wanted, in order of log time."""
     found: list[BagMessage] = []
     in_order, last, fields, place, end = True, 0, _FIELDS.unpack_from, 0, len(raw)
@@ -332,22 +395,37 @@ def _when_due(part: Part) -> Iterator:
 
 
 def is_complete(summary: Summary) -> bool:
-    """Whether the summary tells where all messages are: each is in a chunk that has indexes, of a channel that the summary has.
+    """Whether the summary tells where all messages are: each is in a chunk that has indexes, of a
+    channel that the summary has.
 
     summary: of a file.
     """
     statistics = summary.statistics
-    if statistics is None or not defines_all(summary) or sum(statistics.channel_message_counts.values()) != statistics.message_count:
+    if (
+        statistics is None
+        or not defines_all(summary)
+        or sum(statistics.channel_message_counts.values()) != statistics.message_count
+    ):
         return False
-    indexed = sum((chunk.message_index_length - 15 * len(chunk.channels)) // 16 for chunk in summary.chunks)
-    lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
+    indexed = sum(
+        (chunk.message_index_length - 15 * len(chunk.channels)) // 16 for chunk in summary.chunks
+    )
+    lists = statistics.metadata_count == len(
+        summary.metadata
+    ) and statistics.attachment_count == len(summary.attachments)
     return lists and indexed == statistics.message_count
 
 
 def _holds_more(data: memoryview, summary: Summary) -> bool:
     """Whether messages stand before, between or behind those chunks that the summary has."""
     place = len(MAGIC)
-    known = ((one.chunk_start_offset, one.chunk_start_offset + one.chunk_length + one.message_index_length) for one in summary.chunks)
+    known = (
+        (
+            one.chunk_start_offset,
+            one.chunk_start_offset + one.chunk_length + one.message_index_length,
+        )
+        for one in summary.chunks
+    )
     for begin, end in chain(known, [(summary.start, summary.start)]):
         while place + RECORD.size <= begin:
             opcode, length = RECORD.unpack_from(data, place)

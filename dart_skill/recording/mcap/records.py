@@ -1,7 +1,8 @@
-"""What the bytes of MCAP records say (MCAP specification, version 0), with everything checked that can be.
+"""What the bytes of MCAP records say (MCAP specification, version 0), with everything checked that
+can be.
 
-A record may have more bytes than it needs, as later versions may add fields at its end: they are ignored. A record that is too short,
-and whatever else is wrong, is a `DamagedError` that says why.
+A record may have more bytes than it needs, as later versions may add fields at its end: they are
+ignored. A record that is too short, and whatever else is wrong, is a `DamagedError` that says why.
 """
 
 from __future__ import annotations
@@ -19,7 +20,18 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Footer, Header, McapRecord, MetadataIndex, Schema, Statistics
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Footer,
+    Header,
+    McapRecord,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 from mcap.stream_reader import StreamReader
 
 from dart_skill.recording.mcap._mapped import crc_of
@@ -35,12 +47,21 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish t
 LARGEST_CHUNK = 2**28
 """No writer makes larger ones: they are unpacked in memory [bytes]."""
 PIECE = 64
-"""Part of a chunk that was cut off that is unpacked at once; with zstd it becomes 2 MB at most [bytes]."""
+"""Part of a chunk that was cut off that is unpacked at once; with zstd it becomes 2 MB at most
+[bytes].
+"""
 USUAL_RECORDS = 10_000
-"""A chunk may have so many records; of more, each takes at least a byte of the compressed chunk."""
+"""A chunk may have so many records; of more, each takes at least a byte of the compressed chunk.
+"""
 MOST_UNKNOWN = 64
 """At the end of a record, of fields that are not known here, where it is searched [bytes]."""
-_UNREADABLE = (ValueError, struct.error, McapError, OverflowError, MemoryError)  # what `mcap` makes of bytes that are no records
+_UNREADABLE = (
+    ValueError,
+    struct.error,
+    McapError,
+    OverflowError,
+    MemoryError,
+)  # what `mcap` makes of bytes that are no records
 
 
 class DamagedError(ValueError):
@@ -89,11 +110,16 @@ class Chunk:
     def unpack(self) -> bytes:
         """Its records, with their size and CRC (where it has one) checked; DamagedError."""
         if self.size > LARGEST_CHUNK:
-            raise DamagedError(f"the chunk says that it holds {self.size} bytes, more than the {LARGEST_CHUNK} that are unpacked")
+            raise DamagedError(
+                f"the chunk says that it holds {self.size} bytes, more than the {LARGEST_CHUNK}"
+                " that are unpacked"
+            )
         try:
             raw = _DECOMPRESS[self.compression](self.records, self.size)
         except KeyError:
-            raise DamagedError(f"the chunk has the unknown compression '{self.compression}'") from None
+            raise DamagedError(
+                f"the chunk has the unknown compression '{self.compression}'"
+            ) from None
         except (zstandard.ZstdError, RuntimeError, EOFError) as error:
             raise DamagedError(f"the chunk cannot be decompressed ({error})") from error
         if self.crc and crc32(raw) != self.crc:
@@ -158,7 +184,9 @@ class ChunkTable:
     """
 
     def __init__(self, places: Iterable[ChunkPlace] = ()):
-        self._numbers = array("Q")  # eight for each chunk, of which the last is the number of its kind
+        self._numbers = array(
+            "Q"
+        )  # eight for each chunk, of which the last is the number of its kind
         self._kinds: dict[tuple[str, frozenset[int]], int] = {}
         self._kind_of: list[tuple[str, frozenset[int]]] = []
         for place in places:
@@ -205,27 +233,38 @@ class Summary:
 
 
 def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> McapRecord:
-    """A record with an opcode of `PARSED`, as `mcap` reads it; DamagedError unless all of its fields make sense.
+    """A record with an opcode of `PARSED`, as `mcap` reads it; DamagedError unless all of its
+    fields make sense.
 
     check_crc: of an attachment, the only one of them that has one.
     """
     return parse_with_length(opcode, content, check_crc)[0]
 
 
-def parse_with_length(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> tuple[McapRecord, int]:
-    """The same, and how many bytes of the content its fields take; what follows them belongs to fields that nobody knows here."""
+def parse_with_length(
+    opcode: int, content: bytes | memoryview, check_crc: bool = True
+) -> tuple[McapRecord, int]:
+    """The same, and how many bytes of the content its fields take; what follows them belongs to
+    fields that nobody knows here.
+    """
     data = bytes(content)
     try:
-        record = next(StreamReader(BytesIO(RECORD.pack(opcode, len(data)) + data), skip_magic=True).records)
+        record = next(
+            StreamReader(BytesIO(RECORD.pack(opcode, len(data)) + data), skip_magic=True).records
+        )
         again = packed(record)[RECORD.size :]
     except _UNREADABLE as error:
-        raise DamagedError(f"the {Opcode(opcode).name} record is damaged ({error or type(error).__name__})") from error
+        raise DamagedError(
+            f"the {Opcode(opcode).name} record is damaged ({error or type(error).__name__})"
+        ) from error
     known = data[: len(again)]
     if isinstance(record, Attachment) and again[:-4] == known[:-4]:
         if check_crc and known[-4:] not in (again[-4:], b"\0\0\0\0"):
             raise DamagedError(f"the CRC of attachment '{record.name}' does not fit its content")
     elif again != known:
-        raise DamagedError(f"the {Opcode(opcode).name} record has a length that does not fit its content")
+        raise DamagedError(
+            f"the {Opcode(opcode).name} record has a length that does not fit its content"
+        )
     return record, len(again)
 
 
@@ -237,7 +276,9 @@ def packed(record: McapRecord) -> bytes:
 
 
 def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
-    """A chunk; DamagedError if its parts are longer than it. cut_off: the end of its records may be missing."""
+    """A chunk; DamagedError if its parts are longer than it. cut_off: the end of its records may
+    be missing.
+    """
     try:
         start, end, size, crc, name_length = _CHUNK_HEAD.unpack_from(content)
         name = bytes(content[32 : 32 + name_length])
@@ -247,11 +288,21 @@ def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
     begin = 40 + name_length
     if name not in (b"", b"zstd", b"lz4") or (begin + compressed > len(content) and not cut_off):
         raise DamagedError("the chunk's sizes do not agree with each other")
-    return Chunk(start, end, size, crc, name.decode(), content[begin : begin + compressed], begin + compressed)
+    return Chunk(
+        start,
+        end,
+        size,
+        crc,
+        name.decode(),
+        content[begin : begin + compressed],
+        begin + compressed,
+    )
 
 
 def message_index(content: memoryview) -> tuple[int, memoryview]:
-    """Channel, and the bytes of log time and place in the chunk of its messages, 8 each; DamagedError."""
+    """Channel, and the bytes of log time and place in the chunk of its messages, 8 each;
+    DamagedError.
+    """
     if len(content) < 6:
         raise DamagedError("the MESSAGE_INDEX record is too short")
     channel, n_bytes = struct.unpack_from("<HI", content)
@@ -260,8 +311,11 @@ def message_index(content: memoryview) -> tuple[int, memoryview]:
     return channel, content[6 : 6 + n_bytes]
 
 
-def records_of(raw: bytes | memoryview, cut_off: bool = False, most: int | None = None) -> Iterator[tuple[int, int, int]]:
-    """Opcode, begin and end of the content of each record in a chunk; DamagedError where one reaches beyond it.
+def records_of(
+    raw: bytes | memoryview, cut_off: bool = False, most: int | None = None
+) -> Iterator[tuple[int, int, int]]:
+    """Opcode, begin and end of the content of each record in a chunk; DamagedError where one
+    reaches beyond it.
 
     cut_off: stop there instead. most: DamagedError for more records.
     """
@@ -269,10 +323,19 @@ def records_of(raw: bytes | memoryview, cut_off: bool = False, most: int | None 
     while place < size:
         left -= 1
         if left < 0:
-            raise DamagedError(f"the chunk has more than {most} records, which is more than its compressed bytes can tell apart")
-        opcode, length = RECORD.unpack_from(raw, place) if place + RECORD.size <= size else (0, size)
+            raise DamagedError(
+                f"the chunk has more than {most} records, which is more than its compressed bytes"
+                " can tell apart"
+            )
+        opcode, length = (
+            RECORD.unpack_from(raw, place) if place + RECORD.size <= size else (0, size)
+        )
         begin, place = place + RECORD.size, place + RECORD.size + length
-        if place > size or opcode == 0 or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size):
+        if (
+            place > size
+            or opcode == 0
+            or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size)
+        ):
             if cut_off:
                 return
             raise DamagedError("a record in the chunk reaches beyond it")
@@ -280,17 +343,30 @@ def records_of(raw: bytes | memoryview, cut_off: bool = False, most: int | None 
 
 
 def messages_of(raw: bytes, cut_off: bool = False, most: int | None = None) -> Iterator[Message]:
-    """The messages among the records of a chunk; DamagedError as from `records_of`. raw, cut_off, most: as for that."""
+    """The messages among the records of a chunk; DamagedError as from `records_of`. raw, cut_off,
+    most: as for that.
+    """
     for opcode, begin, end in records_of(raw, cut_off, most):
         if opcode == Opcode.MESSAGE:
             channel, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(raw, begin)
-            yield Message(begin - RECORD.size, channel, sequence, log_time, publish_time, raw[begin + _MESSAGE_HEAD.size : end])
+            yield Message(
+                begin - RECORD.size,
+                channel,
+                sequence,
+                log_time,
+                publish_time,
+                raw[begin + _MESSAGE_HEAD.size : end],
+            )
 
 
 def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
-    """The first record of a file, and where it ends; DamagedError. data: the first bytes of the file."""
+    """The first record of a file, and where it ends; DamagedError. data: the first bytes of the
+    file.
+    """
     if bytes(data[:8]) != MAGIC:
-        raise DamagedError("the file magic is invalid: this is no MCAP file, or its first bytes are damaged")
+        raise DamagedError(
+            "the file magic is invalid: this is no MCAP file, or its first bytes are damaged"
+        )
     if len(data) < 17 or data[8] != Opcode.HEADER:
         raise DamagedError("the file has no header")
     end = 17 + struct.unpack_from("<Q", data, 9)[0]
@@ -302,12 +378,18 @@ def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
 
 
 def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
-    """The summary of a file's bytes, None if it has none; DamagedError. with_crc: take one without a CRC for none."""
+    """The summary of a file's bytes, None if it has none; DamagedError. with_crc: take one without
+    a CRC for none.
+    """
     footer = _footer(data)
     if not footer.summary_start or (with_crc and not footer.summary_crc):
         return None
     end = len(data) - FOOTER_LENGTH
-    if footer.summary_crc and crc_of(data[footer.summary_start : end + 25], end + 25 - footer.summary_start) != footer.summary_crc:
+    if (
+        footer.summary_crc
+        and crc_of(data[footer.summary_start : end + 25], end + 25 - footer.summary_start)
+        != footer.summary_crc
+    ):
         raise DamagedError("the summary's CRC does not fit its content")
     chunks, found = ChunkTable(), []
     for record in _summary_records(data, footer.summary_start):
@@ -329,28 +411,47 @@ def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
 
 
 def chunk_indexes(data: memoryview, summary: Summary) -> Iterator[ChunkIndex]:
-    """The indexes of chunks as they stand in the summary of a file's bytes, one by one; DamagedError. data: the bytes."""
-    return (record for record in _summary_records(data, summary.start) if isinstance(record, ChunkIndex))
+    """The indexes of chunks as they stand in the summary of a file's bytes, one by one;
+    DamagedError. data: the bytes.
+    """
+    return (
+        record
+        for record in _summary_records(data, summary.start)
+        if isinstance(record, ChunkIndex)
+    )
 
 
 def defines_all(summary: Summary) -> bool:
-    """Whether a summary has all schemas and channels of its file: those that chunks, channels and statistics name.
+    """Whether a summary has all schemas and channels of its file: those that chunks, channels and
+    statistics name.
 
     Without statistics only message indexes tell which channels there are. summary: of the file.
     """
     schemas, known, told = summary.schemas.keys(), summary.channels.keys(), summary.statistics
-    if any(channel.schema_id and channel.schema_id not in schemas for channel in summary.channels.values()):
+    if any(
+        channel.schema_id and channel.schema_id not in schemas
+        for channel in summary.channels.values()
+    ):
         return False
-    if any(not known >= chunk.channels or (told is None and not chunk.channels) for chunk in summary.chunks):
+    if any(
+        not known >= chunk.channels or (told is None and not chunk.channels)
+        for chunk in summary.chunks
+    ):
         return False
     if told is None:
         return len(summary.chunks) > 0
     # rosbag2's writer counts only the channels that have messages
-    return told.schema_count <= len(schemas) and told.channel_count <= len(known) and known >= told.channel_message_counts.keys()
+    return (
+        told.schema_count <= len(schemas)
+        and told.channel_count <= len(known)
+        and known >= told.channel_message_counts.keys()
+    )
 
 
 def data_end_before(data: memoryview, place: int) -> int | None:
-    """Where the DATA_END record begins that ends at a place; None if none does. data: the bytes of the file."""
+    """Where the DATA_END record begins that ends at a place; None if none does. data: the bytes of
+    the file.
+    """
     for begin in range(place - 13, max(len(MAGIC), place - 13 - MOST_UNKNOWN) - 1, -1):
         if RECORD.unpack_from(data, begin) == (Opcode.DATA_END, place - begin - RECORD.size):
             return begin
@@ -382,7 +483,9 @@ def _footer(data: memoryview) -> Footer:
 
 
 def _whole_blocks(decompressor: Any, data: memoryview, limit: int) -> bytes:
-    """What a decompressor gives before the end or the damage of its input, or before it has given more than the limit [bytes]."""
+    """What a decompressor gives before the end or the damage of its input, or before it has given
+    more than the limit [bytes].
+    """
     parts, size = [], 0
     try:
         for begin in range(0, len(data), PIECE):
@@ -402,13 +505,20 @@ def _zstd(records: memoryview, size: int) -> bytes:
 
 
 def _lz4(records: memoryview, size: int) -> bytes:
-    for limit in (size, LARGEST_CHUNK):  # the chunk's size may be what is damaged: then its CRC tells
+    for limit in (
+        size,
+        LARGEST_CHUNK,
+    ):  # the chunk's size may be what is damaged: then its CRC tells
         decompressor = lz4.frame.LZ4FrameDecompressor()
         raw: bytes = decompressor.decompress(bytes(records), max_length=limit + 1)
         if decompressor.eof or len(raw) <= limit:
             break
     if not decompressor.eof:
-        raise EOFError(f"it holds more than {LARGEST_CHUNK} bytes" if len(raw) > LARGEST_CHUNK else "its end is missing")
+        raise EOFError(
+            f"it holds more than {LARGEST_CHUNK} bytes"
+            if len(raw) > LARGEST_CHUNK
+            else "its end is missing"
+        )
     return raw
 
 

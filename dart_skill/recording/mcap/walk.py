@@ -1,7 +1,7 @@
 """A walk over the bytes of an MCAP file that may be damaged, which finds its way again.
 
-Where no record begins, the walk tries what stands there as a chunk (whose CRC then vouches for it), goes on at the next place that the
-summary knows, or searches the next record.
+Where no record begins, the walk tries what stands there as a chunk (whose CRC then vouches for
+it), goes on at the next place that the summary knows, or searches the next record.
 """
 
 from __future__ import annotations
@@ -42,9 +42,13 @@ from dart_skill.recording.mcap.records import (
 
 _ANY_RECORD = re.compile(rb"(?=[\x01-\x0f].{5}\x00\x00\x00)", re.DOTALL)
 LARGEST_UNPACKED, USUAL_RATIO = 2**30, 1000
-"""All that is packed in a file may be so many bytes, or so many times as large as the file: more is a bomb, which takes hours to read."""
+"""All that is packed in a file may be so many bytes, or so many times as large as the file: more
+is a bomb, which takes hours to read.
+"""
 _ZERO_BLOCK = re.compile(rb"\x00{256,}")
-"""No writer compresses to such a one: it is a block that was not stored when the power failed, or that a copy left out."""
+"""No writer compresses to such a one: it is a block that was not stored when the power failed, or
+that a copy left out.
+"""
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,9 @@ class Record:
     repaired: str = ""
 
     def parsed(self) -> McapRecord:
-        """What it says, of the kinds of `PARSED`; DamagedError if it is an attachment with a wrong CRC."""
+        """What it says, of the kinds of `PARSED`; DamagedError if it is an attachment with a wrong
+        CRC.
+        """
         return parse(self.opcode, self.content)
 
     def chunk(self) -> Chunk:
@@ -79,7 +85,9 @@ class Record:
             yield from messages_of(RECORD.pack(self.opcode, len(self.content)) + self.content)
 
     def message_index(self) -> tuple[int, list[tuple[int, int]]]:
-        """What it says if it is a message index: channel, and log time and place in the chunk of its messages."""
+        """What it says if it is a message index: channel, and log time and place in the chunk of
+        its messages.
+        """
         channel, entries = message_index(self.content)
         return channel, list(struct.iter_unpack("<QQ", entries))
 
@@ -111,39 +119,57 @@ class Unpacked:
     before: int = 0
 
 
-def walk(data: memoryview, summary: Summary | None = None, unpacked: Unpacked | None = None) -> Iterator[Record | Damage]:
-    """Every record of a file's bytes after the magic, in order, and the places between them that are damaged.
+def walk(
+    data: memoryview, summary: Summary | None = None, unpacked: Unpacked | None = None
+) -> Iterator[Record | Damage]:
+    """Every record of a file's bytes after the magic, in order, and the places between them that
+    are damaged.
 
-    summary: tells where records begin, also behind damage.
-    unpacked: so far, if this is one of several files in one.
+    summary: tells where records begin, also behind damage. unpacked: so far, if this is one of
+    several files in one.
 
     Ends after the footer: what follows it is a damaged place, and another file for `extents`.
     """
     known, unpacked = _KnownPlaces(data, summary), unpacked or Unpacked()
     place, size = (len(MAGIC) if bytes(data[:8]) == MAGIC else 0), len(data)
     if place == 0:
-        place = _next_record(data, min(8, size), known) if size < 17 or data[8] != Opcode.HEADER else 8
+        place = (
+            _next_record(data, min(8, size), known) if size < 17 or data[8] != Opcode.HEADER else 8
+        )
         yield Damage(0, place, "the file magic is invalid" + _zeros(data, 0, place))
     held = 0
     while place < size:
         held = give_back(data, held, place)
         found = _record_at(data, place)
-        if isinstance(found, Record) and found.opcode != Opcode.FOOTER and not _is_followed(data, found):
+        if (
+            isinstance(found, Record)
+            and found.opcode != Opcode.FOOTER
+            and not _is_followed(data, found)
+        ):
             inner = _next_record(data, place + 1, known, found.end)
-            found = Damage(place, inner, "its length is damaged, or its end is missing") if inner < found.end else found
+            found = (
+                Damage(place, inner, "its length is damaged, or its end is missing")
+                if inner < found.end
+                else found
+            )
         elif isinstance(found, Damage):
             found = _chunk_at(data, place, found.reason) or _skipped(data, found, known)
         if isinstance(found, Record) and found.opcode == Opcode.CHUNK:
             unpacked.size += found.chunk().size
             if unpacked.size > max(LARGEST_UNPACKED, USUAL_RATIO * (unpacked.before + found.end)):
-                reason = f"the chunks say that they hold {unpacked.size} bytes, in a file of {size}: the rest is left out"
+                reason = (
+                    f"the chunks say that they hold {unpacked.size} bytes, in a file of {size}:"
+                    " the rest is left out"
+                )
                 yield Damage(found.offset, size, reason)
                 return
         yield found
         place = found.end
         if isinstance(found, Record) and found.opcode == Opcode.FOOTER:
             if bytes(data[place : place + len(MAGIC)]) != MAGIC:
-                yield Damage(place, size, "the file does not end with the magic" + _zeros(data, place, size))
+                yield Damage(
+                    place, size, "the file does not end with the magic" + _zeros(data, place, size)
+                )
             elif place + len(MAGIC) < size:
                 yield _after_the_end(data, place + len(MAGIC))
             return
@@ -151,10 +177,12 @@ def walk(data: memoryview, summary: Summary | None = None, unpacked: Unpacked | 
 
 
 def extents(data: memoryview) -> list[tuple[int, int]]:
-    """Where each file begins and ends, of those that were put one after another into one; usually it is only one.
+    """Where each file begins and ends, of those that were put one after another into one; usually
+    it is only one.
 
-    data: the bytes. What follows a footer is a file of its own, also where its head is missing, and so is what follows a header. A file
-    that is kept in another one as an attachment belongs to that.
+    data: the bytes. What follows a footer is a file of its own, also where its head is missing,
+    and so is what follows a header. A file that is kept in another one as an attachment belongs to
+    that.
     """
     if _is_one(data):
         return [(0, len(data))]
@@ -167,22 +195,38 @@ def extents(data: memoryview) -> list[tuple[int, int]]:
 
 
 def belongs(data: memoryview, summary: Summary) -> bool:
-    """Whether a summary is that of the file which it stands in: one of its chunks at least is where and what it says.
+    """Whether a summary is that of the file which it stands in: one of its chunks at least is
+    where and what it says.
 
     data: the file's bytes.
     """
     for place in summary.chunks:
-        found = _record_at(data, place.chunk_start_offset) if place.chunk_start_offset < len(data) else None
-        if isinstance(found, Record) and found.opcode == Opcode.CHUNK and found.end - found.offset == place.chunk_length:
+        found = (
+            _record_at(data, place.chunk_start_offset)
+            if place.chunk_start_offset < len(data)
+            else None
+        )
+        if (
+            isinstance(found, Record)
+            and found.opcode == Opcode.CHUNK
+            and found.end - found.offset == place.chunk_length
+        ):
             chunk = found.chunk()
-            said = (place.message_start_time, place.message_end_time, place.uncompressed_size, place.compression)
+            said = (
+                place.message_start_time,
+                place.message_end_time,
+                place.uncompressed_size,
+                place.compression,
+            )
             if said == (chunk.start_ns, chunk.end_ns, chunk.size, chunk.compression):
                 return True
     return not len(summary.chunks) and data_end_before(data, summary.start) is not None
 
 
 def _is_one(data: memoryview) -> bool:
-    """Whether the summary at the end, by its CRC, stands where it was written: then nothing was put before it or into it."""
+    """Whether the summary at the end, by its CRC, stands where it was written: then nothing was
+    put before it or into it.
+    """
     try:
         parse_header(data[: 2**20])
         summary = read_summary(data, with_crc=True)
@@ -197,7 +241,11 @@ def _end_of_first(data: memoryview) -> int:
         if isinstance(found, Damage):
             continue
         magic = found.offset - len(MAGIC)
-        if found.opcode == Opcode.HEADER and magic > 0 and bytes(data[magic : found.offset]) == MAGIC:
+        if (
+            found.opcode == Opcode.HEADER
+            and magic > 0
+            and bytes(data[magic : found.offset]) == MAGIC
+        ):
             return magic
         if found.opcode == Opcode.FOOTER:
             return min(found.end + len(MAGIC), len(data))
@@ -208,8 +256,14 @@ def _after_the_end(data: memoryview, place: int) -> Damage:
     """What follows a file that is whole by itself."""
     count = len(data) - place
     if bytes(data[place : place + len(MAGIC)]) == MAGIC:
-        return Damage(place, len(data), f"another MCAP file of {count} bytes follows the end of this one")
-    return Damage(place, len(data), f"{count} bytes follow the end of the file" + _zeros(data, place, len(data)))
+        return Damage(
+            place, len(data), f"another MCAP file of {count} bytes follows the end of this one"
+        )
+    return Damage(
+        place,
+        len(data),
+        f"{count} bytes follow the end of the file" + _zeros(data, place, len(data)),
+    )
 
 
 def _zeros(data: memoryview, begin: int, end: int) -> str:
@@ -217,7 +271,10 @@ def _zeros(data: memoryview, begin: int, end: int) -> str:
     found = _ZERO_BLOCK.search(data, begin, end)
     if found is None:
         return ""
-    return f", with a block of {found.end() - found.start()} zero bytes, which the disk never stored or a copy left out"
+    return (
+        f", with a block of {found.end() - found.start()} zero bytes, which the disk never stored"
+        " or a copy left out"
+    )
 
 
 @dataclass
@@ -247,8 +304,11 @@ class Definitions:
         return schemas, {record.id: record for record in best if isinstance(record, Channel)}
 
 
-def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[dict[int, Schema], dict[int, Channel]]:
-    """Schemas and channels of a file by number: best those of the summary, then those in chunks with a CRC, then the others.
+def read_definitions(
+    data: memoryview, summary: Summary | None = None
+) -> tuple[dict[int, Schema], dict[int, Channel]]:
+    """Schemas and channels of a file by number: best those of the summary, then those in chunks
+    with a CRC, then the others.
 
     data: the file's bytes.
     """
@@ -273,13 +333,17 @@ def all_definitions(data: memoryview, summary: Summary | None = None) -> Definit
             with suppress(DamagedError):
                 for one in definitions_in(chunk.unpack(), chunk.most_records):
                     found.take(one, bool(chunk.crc))
-        elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(record := item.parsed(), Schema | Channel):
+        elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(
+            record := item.parsed(), Schema | Channel
+        ):
             found.take(record, False)
     return found
 
 
 def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
-    """Schemas and channels of a chunk; DamagedError. raw: its records; most: as there may be of them."""
+    """Schemas and channels of a chunk; DamagedError. raw: its records; most: as there may be of
+    them.
+    """
     for opcode, begin, end in records_of(raw, most=most):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             definition = parse(opcode, raw[begin:end])
@@ -288,7 +352,9 @@ def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
 
 
 class _KnownPlaces:
-    """Where records begin, as the summary says: worked out where there is damage, for they take a tenth of a long bag's memory."""
+    """Where records begin, as the summary says: worked out where there is damage, for they take a
+    tenth of a long bag's memory.
+    """
 
     def __init__(self, data: memoryview, summary: Summary | None):
         self._data, self._summary = data, summary
@@ -302,7 +368,9 @@ class _KnownPlaces:
         for chunk in chunk_indexes(self._data, self._summary):
             begin = chunk.chunk_start_offset
             found |= {begin, begin + chunk.chunk_length, *chunk.message_index_offsets.values()}
-        found |= {index.offset for index in self._summary.attachments} | {index.offset for index in self._summary.metadata}
+        found |= {index.offset for index in self._summary.attachments} | {
+            index.offset for index in self._summary.metadata
+        }
         return sorted(found)
 
 
@@ -316,7 +384,9 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
         return Damage(place, end, "no record begins here")
     content = data[place + RECORD.size : min(end, len(data))]
     if end > len(data):
-        return Damage(place, len(data), "the file ends within a record", _rest(opcode, length, content))
+        return Damage(
+            place, len(data), "the file ends within a record", _rest(opcode, length, content)
+        )
     try:
         known = length
         if opcode == Opcode.CHUNK:
@@ -326,11 +396,17 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
         elif opcode == Opcode.MESSAGE and length < 22:
             raise DamagedError("the message is too short")
         elif opcode in PARSED:
-            _, known = parse_with_length(opcode, content, check_crc=False)  # one whose CRC is wrong is still a record, to be left out
+            _, known = parse_with_length(
+                opcode, content, check_crc=False
+            )  # one whose CRC is wrong is still a record, to be left out
         elif opcode >= 0x80 and _chunk_at(data, place, "") is not None:
             raise DamagedError("the chunk's opcode is damaged")
-        if known < length and (opcode == Opcode.FOOTER or _hides_record(data, place + RECORD.size + known, end)):
-            raise DamagedError(f"the {Opcode(opcode).name} record has a length that does not fit its content")
+        if known < length and (
+            opcode == Opcode.FOOTER or _hides_record(data, place + RECORD.size + known, end)
+        ):
+            raise DamagedError(
+                f"the {Opcode(opcode).name} record has a length that does not fit its content"
+            )
     except DamagedError as error:
         return Damage(place, end, str(error))
     return Record(place, end, opcode, content)
@@ -339,23 +415,35 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
 def _rest(opcode: int, length: int, content: memoryview) -> Chunk | None:
     """The chunk that a file's end cuts off, if that is what stands there."""
     with suppress(DamagedError):
-        if opcode == Opcode.CHUNK and (chunk := parse_chunk(content, cut_off=True)).length <= length:
+        if (
+            opcode == Opcode.CHUNK
+            and (chunk := parse_chunk(content, cut_off=True)).length <= length
+        ):
             return chunk
     return None
 
 
 def _hides_record(data: memoryview, place: int, end: int) -> bool:
-    """Whether what looks like fields that are not known here, from a place to the end of their record, are the next records."""
+    """Whether what looks like fields that are not known here, from a place to the end of their
+    record, are the next records.
+    """
     if bytes(data[place : place + len(MAGIC)]) == MAGIC:
         return True
     if not _begins(data, place):
         return False
     after = place + RECORD.size + RECORD.unpack_from(data, place)[1]
-    return after <= end or after == len(data) or bytes(data[after : after + len(MAGIC)]) == MAGIC or _begins(data, after)
+    return (
+        after <= end
+        or after == len(data)
+        or bytes(data[after : after + len(MAGIC)]) == MAGIC
+        or _begins(data, after)
+    )
 
 
 def _chunk_at(data: memoryview, place: int, reason: str) -> Record | None:
-    """What stands at a place as a chunk, whatever its opcode and length say, if its own sizes and CRC agree."""
+    """What stands at a place as a chunk, whatever its opcode and length say, if its own sizes and
+    CRC agree.
+    """
     begin = place + RECORD.size
     try:
         chunk = parse_chunk(data[begin:], cut_off=True)
@@ -369,15 +457,23 @@ def _chunk_at(data: memoryview, place: int, reason: str) -> Record | None:
 
 
 def _skipped(data: memoryview, damage: Damage, known: _KnownPlaces) -> Damage:
-    """The damage as far as the next record. A chunk's rest is one only where nothing comes after it."""
+    """The damage as far as the next record. A chunk's rest is one only where nothing comes after
+    it.
+    """
     end = _next_record(data, damage.offset + 1, known)
     reason = damage.reason + _zeros(data, damage.offset, end)
     return Damage(damage.offset, end, reason, damage.rest if end == len(data) else None)
 
 
 def _is_followed(data: memoryview, record: Record) -> bool:
-    """Whether another record, the magic or the end comes after a record, or its CRC says that it is whole."""
-    if record.end == len(data) or bytes(data[record.end : record.end + len(MAGIC)]) == MAGIC or _begins(data, record.end):
+    """Whether another record, the magic or the end comes after a record, or its CRC says that it
+    is whole.
+    """
+    if (
+        record.end == len(data)
+        or bytes(data[record.end : record.end + len(MAGIC)]) == MAGIC
+        or _begins(data, record.end)
+    ):
         return True
     with suppress(DamagedError):
         if record.opcode == Opcode.ATTACHMENT:
@@ -397,8 +493,11 @@ def _begins(data: memoryview, place: int) -> bool:
     return (0 < opcode <= 0x0F or opcode >= 0x80) and place + RECORD.size + length <= len(data)
 
 
-def _next_record(data: memoryview, place: int, known: _KnownPlaces, before: int | None = None) -> int:
-    """Where the next record begins, at or after a place: by the summary, or by its looks; the end of the data without one.
+def _next_record(
+    data: memoryview, place: int, known: _KnownPlaces, before: int | None = None
+) -> int:
+    """Where the next record begins, at or after a place: by the summary, or by its looks; the end
+    of the data without one.
 
     before: the search ends there.
     """
@@ -415,7 +514,9 @@ def _next_record(data: memoryview, place: int, known: _KnownPlaces, before: int 
 
 
 def _goes_on(data: memoryview, record: Record) -> bool:
-    """Whether the bytes of a record that was searched are one indeed: chunks by content, others by their fields and what follows."""
+    """Whether the bytes of a record that was searched are one indeed: chunks by content, others by
+    their fields and what follows.
+    """
     if record.opcode in PARSED:
         _, known = parse_with_length(record.opcode, record.content, check_crc=False)
         if len(record.content) > known + MOST_UNKNOWN:

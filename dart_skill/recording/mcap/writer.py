@@ -1,8 +1,10 @@
-"""One MCAP file that is being written: chunks, their indexes and the summary (MCAP specification, version 0).
+"""One MCAP file that is being written: chunks, their indexes and the summary (MCAP specification,
+version 0).
 
-Messages, chunks and message indexes are packed here, a few structs per message; the rarer records are those of the `mcap` package.
-Each append is one system call on an unbuffered file, and one that fails is cut off again: the file ends with a whole record at any
-time. A schema or channel is written twice, at once and again in the next chunk, under its CRC.
+Messages, chunks and message indexes are packed here, a few structs per message; the rarer records
+are those of the `mcap` package. Each append is one system call on an unbuffered file, and one that
+fails is cut off again: the file ends with a whole record at any time. A schema or channel is
+written twice, at once and again in the next chunk, under its CRC.
 """
 
 from __future__ import annotations
@@ -36,15 +38,21 @@ from dart_skill.recording.mcap.records import MAGIC, packed
 CHUNK_SIZE = 256 * 1024
 COMPRESSION_LEVEL = 1
 
-_MESSAGE = struct.Struct("<BQHIQQ").pack  # opcode, length, channel, sequence, log time, publish time
-_CHUNK = struct.Struct("<BQQQQI8sQ").pack  # opcode, length, first and last time, size, CRC, "zstd", compressed size
+_MESSAGE = struct.Struct(
+    "<BQHIQQ"
+).pack  # opcode, length, channel, sequence, log time, publish time
+_CHUNK = struct.Struct(
+    "<BQQQQI8sQ"
+).pack  # opcode, length, first and last time, size, CRC, "zstd", compressed size
 _CHUNK_HEAD_LENGTH = 8 + 8 + 8 + 4 + 8 + 8  # of a chunk's content, before the compressed records
 _INDEX = struct.Struct("<BQHI").pack  # opcode, length, channel, bytes of entries
 _ZSTD = struct.pack("<I4s", 4, b"zstd")
 
 
 class McapChannel:
-    """A channel of a file: its record, the messages in finished chunks, and the index of the current chunk."""
+    """A channel of a file: its record, the messages in finished chunks, and the index of the
+    current chunk.
+    """
 
     __slots__ = ("record", "number", "count", "index")
 
@@ -63,7 +71,13 @@ class McapFile:
     Every method may raise OSError, after which the file holds what it held before.
     """
 
-    def __init__(self, path: Path, profile: str = "ros2", library: str = "dart_skill", chunk_size: int = CHUNK_SIZE):
+    def __init__(
+        self,
+        path: Path,
+        profile: str = "ros2",
+        library: str = "dart_skill",
+        chunk_size: int = CHUNK_SIZE,
+    ):
         self.path, self.position = path, 0
         self.start_ns: int | None = None  # log times of what is in the file
         self.end_ns: int | None = None
@@ -82,31 +96,73 @@ class McapFile:
     @property
     def summary_size(self) -> int:
         """About how many bytes `finish` adds."""
-        definitions = sum(len(schema.data) + 100 for schema in self.schemas.values()) + 1000 * len(self.channels)
-        return definitions + self._index_bytes + 200 * (len(self._attachment_indexes) + len(self._metadata_indexes)) + 500
+        definitions = sum(len(schema.data) + 100 for schema in self.schemas.values()) + 1000 * len(
+            self.channels
+        )
+        return (
+            definitions
+            + self._index_bytes
+            + 200 * (len(self._attachment_indexes) + len(self._metadata_indexes))
+            + 500
+        )
 
     def add_schema(self, name: str, encoding: str, data: bytes, number: int | None = None) -> int:
-        """Announce a message type; returns its number. encoding: of its definition, such as ros2msg."""
-        schema = Schema(id=len(self.schemas) + 1 if number is None else number, name=name, encoding=encoding, data=data)
+        """Announce a message type; returns its number. encoding: of its definition, such as
+        ros2msg.
+        """
+        schema = Schema(
+            id=len(self.schemas) + 1 if number is None else number,
+            name=name,
+            encoding=encoding,
+            data=data,
+        )
         self._define(packed(schema))
         self.schemas[schema.id] = schema
         return schema.id
 
-    def add_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str], number: int | None = None) -> McapChannel:
-        """Announce a topic; schema: number of its type, 0 for none. encoding: of its messages, such as cdr; metadata: more about it."""
+    def add_channel(
+        self,
+        topic: str,
+        encoding: str,
+        schema: int,
+        metadata: Mapping[str, str],
+        number: int | None = None,
+    ) -> McapChannel:
+        """Announce a topic; schema: number of its type, 0 for none. encoding: of its messages,
+        such as cdr; metadata: more about it.
+        """
         number = len(self.channels) + 1 if number is None else number
-        channel = McapChannel(Channel(id=number, topic=topic, message_encoding=encoding, schema_id=schema, metadata=dict(metadata)))
+        channel = McapChannel(
+            Channel(
+                id=number,
+                topic=topic,
+                message_encoding=encoding,
+                schema_id=schema,
+                metadata=dict(metadata),
+            )
+        )
         self._define(packed(channel.record))
         self.channels[number] = channel
         return channel
 
-    def add_message(self, channel: McapChannel, sequence: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> bool:
-        """Append a message; True if it ended a chunk. Raises struct.error for numbers out of range.
+    def add_message(
+        self,
+        channel: McapChannel,
+        sequence: int,
+        log_time_ns: int,
+        publish_time_ns: int,
+        data: bytes,
+    ) -> bool:
+        """Append a message; True if it ended a chunk. Raises struct.error for numbers out of
+        range.
 
-        channel: its topic; sequence: its number, 0 for none; log_time_ns, publish_time_ns: received and sent.
+        channel: its topic; sequence: its number, 0 for none; log_time_ns, publish_time_ns:
+        received and sent.
         """
         chunk, index = self._chunk, channel.index
-        header = _MESSAGE(5, 22 + len(data), channel.number, sequence, log_time_ns, publish_time_ns)
+        header = _MESSAGE(
+            5, 22 + len(data), channel.number, sequence, log_time_ns, publish_time_ns
+        )
         index.append(log_time_ns)
         index.append(len(chunk))
         chunk += header
@@ -129,11 +185,17 @@ class McapFile:
         first = min(min(entry[::2]) for entry in entries.values())
         last = max(max(entry[::2]) for entry in entries.values())
         content = _CHUNK_HEAD_LENGTH + len(data)
-        parts = [_CHUNK(Opcode.CHUNK, content, first, last, len(raw), crc32(raw), _ZSTD, len(data)), data]
+        parts = [
+            _CHUNK(Opcode.CHUNK, content, first, last, len(raw), crc32(raw), _ZSTD, len(data)),
+            data,
+        ]
         start, offsets, place = self.position, {}, self.position + 9 + content
         for channel, entry in entries.items():
             size = 8 * len(entry)
-            parts += [_INDEX(Opcode.MESSAGE_INDEX, 6 + size, channel.number, size), struct.pack(f"<{len(entry)}Q", *entry)]
+            parts += [
+                _INDEX(Opcode.MESSAGE_INDEX, 6 + size, channel.number, size),
+                struct.pack(f"<{len(entry)}Q", *entry),
+            ]
             offsets[channel.number] = place
             place += 15 + size
         self._append(b"".join(parts))
@@ -153,9 +215,24 @@ class McapFile:
         self._count(first, last, entries)
         return True
 
-    def add_attachment(self, name: str, media_type: str, data: bytes, create_time_ns: int = 0, log_time_ns: int = 0) -> None:
-        """Append a file that goes with the messages. create_time_ns, log_time_ns: when it was made and when it was added [ns]."""
-        attachment = Attachment(data=data, name=name, media_type=media_type, create_time=create_time_ns, log_time=log_time_ns)
+    def add_attachment(
+        self,
+        name: str,
+        media_type: str,
+        data: bytes,
+        create_time_ns: int = 0,
+        log_time_ns: int = 0,
+    ) -> None:
+        """Append a file that goes with the messages. create_time_ns, log_time_ns: when it was made
+        and when it was added [ns].
+        """
+        attachment = Attachment(
+            data=data,
+            name=name,
+            media_type=media_type,
+            create_time=create_time_ns,
+            log_time=log_time_ns,
+        )
         record, offset = packed(attachment), self.position
         self._append(record)
         index = AttachmentIndex(
@@ -193,7 +270,11 @@ class McapFile:
             begin = len(summary)
             summary += b"".join(records)
             if len(summary) > begin:
-                offset = SummaryOffset(group_opcode=opcode, group_start=start + begin, group_length=len(summary) - begin)
+                offset = SummaryOffset(
+                    group_opcode=opcode,
+                    group_start=start + begin,
+                    group_length=len(summary) - begin,
+                )
                 group_offsets += packed(offset)
         offset_start = start + len(summary)
         summary += group_offsets
@@ -220,7 +301,9 @@ class McapFile:
         return Statistics(
             attachment_count=len(self._attachment_indexes),
             channel_count=len(self.channels),
-            channel_message_counts={number: channel.count for number, channel in self.channels.items()},
+            channel_message_counts={
+                number: channel.count for number, channel in self.channels.items()
+            },
             chunk_count=len(self._chunk_indexes),
             message_count=self.message_count,
             message_end_time=self.end_ns or 0,

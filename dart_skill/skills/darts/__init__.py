@@ -1,7 +1,8 @@
 """Throw darts at a regulation board, and learn what to aim at (chapter 6).
 
-How to throw is learned as for baskets (`skills.throw`); here is what differs: a dart instead of a ball, an upright board that hangs where
-config/world.yaml says, and practice that moves the release to where the delay of the hand matters least.
+How to throw is learned as for baskets (`skills.throw`); here is what differs: a dart instead of a
+ball, an upright board that hangs where config/world.yaml says, and practice that moves the release
+to where the delay of the hand matters least.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
     from dart_skill.darts import ModelBasedAgent
 
 AIM = ("right", "up")
-"""Numbers of a situation: where the dart shall hit, from the bull, as the thrower sees the board [m]."""
+"""Numbers of a situation: where the dart shall hit, from the bull, as the thrower sees the board
+[m].
+"""
 FARTHEST_AIM = BOARD_DIAMETER
 """Nobody aims farther from the bull than this [m]."""
 
@@ -37,14 +40,18 @@ SEEN = 0.014
 
 @dataclass(frozen=True)
 class DartsSettings(SkillSettings):
-    """Settings of darts. How throws are learned is in their configuration (`dart_skill.skills.learning.SkillConfiguration`).
+    """Settings of darts. How throws are learned is in their configuration
+    (`dart_skill.skills.learning.SkillConfiguration`).
 
     * step: of a plan [s]: finer than of a basket's, since its release is moved by milliseconds.
-    * shown: half the height and width of the part of the board that is aimed at when it is shown [m].
+    * shown: half the height and width of the part of the board that is aimed at when it is shown
+      [m].
     * cocked: angles of J2, J4 and J6 before the swing of a simulated person (3,) [rad].
-    * offsets, lengths, turns, apart, farthest, memory: how misses are learned from (`CorrectionSettings`).
+    * offsets, lengths, turns, apart, farthest, memory: how misses are learned from
+      (`CorrectionSettings`).
     * steady_every: own throws between two looks at when to let go; 0: that is not practised.
-    * window: darts from which the own spread is estimated; least: before the first estimate; every: between two estimates.
+    * window: darts from which the own spread is estimated; least: before the first estimate;
+      every: between two estimates.
     * tolerance: the board may hang so far from where config/world.yaml has it [m].
     """
 
@@ -82,7 +89,14 @@ class DartsSettings(SkillSettings):
     def correction(self) -> CorrectionSettings:
         """How misses are learned from."""
         apart = float(self.apart[0]), float(self.apart[1])
-        return CorrectionSettings(self.offsets, self.lengths, self.turns, apart=apart, farthest=self.farthest, memory=self.memory)
+        return CorrectionSettings(
+            self.offsets,
+            self.lengths,
+            self.turns,
+            apart=apart,
+            farthest=self.farthest,
+            memory=self.memory,
+        )
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -92,7 +106,9 @@ class DartsSettings(SkillSettings):
 
 
 class Darts(Throw):
-    """Throw the dart in the hand at a point of the board: the situation has the numbers `right` and `up`, without them it is the bull."""
+    """Throw the dart in the hand at a point of the board: the situation has the numbers `right`
+    and `up`, without them it is the bull.
+    """
 
     name = "darts"
     task = "throw the dart at the board"
@@ -160,11 +176,19 @@ class Darts(Throw):
 
     def configured_for(self, configuration: SkillConfiguration) -> SkillConfiguration:
         """For darts at this board, let go as it was shown: practice moves that."""
-        return replace(configuration, name=self.name, board=self.bull, step=self.settings.step, release="shown")
+        return replace(
+            configuration,
+            name=self.name,
+            board=self.bull,
+            step=self.settings.step,
+            release="shown",
+        )
 
     def agent(self) -> ModelBasedAgent:
         """Who chooses what to aim at, by the spread of the own darts (6.1)."""
-        from dart_skill.darts import ModelBasedAgent  # a graph that throws at baskets has a coach that knows of darts, too
+        from dart_skill.darts import (
+            ModelBasedAgent,
+        )  # a graph that throws at baskets has a coach that knows of darts, too
 
         s = self.settings
         return ModelBasedAgent(learns_from="hits", window=s.window, least=s.least, every=s.every)
@@ -173,14 +197,19 @@ class Darts(Throw):
         aim = self._right_up(situation)
         self.check_known((), situation.numbers)
         if not np.hypot(*aim) <= FARTHEST_AIM:
-            raise ValueError(f"the aim is {aim[0]:.3f} m to the right and {aim[1]:.3f} m up from the bull: that is not on the board")
+            raise ValueError(
+                f"the aim is {aim[0]:.3f} m to the right and {aim[1]:.3f} m up from the bull: that"
+                " is not on the board"
+            )
         return self.face.beside_bull(aim)
 
     def at(self, target: np.ndarray) -> Situation:
         return self.aimed(self.face.on_board(target))
 
     def aimed(self, point: np.ndarray) -> Situation:
-        """The situation in which a point (2,) [mm] of the board, right and up from the bull, is aimed at."""
+        """The situation in which a point (2,) [mm] of the board, right and up from the bull, is
+        aimed at.
+        """
         right, up = 1e-3 * np.asarray(point, dtype=float)
         return Situation({}, {"right": float(right), "up": float(up)})
 
@@ -199,22 +228,30 @@ class Darts(Throw):
     def draws(self, rng: np.random.Generator, n: int) -> list[Situation]:
         """Points to be shown: heights and sides in n strata, each used once."""
         strata = [(rng.permutation(n) + rng.random(n)) / n for _ in range(2)]
-        return [self.aimed(point) for point in 1e3 * self.settings.shown * (2 * np.stack(strata, axis=1) - 1)]
+        return [
+            self.aimed(point)
+            for point in 1e3 * self.settings.shown * (2 * np.stack(strata, axis=1) - 1)
+        ]
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         """A point about the bull."""
         return self.draws(rng, 1)[0]
 
     def check_seen(self, aimed_at: np.ndarray) -> None:
-        """ValueError if the cameras see the board (3,) [m] elsewhere than config/world.yaml has it. aimed_at: the place."""
+        """ValueError if the cameras see the board (3,) [m] elsewhere than config/world.yaml has
+        it. aimed_at: the place.
+        """
         away = float(np.linalg.norm(np.asarray(aimed_at, dtype=float) - self.face.bull))
         if not away <= self.settings.tolerance:
             raise ValueError(
-                f"the cameras see the board at {np.round(aimed_at, 3).tolist()} m, {away:.3f} m from where config/world.yaml has its bull "
-                f"(board_position, {list(self.face.bull)}): hang it there, or say there where it hangs"
+                f"the cameras see the board at {np.round(aimed_at, 3).tolist()} m, {away:.3f} m"
+                " from where config/world.yaml has its bull (board_position,"
+                f" {list(self.face.bull)}): hang it there, or say there where it hangs"
             )
 
     def points(self, landing: np.ndarray) -> tuple[int, str]:
-        """Score of a dart that met the plane of the board at a place (3,) [m], and the bed in which it is. landing: the place."""
+        """Score of a dart that met the plane of the board at a place (3,) [m], and the bed in
+        which it is. landing: the place.
+        """
         hit = self.face.on_board(landing)
         return int(score(hit)), place_of(hit)

@@ -10,11 +10,15 @@ import numpy as np
 WINDOW = 0.2
 """Poses of so long a time tell how a body moves [s]: at 100 Hz and 0.3 mm its speed to 5 mm/s."""
 FEWEST = 6
-"""Poses that an estimate of speed and acceleration needs; with fewer a body is taken to be at rest."""
+"""Poses that an estimate of speed and acceleration needs; with fewer a body is taken to be at
+rest.
+"""
 
 
 class BodyMotion(NamedTuple):
-    """At an instant: position (3,) [m], velocity (3,) [m/s], acceleration (3,) [m/s^2]; of the newest pose quaternion (4,) and age [s]."""
+    """At an instant: position (3,) [m], velocity (3,) [m/s], acceleration (3,) [m/s^2]; of the
+    newest pose quaternion (4,) and age [s].
+    """
 
     position: np.ndarray
     velocity: np.ndarray
@@ -24,7 +28,9 @@ class BodyMotion(NamedTuple):
 
 
 class MovingBody:
-    """The newest poses of one body. A parabola through them by least squares bridges the time until now."""
+    """The newest poses of one body. A parabola through them by least squares bridges the time
+    until now.
+    """
 
     def __init__(self, name: str):
         self.name = name
@@ -35,7 +41,9 @@ class MovingBody:
         """A pose: (3,) [m] and (4,). One that is not newer than the last is left out."""
         if self._poses and stamp_ns <= self._poses[-1][0]:
             return
-        self._poses.append((stamp_ns, np.asarray(position, dtype=float), np.asarray(quaternion, dtype=float)))
+        self._poses.append(
+            (stamp_ns, np.asarray(position, dtype=float), np.asarray(quaternion, dtype=float))
+        )
         while (stamp_ns - self._poses[0][0]) * 1e-9 > WINDOW:
             self._poses.popleft()
         self._parabola = None
@@ -57,7 +65,13 @@ class MovingBody:
             self._parabola = self._fit(newest_ns)
         constant, linear, quadratic = self._parabola
         velocity = linear + 2.0 * ahead * quadratic
-        return BodyMotion(constant + ahead * linear + ahead**2 * quadratic, velocity, 2.0 * quadratic, quaternion, ahead)
+        return BodyMotion(
+            constant + ahead * linear + ahead**2 * quadratic,
+            velocity,
+            2.0 * quadratic,
+            quaternion,
+            ahead,
+        )
 
     def _fit(self, newest_ns: int) -> np.ndarray:
         """Coefficients of the parabola, lowest first (3, 3)."""

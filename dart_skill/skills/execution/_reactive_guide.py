@@ -8,8 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.arm import Fingers, Grip, GripEvent, Guidance, HandState, PoseGains, Reference, Registration, Speed, paced
-from dart_skill.movement import AutonomousDSGMR, Reaction, ReactivePolicy, StateFrame, critical_damping
+from dart_skill.arm import (
+    Fingers,
+    Grip,
+    GripEvent,
+    Guidance,
+    HandState,
+    PoseGains,
+    Reference,
+    Registration,
+    Speed,
+    paced,
+)
+from dart_skill.movement import (
+    AutonomousDSGMR,
+    Reaction,
+    ReactivePolicy,
+    StateFrame,
+    critical_damping,
+)
 from dart_skill.skills.execution._hand_seen import HandSeen
 from dart_skill.skills.execution._moving_body import BodyMotion, MovingBody
 
@@ -17,7 +34,9 @@ Frames = Callable[[Mapping[str, BodyMotion]], Sequence[StateFrame]]
 """From the motions of the bodies now, by name, to the task frames of the features [t, x, y, z]."""
 
 PACING = 0.1
-"""Time constant with which the expected speed follows the rate of the phase [s]: that follows late speeds of cables that give."""
+"""Time constant with which the expected speed follows the rate of the phase [s]: that follows late
+speeds of cables that give.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,7 +46,8 @@ class ReactiveSettings:
     * oldest: of the newest pose of a body that it reacts to [s]; an older one stops the motion.
     * rotation_stiffness: pull of the hand to its orientation, critically damped [1/s^2].
     * follow_on: the hand stays with the frames so long after the end of what was shown [s].
-    * catch_up: a hand that is left behind is pulled so that (7.19) makes it no faster than so much above the speed of the motion [m/s].
+    * catch_up: a hand that is left behind is pulled so that (7.19) makes it no faster than so much
+      above the speed of the motion [m/s].
     """
 
     oldest: float = 0.15
@@ -49,7 +69,8 @@ class ReactiveGuide:
     * events: what the fingers do, on the clock of the model's phase.
     * inputs: further inputs of the model (q,).
     * registration: of the cameras that see the poses; the frames are those of the arm.
-    * hand: name of the hand's own body. Where the cameras see it counts, and not where the arm takes it to be; empty: nobody looks.
+    * hand: name of the hand's own body. Where the cameras see it counts, and not where the arm
+      takes it to be; empty: nobody looks.
 
     * speed: that the person chose.
     * carries: whether the hand holds something.
@@ -74,11 +95,18 @@ class ReactiveGuide:
     ):
         self.what, self.start_posture, self.speed = what, start_posture, speed
         self._bodies = {name: MovingBody(name) for name in bodies}
-        self._frames, self._policy, self._rotation = frames, ReactivePolicy(model, inputs), rotation
+        self._frames, self._policy, self._rotation = (
+            frames,
+            ReactivePolicy(model, inputs),
+            rotation,
+        )
         self._fingers, self._s = Fingers(events, carries), settings or ReactiveSettings()
         stiffness, damping = np.broadcast_to(model.stiffness, 3), np.broadcast_to(model.damping, 3)
         turn = self._s.rotation_stiffness
-        self._gains = PoseGains(np.append(stiffness, 3 * [turn]), np.append(damping, 3 * [float(critical_damping(turn))]))
+        self._gains = PoseGains(
+            np.append(stiffness, 3 * [turn]),
+            np.append(damping, 3 * [float(critical_damping(turn))]),
+        )
         self._registration, self._look_at = registration or Registration(), HandSeen(hand)
         self._farthest = self._s.catch_up * damping / stiffness
         self._then, self._ended, self._pace = 0.0, 0.0, 1.0
@@ -92,7 +120,9 @@ class ReactiveGuide:
         """A pose of a body; one that the motion does not depend on is left out."""
         stamp_ns -= round(1e9 * self._registration.delay)
         if body == self._look_at.name:
-            self._look_at.see(stamp_ns, self._registration.poses(position[None], quaternion[None])[0][0])
+            self._look_at.see(
+                stamp_ns, self._registration.poses(position[None], quaternion[None])[0][0]
+            )
         if body in self._bodies:
             self._bodies[body].see(stamp_ns, *self._registration.of_body(position, quaternion))
 
@@ -102,7 +132,10 @@ class ReactiveGuide:
             if body.newest_ns is None:
                 return f"nobody has seen the {name} yet"
             if (age := (stamp_ns - body.newest_ns) * 1e-9) > self._s.oldest:
-                return f"the {name} was last seen {age:.2f} s ago: more than {self._s.oldest} s are too long to react to it"
+                return (
+                    f"the {name} was last seen {age:.2f} s ago: more than {self._s.oldest} s are"
+                    " too long to react to it"
+                )
         return ""
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
@@ -113,7 +146,10 @@ class ReactiveGuide:
             return self._still(hand, missing)
         beside = self._look_at.beside(stamp_ns, hand.position)
         frames = self._frames({name: body.at(stamp_ns) for name, body in self._bodies.items()})
-        before, reaction = self.phase, self._policy.react(frames, hand.position + beside, hand.linear, step)
+        before, reaction = (
+            self.phase,
+            self._policy.react(frames, hand.position + beside, hand.linear, step),
+        )
         self._pace += (min(reaction.rate, 1.0) - self._pace) * min(step / PACING, 1.0)
         if not self._policy.is_over:
             self._policy.phase = self._fingers.held(before, self.phase, reaction.rate, step)
@@ -131,24 +167,42 @@ class ReactiveGuide:
         )
 
     def _reference(self, reaction: Reaction, hand: HandState, beside: np.ndarray) -> Reference:
-        """The hand is expected where the model has it at this phase, and moves as it does there, at the rate of the phase but no faster.
+        """The hand is expected where the model has it at this phase, and moves as it does there,
+        at the rate of the phase but no faster.
 
         beside: where the hand is seen, from where the arm takes it to be (3,) [m].
         """
         k, d, rest = self._gains.stiffness[:3], self._gains.damping[:3], np.zeros(3)
         position, velocity = reaction.moment.state[:3] - beside, reaction.moment.state[3:]
         acceleration = k * (reaction.moment.attractor - beside - position) - d * velocity
-        # (7.20) at the pace of the phase: the attractor of a motion that waits does not pull it on.
+        # (7.20) at the pace of the phase: the attractor of a motion that waits does not pull it
+        # on.
         attractor = position + (self._pace * d * velocity + self._pace**2 * acceleration) / k
         nearer = self._too_far(position - hand.position)
         motion = np.append(velocity, rest), np.append(acceleration, rest)
-        return paced(Reference(attractor - nearer, self._rotation, position - nearer, self._rotation, *motion), self._pace)
+        return paced(
+            Reference(
+                attractor - nearer, self._rotation, position - nearer, self._rotation, *motion
+            ),
+            self._pace,
+        )
 
     def _too_far(self, behind: np.ndarray) -> np.ndarray:
         """By how much of a distance (3,) [m] a hand that was left behind would be pulled to hurry."""
-        return behind * max(0.0, 1.0 - 1.0 / max(float(np.linalg.norm(behind / self._farthest)), 1e-9))
+        return behind * max(
+            0.0, 1.0 - 1.0 / max(float(np.linalg.norm(behind / self._farthest)), 1e-9)
+        )
 
     def _still(self, hand: HandState, fault: str) -> Guidance:
         rest = np.zeros(6)
         here = Reference(hand.position, self._rotation, hand.position, self._rotation, rest, rest)
-        return Guidance(self.phase, here, self._gains, Grip.UNSPECIFIED, self._fingers.at(self.phase)[1], 0.0, False, fault)
+        return Guidance(
+            self.phase,
+            here,
+            self._gains,
+            Grip.UNSPECIFIED,
+            self._fingers.at(self.phase)[1],
+            0.0,
+            False,
+            fault,
+        )

@@ -1,6 +1,13 @@
 """From demonstrations to a model, and from a situation to a plan."""
 
-from dart_skill.skills.learning._configuration import CONFIGURATIONS, DEFAULT, LADDER, SkillConfiguration, changed, configuration
+from dart_skill.skills.learning._configuration import (
+    CONFIGURATIONS,
+    DEFAULT,
+    LADDER,
+    SkillConfiguration,
+    changed,
+    configuration,
+)
 from dart_skill.skills.learning._crowd import Crowd
 from dart_skill.skills.learning._ellipsoids import component_ellipsoids
 from dart_skill.skills.learning._learned import LearnedSkill, NoPlan
@@ -15,10 +22,20 @@ from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._prepared import PreparedMovement, check_movement, prepare_movement
 from dart_skill.skills.learning._reactive import ReactiveSkill
 from dart_skill.skills.learning._release import landing_if_late
-from dart_skill.skills.learning._skill_file import changed_skill, load_skill_model, save_skill_model
+from dart_skill.skills.learning._skill_file import (
+    changed_skill,
+    load_skill_model,
+    save_skill_model,
+)
 from dart_skill.skills.learning._task_frames import frames_for
 from dart_skill.skills.learning._throw_components import choose_throw_components
-from dart_skill.skills.learning._throwing import LEAST_DEMONSTRATIONS, ThrowingSkill, Unreachable, learn_prepared, learn_throwing
+from dart_skill.skills.learning._throwing import (
+    LEAST_DEMONSTRATIONS,
+    ThrowingSkill,
+    Unreachable,
+    learn_prepared,
+    learn_throwing,
+)
 
 __all__ = [
     "AnySkill",

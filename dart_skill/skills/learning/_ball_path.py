@@ -1,6 +1,8 @@
-"""Where a held ball is along a movement, and how fast: the state in which it would leave the hand at each step.
+"""Where a held ball is along a movement, and how fast: the state in which it would leave the hand
+at each step.
 
-The hand is turned by R_z(azimuth) R_y(-alpha) R_z(beta) R_x(roll) R_y(90 degrees) (8.4.1), of which only alpha and beta change.
+The hand is turned by R_z(azimuth) R_y(-alpha) R_z(beta) R_x(roll) R_y(90 degrees) (8.4.1), of
+which only alpha and beta change.
 """
 
 import math
@@ -13,7 +15,8 @@ def ball_states(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Places and velocities (n, 3) of the ball in the world [m], [m/s].
 
-    * position: (n, 5), x, y, z [m] of the hand in the world, alpha, beta [rad] in axes turned by the azimuth.
+    * position: (n, 5), x, y, z [m] of the hand in the world, alpha, beta [rad] in axes turned by
+      the azimuth.
     * velocity: (n, 5), of these, per s.
     * azimuth, roll: [rad].
     * centre: (3,) of the ball in the frame of the hand [m].
@@ -29,4 +32,6 @@ def ball_states(
     turning = np.column_stack([-sa * velocity[:, 4], -velocity[:, 3], ca * velocity[:, 4]])
     cos, sin = math.cos(azimuth), math.sin(azimuth)
     to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return position[:, :3] + lever @ to_world.T, velocity[:, :3] + np.cross(turning, lever) @ to_world.T
+    return position[:, :3] + lever @ to_world.T, velocity[:, :3] + np.cross(
+        turning, lever
+    ) @ to_world.T

@@ -9,14 +9,21 @@ import numpy as np
 
 from dart_skill.arm import HandPath
 from dart_skill.common.checks import to_the_nanosecond
-from dart_skill.movement import Reproduction, StateDriven, quaternions_from_angles, turn_about_z, turn_matrix
+from dart_skill.movement import (
+    Reproduction,
+    StateDriven,
+    quaternions_from_angles,
+    turn_about_z,
+    turn_matrix,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
     """A movement for one task parameter.
 
-    The features are x, y, z [m] in the world and alpha, beta [rad] in axes turned by an azimuth (8.4.1).
+    The features are x, y, z [m] in the world and alpha, beta [rad] in axes turned by an azimuth
+    (8.4.1).
 
     Parameters:
 
@@ -25,8 +32,8 @@ class Course:
     * velocity, acceleration: (n, 5), in the features per s and per s^2.
     * azimuth: float [rad], by which the axes of the angles are turned about z.
     * roll: float [rad], the third angle, constant during the movement.
-    * pace_gain: (n, 10), how far the hand is ahead by its differences in the features and their velocities, for a movement that the state
-      drives; default None: time drives it.
+    * pace_gain: (n, 10), how far the hand is ahead by its differences in the features and their
+      velocities, for a movement that the state drives; default None: time drives it.
     """
 
     time: np.ndarray
@@ -39,9 +46,24 @@ class Course:
     pace_gain: np.ndarray | None = None
 
     @classmethod
-    def of(cls, movement: Reproduction | StateDriven, azimuth: float, roll: float, pace_gain: np.ndarray | None = None) -> Course:
+    def of(
+        cls,
+        movement: Reproduction | StateDriven,
+        azimuth: float,
+        roll: float,
+        pace_gain: np.ndarray | None = None,
+    ) -> Course:
         """The course of a movement that DS-GMR made."""
-        return cls(movement.time, movement.attractor, movement.position, movement.velocity, movement.acceleration, azimuth, roll, pace_gain)
+        return cls(
+            movement.time,
+            movement.attractor,
+            movement.position,
+            movement.velocity,
+            movement.acceleration,
+            azimuth,
+            roll,
+            pace_gain,
+        )
 
     def part(self, start: int, stop: int) -> Course:
         """The course between two indices."""
@@ -78,30 +100,41 @@ class Course:
             position=self.position[:, :3],
             quaternion=self.hand_quaternion,
             velocity=self.hand_velocity,
-            acceleration=np.hstack([self.acceleration[:, :3], np.gradient(self._angular_velocity, self.time, axis=0)]),
+            acceleration=np.hstack(
+                [self.acceleration[:, :3], np.gradient(self._angular_velocity, self.time, axis=0)]
+            ),
         )
 
     @property
     def pace_gain_of_hand(self) -> np.ndarray:
-        """Gain of the differences of position, orientation as a rotation vector, velocity and angular velocity in the world (n, 12).
+        """Gain of the differences of position, orientation as a rotation vector, velocity and
+        angular velocity in the world (n, 12).
 
         Only valid if the state drives the movement.
         """
         assert self.pace_gain is not None
         gain, angles = self.pace_gain, self._angles_of_rotation
-        turned, turning = (np.einsum("na,nai->ni", gain[:, columns], angles) for columns in (slice(3, 5), slice(8, 10)))
+        turned, turning = (
+            np.einsum("na,nai->ni", gain[:, columns], angles)
+            for columns in (slice(3, 5), slice(8, 10))
+        )
         return np.hstack([gain[:, :3], turned, gain[:, 5:8], turning])
 
     @property
     def _angles_of_rotation(self) -> np.ndarray:
-        """Changes of alpha and beta (n, 2, 3) with a small turn in the world: R = R_z(azimuth) R_y(-alpha) R_z(beta) R_x(roll)."""
+        """Changes of alpha and beta (n, 2, 3) with a small turn in the world: R = R_z(azimuth)
+        R_y(-alpha) R_z(beta) R_x(roll).
+        """
         alpha, beta = self.position[:, 3], self.position[:, 4]
         zero = np.zeros_like(alpha)
         axes = np.stack(
             [
                 np.stack([zero, zero - 1.0, zero], axis=1),
                 np.stack([-np.sin(alpha), zero, np.cos(alpha)], axis=1),
-                np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1),
+                np.stack(
+                    [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)],
+                    axis=1,
+                ),
             ],
             axis=2,
         )
@@ -114,7 +147,9 @@ class Course:
 
     @cached_property
     def _angular_velocity(self) -> np.ndarray:
-        """In world axes (n, 3): of R_z(azimuth) R_y(-alpha) R_z(beta), from alpha and the rates of alpha and beta."""
+        """In world axes (n, 3): of R_z(azimuth) R_y(-alpha) R_z(beta), from alpha and the rates of
+        alpha and beta.
+        """
         alpha, rates = self.position[:, 3], self.velocity[:, 3:]
         axis_beta = np.column_stack([-np.sin(alpha), np.zeros(len(alpha)), np.cos(alpha)])
         turned = rates[:, 1:] * axis_beta - np.outer(rates[:, 0], [0.0, 1.0, 0.0])

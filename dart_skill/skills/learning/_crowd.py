@@ -1,4 +1,6 @@
-"""Which of many places is the most crowded: what a memory that is full forgets, so that the region stays covered."""
+"""Which of many places is the most crowded: what a memory that is full forgets, so that the region
+stays covered.
+"""
 
 import numpy as np
 
@@ -6,7 +8,8 @@ NOBODY = np.empty((0, 3))
 
 
 class Crowd:
-    """Points that come and go, oldest first. A point costs work and memory in proportion to how many there are.
+    """Points that come and go, oldest first. A point costs work and memory in proportion to how
+    many there are.
 
     * points: (n, 3), those at the beginning; default none.
     """
@@ -21,14 +24,19 @@ class Crowd:
 
     def add(self, point: np.ndarray) -> None:
         """The newest one comes. point: (3,)."""
-        self._nearest = np.append(np.minimum(self._nearest, np.linalg.norm(self._points - point, axis=1)), np.inf)
+        self._nearest = np.append(
+            np.minimum(self._nearest, np.linalg.norm(self._points - point, axis=1)), np.inf
+        )
         self._points = np.vstack([self._points, point])
 
     def remove(self, index: int) -> None:
         """A point goes, and those after it move up. index: of the point."""
         apart = np.linalg.norm(self._points[:index] - self._points[index], axis=1)
         alone = np.flatnonzero(apart <= self._nearest[:index])
-        self._points, self._nearest = np.delete(self._points, index, axis=0), np.delete(self._nearest, index)
+        self._points, self._nearest = (
+            np.delete(self._points, index, axis=0),
+            np.delete(self._nearest, index),
+        )
         self._measure(alone)
 
     def most_crowded(self) -> int:
@@ -38,4 +46,6 @@ class Crowd:
     def _measure(self, rows: np.ndarray) -> None:
         """The distance of each of some points to the nearest one that is newer."""
         for row in rows:
-            self._nearest[row] = np.linalg.norm(self._points[row + 1 :] - self._points[row], axis=1).min(initial=np.inf)
+            self._nearest[row] = np.linalg.norm(
+                self._points[row + 1 :] - self._points[row], axis=1
+            ).min(initial=np.inf)

@@ -9,15 +9,18 @@ from dart_skill.mixture import GaussianMixture
 def component_ellipsoids(
     mixture: GaussianMixture, deviations: float = 2.0, angles: int = 2
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """The components' positions as ellipsoids: centre (3,), orientation (4,) x, y, z, w, diameters (3,) [m].
+    """The components' positions as ellipsoids: centre (3,), orientation (4,) x, y, z, w, diameters
+    (3,) [m].
 
-    x, y, z are the last columns but for the angles, of a throw two: t, [distance,] x, y, z, alpha, beta. mixture: in the world;
-    deviations: half the length of an axis, in standard deviations.
+    x, y, z are the last columns but for the angles, of a throw two: t, [distance,] x, y, z, alpha,
+    beta. mixture: in the world; deviations: half the length of an axis, in standard deviations.
     """
     first = mixture.means_.shape[1] - 3 - angles
     xyz = slice(first, first + 3)
     shapes = []
-    for mean, covariance in zip(mixture.means_[:, xyz], mixture.covariances_[:, xyz, xyz], strict=True):
+    for mean, covariance in zip(
+        mixture.means_[:, xyz], mixture.covariances_[:, xyz, xyz], strict=True
+    ):
         values, vectors = np.linalg.eigh(covariance)
         vectors[:, 2] *= np.sign(np.linalg.det(vectors))
         size = 2 * deviations * np.sqrt(np.maximum(values, 0.0))

@@ -1,4 +1,6 @@
-"""A skill that was learned: DS-GMR over poses of the hand in the task frames of the skill, and plans for new situations."""
+"""A skill that was learned: DS-GMR over poses of the hand in the task frames of the skill, and
+plans for new situations.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,14 @@ from dart_skill.movement import (
     stable_gains,
     stiffness_from_covariance,
 )
-from dart_skill.skills.learning._pose_features import VECTORS, frame_of, orientations, pose_features, with_free_length, with_prior
+from dart_skill.skills.learning._pose_features import (
+    VECTORS,
+    frame_of,
+    orientations,
+    pose_features,
+    with_free_length,
+    with_prior,
+)
 from dart_skill.skills.learning._prepared import PreparedMovement
 from dart_skill.skills.learning._shown import RATE, Shown
 from dart_skill.skills.observation import position_noise
@@ -40,15 +49,18 @@ class LearnedSkill(Shown):
     Parameters:
 
     * skill: what is particular to it.
-    * demonstrations: at least `skill.settings.least_demonstrations`. ValueError names one that cannot be learned from.
+    * demonstrations: at least `skill.settings.least_demonstrations`. ValueError names one that
+      cannot be learned from.
 
     Attributes:
 
     * demonstrations: tuple, as they were given; movements: the same as numbers.
-    * duration: float [s], of a movement, the mean of those that were shown. All are stretched to it before they are learned.
+    * duration: float [s], of a movement, the mean of those that were shown. All are stretched to
+      it before they are learned.
     * start: Pose of the hand before the movement, the median.
     * registration: of cameras and arm, told from the demonstrations.
-    * offset: (3,) [m], what practice has found to repeat in the misses, in the axes of the body that the skill corrects.
+    * offset: (3,) [m], what practice has found to repeat in the misses, in the axes of the body
+      that the skill corrects.
     """
 
     def __init__(self, skill: Skill, demonstrations: Sequence[TaskDemonstration]):
@@ -59,32 +71,55 @@ class LearnedSkill(Shown):
     # learning
 
     def _fit(self) -> dict[str, DSGMR]:
-        """A model of each vector of the features, which does not believe what few demonstrations have in common by chance."""
+        """A model of each vector of the features, which does not believe what few demonstrations
+        have in common by chance.
+        """
         models = {}
         for vector, (model, _, _) in self._fitted().items():
             mixture = with_prior(model.mixture_, len(self.movements), self.skill.settings.prior)
             mixture = mixture if vector == "position" else with_free_length(mixture)
-            models[vector] = DSGMR.from_mixture(mixture, self._stiffness(vector), n_inputs=model.n_inputs)
+            models[vector] = DSGMR.from_mixture(
+                mixture, self._stiffness(vector), n_inputs=model.n_inputs
+            )
         return models
 
     def bic(self) -> float:
-        """Bayesian information criterion of the mixtures as the demonstrations alone make them: lower is better."""
-        return sum(model.bic(features, frames) for model, features, frames in self._fitted().values())
+        """Bayesian information criterion of the mixtures as the demonstrations alone make them:
+        lower is better.
+        """
+        return sum(
+            model.bic(features, frames) for model, features, frames in self._fitted().values()
+        )
 
     def _fitted(self) -> dict[str, Encoded]:
         clock = np.arange(0.0, self._clock_end, 1.0 / RATE)
         motions = [
-            smooth_derivatives(one.time * self.duration / one.duration, one.features, noise=_noise(one), at=clock) for one in self.movements
+            smooth_derivatives(
+                one.time * self.duration / one.duration, one.features, noise=_noise(one), at=clock
+            )
+            for one in self.movements
         ]
         return {vector: self._fit_vector(vector, clock, motions) for vector in VECTORS}
 
     def _fit_vector(self, vector: str, clock: np.ndarray, motions: Sequence[Motion]) -> Encoded:
         inputs = [list(self.skill.inputs(one.situation)) for one in self.movements]
         s, stiffness = self.skill.settings, self._stiffness(vector)
-        model = DSGMR(s.components, stiffness, n_inputs=len(inputs[0]), partition=s.partition, overlap=s.overlap)
+        model = DSGMR(
+            s.components,
+            stiffness,
+            n_inputs=len(inputs[0]),
+            partition=s.partition,
+            overlap=s.overlap,
+        )
         own = [Motion(*(part[:, VECTORS[vector]] for part in motion)) for motion in motions]
-        attractors = [attractor_from_motion(one.position, one.velocity, one.acceleration, stiffness) for one in own]
-        features = [model.features(clock, one, given or None) for one, given in zip(attractors, inputs, strict=True)]
+        attractors = [
+            attractor_from_motion(one.position, one.velocity, one.acceleration, stiffness)
+            for one in own
+        ]
+        features = [
+            model.features(clock, one, given or None)
+            for one, given in zip(attractors, inputs, strict=True)
+        ]
         frames = [self._frames(one.situation, vector) for one in self.movements]
         return model.fit(features, frames), features, frames
 
@@ -93,12 +128,17 @@ class LearnedSkill(Shown):
         return s.stiffness if vector == "position" else s.orientation_stiffness
 
     def _frames(self, situation: Situation, vector: str) -> list[TaskFrame]:
-        return [frame_of(pose, vector, len(self.skill.inputs(situation))) for pose in self.skill.chosen_frames(situation)]
+        return [
+            frame_of(pose, vector, len(self.skill.inputs(situation)))
+            for pose in self.skill.chosen_frames(situation)
+        ]
 
     # planning
 
     def plan(self, situation: Situation) -> MotionPlan:
-        """A movement for a situation, which need not say where the hand starts; NoPlan if there is none."""
+        """A movement for a situation, which need not say where the hand starts; NoPlan if there is
+        none.
+        """
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
         aimed = self.skill.corrected(situation, self.offset)
         try:
@@ -106,7 +146,11 @@ class LearnedSkill(Shown):
         except ValueError as error:
             raise NoPlan(str(error)) from error
         s = self.skill.settings
-        attractor, gains = self._with_gains(aimed, path) if s.stiffness_range else (attractor, Gains.critical(s.stiffness))
+        attractor, gains = (
+            self._with_gains(aimed, path)
+            if s.stiffness_range
+            else (attractor, Gains.critical(s.stiffness))
+        )
         plan = MotionPlan(
             path=path,
             attractor_position=attractor,
@@ -124,21 +168,35 @@ class LearnedSkill(Shown):
         return self.skill.refine(plan, aimed, self)
 
     def mixture(self, situation: Situation) -> GaussianMixture:
-        """The mixture (7.21) of time and position in the world for a situation that says where the hand starts."""
+        """The mixture (7.21) of time and position in the world for a situation that says where the
+        hand starts.
+        """
         return self._models["position"].product(self._frames(situation, "position"))
 
     def _movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
         """The path of the hand, and its attractor: positions (n, 3) and quaternions (n, 4)."""
-        s, given, start = self.skill.settings, list(self.skill.inputs(situation)), situation.pose(HAND)
+        s, given, start = (
+            self.skill.settings,
+            list(self.skill.inputs(situation)),
+            situation.pose(HAND),
+        )
         clock = to_the_nanosecond(np.arange(0.0, self._clock_end, s.step))
         begin = pose_features(start.position[None], start.quaternion[None])[0]
         moved, x_axis, z_axis = (
             self._models[vector].reproduce(
-                self._frames(situation, vector), clock, begin[columns], np.zeros(3), inputs=given or None, step=s.step, covariance=False
+                self._frames(situation, vector),
+                clock,
+                begin[columns],
+                np.zeros(3),
+                inputs=given or None,
+                step=s.step,
+                covariance=False,
             )
             for vector, columns in VECTORS.items()
         )
-        from scipy.spatial.transform import Rotation  # whoever learns or carries out throws needs none
+        from scipy.spatial.transform import (
+            Rotation,
+        )  # whoever learns or carries out throws needs none
 
         turn = Rotation.from_matrix(orientations(np.hstack([x_axis.position, z_axis.position])))
         spin = angular_velocity(clock, turn.as_quat())
@@ -150,14 +208,21 @@ class LearnedSkill(Shown):
             velocity=np.hstack([moved.velocity, spin]),
             acceleration=np.hstack([moved.acceleration, growth]),
         )
-        # (7.20) for a turn: so far ahead of the hand, as a rotation vector, that the hand turns as planned.
+        # (7.20) for a turn: so far ahead of the hand, as a rotation vector, that the hand turns as
+        # planned.
         lead = attractor_from_motion(np.zeros_like(spin), spin, growth, s.orientation_stiffness)
         return path, moved.attractor, (Rotation.from_rotvec(lead) * turn).as_quat()
 
-    def _with_gains(self, situation: Situation, path: HandPath) -> tuple[np.ndarray, GainsOverTime]:
-        """Other attractors (n, 3), and gains with which they make the same path: the firmer the more the demonstrations agreed."""
+    def _with_gains(
+        self, situation: Situation, path: HandPath
+    ) -> tuple[np.ndarray, GainsOverTime]:
+        """Other attractors (n, 3), and gains with which they make the same path: the firmer the
+        more the demonstrations agreed.
+        """
         inputs = list(self.skill.inputs(situation)) or None
-        covariance = self._models["position"].retrieve(self._frames(situation, "position"), path.time, inputs)[1]
+        covariance = self._models["position"].retrieve(
+            self._frames(situation, "position"), path.time, inputs
+        )[1]
         assert covariance is not None
         wanted = stiffness_from_covariance(covariance, *self.skill.settings.stiffness_range)
         stiffness, damping = stable_gains(path.time, wanted)
@@ -165,14 +230,19 @@ class LearnedSkill(Shown):
         return attractor_with_gains(motion, stiffness, damping), GainsOverTime(stiffness, damping)
 
     def _postures(self, path: HandPath) -> np.ndarray:
-        """What the arm's free motion aims at along a path (n, 7): the mean of what was shown, turned about the base to where the hand is.
+        """What the arm's free motion aims at along a path (n, 7): the mean of what was shown,
+        turned about the base to where the hand is.
 
-        The hand leaves one freedom to seven joints. The person who guided the arm decided on it, too.
+        The hand leaves one freedom to seven joints. The person who guided the arm decided on it,
+        too.
         """
         shown = []
         for one in self._with_joints:
             time = path.time * one.duration / self.duration
-            postures, at = one.postures(time), np.searchsorted(one.time, time).clip(max=len(one.time) - 1)
+            postures, at = (
+                one.postures(time),
+                np.searchsorted(one.time, time).clip(max=len(one.time) - 1),
+            )
             postures[:, 0] = _near(postures[:, 0] - _azimuths(one.features[at]), 0.0)
             shown.append(postures)
         mean = np.mean(shown, axis=0)
@@ -182,7 +252,13 @@ class LearnedSkill(Shown):
 
 def _noise(movement: PreparedMovement) -> np.ndarray:
     """Standard deviation of each feature (9,) as it was recorded: the three of a vector alike."""
-    return np.repeat([position_noise(movement.time, movement.features[:, columns]) for columns in VECTORS.values()], 3)
+    return np.repeat(
+        [
+            position_noise(movement.time, movement.features[:, columns])
+            for columns in VECTORS.values()
+        ],
+        3,
+    )
 
 
 def _azimuths(positions: np.ndarray) -> np.ndarray:
@@ -191,5 +267,7 @@ def _azimuths(positions: np.ndarray) -> np.ndarray:
 
 
 def _near(angles: np.ndarray, first: float) -> np.ndarray:
-    """The same angles (n,) by so many full turns less or more that the first one is near to `first` [rad]."""
+    """The same angles (n,) by so many full turns less or more that the first one is near to
+    `first` [rad].
+    """
     return angles + 2.0 * np.pi * np.round((first - angles[0]) / (2.0 * np.pi))

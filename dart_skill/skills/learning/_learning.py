@@ -1,4 +1,6 @@
-"""From demonstrations to the model that a skill needs: of plans that are made beforehand, or one that is asked while the arm moves."""
+"""From demonstrations to the model that a skill needs: of plans that are made beforehand, or one
+that is asked while the arm moves.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,19 @@ AnySkill = LearnedSkill | ReactiveSkill
 
 def learn(skill: Skill, demonstrations: Sequence[TaskDemonstration]) -> AnySkill:
     """The skill that demonstrations teach; ValueError names one that cannot be learned from."""
-    return ReactiveSkill(skill, demonstrations) if skill.reacts else LearnedSkill(skill, demonstrations)
+    return (
+        ReactiveSkill(skill, demonstrations)
+        if skill.reacts
+        else LearnedSkill(skill, demonstrations)
+    )
 
 
-def learn_usable(skill: Skill, demonstrations: Sequence[TaskDemonstration]) -> tuple[AnySkill, dict[str, str]]:
-    """The skill that demonstrations teach, and why some of them do not, by their ids; ValueError, with all reasons, if too few do."""
+def learn_usable(
+    skill: Skill, demonstrations: Sequence[TaskDemonstration]
+) -> tuple[AnySkill, dict[str, str]]:
+    """The skill that demonstrations teach, and why some of them do not, by their ids; ValueError,
+    with all reasons, if too few do.
+    """
     usable, left_out = [], {}
     for one in demonstrations:
         try:

@@ -1,4 +1,6 @@
-"""How unlike the others each demonstration is: how far its way is from what the others teach for its situation."""
+"""How unlike the others each demonstration is: how far its way is from what the others teach for
+its situation.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,17 @@ FARTHER, LEAST = 3.0, 0.01
 """An outlier is so many times as far away as the median of the others, and at least so far [m]."""
 
 ASIDE = 0.1
-"""A pace that is a little different does not count: points are compared with those of so large a part of the way before and after."""
+"""A pace that is a little different does not count: points are compared with those of so large a
+part of the way before and after.
+"""
 
 
 def unlike(model: AnySkill) -> np.ndarray:
-    """Distance of the way of each demonstration from what the others teach in its place (n,) [m]: root mean square.
+    """Distance of the way of each demonstration from what the others teach in its place (n,) [m]:
+    root mean square.
 
-    Each is left out once and asked of a model of the others. nan for fewer than three, and where the others teach nothing for it.
+    Each is left out once and asked of a model of the others. nan for fewer than three, and where
+    the others teach nothing for it.
     """
     n = len(model.movements)
     if n < FEWEST:
@@ -54,13 +60,17 @@ def _distance(model: AnySkill, i: int) -> float:
 
 
 def _nearest(seen: np.ndarray, way: np.ndarray, window: int) -> np.ndarray:
-    """Distance of each point seen (m, 3) from the nearest of those of a way (m, 3) that are at most so many samples before or after."""
+    """Distance of each point seen (m, 3) from the nearest of those of a way (m, 3) that are at
+    most so many samples before or after.
+    """
     reached = np.arange(len(seen))[:, None] + np.arange(-window, window + 1)
     return np.linalg.norm(seen[:, None] - way[reached.clip(0, len(way) - 1)], axis=2).min(axis=1)
 
 
 def _way(others: AnySkill, model: AnySkill, i: int) -> np.ndarray:
-    """Where the others would lead the hand in the situation of demonstration i (m, 3), at RATE on the clock of the model."""
+    """Where the others would lead the hand in the situation of demonstration i (m, 3), at RATE on
+    the clock of the model.
+    """
     clock = np.arange(0.0, model.duration, 1.0 / RATE)
     if isinstance(others, LearnedSkill):
         path = others.plan(model.movements[i].situation).path
@@ -71,10 +81,17 @@ def _way(others: AnySkill, model: AnySkill, i: int) -> np.ndarray:
 
 
 def _reacted(others: ReactiveSkill, model: ReactiveSkill, i: int, clock: np.ndarray) -> np.ndarray:
-    """Where the mean of the others is, phase for phase, among the bodies as they moved in demonstration i."""
+    """Where the mean of the others is, phase for phase, among the bodies as they moved in
+    demonstration i.
+    """
     movement = model.movements[i]
     inputs = list(model.skill.inputs(movement.situation)) or None
     first, last = others.model.ends
     frames = zip(*model.frames_along(movement, clock), strict=True)
     phases = first + clock * (last - first) / model.duration
-    return np.array([others.model.moment(list(here), phase, inputs).state[:3] for here, phase in zip(frames, phases, strict=True)])
+    return np.array(
+        [
+            others.model.moment(list(here), phase, inputs).state[:3]
+            for here, phase in zip(frames, phases, strict=True)
+        ]
+    )

@@ -28,7 +28,9 @@ FORMAT = "dart_skill policy 1"
 def phase_rule(settings: ReactiveSkillSettings) -> PhaseRule:
     """How the state of the hand drives the movement of a skill."""
     s = settings
-    return PhaseRule(slowest=s.slowest, fastest=s.fastest, time_constant=s.time_constant, ignored=s.ignored)
+    return PhaseRule(
+        slowest=s.slowest, fastest=s.fastest, time_constant=s.time_constant, ignored=s.ignored
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,17 +54,30 @@ class Policy:
     registration: Registration
     offset: np.ndarray
 
-    def guide(self, situation: Situation | None = None, registration: Registration | None = None) -> ReactiveGuide:
-        """What guides the hand through a movement; the situation need not say where the hand starts, or where the bodies are.
+    def guide(
+        self, situation: Situation | None = None, registration: Registration | None = None
+    ) -> ReactiveGuide:
+        """What guides the hand through a movement; the situation need not say where the hand
+        starts, or where the bodies are.
 
-        registration: of cameras and arm, where that of the demonstrations does not count. ValueError for another number of inputs.
+        registration: of cameras and arm, where that of the demonstrations does not count.
+        ValueError for another number of inputs.
         """
-        situation, s, registration = situation or Situation({}), self._settings, registration or self.registration
+        situation, s, registration = (
+            situation or Situation({}),
+            self._settings,
+            registration or self.registration,
+        )
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
-        place, turned = registration.poses(situation.pose(HAND).position[None], situation.pose(HAND).quaternion[None])
+        place, turned = registration.poses(
+            situation.pose(HAND).position[None], situation.pose(HAND).quaternion[None]
+        )
         inputs = list(self.skill.inputs(situation))
         if len(inputs) != self.model.n_inputs:
-            raise ValueError(f"the situation has {len(inputs)} further inputs, the skill was shown with {self.model.n_inputs}")
+            raise ValueError(
+                f"the situation has {len(inputs)} further inputs, the skill was shown with"
+                f" {self.model.n_inputs}"
+            )
         return ReactiveGuide(
             self.model,
             partial(self._frames, situation.moved(HAND, Pose(place[0], turned[0]))),
@@ -80,7 +95,9 @@ class Policy:
 
     @property
     def _settings(self) -> ReactiveSkillSettings:
-        assert isinstance(self.skill.settings, ReactiveSkillSettings), "or nothing could be learned"
+        assert isinstance(self.skill.settings, ReactiveSkillSettings), (
+            "or nothing could be learned"
+        )
         return self.skill.settings
 
     def _frames(self, situation: Situation, bodies: Mapping[str, BodyMotion]) -> list:
@@ -103,9 +120,17 @@ class Policy:
             "start_quaternion": self.start.quaternion,
             "start_posture": self.start_posture,
         }
-        for k, (means, covariances) in enumerate(zip(mixture.means_, mixture.covariances_, strict=True)):
+        for k, (means, covariances) in enumerate(
+            zip(mixture.means_, mixture.covariances_, strict=True)
+        ):
             arrays |= {f"means_{k}": means, f"covariances_{k}": covariances}
-        np.savez(file, format=np.array(FORMAT), about=np.array(json.dumps(about)), priors=mixture.priors_, **arrays)
+        np.savez(
+            file,
+            format=np.array(FORMAT),
+            about=np.array(json.dumps(about)),
+            priors=mixture.priors_,
+            **arrays,
+        )
         return file.getvalue()
 
     @classmethod
@@ -118,21 +143,32 @@ class Policy:
             about = json.loads(str(content["about"]))
             if about["skill"] != skill.name:
                 raise ValueError(f"it is of the skill '{about['skill']}', not of '{skill.name}'")
-            return cls._of(content, about, type(skill)(skill.settings_type.from_mapping(about["settings"], "its settings")))
+            return cls._of(
+                content,
+                about,
+                type(skill)(skill.settings_type.from_mapping(about["settings"], "its settings")),
+            )
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
-            raise ValueError(f"these {len(data)} bytes are not the policy of a skill: {error or type(error).__name__}") from error
+            raise ValueError(
+                f"these {len(data)} bytes are not the policy of a skill:"
+                f" {error or type(error).__name__}"
+            ) from error
 
     @classmethod
     def _of(cls, content: dict[str, np.ndarray], about: dict[str, Any], skill: Skill) -> Policy:
         if not isinstance(skill.settings, ReactiveSkillSettings):
             raise ValueError(f"the skill '{skill.name}' does not react")
         each = range(sum(name.startswith("means_") for name in content))
-        means, covariances = ([content[f"{part}_{k}"] for k in each] for part in ("means", "covariances"))
+        means, covariances = (
+            [content[f"{part}_{k}"] for k in each] for part in ("means", "covariances")
+        )
         mixture = TaskParameterisedMixture.from_parameters(content["priors"], means, covariances)
         rule, ends = phase_rule(skill.settings), tuple(about["ends"])
         return cls(
             skill,
-            AutonomousDSGMR.of_mixture(mixture, ends, skill.settings.stiffness, rule=rule, n_inputs=about["n_inputs"]),
+            AutonomousDSGMR.of_mixture(
+                mixture, ends, skill.settings.stiffness, rule=rule, n_inputs=about["n_inputs"]
+            ),
             Pose(content["start_position"], content["start_quaternion"]),
             content["start_posture"],
             tuple(GripEvent(time, Grip(grip), done) for time, grip, done in about["events"]),

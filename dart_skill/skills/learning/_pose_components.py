@@ -1,4 +1,6 @@
-"""The number of components of a skill's model, chosen from the demonstrations on request (thesis 3.2.2)."""
+"""The number of components of a skill's model, chosen from the demonstrations on request (thesis
+3.2.2).
+"""
 
 from __future__ import annotations
 
@@ -10,18 +12,31 @@ import numpy as np
 from dart_skill.mixture import best_number
 from dart_skill.skills.learning._learning import learn
 from dart_skill.skills.learning._outliers import FEWEST, unlike
-from dart_skill.skills.protocol import BIC, COMPONENTS, CROSS_VALIDATION, Skill, TaskDemonstration, check_way
+from dart_skill.skills.protocol import (
+    BIC,
+    COMPONENTS,
+    CROSS_VALIDATION,
+    Skill,
+    TaskDemonstration,
+    check_way,
+)
 
 
-def choose_components(skill: Skill, demonstrations: Sequence[TaskDemonstration], way: str) -> Skill:
-    """The skill with the number of components, among COMPONENTS, that is best in a way (BIC or CROSS_VALIDATION).
+def choose_components(
+    skill: Skill, demonstrations: Sequence[TaskDemonstration], way: str
+) -> Skill:
+    """The skill with the number of components, among COMPONENTS, that is best in a way (BIC or
+    CROSS_VALIDATION).
 
     ValueError names a demonstration that cannot be learned from, or says that there are too few.
     """
     check_way(way)
     learn(skill, demonstrations)  # or a ValueError that says why nothing can be learned
     if way == CROSS_VALIDATION and len(demonstrations) < FEWEST:
-        raise ValueError(f"{len(demonstrations)} demonstrations are too few to leave out each once: record at least {FEWEST}")
+        raise ValueError(
+            f"{len(demonstrations)} demonstrations are too few to leave out each once: record at"
+            f" least {FEWEST}"
+        )
 
     def with_number(number: int) -> Skill:
         return type(skill)(replace(skill.settings, components=number))

@@ -1,7 +1,9 @@
-"""From what the sensors saw of one guided throw to the numbers that learning needs: release, landing, attractors in features.
+"""From what the sensors saw of one guided throw to the numbers that learning needs: release,
+landing, attractors in features.
 
-Features are t, x, y, z, alpha, beta (8.4.1), with t = 0 at the instant that all demonstrations share, and, where the configuration
-says so, the distance of the target after t. Attractors come from (7.20).
+Features are t, x, y, z, alpha, beta (8.4.1), with t = 0 at the instant that all demonstrations
+share, and, where the configuration says so, the distance of the target after t. Attractors come
+from (7.20).
 """
 
 from __future__ import annotations
@@ -12,12 +14,25 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dart_skill.arm import ArmModel, Registration, Sightings, fit_registration, measure_registration, wam_description
+from dart_skill.arm import (
+    ArmModel,
+    Registration,
+    Sightings,
+    fit_registration,
+    measure_registration,
+    wam_description,
+)
 from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.quaternions import from_vectors, product, rotate
 from dart_skill.common.surface import Game
 from dart_skill.common.world import the_world
-from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
+from dart_skill.movement import (
+    angles_from_quaternions,
+    attractor_from_motion,
+    smooth_derivatives,
+    turn_about_z,
+    turn_matrix,
+)
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._configuration import SkillConfiguration
 from dart_skill.skills.observation import (
@@ -34,43 +49,50 @@ from dart_skill.skills.observation import (
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
 SOONEST, LATEST = -0.005, 0.3
-"""A hand opens after it is told to, as far as a release is seen. The fingers of a BarrettHand need 1 s for their 140 degrees
-(docs/sources.md), so that they are well away from a ball after the later time [s]. What is seen beyond is something else: clocks that
-disagree, or a button that was pressed for another reason.
+"""A hand opens after it is told to, as far as a release is seen. The fingers of a BarrettHand need
+1 s for their 140 degrees (docs/sources.md), so that they are well away from a ball after the later
+time [s]. What is seen beyond is something else: clocks that disagree, or a button that was pressed
+for another reason.
 """
 AGREED = Registration()
 """Registration of cameras and arm that agree."""
 OUTSIDE = 1.0
-"""A motion begins and ends within what was recorded of the hand, or not longer before or after [s]."""
+"""A motion begins and ends within what was recorded of the hand, or not longer before or after
+[s].
+"""
 OFF_POSITION, OFF_ANGLE = 0.015, 0.08
-"""So far off are the motion that the cameras saw and that of the arm's joints at most, wherever the cameras stand: ten times as much as of
-the worst arm of the fleet, root mean square [m], [rad]."""
+"""So far off are the motion that the cameras saw and that of the arm's joints at most, wherever
+the cameras stand: ten times as much as of the worst arm of the fleet, root mean square [m], [rad].
+"""
 
 
 @dataclass(frozen=True)
 class PreparedThrow:
     """A demonstration ready to be learned.
 
-    The features are x, y, z [m] in the world and alpha, beta [rad] in the axes of the configuration (8.4.1).
+    The features are x, y, z [m] in the world and alpha, beta [rad] in the axes of the
+    configuration (8.4.1).
 
     Parameters:
 
     * id: str, of the demonstration.
-    * task: task parameter (3,) [m]: where the ball came down on the plane of the rim (a dart: where it met the board), or where
-      the basket stood.
+    * task: task parameter (3,) [m]: where the ball came down on the plane of the rim (a dart:
+      where it met the board), or where the basket stood.
     * azimuth: float [rad], of the task.
     * reach: float [m], distance of the task from the base axis, or its height on the board.
     * time: (n,) [s], 0 at the instant that all demonstrations share.
     * motion: (n, 5), the features.
     * velocity: (n, 5), the features per s.
     * attractor: (n, 5), computed from the motion by (7.20).
-    * start_pose: (6,) [m, rad], x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth.
+    * start_pose: (6,) [m, rad], x, y, z, alpha, beta, roll of the hand at rest, all in axes turned
+      by the azimuth.
     * start, stop: float [s], start and stop of the motion, on the clock of `time`.
     * release: Release, where hand and ball part, on the clock of the demonstration.
     * release_time: float [s], the release on the clock of `time`.
     * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
     * sightings: the hand at some instants as cameras and arm say.
-    * hand_delay: float [s], time from the command to the release; nan if the command was not seen, or no hand needs so long.
+    * hand_delay: float [s], time from the command to the release; nan if the command was not seen,
+      or no hand needs so long.
     * noise: float [m], standard deviation of a coordinate of the hand, as it was recorded.
     """
 
@@ -102,18 +124,32 @@ class PreparedThrow:
         """What was found, in a line: where the throw went, and how the ball left the hand."""
         speed = float(np.linalg.norm(self.release.velocity))
         place = f"{self.distance:.2f} m, {np.degrees(self.azimuth):+.0f} degrees"
-        late = f", {1e3 * self.hand_delay:.0f} ms after the hand was told to open" if np.isfinite(self.hand_delay) else ""
+        late = (
+            f", {1e3 * self.hand_delay:.0f} ms after the hand was told to open"
+            if np.isfinite(self.hand_delay)
+            else ""
+        )
         return f"a throw to {place}; the ball left the hand at {speed:.1f} m/s{late}"
 
     def between(self, first: float, last: float) -> PreparedThrow:
         """The same throw with only the samples from `first` to `last` [s]."""
-        kept = slice(int(np.searchsorted(self.time, first)), int(np.searchsorted(self.time, last, side="right")))
-        return replace(self, time=self.time[kept], motion=self.motion[kept], velocity=self.velocity[kept], attractor=self.attractor[kept])
+        kept = slice(
+            int(np.searchsorted(self.time, first)),
+            int(np.searchsorted(self.time, last, side="right")),
+        )
+        return replace(
+            self,
+            time=self.time[kept],
+            motion=self.motion[kept],
+            velocity=self.velocity[kept],
+            attractor=self.attractor[kept],
+        )
 
 
 @dataclass(frozen=True)
 class _Reading:
-    """All of a configuration that a prepared demonstration depends on: configurations that are alike in it share what was prepared.
+    """All of a configuration that a prepared demonstration depends on: configurations that are
+    alike in it share what was prepared.
 
     stiffness: kp of x, y, z, alpha, beta [1/s^2].
     """
@@ -127,7 +163,13 @@ class _Reading:
     @classmethod
     def of(cls, configuration: SkillConfiguration) -> _Reading:
         c = configuration
-        return cls(c.game, c.alignment, c.relabel, c.turns, tuple(np.broadcast_to(c.stiffness_of_features, 5).tolist()))
+        return cls(
+            c.game,
+            c.alignment,
+            c.relabel,
+            c.turns,
+            tuple(np.broadcast_to(c.stiffness_of_features, 5).tolist()),
+        )
 
 
 _KEPT: WeakKeyDictionary[Demonstration, dict[_Reading, PreparedThrow]] = WeakKeyDictionary()
@@ -135,10 +177,11 @@ _KEPT: WeakKeyDictionary[Demonstration, dict[_Reading, PreparedThrow]] = WeakKey
 
 
 def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
-    """One demonstration as numbers to learn from; ValueError names the demonstration and what is wrong with it.
+    """One demonstration as numbers to learn from; ValueError names the demonstration and what is
+    wrong with it.
 
-    It is worked out once for each demonstration, and kept as long as this is in use: after one more, a lesson prepares that one alone.
-    Its arrays are read-only.
+    It is worked out once for each demonstration, and kept as long as this is in use: after one
+    more, a lesson prepares that one alone. Its arrays are read-only.
     """
     kept, reading = _KEPT.setdefault(demonstration, {}), _Reading.of(configuration)
     if reading not in kept:
@@ -160,15 +203,29 @@ def _sealed(throw: PreparedThrow) -> PreparedThrow:
 
 def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
     d = demonstration
-    if not (d.hand_time[0] - OUTSIDE <= d.motion_start <= d.motion_stop <= d.hand_time[-1] + OUTSIDE):
+    if not (
+        d.hand_time[0] - OUTSIDE <= d.motion_start <= d.motion_stop <= d.hand_time[-1] + OUTSIDE
+    ):
         recorded = f"from {d.hand_time[0]:.4g} to {d.hand_time[-1]:.4g} s"
-        raise ValueError(f"its motion is from {d.motion_start:.4g} to {d.motion_stop:.4g} s, but the hand was recorded {recorded}")
+        raise ValueError(
+            f"its motion is from {d.motion_start:.4g} to {d.motion_stop:.4g} s, but the hand was"
+            f" recorded {recorded}"
+        )
     both = sightings(d, _kinematics())
     _check_joints(both)
     ball, surface = reading.game.projectile, reading.game.surface
     free = find_flight(d.ball_time, d.ball_position, ball) if len(d.ball_time) else None
     grip = wam_description().hand.ball_centre
-    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, ball, free=free)
+    release = fit_release(
+        d.ball_time,
+        d.ball_position,
+        d.hand_time,
+        d.hand_position,
+        d.hand_quaternion,
+        grip,
+        ball,
+        free=free,
+    )
     task = _task(d, reading, free)
     azimuth = float(np.arctan2(task[1], task[0]))
     turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
@@ -201,36 +258,52 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
 
 
 def _check_joints(both: Sightings) -> None:
-    """ValueError for joints that move the hand otherwise than the cameras saw it: in another order or unit, or of another arm."""
+    """ValueError for joints that move the hand otherwise than the cameras saw it: in another order
+    or unit, or of another arm.
+    """
     # One after the other: the second is long to find, and seldom needed.
     if len(both) < 3 or _explains(AGREED, both) or _explains(fit_registration([both]), both):
         return
     off = measure_registration(both)
     if off.position_error > OFF_POSITION or off.angle_error > OFF_ANGLE:
         far = f"{100 * off.position_error:.0f} cm and {np.degrees(off.angle_error):.0f} degrees"
-        raise ValueError(f"by its joints the hand moved otherwise than the cameras saw it, by {far}")
+        raise ValueError(
+            f"by its joints the hand moved otherwise than the cameras saw it, by {far}"
+        )
 
 
 def _explains(registration: Registration, both: Sightings) -> bool:
-    """Whether so little is left with a registration that with the best one, which is long to find, less than the limits must be left.
+    """Whether so little is left with a registration that with the best one, which is long to find,
+    less than the limits must be left.
 
-    The best one has the least sum of squares in parts of 1 mm and 2 mrad: a quarter of OFF_ANGLE is 10 parts, half of OFF_POSITION 7.5,
-    together 12.5, which are 12.5 mm and 25 mrad at most.
+    The best one has the least sum of squares in parts of 1 mm and 2 mrad: a quarter of OFF_ANGLE
+    is 10 parts, half of OFF_POSITION 7.5, together 12.5, which are 12.5 mm and 25 mrad at most.
     """
     position, quaternion = _as_seen(registration, both)
     off = np.square(both.position - position).sum(axis=1)
     cosine = np.abs(np.einsum("ni,ni->n", both.quaternion, quaternion))
     twist = np.square(2.0 * np.arccos(np.minimum(cosine, 1.0)))
-    return bool(np.mean(off) < (0.5 * OFF_POSITION) ** 2 and np.mean(twist) < (0.25 * OFF_ANGLE) ** 2)
+    return bool(
+        np.mean(off) < (0.5 * OFF_POSITION) ** 2 and np.mean(twist) < (0.25 * OFF_ANGLE) ** 2
+    )
 
 
 def _as_seen(registration: Registration, both: Sightings) -> tuple[np.ndarray, np.ndarray]:
-    """Where the cameras would see the hand by the arm's joints, (n, 3) and (n, 4), with a registration."""
+    """Where the cameras would see the hand by the arm's joints, (n, 3) and (n, 4), with a
+    registration.
+    """
     if registration.is_none and not registration.delay:
         return both.arm_position, both.arm_quaternion
-    base, hand, shift, hand_shift = map(np.array, (registration.turn, registration.hand_turn, registration.shift, registration.hand_shift))
-    arm = product(from_vectors(-registration.delay * both.arm_velocity[:, 3:]), both.arm_quaternion)
-    lever = both.arm_position - registration.delay * both.arm_velocity[:, :3] + rotate(arm, hand_shift)
+    base, hand, shift, hand_shift = map(
+        np.array,
+        (registration.turn, registration.hand_turn, registration.shift, registration.hand_shift),
+    )
+    arm = product(
+        from_vectors(-registration.delay * both.arm_velocity[:, 3:]), both.arm_quaternion
+    )
+    lever = (
+        both.arm_position - registration.delay * both.arm_velocity[:, :3] + rotate(arm, hand_shift)
+    )
     return rotate(base, lever) + shift, product(product(base, arm), hand)
 
 
@@ -245,12 +318,18 @@ def _hand_delay(seen: float) -> float:
 
 
 def _noise(time: np.ndarray, features: np.ndarray) -> np.ndarray:
-    """Standard deviation of each feature (5,) of a recording (n, 5) at times (n,): the three of the position alike."""
-    return np.concatenate([np.full(3, position_noise(time, features[:, :3])), column_noise(time, features[:, 3:])])
+    """Standard deviation of each feature (5,) of a recording (n, 5) at times (n,): the three of
+    the position alike.
+    """
+    return np.concatenate(
+        [np.full(3, position_noise(time, features[:, :3])), column_noise(time, features[:, 3:])]
+    )
 
 
 def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray) -> np.ndarray:
-    """Hand pose at rest before the motion (6,), in axes turned by the azimuth, as the angles (n, 3) are: x, y, z, alpha, beta, roll."""
+    """Hand pose at rest before the motion (6,), in axes turned by the azimuth, as the angles (n,
+    3) are: x, y, z, alpha, beta, roll.
+    """
     d = demonstration
     at_rest = _or_first(d.hand_time <= d.motion_start - 0.05)
     position = d.hand_position[at_rest] @ turn_matrix(azimuth)
@@ -279,7 +358,18 @@ def _task(demonstration: Demonstration, reading: _Reading, free: FreeFlight | No
     if not reading.relabel:
         return demonstration.target
     d, game, radius = demonstration, reading.game, the_world().basket_radius
-    outcome = judge_flight(d.ball_time, d.ball_position, d.target, radius, game.projectile, free=free, surface=game.surface)
+    outcome = judge_flight(
+        d.ball_time,
+        d.ball_position,
+        d.target,
+        radius,
+        game.projectile,
+        free=free,
+        surface=game.surface,
+    )
     if not outcome.landing_seen:
-        raise ValueError("nobody saw where the ball landed; learn without relabelling, or track the ball to the rim")
+        raise ValueError(
+            "nobody saw where the ball landed; learn without relabelling, or track the ball to"
+            " the rim"
+        )
     return outcome.landing

@@ -13,7 +13,9 @@ from dart_skill.skills.observation import sightings
 from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration, Track
 
 BEFORE = 0.1
-"""The hand is recorded for so long before a movement starts, at least [s]: derivatives there need it."""
+"""The hand is recorded for so long before a movement starts, at least [s]: derivatives there need
+it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +27,11 @@ class PreparedMovement:
     * time, features: of the whole recording, (n,) [s] from the start of the movement on, (n, 9).
     * duration: from start to stop [s].
     * told: what the fingers were told, (instant from the start on [s], grip).
-    * joint_time, joint_position: (k,) [s] from the start on, (k, 7) [rad]; k = 0 if they were not recorded.
+    * joint_time, joint_position: (k,) [s] from the start on, (k, 7) [rad]; k = 0 if they were not
+      recorded.
     * sightings: the hand at some instants as cameras and arm say.
-    * bodies: tracks of the bodies that the skill reacts to, by role, on the clock of `time`; of other skills none.
+    * bodies: tracks of the bodies that the skill reacts to, by role, on the clock of `time`; of
+      other skills none.
     """
 
     id: str
@@ -47,11 +51,17 @@ class PreparedMovement:
         return float(self.time[-1]) - self.duration
 
     def postures(self, time: np.ndarray) -> np.ndarray:
-        """Joints (n, 7) [rad] at instants (n,) from the start on [s]; those of the ends before and after."""
-        return np.column_stack([np.interp(time, self.joint_time, column) for column in self.joint_position.T])
+        """Joints (n, 7) [rad] at instants (n,) from the start on [s]; those of the ends before and
+        after.
+        """
+        return np.column_stack(
+            [np.interp(time, self.joint_time, column) for column in self.joint_position.T]
+        )
 
 
-def prepare_movement(skill: Skill, demonstration: TaskDemonstration, arm: ArmModel) -> PreparedMovement:
+def prepare_movement(
+    skill: Skill, demonstration: TaskDemonstration, arm: ArmModel
+) -> PreparedMovement:
     """ValueError names the demonstration and what is wrong with it. arm: model of the arm."""
     try:
         return _prepare(skill, demonstration, arm)
@@ -70,10 +80,14 @@ def _prepare(skill: Skill, demonstration: TaskDemonstration, arm: ArmModel) -> P
     if not hand.time[0] + BEFORE <= start < stop <= hand.time[-1]:
         recorded = f"from {hand.time[0]:.3f} to {hand.time[-1]:.3f} s"
         raise ValueError(
-            f"the movement is from {start:.3f} to {stop:.3f} s, but the hand was recorded {recorded}: record more before and after"
+            f"the movement is from {start:.3f} to {stop:.3f} s, but the hand was recorded"
+            f" {recorded}: record more before and after"
         )
     if stop - start < skill.settings.shortest:
-        raise ValueError(f"the movement takes {stop - start:.2f} s; shorter ones than {skill.settings.shortest} s are none (shortest)")
+        raise ValueError(
+            f"the movement takes {stop - start:.2f} s; shorter ones than {skill.settings.shortest}"
+            " s are none (shortest)"
+        )
     first, last = start - 5 * BEFORE, stop + 2 * skill.settings.settle + BEFORE
     near = (hand.time >= first) & (hand.time <= last)
     return PreparedMovement(
@@ -86,13 +100,22 @@ def _prepare(skill: Skill, demonstration: TaskDemonstration, arm: ArmModel) -> P
         joint_time=d.joint_time - start,
         joint_position=d.joint_position,
         sightings=sightings(d, arm),
-        bodies={role: _since(role, d.track(role), start, first, last) for role in skill.bodies if skill.reacts},
+        bodies={
+            role: _since(role, d.track(role), start, first, last)
+            for role in skill.bodies
+            if skill.reacts
+        },
     )
 
 
 def _since(role: str, track: Track, start: float, first: float, last: float) -> Track:
-    """What was seen of a body from the first to the last of two instants [s], on the clock of a movement that starts then [s]."""
+    """What was seen of a body from the first to the last of two instants [s], on the clock of a
+    movement that starts then [s].
+    """
     near = (track.time >= first) & (track.time <= last)
     if not near.any():
-        raise ValueError(f"the {role} was not seen from {first:.3f} to {last:.3f} s, and the movement reacts to it: record it all the time")
+        raise ValueError(
+            f"the {role} was not seen from {first:.3f} to {last:.3f} s, and the movement reacts to"
+            " it: record it all the time"
+        )
     return Track(track.time[near] - start, track.position[near], track.quaternion[near])

@@ -1,4 +1,6 @@
-"""A skill that reacts: an autonomous DS-GMR in task frames that may move, asked at every state of the arm (thesis chapter 9)."""
+"""A skill that reacts: an autonomous DS-GMR in task frames that may move, asked at every state of
+the arm (thesis chapter 9).
+"""
 
 from __future__ import annotations
 
@@ -16,30 +18,44 @@ from dart_skill.skills.learning._pose_features import VECTORS, with_prior
 from dart_skill.skills.learning._prepared import PreparedMovement
 from dart_skill.skills.learning._shown import RATE, Shown
 from dart_skill.skills.observation import position_noise
-from dart_skill.skills.protocol import Pose, ReactiveSkillSettings, Situation, Skill, TaskDemonstration, Track
+from dart_skill.skills.protocol import (
+    Pose,
+    ReactiveSkillSettings,
+    Situation,
+    Skill,
+    TaskDemonstration,
+    Track,
+)
 
 
 class ReactiveSkill(Shown):
-    """A skill learned from demonstrations of its position among bodies that may move; the hand keeps the orientation of the start.
+    """A skill learned from demonstrations of its position among bodies that may move; the hand
+    keeps the orientation of the start.
 
-    A frame that the skill places at a body stands on the attractor (7.20) of its own motion, so that a motion is learned as it is relative
-    to the body, whatever the speed of that.
+    A frame that the skill places at a body stands on the attractor (7.20) of its own motion, so
+    that a motion is learned as it is relative to the body, whatever the speed of that.
 
     Parameters:
 
-    * skill: what is particular to it, with `reacts` and settings derived from `ReactiveSkillSettings`.
-    * demonstrations: at least `skill.settings.least_demonstrations`. ValueError names one that cannot be learned from.
+    * skill: what is particular to it, with `reacts` and settings derived from
+      `ReactiveSkillSettings`.
+    * demonstrations: at least `skill.settings.least_demonstrations`. ValueError names one that
+      cannot be learned from.
 
-    Attributes: movements, duration, start, registration as of `LearnedSkill`; model, the AutonomousDSGMR over [t, u, x, y, z].
+    Attributes: movements, duration, start, registration as of `LearnedSkill`; model, the
+    AutonomousDSGMR over [t, u, x, y, z].
     """
 
     def __init__(self, skill: Skill, demonstrations: Sequence[TaskDemonstration]):
         if not skill.reacts or not isinstance(skill.settings, ReactiveSkillSettings):
             raise ValueError(
-                f"the skill '{skill.name}' does not react: it needs `reacts = True`, and settings that say how (ReactiveSkillSettings)"
+                f"the skill '{skill.name}' does not react: it needs `reacts = True`, and settings"
+                " that say how (ReactiveSkillSettings)"
             )
         if not skill.bodies:
-            raise ValueError(f"the skill '{skill.name}' names no body that it reacts to (Skill.bodies)")
+            raise ValueError(
+                f"the skill '{skill.name}' names no body that it reacts to (Skill.bodies)"
+            )
         super().__init__(skill, demonstrations)
         self._settings = skill.settings
         self.model = self._fit()
@@ -49,7 +65,9 @@ class ReactiveSkill(Shown):
     def _fit(self) -> AutonomousDSGMR:
         s, (model, _) = self._settings, self._fitted()
         mixture = with_prior(model.mixture_, len(self.movements), s.prior, vectors=3)
-        return AutonomousDSGMR.of_mixture(mixture, model.ends, s.stiffness, rule=model.rule, n_inputs=model.n_inputs)
+        return AutonomousDSGMR.of_mixture(
+            mixture, model.ends, s.stiffness, rule=model.rule, n_inputs=model.n_inputs
+        )
 
     def bic(self) -> float:
         """As of `LearnedSkill`."""
@@ -60,29 +78,58 @@ class ReactiveSkill(Shown):
         """The model as the demonstrations alone make it, and what it was fitted to."""
         s, clock = self._settings, np.arange(0.0, self._clock_end, 1.0 / RATE)
         inputs = [list(self.skill.inputs(one.situation)) for one in self.movements]
-        how: dict[str, Any] = {"n_inputs": len(inputs[0]), "partition": s.partition, "overlap": s.overlap}
+        how: dict[str, Any] = {
+            "n_inputs": len(inputs[0]),
+            "partition": s.partition,
+            "overlap": s.overlap,
+        }
         model = AutonomousDSGMR(s.components, s.stiffness, rule=phase_rule(s), **how)
-        hands = [self._motion(one, one.time, one.features[:, VECTORS["position"]], clock) for one in self.movements]
+        hands = [
+            self._motion(one, one.time, one.features[:, VECTORS["position"]], clock)
+            for one in self.movements
+        ]
         frames = [self.frames_along(one, clock) for one in self.movements]
-        shown: dict[str, Any] = {"times": [clock] * len(hands), "motions": hands, "frames": frames, "inputs": inputs if inputs[0] else None}
+        shown: dict[str, Any] = {
+            "times": [clock] * len(hands),
+            "motions": hands,
+            "frames": frames,
+            "inputs": inputs if inputs[0] else None,
+        }
         return model.fit(**shown), shown
 
-    def _motion(self, movement: PreparedMovement, time: np.ndarray, position: np.ndarray, clock: np.ndarray) -> Motion:
-        """What was seen at stamps (n,), (n, 3), stretched to the mean duration, at the instants of the clock (m,)."""
+    def _motion(
+        self, movement: PreparedMovement, time: np.ndarray, position: np.ndarray, clock: np.ndarray
+    ) -> Motion:
+        """What was seen at stamps (n,), (n, 3), stretched to the mean duration, at the instants of
+        the clock (m,).
+        """
         try:
             noise = position_noise(time, position)
-            return smooth_derivatives(time * self.duration / movement.duration, position, noise=noise, at=clock)
+            return smooth_derivatives(
+                time * self.duration / movement.duration, position, noise=noise, at=clock
+            )
         except ValueError as error:
             raise ValueError(f"demonstration {movement.id}: {error}") from error
 
-    def frames_along(self, movement: PreparedMovement, clock: np.ndarray) -> list[list[MovingFrame]]:
-        """The task frames at each instant of the clock (m,): a list of m for each frame. movement: what was prepared of a demonstration."""
-        moved = {role: self._body_motions(movement, track, clock) for role, track in movement.bodies.items()}
-        instants = [dict(zip(moved, motions, strict=True)) for motions in zip(*moved.values(), strict=True)]
+    def frames_along(
+        self, movement: PreparedMovement, clock: np.ndarray
+    ) -> list[list[MovingFrame]]:
+        """The task frames at each instant of the clock (m,): a list of m for each frame. movement:
+        what was prepared of a demonstration.
+        """
+        moved = {
+            role: self._body_motions(movement, track, clock)
+            for role, track in movement.bodies.items()
+        }
+        instants = [
+            dict(zip(moved, motions, strict=True)) for motions in zip(*moved.values(), strict=True)
+        ]
         frames = [self._frames(movement.situation, motions) for motions in instants]
         return [list(one) for one in zip(*frames, strict=True)]
 
-    def _body_motions(self, movement: PreparedMovement, track: Track, clock: np.ndarray) -> list[BodyMotion]:
+    def _body_motions(
+        self, movement: PreparedMovement, track: Track, clock: np.ndarray
+    ) -> list[BodyMotion]:
         motion = self._motion(movement, track.time, track.position, clock)
         turns = track.resampled(clock * movement.duration / self.duration).quaternion
         return [BodyMotion(*row, age=0.0) for row in zip(*motion, turns, strict=True)]
@@ -92,7 +139,9 @@ class ReactiveSkill(Shown):
         return moving_frames(self.skill, situation, bodies, self._settings.stiffness)
 
     def mixture(self, situation: Situation) -> GaussianMixture:
-        """The mixture (7.21) of time and position in the world, where the bodies of a situation rest, which says where the hand starts."""
+        """The mixture (7.21) of time and position in the world, where the bodies of a situation
+        rest, which says where the hand starts.
+        """
         bodies = {role: _resting(situation.pose(role)) for role in self.skill.bodies}
         product = self.model.product(self._frames(situation, bodies))
         before = 1 + self.model.n_inputs
@@ -103,7 +152,15 @@ class ReactiveSkill(Shown):
     @property
     def policy(self) -> Policy:
         """What it takes to carry the skill out, without what it was learned from."""
-        return Policy(self.skill, self.model, self.start, self._start_posture, self._events, self.registration, self.offset)
+        return Policy(
+            self.skill,
+            self.model,
+            self.start,
+            self._start_posture,
+            self._events,
+            self.registration,
+            self.offset,
+        )
 
     def guide(self, situation: Situation | None = None) -> ReactiveGuide:
         """As of `Policy.guide`."""

@@ -1,4 +1,6 @@
-"""What demonstrations of a skill have in common, whatever is made of them: where they start, how long they take, what the fingers do."""
+"""What demonstrations of a skill have in common, whatever is made of them: where they start, how
+long they take, what the fingers do.
+"""
 
 from __future__ import annotations
 
@@ -27,21 +29,35 @@ class Shown:
         skill.check_settings()
         least = skill.settings.least_demonstrations
         if len(demonstrations) < least:
-            raise ValueError(f"{len(demonstrations)} demonstrations are too few for '{skill.name}': record at least {least}")
+            raise ValueError(
+                f"{len(demonstrations)} demonstrations are too few for '{skill.name}': record at"
+                f" least {least}"
+            )
         self.skill = skill
         self.demonstrations = tuple(demonstrations)
         arm = ArmModel()
         self.movements = tuple(prepare_movement(skill, one, arm) for one in demonstrations)
         self.duration = float(np.mean([one.duration for one in self.movements]))
-        self._events = _events(self.movements, self.duration, skill.settings.grip_time, self._clock_end - 2.0 * skill.settings.step)
+        self._events = _events(
+            self.movements,
+            self.duration,
+            skill.settings.grip_time,
+            self._clock_end - 2.0 * skill.settings.step,
+        )
         starts = [one.situation.pose(HAND) for one in self.movements]
-        self.start = Pose(np.median([one.position for one in starts], axis=0), _mean_orientation([one.quaternion for one in starts]))
+        self.start = Pose(
+            np.median([one.position for one in starts], axis=0),
+            _mean_orientation([one.quaternion for one in starts]),
+        )
         self._with_joints = [one for one in self.movements if len(one.joint_time)]
         if not self._with_joints:
             raise ValueError(
-                "no demonstration has the joints of the arm, and a plan must say in which posture it starts: record /joint_states"
+                "no demonstration has the joints of the arm, and a plan must say in which posture"
+                " it starts: record /joint_states"
             )
-        self._start_posture = np.median([one.postures(np.zeros(1))[0] for one in self._with_joints], axis=0)
+        self._start_posture = np.median(
+            [one.postures(np.zeros(1))[0] for one in self._with_joints], axis=0
+        )
         self.registration = fit_registration([one.sightings for one in self.movements])
         self._check_inputs()
         self._misses: list[np.ndarray] = []
@@ -70,13 +86,21 @@ class Shown:
     @property
     def offset(self) -> np.ndarray:
         """What is corrected now (3,) [m], in the axes of the body that the skill corrects."""
-        # Shrunk as if there had been one more movement, without a miss: one that missed by chance must not move all that follow.
-        return np.sum(self._misses, axis=0) / (len(self._misses) + 1) if self._misses else np.zeros(3)
+        # Shrunk as if there had been one more movement, without a miss: one that missed by chance
+        # must not move all that follow.
+        return (
+            np.sum(self._misses, axis=0) / (len(self._misses) + 1) if self._misses else np.zeros(3)
+        )
 
     @property
     def _clock_end(self) -> float:
-        """The model knows the hand's rest after the movement, too, as far as all recordings go [s]."""
-        rest = min(self.skill.settings.settle, *(one.after * self.duration / one.duration for one in self.movements))
+        """The model knows the hand's rest after the movement, too, as far as all recordings go
+        [s].
+        """
+        rest = min(
+            self.skill.settings.settle,
+            *(one.after * self.duration / one.duration for one in self.movements),
+        )
         return self.duration + rest
 
     def _check_inputs(self) -> None:
@@ -84,11 +108,16 @@ class Shown:
         wanted = len(self.skill.inputs(first.situation))
         for one in others:
             if (given := len(self.skill.inputs(one.situation))) != wanted:
-                raise ValueError(f"demonstration {one.id} has {given} further inputs, demonstration {first.id} {wanted}: give all the same")
+                raise ValueError(
+                    f"demonstration {one.id} has {given} further inputs, demonstration {first.id}"
+                    f" {wanted}: give all the same"
+                )
 
     @cached_property
     def model_id(self) -> str:
-        """Digest of what the model was made from: equal demonstrations and settings give an equal name."""
+        """Digest of what the model was made from: equal demonstrations and settings give an equal
+        name.
+        """
         digest = hashlib.sha256(f"{self.skill.name} {self.skill.settings!r}".encode())
         if given := self.skill.settings.rarely_given:
             digest.update(repr(given).encode())
@@ -98,8 +127,11 @@ class Shown:
         return digest.hexdigest()[:16]
 
 
-def _events(movements: Sequence[PreparedMovement], duration: float, grip_time: float, end: float) -> tuple[GripEvent, ...]:
-    """When the fingers open and close: at the mean of the stretched instants, and done by the end of a plan at the latest [s].
+def _events(
+    movements: Sequence[PreparedMovement], duration: float, grip_time: float, end: float
+) -> tuple[GripEvent, ...]:
+    """When the fingers open and close: at the mean of the stretched instants, and done by the end
+    of a plan at the latest [s].
 
     ValueError if the fingers did different things in the demonstrations.
     """
@@ -107,12 +139,17 @@ def _events(movements: Sequence[PreparedMovement], duration: float, grip_time: f
     for one, told in zip(movements, grips, strict=True):
         if told != grips[0]:
             raise ValueError(
-                f"demonstration {one.id} tells the fingers {_in_words(told)}, demonstration {movements[0].id} {_in_words(grips[0])}: "
-                "show the same each time, or drop one"
+                f"demonstration {one.id} tells the fingers {_in_words(told)}, demonstration"
+                f" {movements[0].id} {_in_words(grips[0])}: show the same each time, or drop one"
             )
-    shared = np.mean([[time * duration / one.duration for time, _ in one.told] for one in movements], axis=0)
+    shared = np.mean(
+        [[time * duration / one.duration for time, _ in one.told] for one in movements], axis=0
+    )
     times = to_the_nanosecond(np.atleast_1d(np.clip(shared, 0.0, end)))
-    return tuple(GripEvent(float(t), grip, min(float(t) + grip_time, end)) for t, grip in zip(times, grips[0], strict=True))
+    return tuple(
+        GripEvent(float(t), grip, min(float(t) + grip_time, end))
+        for t, grip in zip(times, grips[0], strict=True)
+    )
 
 
 def _in_words(told: Sequence[Grip]) -> str:

@@ -2,12 +2,23 @@
 
 import numpy as np
 
-from dart_skill.movement import TaskFrame, azimuth_frame, azimuth_of, base_frame, pointing_at, start_frame, target_frame
+from dart_skill.movement import (
+    TaskFrame,
+    azimuth_frame,
+    azimuth_of,
+    base_frame,
+    pointing_at,
+    start_frame,
+    target_frame,
+)
 from dart_skill.skills.learning._configuration import SkillConfiguration
 
 
-def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
-    """Task frames of the features t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2), (8.3), or turned ones.
+def frames_for(
+    task: np.ndarray, start: np.ndarray, configuration: SkillConfiguration
+) -> list[TaskFrame]:
+    """Task frames of the features t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2),
+    (8.3), or turned ones.
 
     Parameters:
 
@@ -24,7 +35,9 @@ def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfigur
 
 
 def _turned_frames(task: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
-    """`azimuth_frame` and, if the configuration has it, `azimuth_target_frame` of a task (3,), which have the same axes."""
+    """`azimuth_frame` and, if the configuration has it, `azimuth_target_frame` of a task (3,),
+    which have the same axes.
+    """
     base = azimuth_frame(azimuth_of(task))
     if configuration.distance_input:
         base = base.with_input(1)  # after time

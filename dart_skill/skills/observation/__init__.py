@@ -3,7 +3,14 @@
 from typing import TYPE_CHECKING
 
 from dart_skill.common.lazy import on_first_use
-from dart_skill.skills.observation._cutting import ARRIVAL_NS, THRESHOLDS, ThrowLog, judged, seen_down, watched_until
+from dart_skill.skills.observation._cutting import (
+    ARRIVAL_NS,
+    THRESHOLDS,
+    ThrowLog,
+    judged,
+    seen_down,
+    watched_until,
+)
 from dart_skill.skills.observation._free_flight import FreeFlight, find_flight
 from dart_skill.skills.observation._noise import column_noise, position_noise
 from dart_skill.skills.observation._outcome import Outcome, Release, fit_release, judge_flight

@@ -1,4 +1,6 @@
-"""What rests where, as the cameras see it: the ball in the hand before a throw, and the basket. A person puts both there."""
+"""What rests where, as the cameras see it: the ball in the hand before a throw, and the basket. A
+person puts both there.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +14,25 @@ REST_NS = 500_000_000
 ENOUGH = 10
 """Samples of a body in that time."""
 STILL = 0.008
-"""A body that goes less far from the first half of that time to the second one is at rest [m]: medians, because cameras are noisy."""
+"""A body that goes less far from the first half of that time to the second one is at rest [m]:
+medians, because cameras are noisy.
+"""
 
 
 def basket_at_rest(log: ThrowLog, until_ns: int) -> np.ndarray:
-    """Where the basket stood up to an instant (3,) [m]; ValueError if it was not seen, or was moved."""
+    """Where the basket stood up to an instant (3,) [m]; ValueError if it was not seen, or was
+    moved.
+    """
     _, place = _seen(log, "basket", until_ns)
     return _resting("the basket", place)
 
 
 def check_ball_in_hand(log: ThrowLog, until_ns: int, seat: np.ndarray, tolerance: float) -> None:
-    """ValueError unless the ball rested in a resting hand up to an instant, nearer to its seat (3,) there than `tolerance` [m].
+    """ValueError unless the ball rested in a resting hand up to an instant, nearer to its seat
+    (3,) there than `tolerance` [m].
 
-    The seat is in the frame of the hand's tracked body. The message says what is missing: the ball, the hand, or how far off the ball is.
+    The seat is in the frame of the hand's tracked body. The message says what is missing: the
+    ball, the hand, or how far off the ball is.
     """
     ball_time, ball = _seen(log, "ball", until_ns)
     hand_time, hand = _seen(log, "hand", until_ns)
@@ -38,7 +46,9 @@ def check_ball_in_hand(log: ThrowLog, until_ns: int, seat: np.ndarray, tolerance
 
 
 def _seen(log: ThrowLog, body: str, until_ns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (n,) [ns] and rows (n, d) of a body in the time before an instant; ValueError if there are too few."""
+    """Stamps (n,) [ns] and rows (n, d) of a body in the time before an instant; ValueError if
+    there are too few.
+    """
     part = getattr(log, body).part(until_ns - REST_NS, until_ns)
     if len(part.stamps) < ENOUGH:
         raise ValueError(f"the {body} is not seen")

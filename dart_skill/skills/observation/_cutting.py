@@ -1,7 +1,9 @@
-"""From continuous sensor streams to one demonstration: the motion of the throw between velocity thresholds, and the flight.
+"""From continuous sensor streams to one demonstration: the motion of the throw between velocity
+thresholds, and the flight.
 
-Thesis 8.4.3: recording goes on before and after the throw, and the arm may be moved about before it; what counts is the motion
-during which the hand was opened, found on the magnitude of the hand's velocity.
+Thesis 8.4.3: recording goes on before and after the throw, and the arm may be moved about before
+it; what counts is the motion during which the hand was opened, found on the magnitude of the
+hand's velocity.
 """
 
 from __future__ import annotations
@@ -35,10 +37,15 @@ def watched_until(opened_ns: int) -> int:
 
 
 def judged(
-    log: ThrowLog, target: np.ndarray, rim_radius: float, opened_ns: int, until_ns: int, game: Game = BASKETS
+    log: ThrowLog,
+    target: np.ndarray,
+    rim_radius: float,
+    opened_ns: int,
+    until_ns: int,
+    game: Game = BASKETS,
 ) -> tuple[Outcome, Release | None]:
-    """What became of a throw at the centre (3,) of a rim, or a point of a board, and how the ball or dart left the hand, of what was seen
-    up to an instant.
+    """What became of a throw at the centre (3,) of a rim, or a point of a board, and how the ball
+    or dart left the hand, of what was seen up to an instant.
 
     ValueError for a target or radius that cannot be.
     """
@@ -47,17 +54,23 @@ def judged(
     return outcome, log.release_between(opened_ns - BEFORE_NS, until_ns, game.projectile)
 
 
-def seen_down(log: ThrowLog, target: np.ndarray, opened_ns: int, until_ns: int, game: Game = BASKETS) -> bool:
-    """Whether the ball was seen to pass the surface of its target (3,), so that later poses change no landing."""
+def seen_down(
+    log: ThrowLog, target: np.ndarray, opened_ns: int, until_ns: int, game: Game = BASKETS
+) -> bool:
+    """Whether the ball was seen to pass the surface of its target (3,), so that later poses change
+    no landing.
+    """
     _, position = log.ball_between(opened_ns, until_ns)
     return game.surface.passed(position, target)
 
 
 class ThrowLog(SensorLog):
-    """What the sensors saw since `clear`: pose of the hand, position of the ball, joint states, the hand's button.
+    """What the sensors saw since `clear`: pose of the hand, position of the ball, joint states,
+    the hand's button.
 
-    joint_period_ns thins the joint states to about the rate of the poses, counted from when the world was set anew. skill: of throwing; it
-    says what its bodies are called, which here are ball and basket in any case. `rejected` counts samples that were stale or not finite.
+    joint_period_ns thins the joint states to about the rate of the poses, counted from when the
+    world was set anew. skill: of throwing; it says what its bodies are called, which here are ball
+    and basket in any case. `rejected` counts samples that were stale or not finite.
     """
 
     def __init__(self, joint_period_ns: int = 10_000_000, skill: str = SKILL):
@@ -98,37 +111,57 @@ class ThrowLog(SensorLog):
             self.opened_ns = stamp_ns
 
     def add_release(self, stamp_ns: int) -> None:
-        """The ball was seen to leave the hand: where nobody knows when the hand was told to open, this tells which motion is the throw."""
+        """The ball was seen to leave the hand: where nobody knows when the hand was told to open,
+        this tells which motion is the throw.
+        """
         if self.left_ns is None:
             self.left_ns = stamp_ns
 
     def part(self, since_ns: int, until_ns: int) -> ThrowLog:
         """A log of what was seen between two instants, the hand's button aside."""
         part = ThrowLog(self._joint_period_ns, self.skill)
-        part.bodies = {role: stream.part(since_ns, until_ns) for role, stream in self.bodies.items()}
+        part.bodies = {
+            role: stream.part(since_ns, until_ns) for role, stream in self.bodies.items()
+        }
         part.joints = self.joints.part(since_ns, until_ns)
         part.left_out, part.whole = self.left_out, {**self.bodies, JOINTS: self.joints}
         return part
 
     def _too_few(self, what: str, stream: Stream) -> str:
-        """Why there are too few samples of a sensor: it is asked whether it is there only if nothing of it has come."""
+        """Why there are too few samples of a sensor: it is asked whether it is there only if
+        nothing of it has come.
+        """
         n, whole = len(stream.stamps), self.whole.get(what, stream).stamps
         if self.left_out[what] > len(whole):
-            which = "not numbers, or stamped no later than the one before, as where nobody fills in the stamps"
-            return f"only {n} samples of the {what}, and {self.left_out[what]} that do not count: {which}"
+            which = (
+                "not numbers, or stamped no later than the one before, as where nobody fills in"
+                " the stamps"
+            )
+            return (
+                f"only {n} samples of the {what}, and {self.left_out[what]} that do not count:"
+                f" {which}"
+            )
         if len(whole) > n + LEAST_SAMPLES:
             when = f"from {1e-9 * whole[0]:.3f} to {1e-9 * whole[-1]:.3f} s"
-            return f"only {n} samples of the {what} at that time, and {len(whole)} {when}: have all sensors one clock?"
+            return (
+                f"only {n} samples of the {what} at that time, and {len(whole)} {when}: have all"
+                " sensors one clock?"
+            )
         return f"only {n} samples of the {what}: is it tracked and published?"
 
     def ball_between(self, since_ns: int, until_ns: int) -> tuple[np.ndarray, np.ndarray]:
-        """Times (n,) [s] after the first instant and positions (n, 3) of the ball between two instants."""
+        """Times (n,) [s] after the first instant and positions (n, 3) of the ball between two
+        instants.
+        """
         if not self.ball.stamps:
             return np.empty(0), np.empty((0, 3))
         return self.ball.between(since_ns, 0.0, (until_ns - since_ns) * 1e-9)
 
-    def release_between(self, since_ns: int, until_ns: int, projectile: Ball = TENNIS_BALL) -> Release | None:
-        """How the ball left the hand between two instants; times after the first one. None if hand or flight was not seen.
+    def release_between(
+        self, since_ns: int, until_ns: int, projectile: Ball = TENNIS_BALL
+    ) -> Release | None:
+        """How the ball left the hand between two instants; times after the first one. None if hand
+        or flight was not seen.
 
         projectile: what is thrown.
         """
@@ -139,12 +172,18 @@ class ThrowLog(SensorLog):
         hand_time, hand = self.hand.between(since_ns, 0.0, stop)
         try:
             grip = wam_description().hand.ball_centre
-            return fit_release(ball_time, ball, hand_time, hand[:, :3], hand[:, 3:], grip, projectile)
+            return fit_release(
+                ball_time, ball, hand_time, hand[:, :3], hand[:, 3:], grip, projectile
+            )
         except ValueError:
             return None
 
-    def cut(self, name: str, until_ns: int, thresholds: VelocityThreshold = THRESHOLDS) -> Demonstration:
-        """The throw, up to an instant, as a demonstration; ValueError says what is missing: motion, button, ball, basket."""
+    def cut(
+        self, name: str, until_ns: int, thresholds: VelocityThreshold = THRESHOLDS
+    ) -> Demonstration:
+        """The throw, up to an instant, as a demonstration; ValueError says what is missing:
+        motion, button, ball, basket.
+        """
         thrown_ns = self.left_ns if self.opened_ns is None else self.opened_ns
         if thrown_ns is None:
             raise ValueError("the hand was never told to open: nothing was thrown")
@@ -161,8 +200,13 @@ class ThrowLog(SensorLog):
         ball_time, ball = self.ball.between(origin, 0.0, (until_ns - origin) * 1e-9)
         joint_time, joints = self.joints.between(origin, -0.01, stop)
         if not len(joint_time) or np.ptp(joint_time) < LEAST_JOINTS * stop:
-            told = f"only {len(joint_time)} states of the joints during the throw, which takes {stop:.2f} s"
-            raise ValueError(f"{told}, and {len(self.joints.stamps)} around it: have all sensors one clock?")
+            told = (
+                f"only {len(joint_time)} states of the joints during the throw, which takes"
+                f" {stop:.2f} s"
+            )
+            raise ValueError(
+                f"{told}, and {len(self.joints.stamps)} around it: have all sensors one clock?"
+            )
         return Demonstration(
             id=name,
             stamp_ns=origin,
@@ -182,16 +226,22 @@ class ThrowLog(SensorLog):
         )
 
     def _first_of_the_world(self, thrown_ns: int) -> int:
-        """Stamp of the first hand sample since the world was last set anew before the throw: when the log was begun changes no cut."""
+        """Stamp of the first hand sample since the world was last set anew before the throw: when
+        the log was begun changes no cut.
+        """
         stamps = np.array(self.joints.stamps, dtype=np.int64)
         begins = stamps[1:][(np.diff(stamps) > RESET_NS) & (stamps[1:] <= thrown_ns)]
         since = begins[-1] if len(begins) else 0
         hand = [stamp for stamp in self.hand.stamps if stamp >= since]
         if not hand:
-            raise ValueError("no samples of the hand since the world was set anew: is it tracked and published?")
+            raise ValueError(
+                "no samples of the hand since the world was set anew: is it tracked and published?"
+            )
         return hand[0]
 
     def _basket_position(self, origin_ns: int, stop: float) -> np.ndarray:
-        """Where the basket stood during the motion; if it was hidden then, where it was seen at other times (3,)."""
+        """Where the basket stood during the motion; if it was hidden then, where it was seen at
+        other times (3,).
+        """
         seen = self.basket.between(origin_ns, 0.0, stop)[1]
         return np.median(seen if len(seen) else self.basket.rows, axis=0)

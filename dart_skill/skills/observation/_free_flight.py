@@ -1,7 +1,8 @@
 """The first free flight in a series of samples of a ball.
 
-A free flight is recognised by its dynamics (gravity and drag, `flight.py`), not by thresholds on height or speed, so that the ball in the
-hand, bounces, outliers and gaps fall away by themselves. All tolerances follow from the noise of the samples.
+A free flight is recognised by its dynamics (gravity and drag, `flight.py`), not by thresholds on
+height or speed, so that the ball in the hand, bounces, outliers and gaps fall away by themselves.
+All tolerances follow from the noise of the samples.
 """
 
 from __future__ import annotations
@@ -13,12 +14,20 @@ import numpy as np
 from dart_skill.common.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, may_fly
 from dart_skill.skills.observation._noise import position_noise
 
-WINDOW, WINDOW_TIME = 10, 0.09  # samples and time [s] of the shortest window in which a flight is told from another motion
+WINDOW, WINDOW_TIME = (
+    10,
+    0.09,
+)  # samples and time [s] of the shortest window in which a flight is told from another motion
 MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
-SLACK = 5e-4  # what a marker centre moves about the centre of a turning ball, beside the noise of single samples [m]
-CLEARLY = 1.5  # a window is so long that a motion at constant velocity misses a free fall by so many tolerances
+# what a marker centre moves about the centre of a turning ball, beside the noise of single samples
+# [m]
+SLACK = 5e-4
+# a window is so long that a motion at constant velocity misses a free fall by so many tolerances
+CLEARLY = 1.5
 ROUGHLY = 1e-4  # of flights that are only asked whether they are flights: accuracy [m]
-ANOTHER_BALL = 4.0  # rms misfit of a flight, in deviations of a sample, beyond which the ball may be another one than was expected,
+# rms misfit of a flight, in deviations of a sample, beyond which the ball may be another one than
+# was expected,
+ANOTHER_BALL = 4.0
 BETTER = 0.7  # and is, if its own drag takes the misfit below this share
 GROWTH = 20  # samples; so far beyond its own a flight is looked for at a time
 
@@ -37,13 +46,16 @@ class FreeFlight:
     noise: float
 
 
-def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, noise: float | None = None) -> FreeFlight | None:
+def find_flight(
+    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, noise: float | None = None
+) -> FreeFlight | None:
     """The first free flight in samples (n,) [s], (n, 3) [m], or None.
 
-    Every window of some samples is fitted, unless it is clearly no flight; runs of windows that fly freely are candidates. The first one
-    that is at least half as long as the longest is refitted and grown over its neighbours, skipping up to two outliers. A flight that is
-    not this ball's is fitted with a drag of its own: `fit.ball` says which. noise: standard deviation of a coordinate [m]; default None:
-    told from the samples. time, position: the samples.
+    Every window of some samples is fitted, unless it is clearly no flight; runs of windows that
+    fly freely are candidates. The first one that is at least half as long as the longest is
+    refitted and grown over its neighbours, skipping up to two outliers. A flight that is not this
+    ball's is fitted with a drag of its own: `fit.ball` says which. noise: standard deviation of a
+    coordinate [m]; default None: told from the samples. time, position: the samples.
     """
     noise = position_noise(time, position) if noise is None else noise
     runs = _flying_runs(time, position, ball, noise)
@@ -65,11 +77,15 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
 
 
 def tolerance(noise: float) -> float:
-    """How far a sample of a flight may be from it [m]: five standard deviations, and what a turning ball moves its markers."""
+    """How far a sample of a flight may be from it [m]: five standard deviations, and what a
+    turning ball moves its markers.
+    """
     return SLACK + 5.0 * noise
 
 
-def _grown(time: np.ndarray, position: np.ndarray, samples: np.ndarray, fit: FlightFit, noise: float) -> np.ndarray:
+def _grown(
+    time: np.ndarray, position: np.ndarray, samples: np.ndarray, fit: FlightFit, noise: float
+) -> np.ndarray:
     """Indices of the samples near a flight, in and about those that belong to it."""
     farthest = min(max(4.0 * fit.residual, tolerance(noise) - SLACK), 3.0 * tolerance(noise))
     within = slice(max(0, samples[0] - GROWTH), samples[-1] + 1 + GROWTH)
@@ -78,39 +94,50 @@ def _grown(time: np.ndarray, position: np.ndarray, samples: np.ndarray, fit: Fli
     return _grow(close, samples)
 
 
-def fit_about_the_middle(time: np.ndarray, position: np.ndarray, ball: Ball, near: FlightFit | None) -> FlightFit:
+def fit_about_the_middle(
+    time: np.ndarray, position: np.ndarray, ball: Ball, near: FlightFit | None
+) -> FlightFit:
     """A fit whose state is that at the middle sample: half as far to go to either end."""
     return fit_flight(time, position, ball, at=float(time[len(time) // 2]), near=near)
 
 
 def _of_another_ball(time: np.ndarray, position: np.ndarray, fit: FlightFit) -> FlightFit:
-    """The flight with the drag that explains it best, up to four times the ball's, if it explains it much better: nobody may have said
-    that it is another ball.
+    """The flight with the drag that explains it best, up to four times the ball's, if it explains
+    it much better: nobody may have said that it is another ball.
     """
     from scipy.optimize import minimize_scalar  # a ball that was expected needs none
 
     ball = fit.ball
 
     def misfit(scale: float) -> float:
-        return fit_flight(time, position, replace(ball, drag_coefficient=scale * ball.drag_coefficient)).residual
+        return fit_flight(
+            time, position, replace(ball, drag_coefficient=scale * ball.drag_coefficient)
+        ).residual
 
     best = minimize_scalar(misfit, bounds=(0.0, 4.0), method="bounded", options={"xatol": 0.01})
     if best.fun > BETTER * fit.residual:
         return fit
-    return fit_about_the_middle(time, position, replace(ball, drag_coefficient=float(best.x) * ball.drag_coefficient), fit)
+    return fit_about_the_middle(
+        time, position, replace(ball, drag_coefficient=float(best.x) * ball.drag_coefficient), fit
+    )
 
 
 def _window(time: np.ndarray, noise: float) -> int:
     """Samples over which a motion at constant velocity misses a free fall clearly.
 
-    Over a time T the misfit of the best line to a parabola of curvature g is g T^2 / 12 at its ends.
+    Over a time T the misfit of the best line to a parabola of curvature g is g T^2 / 12 at its
+    ends.
     """
     needed = max(WINDOW_TIME, np.sqrt(12.0 * CLEARLY * tolerance(noise) / TENNIS_BALL.gravity))
     return max(WINDOW, int(np.ceil(needed / np.median(np.diff(time)) - 1e-6)) + 1)
 
 
-def _flying_runs(time: np.ndarray, position: np.ndarray, ball: Ball, noise: float) -> list[tuple[int, int, FlightFit]]:
-    """Index ranges [first, last) of consecutive windows whose samples are a free flight, with the fit of a window in the middle."""
+def _flying_runs(
+    time: np.ndarray, position: np.ndarray, ball: Ball, noise: float
+) -> list[tuple[int, int, FlightFit]]:
+    """Index ranges [first, last) of consecutive windows whose samples are a free flight, with the
+    fit of a window in the middle.
+    """
     if len(time) < WINDOW:
         return []
     size = _window(time, noise)
@@ -132,7 +159,9 @@ def _flying_runs(time: np.ndarray, position: np.ndarray, ball: Ball, noise: floa
 
     def middle(first: int, last: int) -> FlightFit:
         window = (first + last) // 2
-        return FlightFit(time[window], start[at[window]], velocity[at[window]], misfit[at[window]], ball)
+        return FlightFit(
+            time[window], start[at[window]], velocity[at[window]], misfit[at[window]], ball
+        )
 
     return [(first, last + size - 1, middle(first, last)) for first, last in edges.reshape(-1, 2)]
 
@@ -144,7 +173,10 @@ def _grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
         return samples
     pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
     middle = float(np.median(samples))
-    grown = min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
+    grown = min(
+        pieces,
+        key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle),
+    )
     return grown if len(grown) >= WINDOW else samples
 
 

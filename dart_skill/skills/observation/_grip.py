@@ -1,4 +1,6 @@
-"""Where the hand holds the ball, told from their poses: a held ball does not move in the frame of the hand."""
+"""Where the hand holds the ball, told from their poses: a held ball does not move in the frame of
+the hand.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,17 @@ FRAME = 0.025
 """A ball that was not seen for longer than this [s] is not interpolated."""
 
 
-def grip_path(time: np.ndarray, position: np.ndarray, quaternion: np.ndarray, grip_offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def grip_path(
+    time: np.ndarray, position: np.ndarray, quaternion: np.ndarray, grip_offset: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Time (m,) and position (m, 3) of a point of the hand; ValueError if the poses are none."""
     time, position = check_samples("hand", time, position, least=8)
     quaternion = check_unit_quaternions("hand", quaternion, len(time))
     offset = np.asarray(grip_offset, dtype=float)
     if offset.shape != (3,) or not np.all(np.isfinite(offset)):
-        raise ValueError(f"grip_offset must be a finite (3,) point in the hand frame, got {grip_offset}")
+        raise ValueError(
+            f"grip_offset must be a finite (3,) point in the hand frame, got {grip_offset}"
+        )
     return time, position + rotate(quaternion, offset[None])
 
 
@@ -32,10 +38,11 @@ def seen_grip(
     nominal: np.ndarray,
     farthest: float,
 ) -> np.ndarray:
-    """Centre of the held ball in the hand's frame (3,) [m]: the median of what was seen before the release.
+    """Centre of the held ball in the hand's frame (3,) [m]: the median of what was seen before the
+    release.
 
-    It holds the seat of the ball, and what the markers of both bodies are off. `nominal` where the ball was hidden in the hand, or was seen
-    more than `farthest` [m] from it.
+    It holds the seat of the ball, and what the markers of both bodies are off. `nominal` where the
+    ball was hidden in the hand, or was seen more than `farthest` [m] from it.
 
     * ball: time (n,) [s], position (n, 3) [m].
     * hand: time (m,) [s], position (m, 3) [m], quaternion (m, 4).
@@ -52,7 +59,9 @@ def seen_grip(
 
 
 def rows_at(when: np.ndarray, stamps: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Rows (m, d) at instants (m,), linear between rows (n, d) at increasing stamps (n,), n >= 2, of which none is earlier or later."""
+    """Rows (m, d) at instants (m,), linear between rows (n, d) at increasing stamps (n,), n >= 2,
+    of which none is earlier or later.
+    """
     after = _later(stamps, when)
     before = after - 1
     share = (when - stamps[before]) / (stamps[after] - stamps[before])
@@ -62,9 +71,17 @@ def rows_at(when: np.ndarray, stamps: np.ndarray, rows: np.ndarray) -> np.ndarra
 def _seen(stamps: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Whether there are samples shortly before and shortly after instants (m,)."""
     after = _later(stamps, time)
-    return (stamps[after] - stamps[after - 1] < FRAME) & (stamps[after - 1] <= time) & (time <= stamps[after])
+    return (
+        (stamps[after] - stamps[after - 1] < FRAME)
+        & (stamps[after - 1] <= time)
+        & (time <= stamps[after])
+    )
 
 
 def _later(stamps: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """The first of increasing stamps (n,), but for the very first, that is not before instants (m,); else the last."""
-    return np.minimum(np.maximum(np.searchsorted(stamps, time), 1), len(stamps) - 1)  # of integers, clip takes five times as long
+    """The first of increasing stamps (n,), but for the very first, that is not before instants
+    (m,); else the last.
+    """
+    return np.minimum(
+        np.maximum(np.searchsorted(stamps, time), 1), len(stamps) - 1
+    )  # of integers, clip takes five times as long

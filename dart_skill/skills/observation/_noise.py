@@ -17,10 +17,12 @@ SHARE = 0.2
 
 
 def position_noise(time: ArrayLike, position: ArrayLike) -> float:
-    """Standard deviation of a coordinate of a body's position [m], from its samples (n,) [s], (n, 3) [m].
+    """Standard deviation of a coordinate of a body's position [m], from its samples (n,) [s], (n,
+    3) [m].
 
-    Stamps that jitter are noise, too, but only of a body that moves. So the larger one of two counts: that of all samples and that of
-    those in which it moved. Samples that repeat the one before are left out: a driver that lost a body says its last pose again.
+    Stamps that jitter are noise, too, but only of a body that moves. So the larger one of two
+    counts: that of all samples and that of those in which it moved. Samples that repeat the one
+    before are left out: a driver that lost a body says its last pose again.
     """
     time, position = fresh(np.asarray(time, dtype=float), np.asarray(position, dtype=float))
     if len(time) < ENOUGH:
@@ -35,7 +37,9 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
 
 
 def column_noise(time: ArrayLike, columns: ArrayLike) -> np.ndarray:
-    """Standard deviation of each column of samples (n,) [s], (n, d): (d,), in the columns' units; at least 1e-6. time: (n,) [s]."""
+    """Standard deviation of each column of samples (n,) [s], (n, d): (d,), in the columns' units;
+    at least 1e-6. time: (n,) [s].
+    """
     time, columns = fresh(np.asarray(time, dtype=float), np.asarray(columns, dtype=float))
     return np.maximum(estimate_noise(time, columns, apart=True), 1e-6)
 

@@ -1,4 +1,5 @@
-"""The instant at which two paths move alike, from their difference: that of ball and grip is stationary at the release.
+"""The instant at which two paths move alike, from their difference: that of ball and grip is
+stationary at the release.
 
 A polynomial through the difference tells the instant, and how well the samples determine it.
 """
@@ -13,7 +14,8 @@ REAL = 1e-7
 
 
 def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[float, float, float]:
-    """Where a polynomial through the differences is slowest, the deviation of that instant, and the distance then.
+    """Where a polynomial through the differences is slowest, the deviation of that instant, and
+    the distance then.
 
     * time: (n,), increasing.
     * difference: (n, 3) [m].
@@ -26,21 +28,32 @@ def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[floa
     try:
         factor = np.linalg.cholesky(gram)
     except np.linalg.LinAlgError as error:
-        raise ValueError(f"{len(time)} samples do not determine a polynomial of degree {degree}: not positive definite") from error
+        raise ValueError(
+            f"{len(time)} samples do not determine a polynomial of degree {degree}: not positive"
+            " definite"
+        ) from error
     curve = np.linalg.solve(factor.T, np.linalg.solve(factor, powers.T @ difference))
     best = _slowest(curve, time[0], time[-1])
     left = np.sum((difference - powers @ curve) ** 2) / max(difference.size - curve.size, 1)
-    rate = np.append(0.0, polynomial.polyvander(best, degree - 1) * np.arange(1, degree + 1))  # the derivative is rate @ curve
+    rate = np.append(
+        0.0, polynomial.polyvander(best, degree - 1) * np.arange(1, degree + 1)
+    )  # the derivative is rate @ curve
     spread = np.linalg.norm(np.linalg.solve(factor, rate))
     bend = np.linalg.norm(polynomial.polyval(best, polynomial.polyder(curve, 2)))
-    return best, float(np.sqrt(left) * spread / max(bend, 1e-12)), float(np.linalg.norm(polynomial.polyval(best, curve)))
+    return (
+        best,
+        float(np.sqrt(left) * spread / max(bend, 1e-12)),
+        float(np.linalg.norm(polynomial.polyval(best, curve))),
+    )
 
 
 def _slowest(curve: np.ndarray, first: float, last: float) -> float:
-    """Where in [first, last] a curve (m, 3) has the least speed, of the places where it is nearest to the origin: after the release the
-    hand may for a while move as the ball does, millimetres away from it.
+    """Where in [first, last] a curve (m, 3) has the least speed, of the places where it is nearest
+    to the origin: after the release the hand may for a while move as the ball does, millimetres
+    away from it.
 
-    The extremes of the squared speed and 0 are compared, as far as they lie in between; else the end.
+    The extremes of the squared speed and 0 are compared, as far as they lie in between; else the
+    end.
     """
     velocity = polynomial.polyder(curve)
     squared = sum(polynomial.polymul(column, column) for column in velocity.T)

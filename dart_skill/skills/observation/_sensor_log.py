@@ -12,7 +12,9 @@ import numpy as np
 from dart_skill.arm import all_finite
 
 RESET_NS = 500_000_000
-"""Where the arm's own sensors were silent for longer, the world was set anew: what was seen before belongs to no movement after it."""
+"""Where the arm's own sensors were silent for longer, the world was set anew: what was seen before
+belongs to no movement after it.
+"""
 
 JOINTS = "arm's joints"
 """What the arm's own sensors are called."""
@@ -26,7 +28,9 @@ class Stream:
     rows: list[np.ndarray] = field(default_factory=list)
 
     def add(self, stamp_ns: int, row: np.ndarray) -> bool:
-        """Keep a sample unless it is not finite, or not newer than the last one: drivers repeat stale poses."""
+        """Keep a sample unless it is not finite, or not newer than the last one: drivers repeat
+        stale poses.
+        """
         row = np.asarray(row, dtype=float)
         if (self.stamps and stamp_ns <= self.stamps[-1]) or not all_finite(row):
             return False
@@ -35,11 +39,15 @@ class Stream:
         return True
 
     def extend(self, stamps: np.ndarray, rows: np.ndarray) -> int:
-        """Keep those of many samples, stamps (n,) [ns] and rows (n, d), that `add` would keep one by one; returns how many."""
+        """Keep those of many samples, stamps (n,) [ns] and rows (n, d), that `add` would keep one
+        by one; returns how many.
+        """
         stamps, rows = np.asarray(stamps, dtype=np.int64), np.asarray(rows, dtype=float)
         finite = np.isfinite(rows.sum(axis=1))  # as `all_finite`
         never = np.iinfo(np.int64).min
-        newest = np.maximum.accumulate(np.concatenate([self.stamps[-1:] or [never], np.where(finite, stamps, never)]))[:-1]
+        newest = np.maximum.accumulate(
+            np.concatenate([self.stamps[-1:] or [never], np.where(finite, stamps, never)])
+        )[:-1]
         kept = finite & (stamps > newest)
         self.stamps += stamps[kept].tolist()
         self.rows += list(rows[kept])
@@ -61,9 +69,11 @@ class SensorLog:
     """Poses of bodies by their role, and joint states, since `clear`.
 
     * roles: of the bodies.
-    * joint_period_ns: joint states are thinned to about this period, the rate of the poses, counted from when the world was set anew [ns].
+    * joint_period_ns: joint states are thinned to about this period, the rate of the poses,
+      counted from when the world was set anew [ns].
 
-    Attributes: turned, roles of the bodies whose orientation counts; left_out, how many samples of each sensor were stale or not finite.
+    Attributes: turned, roles of the bodies whose orientation counts; left_out, how many samples of
+    each sensor were stale or not finite.
     """
 
     def __init__(self, roles: Sequence[str], joint_period_ns: int = 10_000_000):
@@ -102,7 +112,9 @@ class SensorLog:
         if self.wants_joints(stamp_ns):
             if self._begins_a_world(stamp_ns):
                 self._joint_phase_ns = stamp_ns
-            self.left_out[JOINTS] += not self.joints.add(stamp_ns, np.concatenate([position, velocity]))
+            self.left_out[JOINTS] += not self.joints.add(
+                stamp_ns, np.concatenate([position, velocity])
+            )
         else:
             self.left_out[JOINTS] += stamp_ns <= self.joints.stamps[-1]
 
@@ -110,11 +122,15 @@ class SensorLog:
         return not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS
 
     def stamps(self) -> list[np.ndarray]:
-        """Stamps (n,) [ns] of each sensor's samples: of the bodies in the order of their roles, then of the joints."""
+        """Stamps (n,) [ns] of each sensor's samples: of the bodies in the order of their roles,
+        then of the joints.
+        """
         return [np.array(stream.stamps, dtype=np.int64) for stream in self._streams()]
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Forget samples before an instant; the newest of each sensor tells stale ones and is kept."""
+        """Forget samples before an instant; the newest of each sensor tells stale ones and is
+        kept.
+        """
         for stream in self._streams():
             old = slice(0, min(bisect_left(stream.stamps, stamp_ns), len(stream.stamps) - 1))
             del stream.stamps[old], stream.rows[old]

@@ -14,7 +14,9 @@ INSTANTS = 24
 
 
 class Recorded(Protocol):
-    """What a demonstration of any skill has: the hand (n,), (n, 3), (n, 4) and the joints (k,), (k, 7), (k, 7), on one clock."""
+    """What a demonstration of any skill has: the hand (n,), (n, 3), (n, 4) and the joints (k,),
+    (k, 7), (k, 7), on one clock.
+    """
 
     @property
     def hand_time(self) -> np.ndarray: ...
@@ -31,14 +33,21 @@ class Recorded(Protocol):
 
 
 def sightings(demonstration: Recorded, model: ArmModel) -> Sightings:
-    """The hand of a demonstration at some instants; none (k = 0) if the arm's joints were not recorded meanwhile. model: of the arm."""
+    """The hand of a demonstration at some instants; none (k = 0) if the arm's joints were not
+    recorded meanwhile. model: of the arm.
+    """
     d = demonstration
     if not len(d.joint_time):
         return Sightings(*(np.empty((0, n)) for n in (3, 4, 3, 4, 6)))
     both = np.flatnonzero((d.hand_time >= d.joint_time[0]) & (d.hand_time <= d.joint_time[-1]))
     chosen = both[np.linspace(0, len(both) - 1, min(INSTANTS, len(both))).round().astype(int)]
     if len(d.joint_time) > 1:
-        q, qd = (rows_at(d.hand_time[chosen], d.joint_time, rows) for rows in (d.joint_position, d.joint_velocity))
+        q, qd = (
+            rows_at(d.hand_time[chosen], d.joint_time, rows)
+            for rows in (d.joint_position, d.joint_velocity)
+        )
     else:
-        q, qd = (np.repeat(rows, len(chosen), axis=0) for rows in (d.joint_position, d.joint_velocity))
+        q, qd = (
+            np.repeat(rows, len(chosen), axis=0) for rows in (d.joint_position, d.joint_velocity)
+        )
     return Sightings.of_joints(model, q, qd, d.hand_position[chosen], d.hand_quaternion[chosen])

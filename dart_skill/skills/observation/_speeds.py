@@ -10,6 +10,8 @@ def repeats(samples: np.ndarray) -> bool:
 
 
 def usual_speeds(time: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Speeds (n - 1,) [m/s] between samples (n,) [s], (n, 3) [m], each the median of five: a leap of one sample does not count."""
+    """Speeds (n - 1,) [m/s] between samples (n,) [s], (n, 3) [m], each the median of five: a leap
+    of one sample does not count.
+    """
     speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time)
     return np.median(sliding_window_view(np.pad(speed, 2, mode="edge"), 5), axis=1)

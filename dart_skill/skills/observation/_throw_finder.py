@@ -1,4 +1,6 @@
-"""Throws found in what the sensors see, while they see it or later: a hand that was told to open, and the motion that it opened in."""
+"""Throws found in what the sensors see, while they see it or later: a hand that was told to open,
+and the motion that it opened in.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,14 @@ class FoundThrow:
 
     @property
     def shown(self) -> tuple[str, np.ndarray] | None:
-        """Id and target (3,) [m] of its demonstration, also of one that was forgotten; None if it was not cut out."""
-        return self.was if self.demonstration is None else (self.demonstration.id, self.demonstration.target)
+        """Id and target (3,) [m] of its demonstration, also of one that was forgotten; None if it
+        was not cut out.
+        """
+        return (
+            self.was
+            if self.demonstration is None
+            else (self.demonstration.id, self.demonstration.target)
+        )
 
     def forgotten(self, reason: str) -> FoundThrow:
         """The throw without what was recorded of it. reason: why that is forgotten."""
@@ -51,8 +59,8 @@ class FoundThrow:
 
 
 class ThrowFinder:
-    """Finds throws while they are made, in a log that somebody fills: tell of every command, then ask for the throws that were watched to
-    their end.
+    """Finds throws while they are made, in a log that somebody fills: tell of every command, then
+    ask for the throws that were watched to their end.
     """
 
     def __init__(self, log: ThrowLog, thresholds: VelocityThreshold = THRESHOLDS):
@@ -62,13 +70,16 @@ class ThrowFinder:
         self._since = 0
 
     def add_command(self, data: bytes, guiding: bool) -> None:
-        """A serialised WamCommand, of the person who guides the arm or of its controller. guiding: whether a person guides."""
+        """A serialised WamCommand, of the person who guides the arm or of its controller. guiding:
+        whether a person guides.
+        """
         signal = self._teacher if guiding else self._controller
         if signal.take_command(data):
             self._openings.append((signal.openings.pop(), guiding))
 
     def until(self, arrived_ns: int) -> list[FoundThrow]:
-        """The throws that were watched to their end when everything up to a stamp has come [ns], in order of time.
+        """The throws that were watched to their end when everything up to a stamp has come [ns],
+        in order of time.
 
         arrived_ns: the stamp.
         """
@@ -81,8 +92,8 @@ class ThrowFinder:
         return found
 
     def find(self, opening: Opening, has_button: bool = True) -> list[FoundThrow]:
-        """The throw in which the hand was told to open, or without a button let go of the ball; none if that was told again before the
-        throw was over. Openings come in order of time.
+        """The throw in which the hand was told to open, or without a button let go of the ball;
+        none if that was told again before the throw was over. Openings come in order of time.
         """
         if opening.stamp_ns < self._since:
             return []
@@ -98,7 +109,9 @@ class ThrowFinder:
         if one is not None:
             self._since = until + 1
         if one is not None and throw.shows:
-            throw = replace(throw, demonstration=replace(one, id=demonstration_id(opening.stamp_ns)))
+            throw = replace(
+                throw, demonstration=replace(one, id=demonstration_id(opening.stamp_ns))
+            )
         return [throw]
 
     def forget_before(self, stamp_ns: int) -> None:
@@ -107,27 +120,36 @@ class ThrowFinder:
         self._teacher.forget_before(stamp_ns)
 
 
-def cut_throw(log: ThrowLog, opening: Opening, thresholds: VelocityThreshold = THRESHOLDS) -> FoundThrow:
-    """The throw of a log in which the hand was opened once, and how it ended; its reason says why nothing could be cut."""
+def cut_throw(
+    log: ThrowLog, opening: Opening, thresholds: VelocityThreshold = THRESHOLDS
+) -> FoundThrow:
+    """The throw of a log in which the hand was opened once, and how it ended; its reason says why
+    nothing could be cut.
+    """
     until = watched_until(opening.stamp_ns)
     kind = "miss" if opening.taught else "throw"
     try:
         one = log.cut(f"{kind}_{opening.stamp_ns}", until, thresholds)
-        outcome = judge_flight(*log.ball_between(opening.stamp_ns, until), one.target, the_world().basket_radius)
+        outcome = judge_flight(
+            *log.ball_between(opening.stamp_ns, until), one.target, the_world().basket_radius
+        )
     except ValueError as error:
         return FoundThrow(opening.stamp_ns, opening.taught, reason=str(error))
     return FoundThrow(opening.stamp_ns, opening.taught, one, outcome)
 
 
 def worlds(streams: Iterable[np.ndarray]) -> list[tuple[int, int]]:
-    """First and last stamp [ns] of each stretch in which something was seen all the time, of the stamps (n,) of several sensors: a reset
-    sets the clock on. streams: stamps of each sensor.
+    """First and last stamp [ns] of each stretch in which something was seen all the time, of the
+    stamps (n,) of several sensors: a reset sets the clock on. streams: stamps of each sensor.
     """
     stamps = np.unique(np.concatenate([np.asarray(stream, dtype=np.int64) for stream in streams]))
     if not len(stamps):
         return []
     breaks = np.flatnonzero(np.diff(stamps) > RESET_NS)
-    first, last = stamps[np.concatenate([[0], breaks + 1])], stamps[np.concatenate([breaks, [len(stamps) - 1]])]
+    first, last = (
+        stamps[np.concatenate([[0], breaks + 1])],
+        stamps[np.concatenate([breaks, [len(stamps) - 1]])],
+    )
     return list(zip(first.tolist(), last.tolist(), strict=True))
 
 

@@ -1,7 +1,8 @@
 """Place a part: take it, carry it to a holder that stands elsewhere and is turned, and put it in.
 
-As in figure 7.4 of the thesis, which enters a frame along its axis: two task frames, where the hand takes the part and the holder, both
-with their full orientation. The fingers close at the beginning and open at the end.
+As in figure 7.4 of the thesis, which enters a frame along its axis: two task frames, where the
+hand takes the part and the holder, both with their full orientation. The fingers close at the
+beginning and open at the end.
 """
 
 from __future__ import annotations
@@ -14,14 +15,25 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import WamDescription, with_box
-from dart_skill.skills.protocol import HAND, Pose, Situation, Skill, SkillSettings, Solid, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import (
+    HAND,
+    Pose,
+    Situation,
+    Skill,
+    SkillSettings,
+    Solid,
+    TaskDemonstration,
+    TaskOutcome,
+)
 
 LIES = 0.3
-"""The part is looked at so long after the fingers were told to open at the earliest [s]: it may still fall."""
+"""The part is looked at so long after the fingers were told to open at the earliest [s]: it may
+still fall.
+"""
 
 WIDE, TOUCHES, LOOKS = 0.01, 0.002, 5
-"""A part that is farther from the axis is still on its way, or lost [m]; one that is less above the rim may touch it [m]. It is looked at
-in so many frames before that.
+"""A part that is farther from the axis is still on its way, or lost [m]; one that is less above
+the rim may touch it [m]. It is looked at in so many frames before that.
 """
 
 GAP, WALL = 0.003, 0.01
@@ -41,10 +53,13 @@ class PlaceSettings(SkillSettings):
     * tilt_tolerance: how far its axis may lean to that of the holder [rad].
     * mass, size: of the part, a box [kg], (3,) [m].
     * grasp: of its centre in the frame of the hand that holds it (3,) [m].
-    * shown_at: about there the holder stands when it is shown in simulation (2,) [m]; shown_within, shown_turn: at most so far away [m] and
-      turned [rad]; asked_within, asked_turn: the same of holders that are tried.
-    * reach: distances from the axis of the base at which the arm points its hand straight down over a holder (2,) [m].
-    * table, floor, raised: height of the table, thickness of the holder's floor, and of what it may stand on [m].
+    * shown_at: about there the holder stands when it is shown in simulation (2,) [m];
+      shown_within, shown_turn: at most so far away [m] and turned [rad]; asked_within, asked_turn:
+      the same of holders that are tried.
+    * reach: distances from the axis of the base at which the arm points its hand straight down
+      over a holder (2,) [m].
+    * table, floor, raised: height of the table, thickness of the holder's floor, and of what it
+      may stand on [m].
     """
 
     seat: tuple[float, ...] = (0.0, 0.0, 0.05)
@@ -88,10 +103,19 @@ class Place(Skill):
     @property
     def world_settings(self) -> Mapping[str, Any]:
         s = self.settings
-        return {"size": s.size, "mass": s.mass, "grasp": s.grasp, "depth": s.depth, "clearance": GAP, "wall": WALL}
+        return {
+            "size": s.size,
+            "mass": s.mass,
+            "grasp": s.grasp,
+            "depth": s.depth,
+            "clearance": GAP,
+            "wall": WALL,
+        }
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
-        """A holder near `shown_at`, turned, where the arm can point its hand straight down over it, on the table or on something."""
+        """A holder near `shown_at`, turned, where the arm can point its hand straight down over
+        it, on the table or on something.
+        """
         s = self.settings
         away, turn = (s.asked_within, s.asked_turn) if wide else (s.shown_within, s.shown_turn)
         while True:
@@ -112,7 +136,12 @@ class Place(Skill):
         outer, (x, y) = inner + WALL, inner + 0.5 * WALL
         wide, deep = (WALL, 2 * outer[1], s.depth), (2 * inner[0], WALL, s.depth)
         floor = Solid("box", (2 * outer[0], 2 * outer[1], s.floor), (0.0, 0.0, -0.5 * s.floor))
-        sides = [(wide, (x, 0.0, half)), (wide, (-x, 0.0, half)), (deep, (0.0, y, half)), (deep, (0.0, -y, half))]
+        sides = [
+            (wide, (x, 0.0, half)),
+            (wide, (-x, 0.0, half)),
+            (deep, (0.0, y, half)),
+            (deep, (0.0, -y, half)),
+        ]
         return (floor, *(Solid("box", size, centre) for size, centre in sides))
 
     def surroundings(self) -> Sequence[Solid]:
@@ -129,7 +158,8 @@ class Place(Skill):
         return HAND, "holder"
 
     def frames(self, situation: Situation) -> list[Pose]:
-        """Where the hand takes the part; and where the hand would be if the part, held as it is, were where the holder is.
+        """Where the hand takes the part; and where the hand would be if the part, held as it is,
+        were where the holder is.
 
         So a part that was taken a little askew goes into the holder all the same.
         """
@@ -140,7 +170,12 @@ class Place(Skill):
         """Whether the part is in the holder, after the fingers have opened. seen: the movement."""
         part, opened = seen.track("part"), [one.time for one in seen.told][-1:]
         if not opened or part.time[-1] < opened[0] + LIES:
-            return TaskOutcome(False, np.nan, "the part was not seen after the hand had opened: do the cameras see into the holder?")
+            return TaskOutcome(
+                False,
+                np.nan,
+                "the part was not seen after the hand had opened: do the cameras see into the"
+                " holder?",
+            )
         s, lies = self.settings, situation.pose("holder").sees(part.pose_at(part.time[-1]))
         off = lies.position - np.array(s.seat)
         error, aside, tilt = (
@@ -150,23 +185,33 @@ class Place(Skill):
         )
         miss = self._beside(seen, situation)
         if abs(off[2]) > s.seat_tolerance:
-            reason = f"the part is {1e3 * off[2]:+.0f} mm from its seat along the axis: it jammed, or lies outside"
+            reason = (
+                f"the part is {1e3 * off[2]:+.0f} mm from its seat along the axis: it jammed, or"
+                " lies outside"
+            )
             return TaskOutcome(False, error, reason, miss)
         if aside > s.side_tolerance:
-            return TaskOutcome(False, error, f"the part is {1e3 * aside:.0f} mm beside its seat", miss)
+            return TaskOutcome(
+                False, error, f"the part is {1e3 * aside:.0f} mm beside its seat", miss
+            )
         if tilt > s.tilt_tolerance:
-            return TaskOutcome(False, error, f"the part leans by {np.degrees(tilt):.0f} degrees", miss)
+            return TaskOutcome(
+                False, error, f"the part leans by {np.degrees(tilt):.0f} degrees", miss
+            )
         return TaskOutcome(True, error, miss=miss)
 
     def _beside(self, seen: TaskDemonstration, situation: Situation) -> np.ndarray:
-        """How far beside the axis of the holder the part came down (3,) [m], just before it could touch; nan if it came down elsewhere.
+        """How far beside the axis of the holder the part came down (3,) [m], just before it could
+        touch; nan if it came down elsewhere.
 
         What becomes of it afterwards is the work of the walls.
         """
         holder, part = situation.pose("holder"), seen.track("part")
         local = (part.position - holder.position) @ holder.rotation - np.array(self.settings.seat)
         over = (
-            (np.hypot(local[:, 0], local[:, 1]) < WIDE) & (local[:, 2] > self.settings.depth + TOUCHES) & (part.time < seen.told[-1].time)
+            (np.hypot(local[:, 0], local[:, 1]) < WIDE)
+            & (local[:, 2] > self.settings.depth + TOUCHES)
+            & (part.time < seen.told[-1].time)
         )
         last = np.flatnonzero(over)[-LOOKS:]
         if len(last) < LOOKS:

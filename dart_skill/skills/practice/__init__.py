@@ -1,4 +1,6 @@
-"""A skill that learns from its own throws: what repeats in the misses, the delay of the hand, trials as demonstrations."""
+"""A skill that learns from its own throws: what repeats in the misses, the delay of the hand,
+trials as demonstrations.
+"""
 
 from dart_skill.skills.practice._correction import CorrectionSettings
 from dart_skill.skills.practice._curriculum import Curriculum

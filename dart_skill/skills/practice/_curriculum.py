@@ -1,11 +1,15 @@
-"""Which basket to practise next: the one where throws are worst, as far as one's own throws tell, or where none was thrown yet."""
+"""Which basket to practise next: the one where throws are worst, as far as one's own throws tell,
+or where none was thrown yet.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 UNKNOWN = 0.05
-"""Error [m] that is expected where nobody has thrown: it takes worse ones than this to be sent back to a place at once."""
+"""Error [m] that is expected where nobody has thrown: it takes worse ones than this to be sent
+back to a place at once.
+"""
 LENGTHS = (0.25, 0.35)
 """Over which errors tell of each other, in distance [m] and azimuth [rad]."""
 FADING = 0.95
@@ -17,7 +21,8 @@ ODD = 2.0
 ELSEWHERE = (0.4, 0.5)
 """Farther than this, in distance [m] and azimuth [rad]."""
 GIVEN_UP = 20.0
-"""Good throws that a place counts for where no throw came about: there is nothing to be learned."""
+"""Good throws that a place counts for where no throw came about: there is nothing to be learned.
+"""
 
 
 class Curriculum:
@@ -37,32 +42,51 @@ class Curriculum:
         self._odd = self._places[-1] if odd else None
 
     def give_up(self, target: np.ndarray) -> None:
-        """A throw at a target (3,) was refused, or stopped on its way: stay away from there for a while."""
+        """A throw at a target (3,) was refused, or stopped on its way: stay away from there for a
+        while.
+        """
         self._add(target, 0.0, GIVEN_UP)
 
     def _add(self, target: np.ndarray, error: float, weight: float) -> None:
         place = _places(np.reshape(np.asarray(target, dtype=float), (1, 3)))
         if not np.isfinite(place).all():
             raise ValueError(f"target {target} of a throw is not finite")
-        self._places, self._squares = np.vstack([self._places, place]), np.append(self._squares, error**2)
+        self._places, self._squares = (
+            np.vstack([self._places, place]),
+            np.append(self._squares, error**2),
+        )
         self._weights = np.append(self._weights, weight)
 
     def expected_error(self, targets: np.ndarray) -> np.ndarray:
-        """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more, and of UNKNOWN, which counts as one."""
-        apart = (_places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places) / LENGTHS
+        """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more,
+        and of UNKNOWN, which counts as one.
+        """
+        apart = (
+            _places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places
+        ) / LENGTHS
         age = np.arange(len(self._squares))[::-1]
-        weights = np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age * self._weights
+        weights = (
+            np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age * self._weights
+        )
         return np.sqrt((UNKNOWN**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
 
     def order(self, targets: np.ndarray) -> list[int]:
-        """Indices of targets (n, 3), first the one where the next throw teaches most. After a throw that was much worse than expected that
-        is one elsewhere: has the arm changed, or is it the place?
+        """Indices of targets (n, 3), first the one where the next throw teaches most. After a
+        throw that was much worse than expected that is one elsewhere: has the arm changed, or is
+        it the place?
         """
         near = np.zeros(len(targets), dtype=bool)
         if self._odd is not None:
-            near = np.linalg.norm((_places(np.asarray(targets, dtype=float)) - self._odd) / ELSEWHERE, axis=1) < 1.0
+            near = (
+                np.linalg.norm(
+                    (_places(np.asarray(targets, dtype=float)) - self._odd) / ELSEWHERE, axis=1
+                )
+                < 1.0
+            )
         return np.lexsort([-self.expected_error(targets), near]).tolist()
 
 
 def _places(targets: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.hypot(targets[:, 0], targets[:, 1]), np.arctan2(targets[:, 1], targets[:, 0])])
+    return np.column_stack(
+        [np.hypot(targets[:, 0], targets[:, 1]), np.arctan2(targets[:, 1], targets[:, 0])]
+    )

@@ -1,4 +1,6 @@
-"""How long the hand takes to let go, as far as own throws tell: the mean of what was seen, until it is another hand."""
+"""How long the hand takes to let go, as far as own throws tell: the mean of what was seen, until
+it is another hand.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,14 @@ USUAL = 0.004
 PRIOR_WEIGHT = 4.0
 """Openings that this counts for."""
 SURPRISE = 2.5
-"""Standard deviations: two openings in a row, both early or both late by more, are those of a hand that has changed."""
+"""Standard deviations: two openings in a row, both early or both late by more, are those of a hand
+that has changed.
+"""
 MEMORY = 100
 CLEARLY = 0.0015
-"""An opening that was not seen to so much [s] tells nothing: a hand that moves as the ball does hides when it has let go."""
+"""An opening that was not seen to so much [s] tells nothing: a hand that moves as the ball does
+hides when it has let go.
+"""
 
 
 class HandDelay:
@@ -39,8 +45,8 @@ class HandDelay:
         return float(np.sqrt(squares / (PRIOR_WEIGHT + max(len(self._delays) - 1, 0))))
 
     def add(self, delay: float, uncertainty: float = 0.0) -> None:
-        """One more opening, seen with an uncertainty [s]; nan, of one that nobody saw, tells nothing. A surprise counts from the second one
-        on.
+        """One more opening, seen with an uncertainty [s]; nan, of one that nobody saw, tells
+        nothing. A surprise counts from the second one on.
         """
         if not (np.isfinite(delay) and uncertainty <= CLEARLY):
             return
@@ -64,7 +70,8 @@ class HandDelay:
 
 
 def likely_late(seen: float, uncertainty: float, spread: float = USUAL) -> float:
-    """How late [s] a hand most probably let go that was seen to be so late, with an uncertainty [s]; nan stays nan.
+    """How late [s] a hand most probably let go that was seen to be so late, with an uncertainty
+    [s]; nan stays nan.
 
     spread: standard deviation [s] of its delays.
     """

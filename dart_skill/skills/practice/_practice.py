@@ -1,7 +1,9 @@
-"""Practice (thesis 8.2): every throw that the arm makes is a demonstration of how to hit the place where the ball really came down.
+"""Practice (thesis 8.2): every throw that the arm makes is a demonstration of how to hit the place
+where the ball really came down.
 
-A trial joins the demonstrations if it can be read and resembles them; otherwise it is kept out, with the reason. A memory that is full
-forgets, by age or by crowding; what the teacher showed is forgotten last.
+A trial joins the demonstrations if it can be read and resembles them; otherwise it is kept out,
+with the reason. A memory that is full forgets, by age or by crowding; what the teacher showed is
+forgotten last.
 """
 
 from collections.abc import Sequence
@@ -11,7 +13,15 @@ import numpy as np
 
 from dart_skill.movement import Fit, check_alignment, find_patterns, turn_matrix
 from dart_skill.recording import Demonstration
-from dart_skill.skills.learning import DEFAULT, Crowd, PreparedThrow, SkillConfiguration, ThrowingSkill, learn_prepared, prepare
+from dart_skill.skills.learning import (
+    DEFAULT,
+    Crowd,
+    PreparedThrow,
+    SkillConfiguration,
+    ThrowingSkill,
+    learn_prepared,
+    prepare,
+)
 
 FORGETTING = ("oldest", "crowded")
 LEAST_TO_COMPARE = 4
@@ -24,8 +34,8 @@ class PracticeSettings:
     """How `Practice` keeps its memory, and what it takes for strange.
 
     * capacity: of the memory, demonstrations included, 0 for no limit.
-    * forget: "oldest" trial first, or "crowded": the older of the two whose tasks are nearest to each other, which keeps the region
-      covered.
+    * forget: "oldest" trial first, or "crowded": the older of the two whose tasks are nearest to
+      each other, which keeps the region covered.
     * largest_deviation: from what the others predict, in units of what is usual.
     * tolerance: a hand path that strays less is never strange [m].
     * tail: so long after the release the motion does not matter [s].
@@ -39,12 +49,15 @@ class PracticeSettings:
 
     def __post_init__(self) -> None:
         if self.capacity < 0:
-            raise ValueError(f"capacity is {self.capacity}; it must be 0, for no limit, or positive")
+            raise ValueError(
+                f"capacity is {self.capacity}; it must be 0, for no limit, or positive"
+            )
         if self.forget not in FORGETTING:
             raise ValueError(f"forget is '{self.forget}': choose one of {', '.join(FORGETTING)}")
         if not (self.largest_deviation > 0.0 and self.tolerance >= 0.0 and self.tail >= 0.0):
             raise ValueError(
-                f"largest_deviation {self.largest_deviation} must be positive, tolerance {self.tolerance} and tail {self.tail} not negative"
+                f"largest_deviation {self.largest_deviation} must be positive, tolerance"
+                f" {self.tolerance} and tail {self.tail} not negative"
             )
 
 
@@ -87,7 +100,9 @@ class Practice:
         """Those that can be learned from; of the others it is noted why not."""
         for one in demonstrations:
             if one.id in self._prepared or one.id in self.kept_out:
-                raise ValueError(f"two demonstrations have the id {one.id}: give every one its own")
+                raise ValueError(
+                    f"two demonstrations have the id {one.id}: give every one its own"
+                )
             try:
                 self._prepared[one.id] = prepare(one, self.configuration)
             except ValueError as error:
@@ -104,16 +119,20 @@ class Practice:
         return len(self._shown)
 
     def learn(self) -> ThrowingSkill:
-        """The skill that all these demonstrations teach; each is prepared only once. ValueError if they are too few, and what is wrong with
-        the others.
+        """The skill that all these demonstrations teach; each is prepared only once. ValueError if
+        they are too few, and what is wrong with the others.
         """
         try:
-            return learn_prepared([self._prepared[one.id] for one in self.demonstrations], self.configuration)
+            return learn_prepared(
+                [self._prepared[one.id] for one in self.demonstrations], self.configuration
+            )
         except ValueError as error:
             raise ValueError("; ".join([str(error), *self.kept_out.values()])) from error
 
     def add(self, trial: Demonstration) -> Verdict:
-        """Judge a trial and remember it if it will do; its task is where it landed, not where it was aimed."""
+        """Judge a trial and remember it if it will do; its task is where it landed, not where it
+        was aimed.
+        """
         reason, prepared = self._judge(trial)
         if reason or prepared is None:
             self.kept_out[trial.id] = reason
@@ -123,7 +142,8 @@ class Practice:
         return Verdict(True, forgotten=tuple(self._forget()))
 
     def patterns(self) -> str:
-        """Groups of what was shown whose hand paths are clearly apart though they reach equally far, in words; empty if there are none.
+        """Groups of what was shown whose hand paths are clearly apart though they reach equally
+        far, in words; empty if there are none.
 
         A skill learned from a throw over the shoulder and one from below throws like neither.
         """
@@ -138,7 +158,9 @@ class Practice:
         return f"{len(groups)} ways of throwing were shown, and learned as one: {named}"
 
     def withdraw(self, trial_id: str, reason: str) -> None:
-        """Take back a trial that was kept but cannot be learned from. trial_id: of the trial; reason: in words."""
+        """Take back a trial that was kept but cannot be learned from. trial_id: of the trial;
+        reason: in words.
+        """
         self._tried = [one for one in self._tried if one.id != trial_id]
         self._prepared.pop(trial_id, None)
         self.kept_out[trial_id] = reason
@@ -151,17 +173,27 @@ class Practice:
         except ValueError as error:
             return str(error), None
         fit = self._compare(prepared)
-        return ("" if fit is None or fit.fits else f"trial {trial.id} does not resemble the demonstrations: {fit.reason}"), prepared
+        return (
+            ""
+            if fit is None or fit.fits
+            else f"trial {trial.id} does not resemble the demonstrations: {fit.reason}"
+        ), prepared
 
     def _compare(self, trial: PreparedThrow) -> Fit | None:
-        """The trial's hand path against the others', in axes turned to their tasks, for the distance it landed at."""
+        """The trial's hand path against the others', in axes turned to their tasks, for the
+        distance it landed at.
+        """
         throws = [*self._prepared.values(), trial]
         if len(throws) < LEAST_TO_COMPARE:
             return None
         clocks, paths = zip(*(self._path(throw) for throw in throws), strict=True)
         distances = np.array([[throw.reach] for throw in throws])
         return check_alignment(
-            clocks, paths, distances, largest_deviation=self.settings.largest_deviation, tolerance=self.settings.tolerance
+            clocks,
+            paths,
+            distances,
+            largest_deviation=self.settings.largest_deviation,
+            tolerance=self.settings.tolerance,
         )[-1]
 
     def _path(self, throw: PreparedThrow) -> tuple[np.ndarray, np.ndarray]:
@@ -170,7 +202,11 @@ class Practice:
 
     def _forget(self) -> list[str]:
         forgotten = []
-        while self.settings.capacity and len(self.demonstrations) > self.settings.capacity and len(self.demonstrations) > 2:
+        while (
+            self.settings.capacity
+            and len(self.demonstrations) > self.settings.capacity
+            and len(self.demonstrations) > 2
+        ):
             from_memory = self._tried if len(self._tried) > 1 else (self._shown or self._tried)
             index = 0 if self.settings.forget == "oldest" else self._most_crowded(from_memory)
             forgotten.append(from_memory.pop(index).id)

@@ -1,4 +1,6 @@
-"""A skill that has practised, in a model file: after loading it goes on where it was saved, to the last bit."""
+"""A skill that has practised, in a model file: after loading it goes on where it was saved, to the
+last bit.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,11 @@ def save_practised(path: str | Path, skill: PractisingSkill) -> None:
     FileNotFoundError if there is no such folder.
     """
     practised = np.empty((0, 6)) if skill.correction is None else skill.correction.throws
-    found = skill.state() if skill.practised or skill.practice.n_shown < len(skill.practice.demonstrations) else None
+    found = (
+        skill.state()
+        if skill.practised or skill.practice.n_shown < len(skill.practice.demonstrations)
+        else None
+    )
     save_model(path, skill.practice.demonstrations, skill.skill.configuration, practised, found)
 
 
@@ -30,20 +36,31 @@ def practised_skill(
     settings: CorrectionSettings | None = None,
     steady_every: int = 0,
 ) -> PractisingSkill:
-    """The skill of a model file, which goes on where practice ended; ValueError if what practice found is damaged.
+    """The skill of a model file, which goes on where practice ended; ValueError if what practice
+    found is damaged.
 
     Parameters:
 
     * saved: what `load_model` gave.
-    * method: how to practise; default "residual". One that has no use for what was found gives way to the method that found it; only
-      "none" leaves it out.
+    * method: how to practise; default "residual". One that has no use for what was found gives way
+      to the method that found it; only "none" leaves it out.
     * memory, settings, steady_every: as in `PractisingSkill`.
     """
     found = saved.found
     method = _of_use(method, saved)
-    n_shown = len(saved.demonstrations) if found is None else _count(found, len(saved.demonstrations))
+    n_shown = (
+        len(saved.demonstrations) if found is None else _count(found, len(saved.demonstrations))
+    )
     shown, tried = saved.demonstrations[:n_shown], saved.demonstrations[n_shown:]
-    skill = PractisingSkill(shown, saved.configuration, method, memory, settings, steady_every=steady_every, tried=tried)
+    skill = PractisingSkill(
+        shown,
+        saved.configuration,
+        method,
+        memory,
+        settings,
+        steady_every=steady_every,
+        tried=tried,
+    )
     if skill.correction is not None:
         skill.correction.remember(saved.practised)
     if found is not None and (method != "none" or found.get("method") == "none"):
@@ -67,5 +84,8 @@ def _count(found: dict, most: int) -> int:
     """How many of the demonstrations were shown."""
     n_shown = found.get("n_shown")
     if not isinstance(n_shown, int) or not 0 <= n_shown <= most:
-        raise ValueError(f"what practice found is damaged (n_shown is {n_shown!r} of {most} demonstrations): learn from the bag again")
+        raise ValueError(
+            f"what practice found is damaged (n_shown is {n_shown!r} of {most} demonstrations):"
+            " learn from the bag again"
+        )
     return n_shown

@@ -1,8 +1,11 @@
-"""A skill that throws, is told what came of it, and throws better: three ways to learn from one's own throws.
+"""A skill that throws, is told what came of it, and throws better: three ways to learn from one's
+own throws.
 
-`bootstrap` (thesis 8.2): a throw is one more demonstration of how to hit the place where it came down. `residual`: the repeatable miss is
-learned and taken out of the next plan (`correction`). `power` (5.1): PoWER searches for the offsets and slopes of such a correction, with
-the error as the return (`searching`). With each of them the hand is told to open as early as it has needed lately (`hand_delay`).
+`bootstrap` (thesis 8.2): a throw is one more demonstration of how to hit the place where it came
+down. `residual`: the repeatable miss is learned and taken out of the next plan (`correction`).
+`power` (5.1): PoWER searches for the offsets and slopes of such a correction, with the error as
+the return (`searching`). With each of them the hand is told to open as early as it has needed
+lately (`hand_delay`).
 """
 
 from __future__ import annotations
@@ -15,8 +18,19 @@ import numpy as np
 from dart_skill.arm import ThrowPlan
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.recording import Demonstration
-from dart_skill.skills.learning import DEFAULT, PreparedThrow, SkillConfiguration, ThrowingSkill, prepare
-from dart_skill.skills.practice._correction import Correction, CorrectionSettings, corrected, repeatable_miss
+from dart_skill.skills.learning import (
+    DEFAULT,
+    PreparedThrow,
+    SkillConfiguration,
+    ThrowingSkill,
+    prepare,
+)
+from dart_skill.skills.practice._correction import (
+    Correction,
+    CorrectionSettings,
+    corrected,
+    repeatable_miss,
+)
 from dart_skill.skills.practice._hand_delay import USUAL, HandDelay, likely_late
 from dart_skill.skills.practice._practice import Practice, PracticeSettings, Verdict
 from dart_skill.skills.practice._searching import CorrectionSearch
@@ -33,8 +47,8 @@ class Told:
 
     * kept: bool, whether something was learned from it.
     * reason: str, default "". Why nothing was learned.
-    * left: (along, across) [m], default nan. The part of the error that the delay of the hand does not explain: a perfect skill
-      would have avoided it. nan if it is unknown.
+    * left: (along, across) [m], default nan. The part of the error that the delay of the hand does
+      not explain: a perfect skill would have avoided it. nan if it is unknown.
     * forgotten: ids of the trials that were removed from the memory for this one, default none.
     """
 
@@ -78,8 +92,9 @@ class PractisingSkill:
     * settings: CorrectionSettings, default None: the default ones.
     * rng: random generator for the trials of PoWER, default None: one with seed 0.
     * tried: own throws that are remembered as demonstrations, oldest first; default none.
-    * steady_every: int, number of throws in a round; default 0. After each round the release may be moved farther to where the
-      delay of the hand matters least (`steadiness`). 0: the release is not moved.
+    * steady_every: int, number of throws in a round; default 0. After each round the release may
+      be moved farther to where the delay of the hand matters least (`steadiness`). 0: the release
+      is not moved.
 
     Attributes:
 
@@ -104,17 +119,31 @@ class PractisingSkill:
         tried: Sequence[Demonstration] = (),
     ):
         if method not in METHODS:
-            raise ValueError(f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}")
+            raise ValueError(
+                f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}"
+            )
         if method == "power" and configuration.board:
-            raise ValueError("PoWER's offsets and slopes are those of baskets: practise darts with residual, bootstrap or both")
+            raise ValueError(
+                "PoWER's offsets and slopes are those of baskets: practise darts with residual,"
+                " bootstrap or both"
+            )
         self.method = method
         self.practice = Practice(shown, configuration, memory, tried)
         self.skill = self.practice.learn()
         self._game = configuration.game
-        self.correction = Correction(settings, self._game.surface) if method in ("residual", "both") else None
-        self.search = CorrectionSearch(rng or np.random.default_rng(0)) if method == "power" else None
-        # At a board the release itself is moved, and what the hand's mean delay does there is taken out with it: `steadiness`.
-        self.hand = None if method == "none" or configuration.board else HandDelay(self._delay_of(throw) for throw in self.skill.throws)
+        self.correction = (
+            Correction(settings, self._game.surface) if method in ("residual", "both") else None
+        )
+        self.search = (
+            CorrectionSearch(rng or np.random.default_rng(0)) if method == "power" else None
+        )
+        # At a board the release itself is moved, and what the hand's mean delay does there is
+        # taken out with it: `steadiness`.
+        self.hand = (
+            None
+            if method == "none" or configuration.board
+            else HandDelay(self._delay_of(throw) for throw in self.skill.throws)
+        )
         self.steadiness = Steadiness(self._game)
         self.release_shift = 0.0
         self._steady_every = steady_every
@@ -122,7 +151,8 @@ class PractisingSkill:
         self._n_told = 0
 
     def plan(self, target: np.ndarray, explore: bool = False) -> ThrowPlan:
-        """A throw at the basket whose rim has its centre at target (3,) [m]; Unreachable tells why there is none.
+        """A throw at the basket whose rim has its centre at target (3,) [m]; Unreachable tells why
+        there is none.
 
         explore: bool, default False. Whether PoWER may try another correction than the best one.
         """
@@ -139,20 +169,29 @@ class PractisingSkill:
         return plan
 
     def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
-        """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method. trial: plan and outcome."""
+        """What came of a plan of this skill; without a plan the throw is a demonstration, whatever
+        the method. trial: plan and outcome.
+        """
         if plan is None:
             verdict = self._bootstrap(trial)
             return Told(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
         try:
-            seen = prepare(replace(trial, target=plan.target), replace(self.skill.configuration, relabel=True))
+            seen = prepare(
+                replace(trial, target=plan.target), replace(self.skill.configuration, relabel=True)
+            )
         except ValueError as error:
             return Told(False, str(error))
         delay = self._delay_of(seen)
         spread = USUAL if self.hand is None else self.hand.spread
-        late = likely_late(delay - (plan.release - plan.open_hand), seen.release.time_uncertainty, spread)
+        late = likely_late(
+            delay - (plan.release - plan.open_hand), seen.release.time_uncertainty, spread
+        )
         place, miss, explained = repeatable_miss(plan, seen.task, late, self._game)
         if not np.isfinite([miss, explained]).all():
-            return Told(False, f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere")
+            return Told(
+                False,
+                f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere",
+            )
         self.steadiness.add((*plan.target, plan.release), late, miss - explained)
         self._n_told += 1
         if self.hand is not None:
@@ -173,9 +212,11 @@ class PractisingSkill:
         return self._n_told
 
     def state(self) -> dict:
-        """What practice has found, for JSON: a skill that learned from the same demonstrations goes on from it with `restore`.
+        """What practice has found, for JSON: a skill that learned from the same demonstrations
+        goes on from it with `restore`.
 
-        Misses of the method "residual" are in `correction.throws`. A plan that explores is given up if its throw was not reported.
+        Misses of the method "residual" are in `correction.throws`. A plan that explores is given
+        up if its throw was not reported.
         """
         steadied, search, hand = self._steadied, self.search, self.hand
         return {
@@ -185,13 +226,22 @@ class PractisingSkill:
             "hand": None if hand is None else hand.state(),
             "steadiness": self.steadiness.state(),
             "release_shift": self.release_shift,
-            "steadied": steadied and [steadied.number, steadied.target.tolist(), steadied.shift, steadied.centre.tolist()],
+            "steadied": (
+                steadied
+                and [
+                    steadied.number,
+                    steadied.target.tolist(),
+                    steadied.shift,
+                    steadied.centre.tolist(),
+                ]
+            ),
             "suspicions": [] if self.correction is None else self.correction.suspicions(),
             "search": None if search is None else search.state(),
         }
 
     def restore(self, state: dict) -> None:
-        """Go on from what `state` gave, as far as the method has use for it. ValueError if it is damaged.
+        """Go on from what `state` gave, as far as the method has use for it. ValueError if it is
+        damaged.
 
         state: as it was returned.
         """
@@ -199,7 +249,11 @@ class PractisingSkill:
             self._n_told, self.release_shift = int(state["n_told"]), float(state["release_shift"])
             self.steadiness.restore(state["steadiness"])
             number, target, shift, centre = state["steadied"] or (0, None, 0.0, None)
-            self._steadied = None if target is None else _Steadied(int(number), np.array(target), float(shift), np.array(centre))
+            self._steadied = (
+                None
+                if target is None
+                else _Steadied(int(number), np.array(target), float(shift), np.array(centre))
+            )
             if self.hand is not None and state["hand"] is not None:
                 self.hand.restore(state["hand"])
             if self.correction is not None:
@@ -207,7 +261,9 @@ class PractisingSkill:
             if self.search is not None and state["search"] is not None:
                 self.search.restore(state["search"])
         except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise ValueError(f"what practice found is damaged ({error!r}): learn from the bag again") from error
+            raise ValueError(
+                f"what practice found is damaged ({error!r}): learn from the bag again"
+            ) from error
 
     def _delay_of(self, throw: PreparedThrow) -> float:
         """From the command to the release [s], without that of the cameras' stamps."""
@@ -228,26 +284,33 @@ class PractisingSkill:
         return aim - self._game.surface.offset(self._steadied.centre, target)
 
     def _in_time(self, plan: ThrowPlan) -> ThrowPlan:
-        """The plan with the command to open as early as the hand has needed lately; before the first own throw, as it is."""
+        """The plan with the command to open as early as the hand has needed lately; before the
+        first own throw, as it is.
+        """
         if self.hand is None or not self._n_told:
             return plan
         return replace(plan, open_hand=to_the_nanosecond(max(0.0, plan.release - self.hand.mean)))
 
     def _move_release(self, target: np.ndarray) -> None:
-        """Shift the release to where hits on a target (3,) scatter least, once there are enough throws; each round allows one step more."""
+        """Shift the release to where hits on a target (3,) scatter least, once there are enough
+        throws; each round allows one step more.
+        """
         number = self._n_told // self._steady_every if self._steady_every else 0
         if number == 0 or len(self.steadiness) < LEAST:
             return
         if self._steadied is not None and self._steadied.serves(number, target):
             return
         goal = target if self.correction is None else self.correction.shifted(target)
-        shift, centre = self.steadiness.steadiest(lambda by: self.skill.releasing(by).plan(goal), self.release_shift, number * STEP)
+        shift, centre = self.steadiness.steadiest(
+            lambda by: self.skill.releasing(by).plan(goal), self.release_shift, number * STEP
+        )
         self._steadied = _Steadied(number, target.copy(), shift, centre)
         self.release_shift = shift
 
     def _middle(self, plan: ThrowPlan) -> np.ndarray:
-        """How far from the hit of a release on time the own hand sends the ball, the median (2,) [m]: early and late hits fall short, and
-        half of all shall. Where the release itself is moved, plans are made for that already.
+        """How far from the hit of a release on time the own hand sends the ball, the median (2,)
+        [m]: early and late hits fall short, and half of all shall. Where the release itself is
+        moved, plans are made for that already.
         """
         if self._steady_every or len(self.steadiness) < LEAST:
             return np.zeros(2)

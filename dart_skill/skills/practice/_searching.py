@@ -1,9 +1,11 @@
 """PoWER (thesis 5.1) over a correction of the aim, which chooses by itself what to explore.
 
-A correction has an offset and a slope over the distance, along and across. The first throws are made as they are planned. Their misses, by
-Bayesian linear regression, say where the correction probably is and how little is known of it (C. Bishop, Pattern Recognition and Machine
-Learning, 2006, 3.3). PoWER begins there and explores as far as that: much where little is known, and nearly nothing where the misses leave
-no doubt. From then on the error of a throw is its return, and the length of the path of updates sets the size of the exploration.
+A correction has an offset and a slope over the distance, along and across. The first throws are
+made as they are planned. Their misses, by Bayesian linear regression, say where the correction
+probably is and how little is known of it (C. Bishop, Pattern Recognition and Machine Learning,
+2006, 3.3). PoWER begins there and explores as far as that: much where little is known, and nearly
+nothing where the misses leave no doubt. From then on the error of a throw is its return, and the
+length of the path of updates sets the size of the exploration.
 """
 
 from __future__ import annotations
@@ -20,11 +22,17 @@ from dart_skill.policy_search import Trial as SearchTrial
 MIDDLE = 2.0
 """Distance [m] at which the slope of the correction changes nothing."""
 BEFORE = np.array([0.05, 0.05, 0.02, 0.02])
-"""Standard deviations of what is thought of a correction before any throw: offset along [m], slope along [1], offset and slope across."""
+"""Standard deviations of what is thought of a correction before any throw: offset along [m], slope
+along [1], offset and slope across.
+"""
 FIRST = 5
-"""Throws as they are planned, before anything is explored: one more than the correction has parameters."""
+"""Throws as they are planned, before anything is explored: one more than the correction has
+parameters.
+"""
 SCATTER = 0.001
-"""Standard deviation of a miss that does not repeat itself, at least [m]: as one plan that is thrown again scatters."""
+"""Standard deviation of a miss that does not repeat itself, at least [m]: as one plan that is
+thrown again scatters.
+"""
 OPEN = 20
 """Throws that were planned to explore and not reported, at most; older ones are given up."""
 
@@ -44,12 +52,16 @@ class CorrectionSearch:
     def __init__(self, rng: np.random.Generator):
         self._rng = rng
         self._search: PoWER | None = None
-        self._seen: list[tuple[float, float, float]] = []  # distance from MIDDLE, miss along, miss across
+        self._seen: list[
+            tuple[float, float, float]
+        ] = []  # distance from MIDDLE, miss along, miss across
         self._open: list[_Explored] = []
 
     @property
     def parameters(self) -> np.ndarray:
-        """The best correction so far (4,): offset along [m], slope along [1], offset across [m], slope across [1]."""
+        """The best correction so far (4,): offset along [m], slope along [1], offset across [m],
+        slope across [1].
+        """
         return np.zeros(4) if self._search is None else self._search.parameters
 
     @property
@@ -72,7 +84,9 @@ class CorrectionSearch:
         * target (3,): centre of the rim [m].
         * trial: with its correction instead of the best.
         """
-        along, along_slope, across, across_slope = self.parameters if trial is None else trial.parameters
+        along, along_slope, across, across_slope = (
+            self.parameters if trial is None else trial.parameters
+        )
         away = np.hypot(target[0], target[1]) - MIDDLE
         shift = np.array([along + along_slope * away, across + across_slope * away, 0.0])
         return target + turn_matrix(azimuth_of(target)) @ shift
@@ -90,37 +104,55 @@ class CorrectionSearch:
             self._search.tell(explored.trial, -float(np.linalg.norm(error)))
         elif self._search is None:
             along, across, _ = turn_matrix(azimuth_of(plan.target)).T @ error
-            self._seen.append((float(np.hypot(*plan.target[:2])) - MIDDLE, float(along), float(across)))
+            self._seen.append(
+                (float(np.hypot(*plan.target[:2])) - MIDDLE, float(along), float(across))
+            )
             if len(self._seen) == FIRST:
                 self._begin()
 
     def state(self) -> dict:
-        """What was seen and searched, for JSON; plans whose throws have not been reported are given up."""
+        """What was seen and searched, for JSON; plans whose throws have not been reported are
+        given up.
+        """
         seen = [list(one) for one in self._seen]
         if self._search is None:
             return {"seen": seen, "generator": generator_state(self._rng), "search": None}
-        return {"seen": seen, "generator": None, "search": self._search.state()}  # which has the generator from here on
+        return {
+            "seen": seen,
+            "generator": None,
+            "search": self._search.state(),
+        }  # which has the generator from here on
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave. state: as it was returned."""
-        self._seen = [(float(away), float(along), float(across)) for away, along, across in state["seen"]]
+        self._seen = [
+            (float(away), float(along), float(across)) for away, along, across in state["seen"]
+        ]
         self._open = []
         if state["search"] is None:
             self._rng, self._search = restored_generator(state["generator"]), None
             return
         self._search = PoWER.from_state(state["search"])
         if self.parameters.shape != (4,):
-            raise ValueError(f"a correction has 4 parameters, and {self.parameters.shape} were saved")
+            raise ValueError(
+                f"a correction has 4 parameters, and {self.parameters.shape} were saved"
+            )
 
     def _begin(self) -> None:
         away, *misses = np.array(self._seen).T
-        fits = [correction_of(away, miss, before) for miss, before in zip(misses, np.split(BEFORE, 2), strict=True)]
+        fits = [
+            correction_of(away, miss, before)
+            for miss, before in zip(misses, np.split(BEFORE, 2), strict=True)
+        ]
         mean, spread = (np.concatenate(part) for part in zip(*fits, strict=True))
         self._search = PoWER(mean, spread, rng=self._rng)
 
 
-def correction_of(away: np.ndarray, miss: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Offset and slope (2,) that take misses away, by Bayesian linear regression, and their standard deviations (2,).
+def correction_of(
+    away: np.ndarray, miss: np.ndarray, before: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offset and slope (2,) that take misses away, by Bayesian linear regression, and their
+    standard deviations (2,).
 
     * away (n,): distances of the throws, from MIDDLE [m].
     * miss (n,): how much too far each was [m].

@@ -1,4 +1,6 @@
-"""What a skill is: the protocol that all skills follow, the data that passes through it, and where skills are found by name."""
+"""What a skill is: the protocol that all skills follow, the data that passes through it, and where
+skills are found by name.
+"""
 
 from dart_skill.skills.protocol._demonstration import HAND, TaskDemonstration, Told, Track
 from dart_skill.skills.protocol._messages import (
@@ -11,7 +13,14 @@ from dart_skill.skills.protocol._messages import (
     task_demonstration_message,
 )
 from dart_skill.skills.protocol._registry import load_skill, skill_names, skill_type
-from dart_skill.skills.protocol._settings import BIC, COMPONENTS, CROSS_VALIDATION, ReactiveSkillSettings, SkillSettings, check_way
+from dart_skill.skills.protocol._settings import (
+    BIC,
+    COMPONENTS,
+    CROSS_VALIDATION,
+    ReactiveSkillSettings,
+    SkillSettings,
+    check_way,
+)
 from dart_skill.skills.protocol._situation import Pose, Situation
 from dart_skill.skills.protocol._skill import Planner, Skill, TaskOutcome, settings_file
 from dart_skill.skills.protocol._solid import Solid

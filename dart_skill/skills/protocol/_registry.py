@@ -1,4 +1,5 @@
-"""Skills by name: those that come with dart_skill, and those of any installed package that registers one.
+"""Skills by name: those that come with dart_skill, and those of any installed package that
+registers one.
 
 A package registers a skill in its own metadata, under the entry-point group `dart_skill.skills`:
 
@@ -29,25 +30,42 @@ def skill_names() -> list[str]:
 
 
 def skill_type(name: str) -> type[Skill]:
-    """Class of the skill of that name; ValueError lists the names that there are, or says why it cannot be used."""
-    # One of ours is found without a look at what is installed, which takes longer than the skill's own import.
+    """Class of the skill of that name; ValueError lists the names that there are, or says why it
+    cannot be used.
+    """
+    # One of ours is found without a look at what is installed, which takes longer than the skill's
+    # own import.
     found = {name: _own(name)} if name in OWN else _entry_points()
     if name not in found:
-        raise ValueError(f"no skill '{name}': choose one of {', '.join(sorted(found))}, or install the package that has it")
+        raise ValueError(
+            f"no skill '{name}': choose one of {', '.join(sorted(found))}, or install the package"
+            " that has it"
+        )
     point = found[name]
     try:
         kind = point.load()
     except Exception as error:  # of somebody else's module: whatever it raises when it is imported
-        raise ValueError(f"the skill '{name}' ({point.value}) cannot be imported: {type(error).__name__}: {error}") from error
+        raise ValueError(
+            f"the skill '{name}' ({point.value}) cannot be imported: {type(error).__name__}:"
+            f" {error}"
+        ) from error
     if not (isinstance(kind, type) and issubclass(kind, Skill)):
-        raise ValueError(f"the skill '{name}' ({point.value}) is no class derived from dart_skill.skills.protocol.Skill")
+        raise ValueError(
+            f"the skill '{name}' ({point.value}) is no class derived from"
+            " dart_skill.skills.protocol.Skill"
+        )
     if kind.name != name:
-        raise ValueError(f"the skill '{name}' ({point.value}) calls itself '{kind.name}': give both the same name")
+        raise ValueError(
+            f"the skill '{name}' ({point.value}) calls itself '{kind.name}': give both the same"
+            " name"
+        )
     return kind
 
 
 def load_skill(name: str, settings: Path | None = None) -> Skill:
-    """The skill of that name with its settings: from a file, else those that it is configured with."""
+    """The skill of that name with its settings: from a file, else those that it is configured
+    with.
+    """
     kind = skill_type(name)
     return kind.configured() if settings is None else kind(kind.settings_type.from_file(settings))
 

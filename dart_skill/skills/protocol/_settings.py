@@ -1,4 +1,6 @@
-"""Settings of a skill, from its YAML file: strict, so that a key with a typing error is not silently left out."""
+"""Settings of a skill, from its YAML file: strict, so that a key with a typing error is not
+silently left out.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +18,25 @@ COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
 OVERLAP = 0.7
 """Overlap of the components in time, relative to their intervals, after EM: that of throws."""
 BIC, CROSS_VALIDATION = "bic", "cross_validation"
-"""How: by the Bayesian information criterion, or by what the others teach for each demonstration that is left out."""
+"""How: by the Bayesian information criterion, or by what the others teach for each demonstration
+that is left out.
+"""
 
 
 def check_way(way: str) -> None:
-    """ValueError for a way to choose the number of components that there is not; an empty one chooses nothing."""
+    """ValueError for a way to choose the number of components that there is not; an empty one
+    chooses nothing.
+    """
     if way not in ("", BIC, CROSS_VALIDATION):
-        raise ValueError(f"choose_components is '{way}': give {BIC}, {CROSS_VALIDATION}, or nothing")
+        raise ValueError(
+            f"choose_components is '{way}': give {BIC}, {CROSS_VALIDATION}, or nothing"
+        )
 
 
 @dataclass(frozen=True)
 class SkillSettings:
-    """How demonstrations become a model and a model becomes a plan. A skill may have more of them, in a class derived from this one.
+    """How demonstrations become a model and a model becomes a plan. A skill may have more of them,
+    in a class derived from this one.
 
     Parameters:
 
@@ -38,13 +47,15 @@ class SkillSettings:
     * shortest: shorter movements are ignored [s].
     * settle: the hand is at rest for so long after the movement, which is learned, too [s].
     * grip_time: the fingers have closed, or opened, so long after they were told [s].
-    * prior: how many demonstrations it takes to believe that one direction varies less than another.
+    * prior: how many demonstrations it takes to believe that one direction varies less than
+      another.
     * least_demonstrations: that are learned from.
-    * partition: "time", every component has its own interval of the same length, or "em", EM finds which samples belong to it, and
-      `TaskParameterisedMixture.fit_around` follows, as in throws.
+    * partition: "time", every component has its own interval of the same length, or "em", EM finds
+      which samples belong to it, and `TaskParameterisedMixture.fit_around` follows, as in throws.
     * frames: names of the task frames that count (`Skill.frame_names`); empty: all.
-    * stiffness_range: least and largest stiffness of the position [1/s^2]; between them it is high where and in which direction the
-      demonstrations agreed (`stiffness_from_covariance`). Empty: it is constant. Of a plan that is made beforehand.
+    * stiffness_range: least and largest stiffness of the position [1/s^2]; between them it is high
+      where and in which direction the demonstrations agreed (`stiffness_from_covariance`). Empty:
+      it is constant. Of a plan that is made beforehand.
     """
 
     components: int = 12
@@ -58,7 +69,9 @@ class SkillSettings:
     grip_time: float = 0.1
     prior: float = 2.0
     least_demonstrations: int = 2
-    partition: str = field(default="time", repr=False)  # the names of models have these three only where they are given
+    partition: str = field(
+        default="time", repr=False
+    )  # the names of models have these three only where they are given
     frames: tuple[str, ...] = field(default=(), repr=False)
     stiffness_range: tuple[float, ...] = field(default=(), repr=False)
 
@@ -69,21 +82,35 @@ class SkillSettings:
                 continue
             if not (np.isfinite(value).all() and np.min(value) >= 0.0):
                 raise ValueError(f"{one.name} is {value}; it must be finite and not negative")
-        for name in ("components", "stiffness", "orientation_stiffness", "step", "least_demonstrations"):
+        for name in (
+            "components",
+            "stiffness",
+            "orientation_stiffness",
+            "step",
+            "least_demonstrations",
+        ):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
         if self.partition not in PARTITIONS:
-            raise ValueError(f"partition is '{self.partition}': give one of {', '.join(PARTITIONS)}")
+            raise ValueError(
+                f"partition is '{self.partition}': give one of {', '.join(PARTITIONS)}"
+            )
         bounds = self.stiffness_range
         if bounds and not (len(bounds) == 2 and 0.0 < bounds[0] <= bounds[1]):
-            raise ValueError(f"stiffness_range is {bounds}: give the least and the largest stiffness, or none")
+            raise ValueError(
+                f"stiffness_range is {bounds}: give the least and the largest stiffness, or none"
+            )
         if not all(isinstance(name, str) for name in self.frames):
             raise ValueError(f"frames are {self.frames}: give names, or none")
 
     @property
     def rarely_given(self) -> tuple[tuple | str, ...]:
         """Settings that the name of a model has only where they are given."""
-        return tuple(value for value in (self.frames, self.stiffness_range, self.partition) if value and value != "time")
+        return tuple(
+            value
+            for value in (self.frames, self.stiffness_range, self.partition)
+            if value and value != "time"
+        )
 
     @property
     def overlap(self) -> float | None:
@@ -116,12 +143,18 @@ class SkillSettings:
         """
         known = {one.name: one for one in fields(cls) if one.name in cls.names()}
         if unknown := sorted(set(content) - set(known)):
-            raise ValueError(f"{where}: {', '.join(map(str, unknown))} is no setting; there are {', '.join(known)}")
+            raise ValueError(
+                f"{where}: {', '.join(map(str, unknown))} is no setting; there are"
+                f" {', '.join(known)}"
+            )
         values: dict[str, Any] = {}
         for name, value in content.items():
             wanted = _kind_of(known[name].default)
             if not isinstance(value, wanted) or (isinstance(value, bool) and bool not in wanted):
-                raise ValueError(f"{where}: {name} is {value!r}; it must be of type {' or '.join(one.__name__ for one in wanted)}")
+                raise ValueError(
+                    f"{where}: {name} is {value!r}; it must be of type"
+                    f" {' or '.join(one.__name__ for one in wanted)}"
+                )
             values[name] = tuple(value) if isinstance(value, list) else value
         try:
             return cls(**values)
@@ -135,10 +168,12 @@ class ReactiveSkillSettings(SkillSettings):
 
     * oldest: of the newest pose of a body [s]; an older one stops the motion.
     * follow_on: the hand stays with the bodies so long after the end of what was shown [s].
-    * slowest, fastest: rates of the phase; 1 is the pace that was shown. What is held back waits, what is pushed ahead skips.
+    * slowest, fastest: rates of the phase; 1 is the pace that was shown. What is held back waits,
+      what is pushed ahead skips.
     * time_constant: of the correction of the phase [s].
     * ignored: what a hand lags or leads by that nobody disturbs [s].
-    * catch_up: a hand that was left behind catches up no faster than so much above the speed of the motion [m/s].
+    * catch_up: a hand that was left behind catches up no faster than so much above the speed of
+      the motion [m/s].
     """
 
     oldest: float = 0.15
@@ -156,7 +191,8 @@ class ReactiveSkillSettings(SkillSettings):
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
         if not self.slowest < 1.0 < self.fastest:
             raise ValueError(
-                f"slowest is {self.slowest} and fastest {self.fastest}; they must lie on either side of 1, the pace that was shown"
+                f"slowest is {self.slowest} and fastest {self.fastest}; they must lie on either"
+                " side of 1, the pace that was shown"
             )
 
 

@@ -15,16 +15,23 @@ from dart_skill.common.constants import UNTURNED
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Pose of a body in the world: position (3,) [m] and quaternion (4,) x, y, z, w; ValueError for one that is none."""
+    """Pose of a body in the world: position (3,) [m] and quaternion (4,) x, y, z, w; ValueError
+    for one that is none.
+    """
 
     position: np.ndarray
     quaternion: np.ndarray = field(default_factory=lambda: np.array(UNTURNED))
 
     def __post_init__(self) -> None:
-        position, quaternion = as_vector(self.position, "position", 3), as_vector(self.quaternion, "quaternion", 4)
+        position, quaternion = (
+            as_vector(self.position, "position", 3),
+            as_vector(self.quaternion, "quaternion", 4),
+        )
         length = math.sqrt(quaternion @ quaternion)
         if length < 1e-6:
-            raise ValueError(f"quaternion {quaternion.tolist()} has length {length:.3g}; it says no orientation")
+            raise ValueError(
+                f"quaternion {quaternion.tolist()} has length {length:.3g}; it says no orientation"
+            )
         object.__setattr__(self, "position", position)
         object.__setattr__(self, "quaternion", quaternion / length)
 
@@ -34,7 +41,9 @@ class Pose:
         return _turn(self).as_matrix()
 
     def place(self, local: Pose) -> Pose:
-        """What is at a pose in this body's frame, in the world. local: position, or pose, in this frame."""
+        """What is at a pose in this body's frame, in the world. local: position, or pose, in this
+        frame.
+        """
         turn = _turn(self)
         return Pose(self.position + turn.apply(local.position), (turn * _turn(local)).as_quat())
 
@@ -58,7 +67,10 @@ class Situation:
     def pose(self, role: str) -> Pose:
         """Pose of a body; ValueError names it if the situation does not say where it is."""
         if role not in self.poses:
-            raise ValueError(f"where is the {role}? The situation says only where {', '.join(sorted(self.poses)) or 'nothing'} is")
+            raise ValueError(
+                f"where is the {role}? The situation says only where"
+                f" {', '.join(sorted(self.poses)) or 'nothing'} is"
+            )
         return self.poses[role]
 
     def moved(self, role: str, pose: Pose) -> Situation:

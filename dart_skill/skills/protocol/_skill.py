@@ -1,4 +1,6 @@
-"""What a skill says of itself. The rest, from a recording to a plan and on to practice, is the same for all skills."""
+"""What a skill says of itself. The rest, from a recording to a plan and on to practice, is the
+same for all skills.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ class Planner(Protocol):
 
 
 def settings_file(kind: type[Skill]) -> Path | None:
-    """YAML file with the settings of a skill: in the folder skills of config/, or of another package the file beside its module.
+    """YAML file with the settings of a skill: in the folder skills of config/, or of another
+    package the file beside its module.
 
     kind: class of the skill.
     """
@@ -50,7 +53,8 @@ class TaskOutcome:
     * success: whether it did what it was for.
     * error: how far from perfect it was [m]; nan if nobody can tell.
     * reason: of a failure, in words; empty for a success.
-    * miss: where the body that practice corrects (`Skill.corrects`) seems to be off (3,) [m], in its own axes; nan if nobody can tell.
+    * miss: where the body that practice corrects (`Skill.corrects`) seems to be off (3,) [m], in
+      its own axes; nan if nobody can tell.
     """
 
     success: bool
@@ -60,20 +64,25 @@ class TaskOutcome:
 
 
 class Skill:
-    """Base of all skills: every method has a default that serves a movement of the hand between bodies. Only `judge` must be written.
+    """Base of all skills: every method has a default that serves a movement of the hand between
+    bodies. Only `judge` must be written.
 
     Class attributes:
 
     * name: of the skill, as `--skill` and the entry point have it.
     * task: what it does, in words, as data sets for other learners have it; empty: its name.
     * bodies: roles of the tracked bodies that it needs beside the hand.
-    * world: the simulated world in which it is shown and tried (`simulation.WORLDS`); with a real arm it is of no meaning.
-    * reacts: the model is asked at every state of the arm, with the newest poses of the bodies, which may move (`ReactiveSkill` of
-      dart_skill.skills.learning; `settings_type` derives from `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
+    * world: the simulated world in which it is shown and tried (`simulation.WORLDS`); with a real
+      arm it is of no meaning.
+    * reacts: the model is asked at every state of the arm, with the newest poses of the bodies,
+      which may move (`ReactiveSkill` of dart_skill.skills.learning; `settings_type` derives from
+      `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
     * speed: the level of config/limits.yaml that its movements need.
     * corrects: role of the body whose place practice corrects; empty: practice corrects nothing.
-    * numbers: names of those that a situation may have, beside those with which the skill was shown.
-    * units: of the numbers of a situation, by name, for who reads them; one that is not here has none.
+    * numbers: names of those that a situation may have, beside those with which the skill was
+      shown.
+    * units: of the numbers of a situation, by name, for who reads them; one that is not here has
+      none.
     * by_pointer: whether it is slow enough to be shown with a mouse.
     * has_configurations: whether its model can be chosen among those of config/configurations.
     * settings_type: class of its settings.
@@ -99,30 +108,43 @@ class Skill:
 
     @classmethod
     def configured(cls: type[K]) -> K:
-        """The skill with the settings of its file (`settings_file`), the defaults where there is none."""
+        """The skill with the settings of its file (`settings_file`), the defaults where there is
+        none.
+        """
         path = settings_file(cls)
         return cls(None if path is None else cls.settings_type.from_file(path))
 
     @property
     def moves(self) -> str:
-        """Role of what the movement moves, without which nobody sees what comes of it: the first body, or the hand where there is none."""
+        """Role of what the movement moves, without which nobody sees what comes of it: the first
+        body, or the hand where there is none.
+        """
         return self.bodies[0] if self.bodies else HAND
 
     @property
     def situated(self) -> tuple[str, ...]:
-        """Roles of the bodies on whose poses a plan depends. Default: all that the skill needs; of a skill that reacts, none."""
+        """Roles of the bodies on whose poses a plan depends. Default: all that the skill needs; of
+        a skill that reacts, none.
+        """
         return () if self.reacts else self.bodies
 
     @property
     def words(self) -> SkillWords:
         """What people are told of it."""
         return SkillWords(
-            welcome=f"Press Teach to have {self.name} shown, or Take the hand to show it yourself. Then press Learn, then Execute.",
+            welcome=(
+                f"Press Teach to have {self.name} shown, or Take the hand to show it yourself."
+                " Then press Learn, then Execute."
+            ),
             shown=f"of the skill '{self.name}', guided by a person, in new situations",
-            begin=f"bring the hand to where the {self.name} begins, hold it still, and press Enter",
+            begin=(
+                f"bring the hand to where the {self.name} begins, hold it still, and press Enter"
+            ),
         )
 
-    def check_known(self, bodies: Iterable[str], numbers: Iterable[str], shown: Iterable[str] = ()) -> None:
+    def check_known(
+        self, bodies: Iterable[str], numbers: Iterable[str], shown: Iterable[str] = ()
+    ) -> None:
         """ValueError for a body or a number that the skill does not have.
 
         * bodies, numbers: their names in a situation that somebody asks for.
@@ -132,7 +154,10 @@ class Skill:
         for what, given in (("body", bodies), ("number", numbers)):
             if unknown := sorted(set(given) - set(known[what])):
                 has = f"only {', '.join(known[what])}" if known[what] else "none"
-                raise ValueError(f"the situation names the {what} '{unknown[0]}', which '{self.name}' does not have: it has {has}")
+                raise ValueError(
+                    f"the situation names the {what} '{unknown[0]}', which '{self.name}' does not"
+                    f" have: it has {has}"
+                )
 
     def solids(self, role: str) -> Sequence[Solid]:
         """How a body looks, for viewers. Default: nothing is known, so a small box stands for it."""
@@ -143,38 +168,51 @@ class Skill:
         return ()
 
     def loaded(self, description: WamDescription) -> WamDescription:
-        """The arm with what its hand may hold, as whoever uses the skill knows it (`robot.with_box`). Default: as it is described."""
+        """The arm with what its hand may hold, as whoever uses the skill knows it
+        (`robot.with_box`). Default: as it is described.
+        """
         return description
 
     @property
     def world_settings(self) -> Mapping[str, Any]:
-        """What its simulated world takes from its settings, by name: fields of `simulation.Bench`. Default: nothing."""
+        """What its simulated world takes from its settings, by name: fields of `simulation.Bench`.
+        Default: nothing.
+        """
         return {}
 
     def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
         """First and last instant of the movement in a recording [s]; ValueError if there is none.
 
-        Default: from when the fingers were told something for the first time to when they were told for the last time. Where they were told
-        nothing, or only once, the movement between the velocity thresholds (8.4.3), the one in which they were told.
+        Default: from when the fingers were told something for the first time to when they were
+        told for the last time. Where they were told nothing, or only once, the movement between
+        the velocity thresholds (8.4.3), the one in which they were told.
         """
         told = demonstration.told
         if len(told) > 1:
             return told[0].time, told[-1].time
         s = self.settings
-        thresholds = VelocityThreshold(start=s.start_speed, stop=s.stop_speed, min_duration=s.shortest)
+        thresholds = VelocityThreshold(
+            start=s.start_speed, stop=s.stop_speed, min_duration=s.shortest
+        )
         time, position = demonstration.hand_time, demonstration.hand_position
         if told:
-            found = segment_containing(thresholds.segment(time, position, told[0].time), told[0].time)
+            found = segment_containing(
+                thresholds.segment(time, position, told[0].time), told[0].time
+            )
         else:
             found = max(thresholds.segment(time, position), key=lambda one: one.duration)
         return found.motion_start, found.motion_stop
 
     def situation(self, demonstration: TaskDemonstration, start: float) -> Situation:
         """Where all bodies are when the movement starts [s]. Default: where they were just before."""
-        return Situation({role: demonstration.track(role).pose_at(start) for role in (HAND, *self.bodies)})
+        return Situation(
+            {role: demonstration.track(role).pose_at(start) for role in (HAND, *self.bodies)}
+        )
 
     def achieved(self, demonstration: TaskDemonstration, situation: Situation) -> Situation:
-        """The situation for which the movement would have been right: a miss can be relabelled. Default: the one that there was."""
+        """The situation for which the movement would have been right: a miss can be relabelled.
+        Default: the one that there was.
+        """
         return situation
 
     def frames(self, situation: Situation) -> list[Pose]:
@@ -183,52 +221,82 @@ class Skill:
 
     @property
     def frame_names(self) -> tuple[str, ...]:
-        """Names of the task frames, by which settings choose among them. Default: the hand, and each body."""
+        """Names of the task frames, by which settings choose among them. Default: the hand, and
+        each body.
+        """
         return (HAND, *self.bodies)
 
     def chosen_frames(self, situation: Situation) -> list[Pose]:
-        """The task frames that count: those that the settings name, or all; ValueError if the skill does not name its frames."""
+        """The task frames that count: those that the settings name, or all; ValueError if the
+        skill does not name its frames.
+        """
         frames, chosen = self.frames(situation), self.settings.frames
         if not chosen:
             return frames
         if len(self.frame_names) != len(frames):
             raise ValueError(
-                f"the skill '{self.name}' has {len(frames)} task frames and names {', '.join(self.frame_names)}: write frame_names"
+                f"the skill '{self.name}' has {len(frames)} task frames and names"
+                f" {', '.join(self.frame_names)}: write frame_names"
             )
-        return [frame for name, frame in zip(self.frame_names, frames, strict=True) if name in chosen]
+        return [
+            frame for name, frame in zip(self.frame_names, frames, strict=True) if name in chosen
+        ]
 
     def check_settings(self) -> None:
-        """ValueError for settings that are not of this skill: a task frame that it does not have, gains that no model of it can give."""
+        """ValueError for settings that are not of this skill: a task frame that it does not have,
+        gains that no model of it can give.
+        """
         if self.reacts and self.settings.stiffness_range:
-            raise ValueError(f"the skill '{self.name}' reacts: its model knows no covariance of the attractor, so give no stiffness_range")
+            raise ValueError(
+                f"the skill '{self.name}' reacts: its model knows no covariance of the attractor,"
+                " so give no stiffness_range"
+            )
         if unknown := [name for name in self.settings.frames if name not in self.frame_names]:
-            raise ValueError(f"the skill '{self.name}' has no task frame '{unknown[0]}': choose among {', '.join(self.frame_names)}")
+            raise ValueError(
+                f"the skill '{self.name}' has no task frame '{unknown[0]}': choose among"
+                f" {', '.join(self.frame_names)}"
+            )
 
     def inputs(self, situation: Situation) -> Sequence[float]:
-        """Further inputs of the regression beside time. Default: the numbers of the situation, in the order of their names."""
+        """Further inputs of the regression beside time. Default: the numbers of the situation, in
+        the order of their names.
+        """
         return [situation.numbers[name] for name in sorted(situation.numbers)]
 
     def refine(self, plan: MotionPlan, situation: Situation, planner: Planner) -> MotionPlan:
-        """A plan before it is carried out, by the planner that made it, which may be asked for others. Default: as it is."""
+        """A plan before it is carried out, by the planner that made it, which may be asked for
+        others. Default: as it is.
+        """
         return plan
 
     def goal(self, situation: Situation) -> Pose:
-        """Where a simulated person who shows the skill carries its first body, in the world; ValueError if nobody can show it."""
-        raise ValueError(f"nobody can show the skill '{self.name}' in simulation: write {type(self).__name__}.goal")
+        """Where a simulated person who shows the skill carries its first body, in the world;
+        ValueError if nobody can show it.
+        """
+        raise ValueError(
+            f"nobody can show the skill '{self.name}' in simulation: write"
+            f" {type(self).__name__}.goal"
+        )
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
-        """A situation in which the skill is shown in simulation, or, wide, tried: where the bodies that can be put somewhere are put.
+        """A situation in which the skill is shown in simulation, or, wide, tried: where the bodies
+        that can be put somewhere are put.
 
         ValueError if the skill has none to offer.
         """
-        raise ValueError(f"the skill '{self.name}' offers no situations: write {type(self).__name__}.draw, or name one")
+        raise ValueError(
+            f"the skill '{self.name}' offers no situations: write {type(self).__name__}.draw, or"
+            " name one"
+        )
 
     def draws(self, rng: np.random.Generator, n: int) -> list[Situation]:
         """Situations in which the skill is shown n times. Default: n that are drawn one by one."""
         return [self.draw(rng) for _ in range(n)]
 
     def unhurried(self, situation: Situation) -> Situation:
-        """A situation in which the skill is shown, for somebody with a mouse, who takes their time. Default: the same."""
+        """A situation in which the skill is shown, for somebody with a mouse, who takes their
+        time. Default: the same.
+        """
         return situation
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
@@ -236,10 +304,15 @@ class Skill:
 
         NotImplementedError if the skill does not say.
         """
-        raise NotImplementedError(f"the skill '{self.name}' does not say how its outcome is judged: write {type(self).__name__}.judge")
+        raise NotImplementedError(
+            f"the skill '{self.name}' does not say how its outcome is judged: write"
+            f" {type(self).__name__}.judge"
+        )
 
     def corrected(self, situation: Situation, offset: np.ndarray) -> Situation:
-        """The situation to plan for where what repeats in the misses is an offset (3,) [m] in the axes of the body that is corrected."""
+        """The situation to plan for where what repeats in the misses is an offset (3,) [m] in the
+        axes of the body that is corrected.
+        """
         if not self.corrects or not offset.any():
             return situation
         pose = situation.pose(self.corrects)

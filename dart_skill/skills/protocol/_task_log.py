@@ -1,4 +1,6 @@
-"""What the sensors see of the bodies of a skill, and what the fingers are told, kept until it is cut into a demonstration."""
+"""What the sensors see of the bodies of a skill, and what the fingers are told, kept until it is
+cut into a demonstration.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +16,17 @@ from dart_skill.skills.protocol._demonstration import HAND, TaskDemonstration, T
 from dart_skill.skills.protocol._situation import Situation
 
 REPEATED_NS = 100_000_000
-"""A commander tells the fingers the same again and again: what comes within so long of the last time is the same word."""
+"""A commander tells the fingers the same again and again: what comes within so long of the last
+time is the same word.
+"""
 
 LOOK_BACK_NS = 500_000_000
 """A body is where it was seen so long ago at most: what is older may be of another world."""
 
 
 class TaskLog(SensorLog):
-    """Poses of the hand and of the bodies of a skill, joint states, and what the fingers were told, with stamps [ns].
+    """Poses of the hand and of the bodies of a skill, joint states, and what the fingers were
+    told, with stamps [ns].
 
     * bodies: roles of the tracked bodies beside the hand.
     * joint_period_ns: as of `SensorLog`.
@@ -49,24 +54,39 @@ class TaskLog(SensorLog):
         self.told = [one for one in self.told if one[0] >= stamp_ns]
 
     def cut(self, name: str, since_ns: int, until_ns: int) -> TaskDemonstration:
-        """What was seen between two stamps, with the first as the origin of its times; ValueError says which body was never seen."""
+        """What was seen between two stamps, with the first as the origin of its times; ValueError
+        says which body was never seen.
+        """
         tracks = {}
         for role, stream in self.bodies.items():
-            kept = slice(bisect_left(stream.stamps, since_ns), bisect_right(stream.stamps, until_ns))
+            kept = slice(
+                bisect_left(stream.stamps, since_ns), bisect_right(stream.stamps, until_ns)
+            )
             if kept.start == kept.stop:
                 raise ValueError(f"the {role} was not seen: is it tracked and published?")
             rows = np.array(stream.rows[kept])
             tracks[role] = Track(_seconds(stream.stamps[kept], since_ns), rows[:, :3], rows[:, 3:])
         joints = self.joints.part(since_ns, until_ns)
         rows = np.array(joints.rows).reshape(-1, 2 * N_JOINTS)
-        told = tuple(Told((ns - since_ns) * 1e-9, grip) for ns, grip in self.told if since_ns <= ns <= until_ns)
+        told = tuple(
+            Told((ns - since_ns) * 1e-9, grip)
+            for ns, grip in self.told
+            if since_ns <= ns <= until_ns
+        )
         return TaskDemonstration(
-            name, tracks, _seconds(joints.stamps, since_ns), rows[:, :N_JOINTS], rows[:, N_JOINTS:], told, stamp_ns=since_ns
+            name,
+            tracks,
+            _seconds(joints.stamps, since_ns),
+            rows[:, :N_JOINTS],
+            rows[:, N_JOINTS:],
+            told,
+            stamp_ns=since_ns,
         )
 
     @property
     def world_begins_ns(self) -> int:
-        """Stamp of the first sample of the hand in the world in which the fingers were told something first, or in the last one.
+        """Stamp of the first sample of the hand in the world in which the fingers were told
+        something first, or in the last one.
 
         ValueError if the hand was not seen there.
         """
@@ -80,9 +100,17 @@ class TaskLog(SensorLog):
         return hand[0]
 
     def situation_at(self, stamp_ns: int) -> Situation:
-        """Where all bodies beside the hand were just before a stamp; ValueError says which one was not seen."""
+        """Where all bodies beside the hand were just before a stamp; ValueError says which one was
+        not seen.
+        """
         seen = self.cut("look", stamp_ns - LOOK_BACK_NS, stamp_ns)
-        return Situation({role: track.pose_at(LOOK_BACK_NS * 1e-9) for role, track in seen.tracks.items() if role != HAND})
+        return Situation(
+            {
+                role: track.pose_at(LOOK_BACK_NS * 1e-9)
+                for role, track in seen.tracks.items()
+                if role != HAND
+            }
+        )
 
 
 def _seconds(stamps: Sequence[int], origin_ns: int) -> np.ndarray:

@@ -23,7 +23,9 @@ class SkillWords:
     welcome: str
     shown: str
     begin: str
-    show: str = "show it, tell the hand when to open and close, hold still for a second, press Enter"
+    show: str = (
+        "show it, tell the hand when to open and close, hold still for a second, press Enter"
+    )
     do: str = "Execute"
     trials: str = "trials"
     lessons: int = 8

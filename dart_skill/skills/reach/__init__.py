@@ -1,7 +1,7 @@
 """Reach into a cup that moves: over its rim, and down to its middle.
 
-Two task frames: where the hand starts, and the cup, which moves. The model is asked at every state of the arm with the cup where it is seen
-then, so nobody must know what the cup will do.
+Two task frames: where the hand starts, and the cup, which moves. The model is asked at every state
+of the arm with the cup where it is seen then, so nobody must know what the cup will do.
 """
 
 from __future__ import annotations
@@ -14,14 +14,27 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.skills.protocol import HAND, Pose, ReactiveSkillSettings, Situation, Skill, Solid, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import (
+    HAND,
+    Pose,
+    ReactiveSkillSettings,
+    Situation,
+    Skill,
+    Solid,
+    TaskDemonstration,
+    TaskOutcome,
+)
 
 WIDE = 0.05
 """Radius of a cup, as viewers show it: nothing touches it [m]."""
 UNHURRIED = {"start": 4.0, "duration": 10.0, "steady": 0.0}
-"""Numbers of a belt that is slow enough for a mouse; at its usual speed a person would have one second [s]."""
+"""Numbers of a belt that is slow enough for a mouse; at its usual speed a person would have one
+second [s].
+"""
 RESTING = 0.2
-"""Where the hand ends is the median of what was seen for so long after it has come to rest in the cup [s]."""
+"""Where the hand ends is the median of what was seen for so long after it has come to rest in the
+cup [s].
+"""
 
 
 @dataclass(frozen=True)
@@ -30,13 +43,18 @@ class ReachSettings(ReactiveSkillSettings):
 
     * middle: where the hand shall end, in the frame of the cup (3,) [m].
     * rim: height of the cup's rim in its frame [m].
-    * rim_tolerance: how far from the axis of the cup the hand may be when it comes past the rim [m].
+    * rim_tolerance: how far from the axis of the cup the hand may be when it comes past the rim
+      [m].
     * end_tolerance: how far from the middle it may be at the end [m].
-    * shown_at, shown_within: in simulation, cups are shown about this place when the hand sets off, and within so much of it (3,) [m].
-    * way, way_time: they go so far at most (3,) [m], in this time [s]: at constant speed, or from rest to rest.
-    * turn: they are turned by so much about the vertical at most [rad]; the belt runs where it likes.
+    * shown_at, shown_within: in simulation, cups are shown about this place when the hand sets
+      off, and within so much of it (3,) [m].
+    * way, way_time: they go so far at most (3,) [m], in this time [s]: at constant speed, or from
+      rest to rest.
+    * turn: they are turned by so much about the vertical at most [rad]; the belt runs where it
+      likes.
     * asked: cups that are tried are so many times farther away, and so many times faster, at most.
-    * reach: distances from the axis of the base within which the arm can reach down [m]; the cup keeps them for `awhile` [s].
+    * reach: distances from the axis of the base within which the arm can reach down [m]; the cup
+      keeps them for `awhile` [s].
     """
 
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -63,7 +81,9 @@ class Reach(Skill):
     reacts = True
     corrects = "cup"
     numbers = ("way_x", "way_y", "way_z", "steady", "start", "duration", "tunnel")
-    units = MappingProxyType({"way_x": "m", "way_y": "m", "way_z": "m", "start": "s", "duration": "s"})
+    units = MappingProxyType(
+        {"way_x": "m", "way_y": "m", "way_z": "m", "start": "s", "duration": "s"}
+    )
     settings_type = ReachSettings
     settings: ReachSettings
 
@@ -71,18 +91,24 @@ class Reach(Skill):
         return (Solid("cup", (WIDE, self.settings.rim, 0.003)),)
 
     def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
-        """From when the hand begins to move to when it rests in the cup, as seen from there: the cup may go on.
+        """From when the hand begins to move to when it rests in the cup, as seen from there: the
+        cup may go on.
 
         ValueError if the hand does not move.
         """
         d, s = demonstration, self.settings
         fast = np.flatnonzero(self._speeds(d.hand_time, d.hand_position) > s.start_speed)
         if not len(fast):
-            raise ValueError(f"the hand is never faster than {s.start_speed} m/s: is it the recording of a reach?")
+            raise ValueError(
+                f"the hand is never faster than {s.start_speed} m/s: is it the recording of a"
+                " reach?"
+            )
         return float(d.hand_time[fast[0]]), self._rests_at(d, self._from_cup(d))
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
-        """A cup on a belt that the arm reaches; the numbers are those of the simulated world `belt`."""
+        """A cup on a belt that the arm reaches; the numbers are those of the simulated world
+        `belt`.
+        """
         s, size = self.settings, self.settings.asked if wide else 1.0
         while True:
             begin = np.array(s.shown_at) + size * rng.uniform(-1.0, 1.0, 3) * s.shown_within
@@ -92,9 +118,17 @@ class Reach(Skill):
             far = [float(np.hypot(*place[:2])) for place in (begin, begin + share * way)]
             if s.reach[0] < min(far) and max(far) < s.reach[1]:
                 break
-        numbers = {"way_x": way[0], "way_y": way[1], "way_z": way[2], "duration": s.way_time, "steady": steady}
+        numbers = {
+            "way_x": way[0],
+            "way_y": way[1],
+            "way_z": way[2],
+            "duration": s.way_time,
+            "steady": steady,
+        }
         upright = Rotation.from_rotvec([0.0, 0.0, turn]).as_quat()
-        return Situation({"cup": Pose(begin, upright)}, {name: float(value) for name, value in numbers.items()})
+        return Situation(
+            {"cup": Pose(begin, upright)}, {name: float(value) for name, value in numbers.items()}
+        )
 
     def unhurried(self, situation: Situation) -> Situation:
         """The cup sets off later, goes as far in more time, and rests there."""
@@ -105,7 +139,8 @@ class Reach(Skill):
         return []
 
     def distances(self, seen: TaskDemonstration) -> tuple[float, float]:
-        """Distances of the hand from the cup's axis as it passes the rim, and from the middle at the end [m]; ValueError if it did not.
+        """Distances of the hand from the cup's axis as it passes the rim, and from the middle at
+        the end [m]; ValueError if it did not.
 
         seen: the movement.
         """
@@ -113,15 +148,23 @@ class Reach(Skill):
         return float(np.hypot(*at_rim[:2])), float(np.linalg.norm(miss))
 
     def _places(self, seen: TaskDemonstration) -> tuple[np.ndarray, np.ndarray]:
-        """Where the hand came past the rim, and ended from the middle, (3,) each, as the cup sees it [m]; ValueError if nowhere."""
+        """Where the hand came past the rim, and ended from the middle, (3,) each, as the cup sees
+        it [m]; ValueError if nowhere.
+        """
         time, local = seen.hand_time, self._from_cup(seen)
         stop = self._rests_at(seen, local)
         k = self._past_rim(local)
         at_rim = _between(local[k], local[k + 1], self.settings.rim)
-        return at_rim, np.median(local[(time >= stop) & (time <= stop + RESTING)], axis=0) - self.settings.middle
+        return (
+            at_rim,
+            np.median(local[(time >= stop) & (time <= stop + RESTING)], axis=0)
+            - self.settings.middle,
+        )
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
-        """Whether the hand came into the cup without touching its rim, and ended in its middle. seen: the movement."""
+        """Whether the hand came into the cup without touching its rim, and ended in its middle.
+        seen: the movement.
+        """
         try:
             at_rim, miss = self._places(seen)
         except ValueError as error:
@@ -139,13 +182,22 @@ class Reach(Skill):
     def _from_cup(self, seen: TaskDemonstration) -> np.ndarray:
         """The hand in the frame of the cup, at the stamps of the hand (n, 3) [m]."""
         cup = seen.track("cup").resampled(seen.hand_time)
-        return Rotation.from_quat(cup.quaternion).inv().apply(seen.track(HAND).position - cup.position)
+        return (
+            Rotation.from_quat(cup.quaternion)
+            .inv()
+            .apply(seen.track(HAND).position - cup.position)
+        )
 
     def _past_rim(self, local: np.ndarray) -> int:
-        """Index of the last sample above the rim before the hand stayed below it; ValueError if it did not."""
+        """Index of the last sample above the rim before the hand stayed below it; ValueError if it
+        did not.
+        """
         above = np.flatnonzero(local[:, 2] > self.settings.rim)
         if not len(above) or above[-1] >= len(local) - 2:
-            raise ValueError(f"the hand did not come into the cup: it was seen last {1e3 * local[-1, 2]:.0f} mm above its floor")
+            raise ValueError(
+                f"the hand did not come into the cup: it was seen last {1e3 * local[-1, 2]:.0f} mm"
+                " above its floor"
+            )
         return int(above[-1])
 
     def _rests_at(self, seen: TaskDemonstration, local: np.ndarray) -> float:
@@ -154,11 +206,16 @@ class Reach(Skill):
         speeds = self._speeds(time, local)
         rests = np.flatnonzero(below & (speeds < self.settings.stop_speed))
         if not len(rests):
-            raise ValueError(f"the hand did not come to rest in the cup: it was never slower than {speeds[below].min():.2f} m/s there")
+            raise ValueError(
+                "the hand did not come to rest in the cup: it was never slower than"
+                f" {speeds[below].min():.2f} m/s there"
+            )
         return float(time[rests[0]])
 
     def _speeds(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
-        return VelocityThreshold(start=self.settings.start_speed, stop=self.settings.stop_speed).speeds(time, position)
+        return VelocityThreshold(
+            start=self.settings.start_speed, stop=self.settings.stop_speed
+        ).speeds(time, position)
 
 
 def _between(before: np.ndarray, after: np.ndarray, height: float) -> np.ndarray:

@@ -1,8 +1,9 @@
 """Throw a ball into a basket.
 
-What is particular to throwing is learned by machinery of its own (`skills.learning`, `skills.practice`): aim, release and the delay of the hand
-are solved for through the flight. This class says the rest in the words of all skills, and what differs from throw to throw: what is thrown
-at what (`game`), and where a situation says that it shall go (`target`).
+What is particular to throwing is learned by machinery of its own (`skills.learning`,
+`skills.practice`): aim, release and the delay of the hand are solved for through the flight. This
+class says the rest in the words of all skills, and what differs from throw to throw: what is
+thrown at what (`game`), and where a situation says that it shall go (`target`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,14 @@ from dart_skill.common.regions import REGION
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.common.world import THROW, THROWN, the_world
 from dart_skill.skills.observation import Outcome, judge_flight
-from dart_skill.skills.protocol import Pose, Situation, Skill, SkillWords, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import (
+    Pose,
+    Situation,
+    Skill,
+    SkillWords,
+    TaskDemonstration,
+    TaskOutcome,
+)
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning import SkillConfiguration
@@ -35,16 +43,26 @@ class Throw(Skill):
     by_pointer = False
     has_configurations = True
     cocked: tuple[float, float, float] | None = None
-    """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing for baskets."""
+    """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing
+    for baskets.
+    """
 
     @property
     def words(self) -> SkillWords:
         thrown, aimed_at = self.bodies
         return SkillWords(
-            welcome="Press Teach: a person shows the arm some throws. Then press Learn, then Throw.",
+            welcome=(
+                "Press Teach: a person shows the arm some throws. Then press Learn, then Throw."
+            ),
             shown="throws that a person guides by hand",
-            begin=f"put the {thrown} into the hand, bring it to where the throw begins, hold it still, and press Enter",
-            show=f"throw, press the hand's button, wait until the {thrown} has landed, and press Enter",
+            begin=(
+                f"put the {thrown} into the hand, bring it to where the throw begins, hold it"
+                " still, and press Enter"
+            ),
+            show=(
+                f"throw, press the hand's button, wait until the {thrown} has landed, and press"
+                " Enter"
+            ),
             do="Throw",
             trials="throws",
             lessons=13,
@@ -85,7 +103,9 @@ class Throw(Skill):
         return configuration
 
     def target(self, situation: Situation) -> np.ndarray:
-        """Where a throw shall go (3,) [m], in the world; ValueError if the situation does not say it."""
+        """Where a throw shall go (3,) [m], in the world; ValueError if the situation does not say
+        it.
+        """
         return situation.pose("basket").position
 
     def at(self, target: np.ndarray) -> Situation:
@@ -97,7 +117,9 @@ class Throw(Skill):
         return self.at(self.target(situation))
 
     def check_seen(self, aimed_at: np.ndarray) -> None:
-        """ValueError if what is thrown at cannot be where it was seen (3,) [m]. A basket can be anywhere. aimed_at: the place."""
+        """ValueError if what is thrown at cannot be where it was seen (3,) [m]. A basket can be
+        anywhere. aimed_at: the place.
+        """
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         """A basket in the region of config/world.yaml."""
@@ -108,26 +130,44 @@ class Throw(Skill):
         return float(demonstration.hand_time[0]), float(demonstration.hand_time[-1])
 
     def situation(self, demonstration: TaskDemonstration, start: float) -> Situation:
-        """The one that it shows how to serve: where the throw went; ValueError if nobody saw that. start: of the movement [s]."""
+        """The one that it shows how to serve: where the throw went; ValueError if nobody saw that.
+        start: of the movement [s].
+        """
         middle = self.at(np.array(self.middle))
         outcome = self.judge(demonstration, middle)
         if not np.isfinite(outcome.miss).all():
-            raise ValueError(f"demonstration {demonstration.id}: {outcome.reason or 'the landing was not seen'}")
+            raise ValueError(
+                f"demonstration {demonstration.id}: {outcome.reason or 'the landing was not seen'}"
+            )
         return self.at(self.target(middle) + outcome.miss)
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
-        """Where the ball came down on the plane of the rim, or the dart met the board, and whether it is in. seen: the throw."""
+        """Where the ball came down on the plane of the rim, or the dart met the board, and whether
+        it is in. seen: the throw.
+        """
         opened = [one.time for one in seen.told if one.grip == Grip.OPEN]
         thrown, aimed_at = self.bodies
         if not opened:
-            return TaskOutcome(False, np.nan, "the hand was never told to open: nothing was thrown")
+            return TaskOutcome(
+                False, np.nan, "the hand was never told to open: nothing was thrown"
+            )
         track, target, game = seen.track(thrown), self.target(situation), self.game
         after = track.time >= opened[0]
         time, position = track.time[after] - opened[0], track.position[after]
-        outcome = judge_flight(time, position, target, the_world().basket_radius, game.projectile, surface=game.surface)
+        outcome = judge_flight(
+            time,
+            position,
+            target,
+            the_world().basket_radius,
+            game.projectile,
+            surface=game.surface,
+        )
         error = outcome.landing_error if outcome.landing_seen else np.nan
         return TaskOutcome(
-            bool(outcome.in_basket), float(error), _why(outcome, aimed_at), np.asarray(outcome.landing, dtype=float) - target
+            bool(outcome.in_basket),
+            float(error),
+            _why(outcome, aimed_at),
+            np.asarray(outcome.landing, dtype=float) - target,
         )
 
 

@@ -32,8 +32,9 @@ else:
         __name__,
         {
             "_bag": (
-                "ENVIRONMENT RERUN_PORT SIZE VARIABLE VERSION BagLayout Ports RerunUnavailable command_line describe find_rerun "
-                "free_ports install interpreter_of quiet_environment url_of_page with_durations workspace write_layouts"
+                "ENVIRONMENT RERUN_PORT SIZE VARIABLE VERSION BagLayout Ports RerunUnavailable"
+                " command_line describe find_rerun free_ports install interpreter_of"
+                " quiet_environment url_of_page with_durations workspace write_layouts"
             ),
             "_page": "RerunPage",
         },

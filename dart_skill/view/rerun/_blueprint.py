@@ -1,18 +1,15 @@
-"""The layout of a bag in Rerun, as a blueprint file. This file runs in Rerun's own interpreter and imports nothing of ours:
+"""The layout of a bag in Rerun, as a blueprint file. This file runs in Rerun's own interpreter and
+imports nothing of ours:
 
     python _blueprint.py OUTPUT.rbl '{"application": "...", "frame": "world", "ball": "/vrpn_mocap/ball/pose", ...}'
 
 Keys, of which what is null is left out:
-  application   name of the recording, which Rerun takes from its file
-  frame         in which everything is drawn
-  ball, basket  topics of their poses
-  ball_radius   of what stands for the ball [m]
-  basket_size   radius and depth of what stands for the basket [m]
-  joints        topic of the joint states
-  names         of the joints
-  effort        whether joint states have efforts
-  arm           name of the robot, below which Rerun puts the shapes of /robot_description
-  stands        how high the arm's base is above the ground [m]
+  application   name of the recording, which Rerun takes from its file frame         in which
+  everything is drawn ball, basket  topics of their poses ball_radius   of what stands for the ball
+  [m] basket_size   radius and depth of what stands for the basket [m] joints        topic of the
+  joint states names         of the joints effort        whether joint states have efforts arm name
+  of the robot, below which Rerun puts the shapes of /robot_description stands        how high the
+  arm's base is above the ground [m]
 """
 
 import json
@@ -37,46 +34,73 @@ def scene(about: dict[str, Any]) -> Any:
     drawn = {}
     if about.get("arm") and (height := about.get("stands", 0.0)) > 0.0:
         drawn[f"/{about['arm']}"] = rr.Cylinders3D.from_fields(
-            centers=[[0.0, 0.0, -height / 2]], radii=[MOUNT_RADIUS], lengths=[height], colors=[LIGHT], fill_mode="Solid"
+            centers=[[0.0, 0.0, -height / 2]],
+            radii=[MOUNT_RADIUS],
+            lengths=[height],
+            colors=[LIGHT],
+            fill_mode="Solid",
         )
     if about.get("ball"):
-        drawn[about["ball"]] = rr.Ellipsoids3D.from_fields(half_sizes=[[about["ball_radius"]] * 3], colors=[BALL], fill_mode="Solid")
+        drawn[about["ball"]] = rr.Ellipsoids3D.from_fields(
+            half_sizes=[[about["ball_radius"]] * 3], colors=[BALL], fill_mode="Solid"
+        )
     if about.get("basket"):
         radius, depth = about["basket_size"]
         drawn[about["basket"]] = rr.Cylinders3D.from_fields(
-            centers=[[0.0, 0.0, -depth / 2]], radii=[radius], lengths=[depth], colors=[BASKET], fill_mode="TransparentFillMajorWireframe"
+            centers=[[0.0, 0.0, -depth / 2]],
+            radii=[radius],
+            lengths=[depth],
+            colors=[BASKET],
+            fill_mode="TransparentFillMajorWireframe",
         )
     return rrb.Spatial3DView(
         name="Arm, ball, basket",
         origin="/",
         contents=["+ /**", "- /wam/collision_geometries/**"],
         overrides=drawn,
-        defaults=[shape.from_fields(fill_mode="Solid") for shape in (rr.Boxes3D, rr.Cylinders3D, rr.Ellipsoids3D)],
+        defaults=[
+            shape.from_fields(fill_mode="Solid")
+            for shape in (rr.Boxes3D, rr.Cylinders3D, rr.Ellipsoids3D)
+        ],
         spatial_information=rrb.SpatialInformation(target_frame=about["frame"]),
-        eye_controls=rrb.EyeControls3D(position=(1.9, -4.0, 1.9), look_target=(0.9, 0.0, 0.9), eye_up=(0.0, 0.0, 1.0)),
+        eye_controls=rrb.EyeControls3D(
+            position=(1.9, -4.0, 1.9), look_target=(0.9, 0.0, 0.9), eye_up=(0.0, 0.0, 1.0)
+        ),
     )
 
 
 def scalars(component: str, **how: str) -> Any:
     """That the lines of a plot are the numbers of a component."""
     source = encodings.ComponentSourceKind.SourceComponent
-    return encodings.VisualizerComponentMapping("Scalars:scalars", source, source_component=component, **how)
+    return encodings.VisualizerComponentMapping(
+        "Scalars:scalars", source, source_component=component, **how
+    )
 
 
 def joint_plot(about: dict[str, Any], field: str, name: str, legend: bool) -> Any:
     """One quantity of every joint over time."""
     topic, names = f"{about['joints']}/{field}", about["names"]
-    lines = rr.SeriesLines(colors=[JOINTS[k % len(JOINTS)] for k in range(len(names))], names=names)
+    lines = rr.SeriesLines(
+        colors=[JOINTS[k % len(JOINTS)] for k in range(len(names))], names=names
+    )
     drawn = {topic: lines.visualizer(mappings=[scalars("Scalars:scalars")])}
     corner = rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend)
-    return rrb.TimeSeriesView(name=name, origin=topic, contents=[f"+ {topic}"], overrides=drawn, plot_legend=corner)
+    return rrb.TimeSeriesView(
+        name=name, origin=topic, contents=[f"+ {topic}"], overrides=drawn, plot_legend=corner
+    )
 
 
 def height_plot(topic: str, name: str) -> Any:
     """Third coordinate of a pose over time; the legend switches the others on."""
-    lines = rr.SeriesLines(colors=[GREY, SKY, BALL], names=["x", "y", "height"], visible_series=[False, False, True])
-    drawn = {topic: lines.visualizer(mappings=[scalars("InstancePoses3D:translations", selector=".[]")])}
-    return rrb.TimeSeriesView(name=f"{name} [m]", origin=topic, contents=[f"+ {topic}"], overrides=drawn)
+    lines = rr.SeriesLines(
+        colors=[GREY, SKY, BALL], names=["x", "y", "height"], visible_series=[False, False, True]
+    )
+    drawn = {
+        topic: lines.visualizer(mappings=[scalars("InstancePoses3D:translations", selector=".[]")])
+    }
+    return rrb.TimeSeriesView(
+        name=f"{name} [m]", origin=topic, contents=[f"+ {topic}"], overrides=drawn
+    )
 
 
 def layout(about: dict[str, Any]) -> Any:

@@ -1,7 +1,9 @@
-"""Rerun's web page, passed on by a server of ours so that the browser lets it ask for nothing outside this machine.
+"""Rerun's web page, passed on by a server of ours so that the browser lets it ask for nothing
+outside this machine.
 
-The page reports to its makers and asks for fonts, news and examples, whatever the executable was told. A Content-Security-Policy is what a
-browser enforces; links that open connections before any policy counts are left out of the page.
+The page reports to its makers and asks for fonts, news and examples, whatever the executable was
+told. A Content-Security-Policy is what a browser enforces; links that open connections before any
+policy counts are left out of the page.
 """
 
 from __future__ import annotations
@@ -28,9 +30,10 @@ def policy(data_port: int) -> str:
     data_port: of Rerun's server of data.
     """
     return (
-        "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline';"
-        " img-src 'self' data: blob:; font-src 'self' data:; media-src data: blob:; worker-src 'self' blob:; base-uri 'none';"
-        f" form-action 'none'; connect-src 'self' data: blob: http://127.0.0.1:{data_port}"
+        "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval';"
+        " style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:;"
+        " media-src data: blob:; worker-src 'self' blob:; base-uri 'none'; form-action 'none';"
+        f" connect-src 'self' data: blob: http://127.0.0.1:{data_port}"
     )
 
 

@@ -1,4 +1,6 @@
-"""What goes wrong between a client and the graph. No ROS is imported here, so that verbs can name these without it."""
+"""What goes wrong between a client and the graph. No ROS is imported here, so that verbs can name
+these without it.
+"""
 
 
 class GraphFailure(RuntimeError):

@@ -1,4 +1,6 @@
-"""A client of the graph: teaches, learns and throws through actions and services, one call after the other."""
+"""A client of the graph: teaches, learns and throws through actions and services, one call after
+the other.
+"""
 
 import os
 import time
@@ -9,7 +11,13 @@ import numpy as np
 import rclpy
 from dart_skill_msgs.action import Execute, Practice, Teach
 from dart_skill_msgs.msg import Situation
-from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, ModelFile, StopDemonstration
+from dart_skill_msgs.srv import (
+    DropDemonstration,
+    Learn,
+    ListDemonstrations,
+    ModelFile,
+    StopDemonstration,
+)
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -38,11 +46,12 @@ ASK_AGAIN = 0.1
 
 
 class GraphClient:
-    """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run.
+    """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended,
+    empty if all run.
 
-    namespace: of the graph, as "/arm1"; that of the process by default.
-    patience, appears: for an answer, and for somebody to serve at all [s, wall clock].
-    throw_seconds (2,): all throws so far, simulated and on the wall clock [s].
+    namespace: of the graph, as "/arm1"; that of the process by default. patience, appears: for an
+    answer, and for somebody to serve at all [s, wall clock]. throw_seconds (2,): all throws so
+    far, simulated and on the wall clock [s].
     """
 
     def __init__(
@@ -55,7 +64,12 @@ class GraphClient:
     ):
         self.node = rclpy.create_node(name, namespace=namespace or None)
         be_alive(self.node)
-        self._executor, self._dead, self._patience, self._appears = make_executor(), dead, patience, appears
+        self._executor, self._dead, self._patience, self._appears = (
+            make_executor(),
+            dead,
+            patience,
+            appears,
+        )
         self._executor.add_node(self.node)
         self._teach = ActionClient(self.node, Teach, "teach")
         self._practice = ActionClient(self.node, Practice, "practice")
@@ -64,13 +78,17 @@ class GraphClient:
         self._links: dict[object, ServerProbe] = {}
         self._setters: dict[str, Client] = {}
         self._taught, self.throw_seconds = 0, np.zeros(2)
-        self.simulated_steps, self.counted_at = 0, time.monotonic()  # when the simulator told its steps last [s, wall clock]
+        self.simulated_steps, self.counted_at = (
+            0,
+            time.monotonic(),
+        )  # when the simulator told its steps last [s, wall clock]
         self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
 
     def close(self) -> None:
         """Take the client's node off the graph.
 
-        The executor goes first: an EventsExecutor keeps what it serves alive, and a node that was only removed from it goes on publishing.
+        The executor goes first: an EventsExecutor keeps what it serves alive, and a node that was
+        only removed from it goes on publishing.
         """
         self._executor.shutdown()
         self.node.destroy_node()
@@ -78,18 +96,24 @@ class GraphClient:
     def wait_until_gone(self, nodes: Iterable[str], limit: float = 30.0) -> None:
         """Wait until none of these nodes is on the graph; GraphFailure names those that stay.
 
-        A process that was killed, or whose farewell got lost, stays on the graph until its participant's lease is over. Its services look
-        ready, and take requests that nobody will ever answer. One whose process lives is not waited for like that.
+        A process that was killed, or whose farewell got lost, stays on the graph until its
+        participant's lease is over. Its services look ready, and take requests that nobody will
+        ever answer. One whose process lives is not waited for like that.
         """
         nodes, begun = set(nodes), time.monotonic()
         while there := sorted((nodes & nodes_there(self.node)) | (alive := self.running(nodes))):
             if time.monotonic() > begun + (min(limit, ENDING) if alive else limit):
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
-                raise GraphFailure(f"{', '.join(there)} on ROS domain {domain} already: end it, or set ROS_DOMAIN_ID to another number")
+                raise GraphFailure(
+                    f"{', '.join(there)} on ROS domain {domain} already: end it, or set"
+                    " ROS_DOMAIN_ID to another number"
+                )
             self.spin()
 
     def running(self, nodes: Iterable[str]) -> set[str]:
-        """Those of some nodes that a process of this machine has, whether DDS has found them or not."""
+        """Those of some nodes that a process of this machine has, whether DDS has found them or
+        not.
+        """
         names = {full_name(self.node, name): name for name in nodes}
         return {names[one] for one in running(names)}
 
@@ -106,22 +130,32 @@ class GraphClient:
         self.reach(self._learn, limit)
 
     def reach(self, client, limit: float | None = None) -> None:
-        """Wait until a client of the node can ask its service and is answered; GraphFailure if nobody serves it.
+        """Wait until a client of the node can ask its service and is answered; GraphFailure if
+        nobody serves it.
 
-        Each client has a link of its own, made after it: an older link says nothing of whether the server has found a younger client.
-        limit: default: the client's patience where there is a server, and as long as one may take to be found where there is none.
+        Each client has a link of its own, made after it: an older link says nothing of whether the
+        server has found a younger client. limit: default: the client's patience where there is a
+        server, and as long as one may take to be found where there is none.
         """
         self._up(client, client.service_name, client.service_is_ready, limit)
 
     def _reach_action(self, client: ActionClient, name: str, limit: float | None = None) -> None:
         self._up(client, f"{name}/_action/send_goal", client.server_is_ready, limit)
 
-    def _up(self, client: object, service: str, is_ready: Callable[[], bool], limit: float | None) -> None:
-        link = self._links.get(client) or self._links.setdefault(client, ServerProbe(self.node, service, is_ready))
+    def _up(
+        self, client: object, service: str, is_ready: Callable[[], bool], limit: float | None
+    ) -> None:
+        link = self._links.get(client) or self._links.setdefault(
+            client, ServerProbe(self.node, service, is_ready)
+        )
         begun = time.monotonic()
         while not link.up():
             waited = time.monotonic() - begun
-            if link.is_hopeless(waited, self._patience, self._appears) if limit is None else waited > limit:
+            if (
+                link.is_hopeless(waited, self._patience, self._appears)
+                if limit is None
+                else waited > limit
+            ):
                 raise GraphFailure(link.why)
             self.spin()
 
@@ -132,60 +166,95 @@ class GraphClient:
     def show(self, situation: Situation) -> Teach.Result:
         """A movement that is guided in one situation until it succeeds."""
         self._reach_action(self._teach, "teach")
-        handle, server = self._accepted(self._teach.send_goal_async(Teach.Goal(situation=situation)), "teach")
+        handle, server = self._accepted(
+            self._teach.send_goal_async(Teach.Goal(situation=situation)), "teach"
+        )
         result = self.wait(handle.get_result_async(), "the lesson", needed=server).result
         self._taught += result.success
         if result.success:
             self.call(self._sequence.pause_client, SetBool.Request(data=True))
         return result
 
-    def learn(self, bag: str = "", configuration: str = "", at_least: int | None = None, without: Iterable[str] = ()) -> Learn.Response:
-        """Learn from the demonstrations heard, at least so many (default: those taught), or from a bag; GraphFailure says why nothing was
-        learned. without: ids of demonstrations that are left out.
+    def learn(
+        self,
+        bag: str = "",
+        configuration: str = "",
+        at_least: int | None = None,
+        without: Iterable[str] = (),
+    ) -> Learn.Response:
+        """Learn from the demonstrations heard, at least so many (default: those taught), or from a
+        bag; GraphFailure says why nothing was learned. without: ids of demonstrations that are
+        left out.
         """
         at_least = (0 if bag else self._taught) if at_least is None else at_least
-        request = Learn.Request(bag=bag, configuration=configuration, at_least=at_least, without=list(without))
+        request = Learn.Request(
+            bag=bag, configuration=configuration, at_least=at_least, without=list(without)
+        )
         response = self._call_while_pending(self._learn, request)
         if not response.success:
             raise GraphFailure(f"{self._learn.service_name}: {response.message}")
         return response
 
     def load(self, model: Path) -> str:
-        """Plan with a model of a file from now on; its id. GraphFailure says why the learner refuses it."""
+        """Plan with a model of a file from now on; its id. GraphFailure says why the learner
+        refuses it.
+        """
         loader = self.node.create_client(ModelFile, "skill_learner/load")
         response = self.call(loader, ModelFile.Request(path=str(model.resolve())))
         return response.model_id
 
     def save(self, model: Path) -> str:
-        """Write the learner's model, with what practice has found, to a file that is not there yet; its id. GraphFailure says why not."""
+        """Write the learner's model, with what practice has found, to a file that is not there
+        yet; its id. GraphFailure says why not.
+        """
         saver = self.node.create_client(ModelFile, "skill_learner/save")
         return self.call(saver, ModelFile.Request(path=str(model.resolve()))).model_id
 
     def release_arm(self, free: bool) -> None:
-        """Leave a real arm to the hands of a person, or hold it where it is; GraphFailure if that cannot be now."""
-        self.call(self.node.create_client(SetBool, "commander/release_arm"), SetBool.Request(data=free))
+        """Leave a real arm to the hands of a person, or hold it where it is; GraphFailure if that
+        cannot be now.
+        """
+        self.call(
+            self.node.create_client(SetBool, "commander/release_arm"), SetBool.Request(data=free)
+        )
 
     def start_demonstration(self) -> None:
-        """From now on what the sensors see may become a demonstration; GraphFailure says what is silent."""
-        self.call(self.node.create_client(Trigger, "demonstration_recorder/start"), Trigger.Request())
+        """From now on what the sensors see may become a demonstration; GraphFailure says what is
+        silent.
+        """
+        self.call(
+            self.node.create_client(Trigger, "demonstration_recorder/start"), Trigger.Request()
+        )
 
     def stop_demonstration(self) -> StopDemonstration.Response:
-        """What was recorded since the start, kept as a demonstration if there is a throw in it; poses that are late are waited for."""
+        """What was recorded since the start, kept as a demonstration if there is a throw in it;
+        poses that are late are waited for.
+        """
         client = self.node.create_client(StopDemonstration, "demonstration_recorder/stop")
         return self._call_while_pending(client, StopDemonstration.Request(keep=True))
 
-    def demonstrations(self, configuration: str = "", compare: bool = False) -> ListDemonstrations.Response:
-        """What the learner has heard, and what can be made of it; compare: also how unlike the others each is."""
+    def demonstrations(
+        self, configuration: str = "", compare: bool = False
+    ) -> ListDemonstrations.Response:
+        """What the learner has heard, and what can be made of it; compare: also how unlike the
+        others each is.
+        """
         client = self.node.create_client(ListDemonstrations, "skill_learner/demonstrations")
-        return self.call(client, ListDemonstrations.Request(configuration=configuration, compare=compare))
+        return self.call(
+            client, ListDemonstrations.Request(configuration=configuration, compare=compare)
+        )
 
     def drop(self, name: str, restore: bool = False) -> str:
-        """Leave a demonstration out of what is learned next, or let it count again; GraphFailure if there is none of this name."""
+        """Leave a demonstration out of what is learned next, or let it count again; GraphFailure
+        if there is none of this name.
+        """
         client = self.node.create_client(DropDemonstration, "skill_learner/drop_demonstration")
         return self.call(client, DropDemonstration.Request(id=name, restore=restore)).message
 
     def is_simulated(self, limit: float = START) -> bool:
-        """Whether the coach of the graph resets a simulator before each throw; GraphFailure if there is no coach to say so."""
+        """Whether the coach of the graph resets a simulator before each throw; GraphFailure if
+        there is no coach to say so.
+        """
         return self._of_coach("simulated", limit).bool_value
 
     def skill(self, limit: float = START) -> str:
@@ -202,7 +271,9 @@ class GraphClient:
         return self.execute(conversions.at_place(target))
 
     def execute(self, situation: Situation, look: bool = False) -> Execute.Result:
-        """One movement in a situation in which bodies are put, from a world that is reset; look: it is planned for what the cameras see."""
+        """One movement in a situation in which bodies are put, from a world that is reset; look:
+        it is planned for what the cameras see.
+        """
         under_way = self._begin(situation, look)
         begun, over = time.monotonic(), Future()
         under_way.over.when_kept(lambda: over.set_result(None))
@@ -216,7 +287,9 @@ class GraphClient:
         stamp = self.carry_out(self._sequence.reset(situation), "the reset")
         if look:
             situation, stamp = self.carry_out(self._sequence.look(), "a look at the bodies")
-        return self.carry_out(self._sequence.begin(situation, stamp), "the beginning of the movement")
+        return self.carry_out(
+            self._sequence.begin(situation, stamp), "the beginning of the movement"
+        )
 
     def practise(
         self,
@@ -227,16 +300,21 @@ class GraphClient:
         on_feedback=lambda feedback: None,
         situations: Iterable[Situation] = (),
     ) -> Practice.Result:
-        """Own throws that are learned from, or only thrown; without targets the coach chooses them, or throws where it sees the basket.
+        """Own throws that are learned from, or only thrown; without targets the coach chooses
+        them, or throws where it sees the basket.
 
         situations: the same as targets, of any skill.
 
         on_feedback: called with each feedback. Ctrl-C cancels the throws, on the arm too.
         """
-        goal = Practice.Goal(trials=throws, situations=[*situations, *map(conversions.at_place, targets)])
+        goal = Practice.Goal(
+            trials=throws, situations=[*situations, *map(conversions.at_place, targets)]
+        )
         goal.follow_bodies, goal.only_execute = follow_basket, only_throw
         self._reach_action(self._practice, "practice")
-        sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
+        sent = self._practice.send_goal_async(
+            goal, feedback_callback=lambda message: on_feedback(message.feedback)
+        )
         handle, server = self._accepted(sent, "practice")
         result = handle.get_result_async()
         try:
@@ -252,10 +330,16 @@ class GraphClient:
             self._setters[node] = self.node.create_client(SetParameters, f"{node}/set_parameters")
         client = self._setters[node]
         self.reach(client)
-        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+        request = SetParameters.Request(
+            parameters=[
+                Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+            ]
+        )
         for name, result in zip(values, self._asked(client, request).results, strict=True):
             if not result.successful:
-                raise GraphFailure(f"{node} does not take {name} = {values[name]}: {result.reason}")
+                raise GraphFailure(
+                    f"{node} does not take {name} = {values[name]}: {result.reason}"
+                )
 
     def call(self, client, request, may_refuse: bool = False):
         """Response of a service; GraphFailure if it says no, unless it may."""
@@ -266,20 +350,36 @@ class GraphClient:
         return response
 
     def _call_while_pending(self, client, request):
-        """Response of a service that may say that its answer is pending: asked again until it does not, or the patience is over."""
+        """Response of a service that may say that its answer is pending: asked again until it does
+        not, or the patience is over.
+        """
         until = time.monotonic() + self._patience
-        while (response := self.call(client, request, may_refuse=True)).pending and time.monotonic() < until:
+        while (
+            response := self.call(client, request, may_refuse=True)
+        ).pending and time.monotonic() < until:
             self._rest()
         return response
 
     def carry_out(self, coroutine: Coroutine, what: str):
-        """Result of a coroutine of the node's; GraphFailure when it fails, a process died or the patience is over."""
+        """Result of a coroutine of the node's; GraphFailure when it fails, a process died or the
+        patience is over.
+        """
         done = Future()
-        start(self.node, coroutine, lambda value, error: done.set_exception(error) if error is not None else done.set_result(value))
+        start(
+            self.node,
+            coroutine,
+            lambda value, error: (
+                done.set_exception(error) if error is not None else done.set_result(value)
+            ),
+        )
         return self.wait(done, what)
 
-    def wait(self, future, what: str, patience: float | None = None, needed: Presence | None = None):
-        """Result of a future; GraphFailure when a process died, a node that is needed for it has gone, or the patience is over."""
+    def wait(
+        self, future, what: str, patience: float | None = None, needed: Presence | None = None
+    ):
+        """Result of a future; GraphFailure when a process died, a node that is needed for it has
+        gone, or the patience is over.
+        """
         patience = self._patience if patience is None else patience
         begun = looked = time.monotonic()
         while not future.done():
@@ -290,12 +390,18 @@ class GraphClient:
             if needed is not None and now - looked > LOOK:
                 looked = now
                 if needed.gone and not future.done():
-                    raise GraphFailure(f"{needed} has gone before the end of {what}: start it again")
+                    raise GraphFailure(
+                        f"{needed} has gone before the end of {what}: start it again"
+                    )
         return future.result()
 
     def _asked(self, client, request):
         """Response of a service that was reached."""
-        return self.wait(client.call_async(request), client.service_name, needed=servers(self.node, client.service_name))
+        return self.wait(
+            client.call_async(request),
+            client.service_name,
+            needed=servers(self.node, client.service_name),
+        )
 
     def spin(self) -> None:
         """Let messages come in for a moment."""
@@ -322,4 +428,7 @@ class GraphClient:
         for status in message.status:
             if in_graph(self.node, status.name) == "wam_simulator":
                 values = {pair.key: pair.value for pair in status.values}
-                self.simulated_steps, self.counted_at = int(values.get("steps", self.simulated_steps)), time.monotonic()
+                self.simulated_steps, self.counted_at = (
+                    int(values.get("steps", self.simulated_steps)),
+                    time.monotonic(),
+                )

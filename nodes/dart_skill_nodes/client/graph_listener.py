@@ -1,4 +1,6 @@
-"""A short look at a graph that runs: what its nodes say of themselves, what is heard on its topics, and the limits in force."""
+"""A short look at a graph that runs: what its nodes say of themselves, what is heard on its
+topics, and the limits in force.
+"""
 
 import os
 import time
@@ -21,7 +23,16 @@ from dart_skill_nodes.client.graph_report import (
     TopicReport,
     missing_nodes,
 )
-from dart_skill_nodes.comms.names import COMMANDS, DIAGNOSTICS, GUIDING, JOINT_STATES, in_graph, namespace_of, nodes_there, pose_topics
+from dart_skill_nodes.comms.names import (
+    COMMANDS,
+    DIAGNOSTICS,
+    GUIDING,
+    JOINT_STATES,
+    in_graph,
+    namespace_of,
+    nodes_there,
+    pose_topics,
+)
 from dart_skill_nodes.comms.presence import UNKNOWN
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.comms.raw_batches import RawBatches
@@ -31,11 +42,15 @@ SAFETY = "wam/safety"
 STATES = (READY, WARNING, ERROR, SILENT)
 HAVE_LIMITS = ("commander", "wam_simulator", "effort_bridge")
 LONGER = 6.0
-"""Nodes that have said nothing yet, or have not answered, are waited for so much longer [s, wall clock]."""
+"""Nodes that have said nothing yet, or have not answered, are waited for so much longer [s, wall
+clock].
+"""
 
 
 class GraphListener:
-    """Hears a graph from now on. `spin` lets messages come in for a moment; `report` says what was found so far."""
+    """Hears a graph from now on. `spin` lets messages come in for a moment; `report` says what was
+    found so far.
+    """
 
     def __init__(self, node: Node, spin: Callable[[], None]):
         self._node, self._spin = node, spin
@@ -75,10 +90,20 @@ class GraphListener:
             namespace=namespace_of(self._node),
             seconds=time.monotonic() - self._begun,
             nodes=tuple(self._nodes()),
-            bystanders=tuple(sorted(self._others() - self._describing() - {name for name, _ in self._heard})),
-            topics=tuple(report for topic in self._batches.topics if (report := self._topic(topic)) is not None),
+            bystanders=tuple(
+                sorted(self._others() - self._describing() - {name for name, _ in self._heard})
+            ),
+            topics=tuple(
+                report
+                for topic in self._batches.topics
+                if (report := self._topic(topic)) is not None
+            ),
             limits={name: limits for name in self._asked if (limits := self._limits(name))},
-            safety=None if self._safety is None else (STATES[self._safety.level[0]], self._safety.message),
+            safety=(
+                None
+                if self._safety is None
+                else (STATES[self._safety.level[0]], self._safety.message)
+            ),
         )
 
     def close(self) -> None:
@@ -101,25 +126,38 @@ class GraphListener:
             self._newest[message.topic] = message.received_ns
 
     def _ask_for_limits(self) -> None:
-        """Once of each node that has limits, when it is found; an answer that gets lost is one that is not shown."""
+        """Once of each node that has limits, when it is found; an answer that gets lost is one
+        that is not shown.
+        """
         for name in HAVE_LIMITS:
             if name not in self._asked and any(name == other for other, _ in self._heard):
                 client = self._node.create_client(GetParameters, f"{name}/get_parameters")
                 self._asked[name] = client, None
             client, answer = self._asked.get(name, (None, None))
             if client is not None and answer is None and client.service_is_ready():
-                self._asked[name] = client, client.call_async(GetParameters.Request(names=[row.name for row in LIMITS]))
+                self._asked[name] = (
+                    client,
+                    client.call_async(GetParameters.Request(names=[row.name for row in LIMITS])),
+                )
 
     # what was found
 
     def _others(self) -> set[str]:
-        return {name for name in nodes_there(self._node) if name not in (self._node.get_name(), UNKNOWN) and not name.startswith("_")}
+        return {
+            name
+            for name in nodes_there(self._node)
+            if name not in (self._node.get_name(), UNKNOWN) and not name.startswith("_")
+        }
 
     def _describing(self) -> set[str]:
         """Nodes that have a status of their own, whether they tell it or not."""
         offers = self._node.get_publishers_info_by_topic(DIAGNOSTICS)
         space = self._node.get_namespace()
-        return {one.node_name for one in offers if one.node_name != UNKNOWN and one.node_namespace == space}
+        return {
+            one.node_name
+            for one in offers
+            if one.node_name != UNKNOWN and one.node_namespace == space
+        }
 
     def _silent(self) -> set[str]:
         return self._describing() - {name for name, _ in self._heard}
@@ -135,8 +173,14 @@ class GraphListener:
             NodeReport(name, STATES[status.level[0]], status.message, process, _values(status))
             for (name, process), status in self._heard.items()
         ]
-        why = "it is on the graph, and says nothing: it was killed, is frozen, or has just been started"
-        return sorted([*nodes, *(NodeReport(name, SILENT, why) for name in self._silent())], key=lambda one: one.name)
+        why = (
+            "it is on the graph, and says nothing: it was killed, is frozen, or has just been"
+            " started"
+        )
+        return sorted(
+            [*nodes, *(NodeReport(name, SILENT, why) for name in self._silent())],
+            key=lambda one: one.name,
+        )
 
     def _topic(self, topic: str) -> TopicReport | None:
         offers = self._node.get_publishers_info_by_topic(topic)
@@ -149,7 +193,9 @@ class GraphListener:
             rate=self._counts[topic] / max(1e-3, time.monotonic() - self._begun),
             age=None if newest is None else max(0.0, (time.time_ns() - newest) * 1e-9),
             lost=self._batches.lost.get(topic, 0),
-            reliable=all(one.qos_profile.reliability == ReliabilityPolicy.RELIABLE for one in offers),
+            reliable=all(
+                one.qos_profile.reliability == ReliabilityPolicy.RELIABLE for one in offers
+            ),
         )
 
     def _limits(self, name: str) -> dict:
@@ -157,7 +203,10 @@ class GraphListener:
         if answer is None or not answer.done():
             return {}
         values = [parameter_value_to_python(value) for value in answer.result().values]
-        return {row.name: list(value) if hasattr(value, "tolist") else value for row, value in zip(LIMITS, values, strict=True)}
+        return {
+            row.name: list(value) if hasattr(value, "tolist") else value
+            for row, value in zip(LIMITS, values, strict=True)
+        }
 
 
 def this_domain() -> str:

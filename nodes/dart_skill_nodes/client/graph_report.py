@@ -8,13 +8,21 @@ from dart_skill_nodes.process.graph_processes import LAYOUTS
 
 READY, WARNING, ERROR, SILENT = "ready", "warning", "error", "silent"
 """States of a node, in the order of the levels of diagnostic_msgs/DiagnosticStatus."""
-NEEDS = {"commander": LAYOUTS["hardware"], "wam_simulator": LAYOUTS["processes"], "bag_player": ("skill_learner", "demonstration_recorder")}
-"""Where a node of this name runs, these do. Who looks at a graph for the first time does not find those that were killed or frozen."""
+NEEDS = {
+    "commander": LAYOUTS["hardware"],
+    "wam_simulator": LAYOUTS["processes"],
+    "bag_player": ("skill_learner", "demonstration_recorder"),
+}
+"""Where a node of this name runs, these do. Who looks at a graph for the first time does not find
+those that were killed or frozen.
+"""
 
 
 @dataclass(frozen=True)
 class NodeReport:
-    """A node as it describes itself. process: as it says, empty if it says nothing. values: as on /diagnostics."""
+    """A node as it describes itself. process: as it says, empty if it says nothing. values: as on
+    /diagnostics.
+    """
 
     name: str
     state: str
@@ -25,7 +33,8 @@ class NodeReport:
 
 @dataclass(frozen=True)
 class TopicReport:
-    """A topic while it was listened to. rate: messages per second of the wall clock; age: of the newest one [s], None if none came.
+    """A topic while it was listened to. rate: messages per second of the wall clock; age: of the
+    newest one [s], None if none came.
 
     publishers: names of nodes, one twice that publishes twice. reliable: all of them.
     """
@@ -40,9 +49,11 @@ class TopicReport:
 
 @dataclass(frozen=True)
 class GraphReport:
-    """A whole graph. namespace: empty, or as "/arm1". bystanders: nodes without a status of their own, as a driver or `ros2 topic echo`.
+    """A whole graph. namespace: empty, or as "/arm1". bystanders: nodes without a status of their
+    own, as a driver or `ros2 topic echo`.
 
-    safety: state and reason of the arm's own safety module, None where nobody publishes it. limits: in force, by the node that says so.
+    safety: state and reason of the arm's own safety module, None where nobody publishes it.
+    limits: in force, by the node that says so.
     """
 
     domain: str
@@ -64,7 +75,9 @@ class GraphReport:
 
     @property
     def commanders(self) -> list[str]:
-        """Who commands the arm. Of a node that was killed and started again the middleware shows both for a while: it counts once."""
+        """Who commands the arm. Of a node that was killed and started again the middleware shows
+        both for a while: it counts once.
+        """
         return self._living(COMMANDS)
 
     @property
@@ -81,15 +94,27 @@ class GraphReport:
 
     @property
     def problems(self) -> list[str]:
-        """What is wrong, a line each; a warning of a node is none, unless nothing can be thrown for it."""
+        """What is wrong, a line each; a warning of a node is none, unless nothing can be thrown
+        for it.
+        """
         return [*self._of_nodes(), *self._of_arm(), *self._of_messages()]
 
     def _of_nodes(self) -> list[str]:
         bad = [f"{node.name}: {node.says}" for node in self.nodes if node.state in (ERROR, SILENT)]
         names = Counter(node.name for node in self.nodes)
-        processes = {name: [node.process for node in self.nodes if node.name == name] for name, count in names.items() if count > 1}
-        bad += [f"no {name}: it was not started, has ended, was killed or is frozen" for name in self.missing]
-        return bad + [f"{len(of)} nodes are called {name}, in processes {' and '.join(of)}: end one" for name, of in processes.items()]
+        processes = {
+            name: [node.process for node in self.nodes if node.name == name]
+            for name, count in names.items()
+            if count > 1
+        }
+        bad += [
+            f"no {name}: it was not started, has ended, was killed or is frozen"
+            for name in self.missing
+        ]
+        return bad + [
+            f"{len(of)} nodes are called {name}, in processes {' and '.join(of)}: end one"
+            for name, of in processes.items()
+        ]
 
     def _of_arm(self) -> list[str]:
         bad = []
@@ -99,28 +124,56 @@ class GraphReport:
         if self.safety is not None and self.safety[0] == ERROR:
             bad.append(f"the arm's safety module has stopped it until a reset: {self.safety[1]}")
         commander = self.node("commander")
-        if commander is not None and "/commander/reset" in commander.says and commander.state != ERROR:
+        if (
+            commander is not None
+            and "/commander/reset" in commander.says
+            and commander.state != ERROR
+        ):
             bad.append(f"commander: {commander.says}")
-        if commander is not None and commander.state != SILENT and self.topic(JOINT_STATES) is None:
+        if (
+            commander is not None
+            and commander.state != SILENT
+            and self.topic(JOINT_STATES) is None
+        ):
             bad.append(f"no arm: nobody publishes {self.namespace}/{JOINT_STATES}")
-        if len({tuple(sorted((name, str(value)) for name, value in limits.items())) for limits in self.limits.values()}) > 1:
+        if (
+            len(
+                {
+                    tuple(sorted((name, str(value)) for name, value in limits.items()))
+                    for limits in self.limits.values()
+                }
+            )
+            > 1
+        ):
             bad.append(f"{', '.join(self.limits)} have different limits: {self._differing()}")
         return bad
 
     def _of_messages(self) -> list[str]:
         return [
-            f"{one.lost} messages of {one.topic} were lost while it was listened to" for one in self.topics if one.lost and one.reliable
+            f"{one.lost} messages of {one.topic} were lost while it was listened to"
+            for one in self.topics
+            if one.lost and one.reliable
         ]
 
     def _living(self, topic: str) -> list[str]:
         report = self.topic(topic)
         there = Counter(report.publishers if report else ())
         spoken = Counter(node.name for node in self.nodes if node.process)
-        return sorted(name for name, count in there.items() for _ in range(min(count, spoken[name]) if spoken[name] else count))
+        return sorted(
+            name
+            for name, count in there.items()
+            for _ in range(min(count, spoken[name]) if spoken[name] else count)
+        )
 
     def _differing(self) -> str:
         names = {name for limits in self.limits.values() for name in limits}
-        return ", ".join(sorted(name for name in names if len({str(limits.get(name)) for limits in self.limits.values()}) > 1))
+        return ", ".join(
+            sorted(
+                name
+                for name in names
+                if len({str(limits.get(name)) for limits in self.limits.values()}) > 1
+            )
+        )
 
 
 def missing_nodes(there: set[str]) -> list[str]:

@@ -1,4 +1,6 @@
-"""What other nodes say of themselves on /diagnostics, and in their parameters: where cameras stand, which numbers can be changed."""
+"""What other nodes say of themselves on /diagnostics, and in their parameters: where cameras
+stand, which numbers can be changed.
+"""
 
 import time
 from collections.abc import Callable
@@ -26,28 +28,51 @@ class NodeInspector:
 
     async def values(self, other: str, names: list[str]) -> dict:
         """Parameters of another node by name; CallFailed if it does not answer."""
-        response = await self._ask(GetParameters, f"{other}/get_parameters", GetParameters.Request(names=names))
-        return {name: parameter_value_to_python(value) for name, value in zip(names, response.values, strict=True)}
+        response = await self._ask(
+            GetParameters, f"{other}/get_parameters", GetParameters.Request(names=names)
+        )
+        return {
+            name: parameter_value_to_python(value)
+            for name, value in zip(names, response.values, strict=True)
+        }
 
     async def cameras(self, other: str) -> tuple[Camera, ...]:
-        """Cameras of a motion-capture node with the parameters of mock_optitrack; ValueError or KeyError if they make no camera."""
+        """Cameras of a motion-capture node with the parameters of mock_optitrack; ValueError or
+        KeyError if they make no camera.
+        """
         common = await self.values(other, ["camera_names", "half_angles_deg", "range"])
-        names = [f"cameras.{name}.{field}" for name in common["camera_names"] for field in ("position", "look_at")]
-        config = MotionCaptureConfig.from_parameters({**common, **await self.values(other, names), "min_cameras": 1})
+        names = [
+            f"cameras.{name}.{field}"
+            for name in common["camera_names"]
+            for field in ("position", "look_at")
+        ]
+        config = MotionCaptureConfig.from_parameters(
+            {**common, **await self.values(other, names), "min_cameras": 1}
+        )
         return config.cameras
 
     async def knobs(self, other: str) -> list[Knob]:
         """Numbers of another node that have a range and can be changed while it runs."""
-        listed = await self._ask(ListParameters, f"{other}/list_parameters", ListParameters.Request())
+        listed = await self._ask(
+            ListParameters, f"{other}/list_parameters", ListParameters.Request()
+        )
         names = list(listed.result.names)
-        described = await self._ask(DescribeParameters, f"{other}/describe_parameters", DescribeParameters.Request(names=names))
-        free = [one for one in described.descriptors if not one.read_only and one.floating_point_range]
+        described = await self._ask(
+            DescribeParameters,
+            f"{other}/describe_parameters",
+            DescribeParameters.Request(names=names),
+        )
+        free = [
+            one for one in described.descriptors if not one.read_only and one.floating_point_range
+        ]
         values = await self.values(other, [one.name for one in free])
         return [_knob(one, values[one.name]) for one in free]
 
     async def set(self, other: str, name: str, value: float) -> None:
         """Change a number of another node; CallFailed with its reason if it refuses."""
-        request = SetParameters.Request(parameters=[Parameter(name, value=float(value)).to_parameter_msg()])
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=float(value)).to_parameter_msg()]
+        )
         result = (await self._ask(SetParameters, f"{other}/set_parameters", request)).results[0]
         if not result.successful:
             raise CallFailed(f"{other} does not take {name} = {value}: {result.reason}")
@@ -66,7 +91,8 @@ class NodeInspector:
 class NodeStatuses:
     """The last status of every node; one that has said nothing for SILENT seconds is silent.
 
-    is_ours: of which names a status is kept: /diagnostics is one topic for the graphs of all namespaces.
+    is_ours: of which names a status is kept: /diagnostics is one topic for the graphs of all
+    namespaces.
     """
 
     SILENT = 5.0
@@ -80,14 +106,19 @@ class NodeStatuses:
         ours = [status for status in message.status if self._is_ours(status.name)]
         new = [status.name for status in ours if status.name not in self._heard]
         for status in ours:
-            self._heard[status.name] = time.monotonic(), NodeStatus(status.name, status.level[0], status.message)
+            self._heard[status.name] = (
+                time.monotonic(),
+                NodeStatus(status.name, status.level[0], status.message),
+            )
         return new
 
     def now(self) -> list[NodeStatus]:
         """Status of all nodes."""
         ages = {name: time.monotonic() - heard for name, (heard, _) in self._heard.items()}
         return [
-            NodeStatus(name, DiagnosticStatus.STALE[0], f"silent for {ages[name]:.0f} s") if ages[name] > self.SILENT else status
+            NodeStatus(name, DiagnosticStatus.STALE[0], f"silent for {ages[name]:.0f} s")
+            if ages[name] > self.SILENT
+            else status
             for name, (_, status) in self._heard.items()
         ]
 

@@ -1,7 +1,9 @@
-"""The person beside a real arm: asked for what a simulator's reset does, and waited for until the cameras see it.
+"""The person beside a real arm: asked for what a simulator's reset does, and waited for until the
+cameras see it.
 
-The arm moves to where a throw begins, the person puts the ball into its hand and stands back. Where targets are given, the person puts the
-basket there. Nothing here moves the arm but `bring`, which a commander refuses whose arm somebody may hold.
+The arm moves to where a throw begins, the person puts the ball into its hand and stands back.
+Where targets are given, the person puts the basket there. Nothing here moves the arm but `bring`,
+which a commander refuses whose arm somebody may hold.
 """
 
 import time
@@ -33,18 +35,22 @@ LOOK = 0.05
 HINT = 2.0
 """What is missing is said after so long [s, wall clock]: at first, it is no news."""
 AT_REST, THERE = 0.05, 0.1
-"""The arm is at rest below this joint speed [rad/s], and at a posture within this of each joint [rad]."""
+"""The arm is at rest below this joint speed [rad/s], and at a posture within this of each joint
+[rad].
+"""
 COME_TO_REST = 20.0
-"""An arm that is not at its posture so long after it should be is not waited for any more [s, wall clock]."""
+"""An arm that is not at its posture so long after it should be is not waited for any more [s, wall
+clock].
+"""
 HELD, MOVES = Mode.HOLDING.value, Mode.MOVING.value
 """What the commander says of an arm that it holds, and of one on its way to a posture."""
 
 
 @dataclass(frozen=True)
 class Patience:
-    """longest_wait: for the person [s, wall clock]; stand_back: between the ball that rests in the hand and
-    the throw [s, by the stamps of the cameras]; seat_tolerance: of the ball from its place in the hand [m]; basket_tolerance: of the basket
-    from where it shall be [m].
+    """longest_wait: for the person [s, wall clock]; stand_back: between the ball that rests in the
+    hand and the throw [s, by the stamps of the cameras]; seat_tolerance: of the ball from its
+    place in the hand [m]; basket_tolerance: of the basket from where it shall be [m].
     """
 
     longest_wait: float
@@ -54,17 +60,28 @@ class Patience:
 
 
 class Person:
-    """What `node` asks of the person, as coroutines; each raises CallFailed when it takes too long, or when `withdrawn` gives a reason.
+    """What `node` asks of the person, as coroutines; each raises CallFailed when it takes too
+    long, or when `withdrawn` gives a reason.
 
-    frame_id: of the poses. bodies: names of the tracked bodies by role. ask: called with what the person should do now.
+    frame_id: of the poses. bodies: names of the tracked bodies by role. ask: called with what the
+    person should do now.
     """
 
-    def __init__(self, node: Node, calls: ServiceCalls, frame_id: str, bodies: dict[str, str], patience: Patience):
+    def __init__(
+        self,
+        node: Node,
+        calls: ServiceCalls,
+        frame_id: str,
+        bodies: dict[str, str],
+        patience: Patience,
+    ):
         self._node, self._calls, self._patience = node, calls, patience
         self._tracked = TrackedBodies(frame_id, node.get_logger().error)
         self._cameras = MatchingSubscriptions(node)
         for role in ROLES:
-            self._cameras.subscribe(pose_topic(bodies[role]), self._taker(role), PoseStamped, raw=True)
+            self._cameras.subscribe(
+                pose_topic(bodies[role]), self._taker(role), PoseStamped, raw=True
+            )
         self._heard, self._mode, self._last, self._moved = b"", "", "", False
         self._mode_ns = 0  # stamp of the state in which the commander said its mode
         self._states = hear_joint_states(node, self._on_state, raw=True)
@@ -105,7 +122,9 @@ class Person:
         return await self._until(text, lambda: self._basket_at(target))
 
     async def another_basket(self, place: np.ndarray, why: str) -> None:
-        """Wait until the basket is seen elsewhere than at a place (3,) for which there is no plan, and why."""
+        """Wait until the basket is seen elsewhere than at a place (3,) for which there is no plan,
+        and why.
+        """
 
         def moved() -> bool:
             if self._rests_at(place) is not False:
@@ -117,7 +136,8 @@ class Person:
     async def bring(self, posture: np.ndarray, since_ns: int = 0) -> None:
         """Move the arm to a posture (7,) and wait until it rests there.
 
-        since_ns: the arm may have moved up to this stamp; states before it, which come late on a busy machine, do not say where it is.
+        since_ns: the arm may have moved up to this stamp; states before it, which come late on a
+        busy machine, do not say where it is.
         """
         if since_ns:
             await self._until("", lambda: self._check_heard(since_ns), COME_TO_REST)
@@ -128,9 +148,18 @@ class Person:
         begun = await self._calls.call(self._move, MoveArm.Request(posture=posture))
 
         def arrived() -> bool:
-            # a state from before the arm was held again, which comes late on a busy machine, does not say where it stopped
-            if self._moved and self._mode == HELD and self._has_heard(self._mode_ns) and not self._is_at(posture):
-                raise CallFailed(f"the arm stopped on its way to where the throw begins: {self._last or 'the commander says no reason'}")
+            # a state from before the arm was held again, which comes late on a busy machine, does
+            # not say where it stopped
+            if (
+                self._moved
+                and self._mode == HELD
+                and self._has_heard(self._mode_ns)
+                and not self._is_at(posture)
+            ):
+                raise CallFailed(
+                    "the arm stopped on its way to where the throw begins:"
+                    f" {self._last or 'the commander says no reason'}"
+                )
             return self._check_at(posture)
 
         try:
@@ -140,13 +169,17 @@ class Person:
             raise
 
     async def ball(self, seat: np.ndarray, basket: np.ndarray) -> bool:
-        """Wait until the ball rests at its seat (3,) in the hand of a held arm, and has rested there while the person stood back.
+        """Wait until the ball rests at its seat (3,) in the hand of a held arm, and has rested
+        there while the person stood back.
 
-        False as soon as the basket rests elsewhere than at a place (3,): what was planned for it is not thrown.
+        False as soon as the basket rests elsewhere than at a place (3,): what was planned for it
+        is not thrown.
         """
         seconds = self._patience.stand_back
         text = "put the ball into the hand, then stand back"
-        if not await self._until(text, lambda: self._rests_at(basket) is not False and self._check_ball(seat)):
+        if not await self._until(
+            text, lambda: self._rests_at(basket) is not False and self._check_ball(seat)
+        ):
             return False
         begun_ns = self._tracked.newest_ns
         self.ask(f"stand back: the arm throws in {seconds:.0f} s")
@@ -167,7 +200,9 @@ class Person:
         return await self._until("", stood_back) and self._rests_at(basket) is True
 
     def _rests_at(self, place: np.ndarray) -> bool | None:
-        """Whether the basket rests at a place (3,); None where it is not seen at rest: somebody who stands before it has not carried it."""
+        """Whether the basket rests at a place (3,); None where it is not seen at rest: somebody
+        who stands before it has not carried it.
+        """
         try:
             return self._is_near(place, self._where_basket())
         except ValueError:
@@ -185,17 +220,24 @@ class Person:
         seen = self._where_basket()
         x, y, z = target - seen
         if not self._is_near(target, seen):
-            raise ValueError(f"the basket is seen elsewhere: move it by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} m")
+            raise ValueError(
+                f"the basket is seen elsewhere: move it by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} m"
+            )
         return seen
 
     def _check_ball(self, seat: np.ndarray) -> bool:
         self._check_held()
-        check_ball_in_hand(self._tracked.log, self._tracked.newest_ns, seat, self._patience.seat_tolerance)
+        check_ball_in_hand(
+            self._tracked.log, self._tracked.newest_ns, seat, self._patience.seat_tolerance
+        )
         return True
 
     def _check_heard(self, since_ns: int) -> bool:
         if not self._has_heard(since_ns):
-            raise ValueError("no state of the arm has come on /joint_states since it was thrown with: is its driver running?")
+            raise ValueError(
+                "no state of the arm has come on /joint_states since it was thrown with: is its"
+                " driver running?"
+            )
         return True
 
     def _check_held(self) -> None:
@@ -204,7 +246,10 @@ class Person:
         state = self._state()
         if self._mode != HELD:
             said = f"'{self._mode}'" if self._mode else "nothing yet"
-            raise ValueError(f"the arm is not held, the commander says {said}: hold it (/commander/release_arm with data: false)")
+            raise ValueError(
+                f"the arm is not held, the commander says {said}: hold it (/commander/release_arm"
+                " with data: false)"
+            )
         if np.abs(state.velocity).max() > AT_REST:
             raise ValueError("the arm still moves")
 
@@ -226,7 +271,9 @@ class Person:
         return True
 
     async def _until(self, text: str, condition: Callable, limit: float | None = None):
-        """What a condition returns, once it raises no ValueError for what has come since now; says `text`, and what is missing."""
+        """What a condition returns, once it raises no ValueError for what has come since now; says
+        `text`, and what is missing.
+        """
         if text:
             self.ask(text)
         limit = self._patience.longest_wait if limit is None else limit

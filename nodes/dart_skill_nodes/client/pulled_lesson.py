@@ -1,4 +1,6 @@
-"""A lesson that somebody gives on the page with the mouse: from the ball that is dragged to /teacher/pointer, and what became of it."""
+"""A lesson that somebody gives on the page with the mouse: from the ball that is dragged to
+/teacher/pointer, and what became of it.
+"""
 
 from collections.abc import Callable, Mapping
 
@@ -18,7 +20,9 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import pause, start
 
 LOOKS, LONGEST = 30, 120.0
-"""Times that the learner is asked for the newest demonstration, and the longest that it may take to compare all [s, wall clock]."""
+"""Times that the learner is asked for the newest demonstration, and the longest that it may take
+to compare all [s, wall clock].
+"""
 HELD = "held"
 """Phase of a lesson from when on the hand may be pulled."""
 
@@ -26,12 +30,19 @@ HELD = "held"
 class PulledLesson:
     """Obeys what the page asks of a hand that is held, and shows how far it is to go.
 
-    jobs: which of them is under way; hand, panel: of the page; skill: that is shown; quick: called with whether somebody holds the hand,
-    who wants to see at once what it does.
+    jobs: which of them is under way; hand, panel: of the page; skill: that is shown; quick: called
+    with whether somebody holds the hand, who wants to see at once what it does.
     """
 
     def __init__(
-        self, node: Node, jobs: ViewerJobs, hand: HeldHand, panel: Panel, skill: Skill, frame_id: str, quick: Callable[[bool], None]
+        self,
+        node: Node,
+        jobs: ViewerJobs,
+        hand: HeldHand,
+        panel: Panel,
+        skill: Skill,
+        frame_id: str,
+        quick: Callable[[bool], None],
     ):
         assert panel.holding is not None
         self._node, self._jobs, self._hand, self._skill = node, jobs, hand, skill
@@ -72,7 +83,9 @@ class PulledLesson:
         self._take_hold()
         if self._hand.held and self._goal is not None and self._skill.moves in self._seen:
             lies = self._goal.sees(self._seen[self._skill.moves])
-            self._controls.say_where(f"the {self._skill.moves} is {how_far(lies.position, lies.rotation)}")
+            self._controls.say_where(
+                f"the {self._skill.moves} is {how_far(lies.position, lies.rotation)}"
+            )
 
     def hear(self, phase: str) -> None:
         """The phase of the lesson under way."""
@@ -81,7 +94,9 @@ class PulledLesson:
             self._take_hold()
 
     def _take_hold(self) -> None:
-        """Once the hand may be pulled, and is seen: a world that was held may not have been seen yet."""
+        """Once the hand may be pulled, and is seen: a world that was held may not have been seen
+        yet.
+        """
         if not self._may_pull or self._hand.held or HAND not in self._seen:
             return
         hand = self._seen[HAND]
@@ -100,7 +115,9 @@ class PulledLesson:
         self._goal = self._goal_of(situation)
         self._seen.pop(HAND, None)  # where it was before the world is reset
         self._jobs.say("take the ball at the hand", False)
-        result = await self._jobs.carry_out("teach", Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True))
+        result = await self._jobs.carry_out(
+            "teach", Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True)
+        )
         if not result.success:
             raise CallFailed(f"not kept: {result.message}")
         return f"kept: {1e3 * result.outcome.error:.1f} mm off"
@@ -166,11 +183,15 @@ class PulledLesson:
                 break
             await pause(self._node, 0.1)
         if compare:
-            answer = await self._calls.call(self._list, ListDemonstrations.Request(compare=True), patience=LONGEST)
+            answer = await self._calls.call(
+                self._list, ListDemonstrations.Request(compare=True), patience=LONGEST
+            )
         return list(answer.demonstrations)
 
 
 def _row(one) -> DemonstrationRow:
     counts = bool(one.readable and not one.dropped)
     seconds = conversions.seconds(one.duration)
-    return DemonstrationRow(one.id, one.finding, seconds, counts, one.weight, one.unlike, bool(one.outlier))
+    return DemonstrationRow(
+        one.id, one.finding, seconds, counts, one.weight, one.unlike, bool(one.outlier)
+    )

@@ -1,4 +1,6 @@
-"""Calls of services and actions from coroutines: they wait until the other side can really answer, and say who is missing."""
+"""Calls of services and actions from coroutines: they wait until the other side can really answer,
+and say who is missing.
+"""
 
 import time
 from collections.abc import Awaitable, Callable
@@ -30,7 +32,9 @@ class ServiceCalls:
         self._links: dict[object, ServerProbe] = {}
 
     async def call(self, client, request, may_refuse: bool = False, patience: float = PATIENCE):
-        """Response of a service; CallFailed with the remedy if nobody serves it, does not answer within patience [s], or says no."""
+        """Response of a service; CallFailed with the remedy if nobody serves it, does not answer
+        within patience [s], or says no.
+        """
         link = await self._linked(client, client.service_name, client.service_is_ready)
         asked = servers(self._node, client.service_name)
         response = await answer(self._node, client, request, patience, asked)
@@ -42,11 +46,15 @@ class ServiceCalls:
         return response
 
     async def send(self, client: ActionClient, name: str, goal, on_feedback):
-        """Handle of a goal that was accepted; CallFailed if nobody serves the action, does not answer, or refuses it."""
+        """Handle of a goal that was accepted; CallFailed if nobody serves the action, does not
+        answer, or refuses it.
+        """
         name = full_name(self._node, name)
         await self._linked(client, f"{name}/_action/send_goal", client.server_is_ready)
         accepted = Promise()
-        sent = client.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
+        sent = client.send_goal_async(
+            goal, feedback_callback=lambda message: on_feedback(message.feedback)
+        )
         sent.add_done_callback(lambda done: accepted.keep(done.result()))
         asked = servers(self._node, f"{name}/_action/send_goal")
         handle = await within(self._node, accepted, PATIENCE, asked)
@@ -61,7 +69,9 @@ class ServiceCalls:
         return client in self._links and self._links[client].was_up
 
     async def kept(self, name: str, promise: Promise, limit: float):
-        """Value of a promise that an action's server keeps; CallFailed if that takes longer than the limit, or the server goes."""
+        """Value of a promise that an action's server keeps; CallFailed if that takes longer than
+        the limit, or the server goes.
+        """
         name = full_name(self._node, name)
         asked = servers(self._node, f"{name}/_action/send_goal")
         value = await within(self._node, promise, limit, asked)
@@ -80,7 +90,11 @@ class ServiceCalls:
 
 
 def _unanswered(name: str, asked: Presence, limit: float) -> str:
-    return f"{asked} has gone before it answered {name}: start it again" if asked.gone else f"no answer from {name} in {limit:.0f} s"
+    return (
+        f"{asked} has gone before it answered {name}: start it again"
+        if asked.gone
+        else f"no answer from {name} in {limit:.0f} s"
+    )
 
 
 class Recording:
@@ -92,9 +106,11 @@ class Recording:
         self._stop = node.create_client(StopDemonstration, "demonstration_recorder/stop")
 
     async def start(self, let_run: Callable[[], Awaitable] | None = None) -> None:
-        """From now on a throw is looked at. In a graph that has just been started every topic must come to the recorder first.
+        """From now on a throw is looked at. In a graph that has just been started every topic must
+        come to the recorder first.
 
-        let_run: lets a simulated world run that is held: nothing comes from it to a recorder that was started meanwhile.
+        let_run: lets a simulated world run that is held: nothing comes from it to a recorder that
+        was started meanwhile.
         """
         for attempt in range(100):
             response = await self._calls.call(self._start, Trigger.Request(), may_refuse=True)
@@ -107,9 +123,15 @@ class Recording:
             await pause(self._node, 0.1)
         raise CallFailed(f"{self._start.service_name}: {response.message}")
 
-    async def stop(self, until_ns: int, keep: bool, reason: str = "") -> StopDemonstration.Response:
-        """What was recorded up to a stamp, cut out; keep: as a demonstration, else for a reason only as a part of the bag."""
-        request = StopDemonstration.Request(keep=keep, reason=reason, until=conversions.time_msg(until_ns))
+    async def stop(
+        self, until_ns: int, keep: bool, reason: str = ""
+    ) -> StopDemonstration.Response:
+        """What was recorded up to a stamp, cut out; keep: as a demonstration, else for a reason
+        only as a part of the bag.
+        """
+        request = StopDemonstration.Request(
+            keep=keep, reason=reason, until=conversions.time_msg(until_ns)
+        )
         for _ in range(100):
             response = await self._calls.call(self._stop, request, may_refuse=True)
             if not response.pending:
@@ -125,14 +147,23 @@ class Judge:
         self._node, self._calls = node, calls
         self._client = node.create_client(JudgeService, "demonstration_recorder/judge")
 
-    async def outcome(self, situation: Situation, told_ns: int, until_ns: int, begun_ns: int = 0) -> Outcome:
-        """What became of a movement for a situation, of what the cameras saw up to a stamp, once that has arrived.
+    async def outcome(
+        self, situation: Situation, told_ns: int, until_ns: int, begun_ns: int = 0
+    ) -> Outcome:
+        """What became of a movement for a situation, of what the cameras saw up to a stamp, once
+        that has arrived.
 
-        told_ns, begun_ns: when the fingers were told the last thing, and when it began, 0 if that is not known [ns].
+        told_ns, begun_ns: when the fingers were told the last thing, and when it began, 0 if that
+        is not known [ns].
 
-        Where nothing more of it arrives within ARRIVAL, the throw is judged by what has come. CallFailed if nobody judges.
+        Where nothing more of it arrives within ARRIVAL, the throw is judged by what has come.
+        CallFailed if nobody judges.
         """
-        request = JudgeService.Request(situation=situation, begun=conversions.time_msg(begun_ns), told=conversions.time_msg(told_ns))
+        request = JudgeService.Request(
+            situation=situation,
+            begun=conversions.time_msg(begun_ns),
+            told=conversions.time_msg(told_ns),
+        )
         request.until = conversions.time_msg(until_ns)
         come, late = "", 0.0
         while (response := await self._calls.call(self._client, request, may_refuse=True)).pending:
@@ -154,7 +185,9 @@ class Eyes:
         self._client = node.create_client(Look, "demonstration_recorder/look")
 
     async def look(self, until_ns: int = 0) -> Situation:
-        """Where the bodies of the skill are just before a stamp; 0: now. CallFailed says which one is not seen."""
+        """Where the bodies of the skill are just before a stamp; 0: now. CallFailed says which one
+        is not seen.
+        """
         request, since = Look.Request(until=conversions.time_msg(until_ns)), time.monotonic()
         while (response := await self._calls.call(self._client, request, may_refuse=True)).pending:
             if time.monotonic() - since > ARRIVAL:

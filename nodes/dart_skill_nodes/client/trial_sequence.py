@@ -1,7 +1,8 @@
-"""The one way to execute a skill in a simulated world: reset and held, goal, armed, let run, result, held again.
+"""The one way to execute a skill in a simulated world: reset and held, goal, armed, let run,
+result, held again.
 
-The world is held until the commander has its plan, so that a movement begins at the same step every time. On an arm without a simulator the
-goal alone is sent.
+The world is held until the commander has its plan, so that a movement begins at the same step
+every time. On an arm without a simulator the goal alone is sent.
 """
 
 from collections.abc import Callable
@@ -30,7 +31,9 @@ LOOK_STEPS = 100
 
 @dataclass
 class TrialUnderWay:
-    """A goal that was accepted: the goal's handle, the promise that the commander is armed, and that of the result."""
+    """A goal that was accepted: the goal's handle, the promise that the commander is armed, and
+    that of the result.
+    """
 
     handle: ClientGoalHandle | None = None
     armed: Promise = field(default_factory=Promise)
@@ -40,10 +43,17 @@ class TrialUnderWay:
 class TrialSequence:
     """The steps of a trial as coroutines of a node.
 
-    frame_id: of situations. simulated: whether there is a simulator that is reset and held; called for every trial.
+    frame_id: of situations. simulated: whether there is a simulator that is reset and held; called
+    for every trial.
     """
 
-    def __init__(self, node: Node, calls: ServiceCalls, frame_id: str, simulated: Callable[[], bool] = lambda: True):
+    def __init__(
+        self,
+        node: Node,
+        calls: ServiceCalls,
+        frame_id: str,
+        simulated: Callable[[], bool] = lambda: True,
+    ):
         self._node, self._calls, self._frame_id, self._simulated = node, calls, frame_id, simulated
         self.reset_client = node.create_client(Reset, "simulation/reset")
         self.pause_client = node.create_client(SetBool, "simulation/pause")
@@ -53,7 +63,9 @@ class TrialSequence:
         self._under_way: TrialUnderWay | None = None
 
     async def reset(self, situation: Situation | None = None) -> Time:
-        """A world that is held, with all that the hand holds in it, bodies put where a situation says; the stamp of its first state."""
+        """A world that is held, with all that the hand holds in it, bodies put where a situation
+        says; the stamp of its first state.
+        """
         if not self._simulated():
             return Time()
         request = Reset.Request(paused=True, situation=situation or Situation())
@@ -62,10 +74,15 @@ class TrialSequence:
         except CallFailed as failure:
             if self._calls.has_reached(self.reset_client):
                 raise
-            raise CallFailed(f"{failure}; with a real arm start the coach with simulated:=false, as the layout hardware does") from failure
+            raise CallFailed(
+                f"{failure}; with a real arm start the coach with simulated:=false, as the layout"
+                " hardware does"
+            ) from failure
 
     async def look(self) -> tuple[Situation, Time]:
-        """Where the cameras see the bodies of the skill, in a held world that goes on for a moment; and the stamp of its state then."""
+        """Where the cameras see the bodies of the skill, in a held world that goes on for a
+        moment; and the stamp of its state then.
+        """
         stamp = Time()
         if self._simulated():
             stamp = (await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS))).stamp
@@ -73,11 +90,17 @@ class TrialSequence:
         return await self._eyes.look(until_ns), stamp
 
     async def begin(
-        self, situation: Situation, stamp: Time, on_phase: Callable[[str], None] = lambda phase: None, explore: bool = False
+        self,
+        situation: Situation,
+        stamp: Time,
+        on_phase: Callable[[str], None] = lambda phase: None,
+        explore: bool = False,
     ) -> TrialUnderWay:
-        """Send the goal for a situation, and let the world run when the commander is armed, or has refused.
+        """Send the goal for a situation, and let the world run when the commander is armed, or has
+        refused.
 
-        stamp: of the state after which the movement begins; zero: at once. explore: another plan than the best one may be tried.
+        stamp: of the state after which the movement begins; zero: at once. explore: another plan
+        than the best one may be tried.
         """
         goal = Execute.Goal(situation=situation, explore=explore)
         goal.header.frame_id, goal.header.stamp = self._frame_id, stamp
@@ -100,7 +123,9 @@ class TrialSequence:
         return trial
 
     async def end(self, trial: TrialUnderWay) -> Execute.Result:
-        """Result of a trial that has begun, and hold the world again; CallFailed if it takes too long, or the commander has gone."""
+        """Result of a trial that has begun, and hold the world again; CallFailed if it takes too
+        long, or the commander has gone.
+        """
         try:
             result = await self._calls.kept("execute", trial.over, LONGEST_TRIAL)
         finally:

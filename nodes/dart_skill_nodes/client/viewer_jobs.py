@@ -1,4 +1,6 @@
-"""What the controls of the live view set in motion: lessons, learning, throws, practice, the basket, stopping. One job at a time."""
+"""What the controls of the live view set in motion: lessons, learning, throws, practice, the
+basket, stopping. One job at a time.
+"""
 
 import itertools
 from collections.abc import Callable
@@ -24,19 +26,27 @@ from dart_skill_nodes.comms.coroutines import Promise, pause, start
 LONGEST_JOB = 86_400.0
 """Longest practice or lesson [s, wall clock]."""
 LOOK_STEPS = 20
-"""Steps of a world that is held, in which the cameras see that the basket was moved: more than their latency."""
-TO_PRESS = {"call ~/learn, or ~/load a model": "press Teach, then Learn", "call /commander/reset": "press Reset after a stop"}
+"""Steps of a world that is held, in which the cameras see that the basket was moved: more than
+their latency.
+"""
+TO_PRESS = {
+    "call ~/learn, or ~/load a model": "press Teach, then Learn",
+    "call /commander/reset": "press Reset after a stop",
+}
 """Remedies of nodes, and the buttons of the page for them."""
 SEEN_WITHIN, SEEN_AFTER = 0.02, 3.0
-"""A basket that was put somewhere is seen so near to the place [m], within so long [s, wall clock]."""
+"""A basket that was put somewhere is seen so near to the place [m], within so long [s, wall
+clock].
+"""
 
 
 class ViewerJobs:
     """Obeys requests of the panel as routines of `node`.
 
-    say: called with what goes on, and whether it is an error; busy: with whether a job is under way; threw: with the landing error [m] and
-    whether the ball went in; seen: gives where the basket is seen (3,), or None; heard: number of demonstrations that were published.
-    skill: in whose situations something is taught and tried. job: name of the one under way, empty: none;
+    say: called with what goes on, and whether it is an error; busy: with whether a job is under
+    way; threw: with the landing error [m] and whether the ball went in; seen: gives where the
+    basket is seen (3,), or None; heard: number of demonstrations that were published. skill: in
+    whose situations something is taught and tried. job: name of the one under way, empty: none;
     progress: how far it is, such as "lesson 3 of 5".
     """
 
@@ -54,7 +64,11 @@ class ViewerJobs:
         skill: Skill,
     ):
         self._node, self._region, self._frame_id = node, region, frame_id
-        self._rng, self._skill, self._has_basket = np.random.default_rng([seed, 7]), skill, conversions.BASKET in skill.bodies
+        self._rng, self._skill, self._has_basket = (
+            np.random.default_rng([seed, 7]),
+            skill,
+            conversions.BASKET in skill.bodies,
+        )
         self.say, self._show_busy, self._threw = say, busy, threw
         self._seen, self.heard = seen, heard
         self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
@@ -62,14 +76,22 @@ class ViewerJobs:
         self.progress, self._wanted_trials = "", 0
         self._wanted, self._placing, self._placed_at = None, False, None
         self._when_over: Callable[[str], None] = lambda job: None
-        self._actions = {name: ActionClient(node, kind, name) for name, kind in (("teach", Teach), ("practice", Practice))}
+        self._actions = {
+            name: ActionClient(node, kind, name)
+            for name, kind in (("teach", Teach), ("practice", Practice))
+        }
         self._learn = node.create_client(Learn, "skill_learner/learn")
         self._sequence = TrialSequence(node, self._calls, frame_id)
         self._step = node.create_client(Step, "simulation/step")
         self._place = node.create_client(PlaceBody, "simulation/place_body")
         self._stop = node.create_client(Trigger, "commander/stop")
         self._reset = node.create_client(Trigger, "commander/reset")
-        self._jobs = {"teach": self._teach, "learn": self._learn_from_all, "throw": self._throw, "practice": self._practise}
+        self._jobs = {
+            "teach": self._teach,
+            "learn": self._learn_from_all,
+            "throw": self._throw,
+            "practice": self._practise,
+        }
 
     def add(self, what: str, job: Callable) -> None:
         """A further job, a routine, for requests of that name."""
@@ -148,7 +170,9 @@ class ViewerJobs:
 
     def trial_in_words(self, what: str, number: int) -> str:
         """Such as "throw 3 of 10"; without the second number where somebody else asked for them."""
-        return f"{what} {number}" + (f" of {self._wanted_trials}" if self._wanted_trials >= number else "")
+        return f"{what} {number}" + (
+            f" of {self._wanted_trials}" if self._wanted_trials >= number else ""
+        )
 
     def situations(self, n: int) -> list[Situation]:
         """In which something is shown."""
@@ -169,14 +193,24 @@ class ViewerJobs:
 
     async def _throw(self) -> str:
         if not self._has_basket:
-            result = await self._practice(1, False, only_throw=True)  # the coach draws a situation, or chooses what to aim at
-            return in_words(result.outcomes[-1], self._skill.words) if result.success else result.message
+            result = await self._practice(
+                1, False, only_throw=True
+            )  # the coach draws a situation, or chooses what to aim at
+            return (
+                in_words(result.outcomes[-1], self._skill.words)
+                if result.success
+                else result.message
+            )
         target = await self._target()
         if not self._sequence.reset_client.service_is_ready():
-            return await self._practise(1, True, only_throw=True)  # a person puts the ball into the hand: the coach says when
+            return await self._practise(
+                1, True, only_throw=True
+            )  # a person puts the ball into the hand: the coach says when
         first_stamp = await self._sequence.reset()
         under_way = await self._sequence.begin(
-            conversions.at_place(target), first_stamp, lambda phase: self._say_once(phase.replace("_", " "))
+            conversions.at_place(target),
+            first_stamp,
+            lambda phase: self._say_once(phase.replace("_", " ")),
         )
         result = await self._sequence.end(under_way)
         if result.code != Execute.Goal.OUTCOME_EXECUTED:
@@ -190,7 +224,9 @@ class ViewerJobs:
     async def _practise(self, throws: int, follow_basket: bool, only_throw: bool = False) -> str:
         return (await self._practice(throws, follow_basket, only_throw)).message
 
-    async def _practice(self, throws: int, follow_basket: bool, only_throw: bool) -> Practice.Result:
+    async def _practice(
+        self, throws: int, follow_basket: bool, only_throw: bool
+    ) -> Practice.Result:
         self._wanted_trials = throws
         goal = Practice.Goal(trials=throws, follow_bodies=follow_basket, only_execute=only_throw)
         result = await self.carry_out("practice", goal)
@@ -205,9 +241,16 @@ class ViewerJobs:
             place = self._wanted
             self._wanted = None
             if not self._place.service_is_ready():
-                raise CallFailed("the basket is not moved from here: nobody serves /simulation/place_body")
-            await self._calls.call(self._place, PlaceBody.Request(body=conversions.BASKET, pose=conversions.pose_at(place)))
-            await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS), may_refuse=True)  # refused while the world runs anyway
+                raise CallFailed(
+                    "the basket is not moved from here: nobody serves /simulation/place_body"
+                )
+            await self._calls.call(
+                self._place,
+                PlaceBody.Request(body=conversions.BASKET, pose=conversions.pose_at(place)),
+            )
+            await self._calls.call(
+                self._step, Step.Request(steps=LOOK_STEPS), may_refuse=True
+            )  # refused while the world runs anyway
             self._placed_at = place
 
     def _placed(self, _, error: Exception | None) -> None:
@@ -218,7 +261,11 @@ class ViewerJobs:
         """Where the basket is seen (3,), if it was just moved only when that has been seen."""
         for k in itertools.count():
             seen, placed = self._seen(), self._placed_at
-            if seen is not None and not self._placing and (placed is None or np.linalg.norm(seen - placed) < SEEN_WITHIN):
+            if (
+                seen is not None
+                and not self._placing
+                and (placed is None or np.linalg.norm(seen - placed) < SEEN_WITHIN)
+            ):
                 self._placed_at = None
                 return seen
             if k * 0.02 > SEEN_AFTER:
@@ -226,7 +273,9 @@ class ViewerJobs:
             await pause(self._node, 0.02)
         self._placed_at = None
         if seen is None:
-            raise CallFailed("no basket is seen: is the motion capture running, and is a basket tracked?")
+            raise CallFailed(
+                "no basket is seen: is the motion capture running, and is a basket tracked?"
+            )
         return seen
 
     # the rest
@@ -253,7 +302,9 @@ class ViewerJobs:
         client, over = self._actions[name], Promise()
         try:
             self._handle = await self._calls.send(client, name, goal, on_feedback)
-            self._handle.get_result_async().add_done_callback(lambda done: over.keep(done.result().result))
+            self._handle.get_result_async().add_done_callback(
+                lambda done: over.keep(done.result().result)
+            )
             return await self._calls.kept(name, over, LONGEST_JOB)
         finally:
             self._handle = None
@@ -269,4 +320,8 @@ def _to_press(text: str) -> str:
 def in_words(outcome: Outcome, words: SkillWords) -> str:
     """What became of a trial. words: of its skill."""
     (unit, per_metre), done = words.unit, words.done if outcome.success else words.failed
-    return f"{done}, {per_metre * outcome.error:.1f} {unit} {words.off}" if outcome.seen else f"{done}, {words.unseen}"
+    return (
+        f"{done}, {per_metre * outcome.error:.1f} {unit} {words.off}"
+        if outcome.seen
+        else f"{done}, {words.unseen}"
+    )

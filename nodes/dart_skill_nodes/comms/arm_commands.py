@@ -23,7 +23,9 @@ class CommandWriter:
         kind = int(command.grip), int(command.speed)
         if kind not in self._layouts:
             self._layouts[kind] = FixedLayout(self._example(*kind))
-        return self._layouts[kind].pack(command.stamp_ns, np.concatenate([command.wrench, command.joint_torque]))
+        return self._layouts[kind].pack(
+            command.stamp_ns, np.concatenate([command.wrench, command.joint_torque])
+        )
 
     def _example(self, grip: int, speed: int) -> WamCommand:
         message = WamCommand(sender=self._sender, grip=grip, speed=speed)
@@ -32,5 +34,7 @@ class CommandWriter:
 
 
 def command_reader() -> LayoutReader:
-    """Reads serialised commands; `conversions.command_of_numbers` makes the command of what it gives."""
+    """Reads serialised commands; `conversions.command_of_numbers` makes the command of what it
+    gives.
+    """
     return LayoutReader(WamCommand)

@@ -1,4 +1,6 @@
-"""Whether this process was frozen: stopped by a signal, or with its whole machine. One that waited for a core was not."""
+"""Whether this process was frozen: stopped by a signal, or with its whole machine. One that waited
+for a core was not.
+"""
 
 import time
 from pathlib import Path
@@ -6,7 +8,9 @@ from pathlib import Path
 from dart_skill_nodes.comms.presence import LEASE, LOOK
 
 SCHEDULED = Path("/proc/thread-self/schedstat")
-"""Statistics of its reader: time on a core, and time in which it waited for one [ns] (Linux, Documentation/scheduler/sched-stats)."""
+"""Statistics of its reader: time on a core, and time in which it waited for one [ns] (Linux,
+Documentation/scheduler/sched-stats).
+"""
 
 
 class Awake:
@@ -17,7 +21,9 @@ class Awake:
         self._busy = busy_time()
 
     def frozen(self) -> float:
-        """For how long this thread neither ran nor waited for a core since it asked last [s]; 0 if not for longer than LEASE."""
+        """For how long this thread neither ran nor waited for a core since it asked last [s]; 0 if
+        not for longer than LEASE.
+        """
         now = time.monotonic()
         gap = now - self._asked
         self._asked = now

@@ -1,4 +1,6 @@
-"""A bag for topics: announced as their publishers offer them, flushed every second, and closed with what was lost written into it."""
+"""A bag for topics: announced as their publishers offer them, flushed every second, and closed
+with what was lost written into it.
+"""
 
 from pathlib import Path
 
@@ -18,7 +20,8 @@ FLUSH = 1.0
 
 
 class BagSink:
-    """A bag that is being filled. failure: why nothing is written any more, as when the disk is full; empty if all is well.
+    """A bag that is being filled. failure: why nothing is written any more, as when the disk is
+    full; empty if all is well.
 
     limits: of a file, as `BagWriter` has them.
     """
@@ -31,7 +34,9 @@ class BagSink:
         self._timer = node.create_timer(FLUSH, self.flush, clock=WALL)
 
     def add_offered(self, topic: str, offers: list[TopicEndpointInfo]) -> None:
-        """Announce a topic with the type and quality of service of its publishers; ValueError if its type cannot be found."""
+        """Announce a topic with the type and quality of service of its publishers; ValueError if
+        its type cannot be found.
+        """
         self._add(topic, offers[0].topic_type, [offer.qos_profile for offer in offers])
 
     def add_own(self, topic: str, type_name: str, qos: QoSProfile) -> None:
@@ -39,7 +44,9 @@ class BagSink:
         self._add(topic, type_name, [qos])
 
     def stamp_ns(self, topic: str, data: bytes) -> int | None:
-        """The stamp that a serialised message begins with; None where messages of the topic have none, or this one has none that can be."""
+        """The stamp that a serialised message begins with; None where messages of the topic have
+        none, or this one has none that can be.
+        """
         try:
             return conversions.leading_stamp_ns(data) if self._stamped.get(topic, True) else None
         except ValueError:
@@ -66,10 +73,25 @@ class BagSink:
     def _add(self, topic, type_name, profiles):
         types = types_for(type_name)
         self._stamped[topic] = is_stamped(types, type_name)
-        texts = [qos_yaml(p.reliability.name.lower(), p.durability.name.lower(), p.history.name.lower(), p.depth) for p in profiles]
+        texts = [
+            qos_yaml(
+                p.reliability.name.lower(),
+                p.durability.name.lower(),
+                p.history.name.lower(),
+                p.depth,
+            )
+            for p in profiles
+        ]
         profile, digest = "".join(sorted(set(texts))), type_hash(types, type_name)
         self._names[topic] = self._node.resolve_topic_name(topic)
-        self._try(self.writer.add_topic, self._names[topic], type_name, definition(types, type_name), profile, digest)
+        self._try(
+            self.writer.add_topic,
+            self._names[topic],
+            type_name,
+            definition(types, type_name),
+            profile,
+            digest,
+        )
 
     def _try(self, write, *arguments) -> None:
         try:
@@ -81,7 +103,9 @@ class BagSink:
 
 
 class BagKeeper(GuardedLifecycleNode):
-    """A managed node with a bag, which is closed whichever way the node ends; `_close` is called once or more."""
+    """A managed node with a bag, which is closed whichever way the node ends; `_close` is called
+    once or more.
+    """
 
     def _close(self) -> None:
         raise NotImplementedError

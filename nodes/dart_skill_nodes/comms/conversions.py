@@ -1,6 +1,8 @@
-"""Between messages and the library's dataclasses. Stamps are integer nanoseconds, quaternions x, y, z, w.
+"""Between messages and the library's dataclasses. Stamps are integer nanoseconds, quaternions x,
+y, z, w.
 
-Here, and nowhere else, the fields of messages are checked: what comes out are finite numbers of the right shape, or a ValueError.
+Here, and nowhere else, the fields of messages are checked: what comes out are finite numbers of
+the right shape, or a ValueError.
 """
 
 import math
@@ -42,7 +44,14 @@ from dart_skill.common.checks import as_place
 from dart_skill.common.constants import N_JOINTS, NS_PER_S
 from dart_skill.common.pace import PhaseRule
 from dart_skill.common.world import THROW
-from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message, filled, joint_layout, named
+from dart_skill.recording import (
+    Demonstration,
+    demonstration_from_message,
+    fill_demonstration_message,
+    filled,
+    joint_layout,
+    named,
+)
 from dart_skill.skills.observation import Outcome, Release
 from dart_skill.skills.protocol import (
     WORDS,
@@ -70,13 +79,16 @@ NEW = {
 }
 """The skill whose target is a basket."""
 BASKET, BOARD, LANDING, RELEASE, MISS = "basket", "board", "landing", "release", "miss"
-"""Names in messages: the bodies at which a throw is aimed, the instants that its outcome tells of, and the miss of another skill."""
+"""Names in messages: the bodies at which a throw is aimed, the instants that its outcome tells of,
+and the miss of another skill.
+"""
 
 BASKETS = Throw()
 """The skill of throwing at baskets."""
 ENCAPSULATION, TIME = b"\0\1\0\0", struct.Struct("<iI")
 LEADING_STAMP = struct.Struct("<4xiI")
-"""A stamp behind the encapsulation (CDR, little-endian, as on every machine that ROS 2 supports)."""
+"""A stamp behind the encapsulation (CDR, little-endian, as on every machine that ROS 2 supports).
+"""
 
 
 EPISODE_AND_STEP = ("episode", "step")
@@ -88,7 +100,10 @@ def decoded(data: bytes, kind: type):
     try:
         return deserialize_message(data, kind)
     except Exception as error:  # rclpy raises whatever its middleware does
-        raise ValueError(f"{len(data)} bytes are no {kind.__name__}: the publisher has another type, or sends damaged bytes") from error
+        raise ValueError(
+            f"{len(data)} bytes are no {kind.__name__}: the publisher has another type, or sends"
+            " damaged bytes"
+        ) from error
 
 
 def stamp_ns(stamp: Time | Duration) -> int:
@@ -99,23 +114,32 @@ def stamp_ns(stamp: Time | Duration) -> int:
 def checked_stamp_ns(stamp: Time, what: str = "it") -> int:
     """A stamp as nanoseconds; ValueError, with `what` it is of, for one before time began."""
     if stamp.sec < 0 or stamp.nanosec >= NS_PER_S:
-        raise ValueError(f"{what} is stamped {stamp.sec} s and {stamp.nanosec} ns: stamps are not negative, and below 1 s of nanoseconds")
+        raise ValueError(
+            f"{what} is stamped {stamp.sec} s and {stamp.nanosec} ns: stamps are not negative, and"
+            " below 1 s of nanoseconds"
+        )
     return stamp.sec * NS_PER_S + stamp.nanosec
 
 
 def leading_stamp_ns(data: bytes) -> int:
-    """The stamp that serialised messages begin with whose first field is a header or a time; ValueError for one that is none."""
+    """The stamp that serialised messages begin with whose first field is a header or a time;
+    ValueError for one that is none.
+    """
     if len(data) < LEADING_STAMP.size:
         raise ValueError(f"{len(data)} bytes are no message that begins with a stamp")
     sec, nanosec = LEADING_STAMP.unpack_from(data)
     if sec < 0 or nanosec >= NS_PER_S:
-        raise ValueError(f"it is stamped {sec} s and {nanosec} ns: stamps are not negative, and below 1 s of nanoseconds")
+        raise ValueError(
+            f"it is stamped {sec} s and {nanosec} ns: stamps are not negative, and below 1 s of"
+            " nanoseconds"
+        )
     return sec * NS_PER_S + nanosec
 
 
 class GroundTruth(NamedTuple):
-    """What a camera of a simulated world needs of it: stamp [ns], episode and step, joint angles (7,) [rad], the turn of the arm's base
-    about the vertical [rad], and poses of the bodies by role: position (3,) [m] and quaternion (4,).
+    """What a camera of a simulated world needs of it: stamp [ns], episode and step, joint angles
+    (7,) [rad], the turn of the arm's base about the vertical [rad], and poses of the bodies by
+    role: position (3,) [m] and quaternion (4,).
     """
 
     stamp_ns: int
@@ -126,8 +150,12 @@ class GroundTruth(NamedTuple):
     bodies: dict[str, tuple[np.ndarray, np.ndarray]]
 
 
-def ground_truth(like: SimulationState, ns: int, numbers: np.ndarray, counters: Sequence[int]) -> GroundTruth:
-    """What a SimulationState says. like: one with the same bodies; ns: its stamp; numbers: all of its float64; counters: episode, step."""
+def ground_truth(
+    like: SimulationState, ns: int, numbers: np.ndarray, counters: Sequence[int]
+) -> GroundTruth:
+    """What a SimulationState says. like: one with the same bodies; ns: its stamp; numbers: all of
+    its float64; counters: episode, step.
+    """
     rows = numbers[3 * N_JOINTS : -1].reshape(len(like.bodies), -1)  # pose and twist
     bodies = {body.name: (row[:3], row[3:7]) for body, row in zip(like.bodies, rows, strict=True)}
     return GroundTruth(ns, *counters, numbers[:N_JOINTS], float(numbers[-1]), bodies)
@@ -176,7 +204,9 @@ def vector(message) -> np.ndarray:
 
 
 def place(message, what: str) -> np.ndarray:
-    """x, y, z of a point as a place (3,) in this world [m]; ValueError, with `what` is there, for one that is none."""
+    """x, y, z of a point as a place (3,) in this world [m]; ValueError, with `what` is there, for
+    one that is none.
+    """
     return as_place(vector(message), what)
 
 
@@ -186,14 +216,21 @@ def quaternion(message) -> np.ndarray:
 
 
 def unit_quaternion(message, what: str) -> np.ndarray:
-    """x, y, z, w of a quaternion message as (4,); ValueError, with `what` is turned so, for one that is not of unit length."""
+    """x, y, z, w of a quaternion message as (4,); ValueError, with `what` is turned so, for one
+    that is not of unit length.
+    """
     return as_unit_quaternion(quaternion(message), what)
 
 
 def as_unit_quaternion(turn: np.ndarray, what: str) -> np.ndarray:
-    """The quaternion (4,) x, y, z, w itself; ValueError, with `what` is turned so, if it is not of unit length."""
+    """The quaternion (4,) x, y, z, w itself; ValueError, with `what` is turned so, if it is not of
+    unit length.
+    """
     if not abs(math.hypot(*turn) - 1.0) < UNIT:
-        raise ValueError(f"the orientation of {what} is {turn.tolist()}: give a quaternion of unit length, x, y, z, w")
+        raise ValueError(
+            f"the orientation of {what} is {turn.tolist()}: give a quaternion of unit length, x,"
+            " y, z, w"
+        )
     return turn
 
 
@@ -210,23 +247,36 @@ def set_pose(message, position: np.ndarray, orientation: np.ndarray) -> None:
 
 
 def arm_state(message: JointState) -> ArmState:
-    """The state of the arm in a JointState, in the order of the arm's joints; ValueError for names and numbers that are not those."""
+    """The state of the arm in a JointState, in the order of the arm's joints; ValueError for names
+    and numbers that are not those.
+    """
     ns = checked_stamp_ns(message.header.stamp, "/joint_states")
-    return state_of_joints(tuple(message.name), np.array(message.position), np.array(message.velocity), ns)
+    return state_of_joints(
+        tuple(message.name), np.array(message.position), np.array(message.velocity), ns
+    )
 
 
-def state_of_joints(names: tuple[str, ...], position: np.ndarray, velocity: np.ndarray, ns: int) -> ArmState:
-    """The state of the arm in what a driver says of its joints (n,) each; ValueError as of `arm_state`. ns: its stamp [ns]."""
+def state_of_joints(
+    names: tuple[str, ...], position: np.ndarray, velocity: np.ndarray, ns: int
+) -> ArmState:
+    """The state of the arm in what a driver says of its joints (n,) each; ValueError as of
+    `arm_state`. ns: its stamp [ns].
+    """
     layout = joint_layout(names, len(position), len(velocity))
     if not layout.is_of_others and not len(names) == len(position) == len(velocity):
         counts = f"{len(names)} names, {len(position)} positions and {len(velocity)} velocities"
-        raise ValueError(f"/joint_states has {counts}: the driver must give one of each for every joint")
+        raise ValueError(
+            f"/joint_states has {counts}: the driver must give one of each for every joint"
+        )
     try:
         state = ArmState(ns, *layout.row(position, velocity))
     except ValueError as error:
         raise ValueError(f"/joint_states: {error}") from error
     if not (all_finite(state.position) and all_finite(state.velocity)):
-        raise ValueError(f"/joint_states: positions {state.position}, velocities {state.velocity}: the driver must give finite numbers")
+        raise ValueError(
+            f"/joint_states: positions {state.position}, velocities {state.velocity}: the driver"
+            " must give finite numbers"
+        )
     return state
 
 
@@ -237,22 +287,31 @@ def of_others(message: JointState) -> str:
 
 
 def order_of(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
-    """Places in `names` of the wanted ones; ValueError, with `what` they are, if one is missing, or they are not those."""
+    """Places in `names` of the wanted ones; ValueError, with `what` they are, if one is missing,
+    or they are not those.
+    """
     missing = [name for name in wanted if name not in names]
     if missing or len(set(wanted)) != len(wanted):
-        raise ValueError(f"{what}: {', '.join(missing) or 'a name twice'}: they must be among {', '.join(names)}, each once")
+        raise ValueError(
+            f"{what}: {', '.join(missing) or 'a name twice'}: they must be among"
+            f" {', '.join(names)}, each once"
+        )
     return [list(names).index(name) for name in wanted]
 
 
 def command(message: WamCommand) -> Command:
     """The command in a message; ValueError for an unknown grip or speed."""
     force, torque = message.wrench.force, message.wrench.torque
-    numbers = np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z, *message.joint_torque])
+    numbers = np.array(
+        [force.x, force.y, force.z, torque.x, torque.y, torque.z, *message.joint_torque]
+    )
     return command_of_numbers(message, stamp_ns(message.header.stamp), numbers)
 
 
 def command_of_numbers(message: WamCommand, ns: int, numbers: np.ndarray) -> Command:
-    """The command with the grip and speed of a message, a stamp [ns], and numbers (13,): wrench, then joint torque."""
+    """The command with the grip and speed of a message, a stamp [ns], and numbers (13,): wrench,
+    then joint torque.
+    """
     return Command(ns, numbers[:6], numbers[6:], Grip(message.grip), Speed(message.speed))
 
 
@@ -267,15 +326,23 @@ def demonstration_msg(one: Demonstration) -> DemonstrationMsg:
 
 
 def situation(message: SituationMsg, what: str = "the situation") -> Situation:
-    """The situation in a message; ValueError for names that do not fit, places that are none, and numbers that are not finite."""
+    """The situation in a message; ValueError for names that do not fit, places that are none, and
+    numbers that are not finite.
+    """
     poses = named(f"{what}: bodies", message.bodies, message.poses)
     numbers = numbers_of(message, what)
-    return Situation({body: body_pose(pose, f"{what}: {body}") for body, pose in poses.items()}, numbers)
+    return Situation(
+        {body: body_pose(pose, f"{what}: {body}") for body, pose in poses.items()}, numbers
+    )
 
 
 def situation_msg(one: Situation) -> SituationMsg:
     """A situation as a message."""
-    message = SituationMsg(bodies=list(one.poses), names=list(one.numbers), numbers=[float(number) for number in one.numbers.values()])
+    message = SituationMsg(
+        bodies=list(one.poses),
+        names=list(one.numbers),
+        numbers=[float(number) for number in one.numbers.values()],
+    )
     for pose in one.poses.values():
         message.poses.append(pose_msg(pose))
     return message
@@ -307,7 +374,9 @@ def place_of(message: SituationMsg, body: str, what: str = "the situation") -> n
     """Where a body is (3,) in a situation; ValueError if it does not say so, or the place is none."""
     where = named(f"{what}: bodies", message.bodies, message.poses)
     if body not in where:
-        raise ValueError(f"{what} says where {', '.join(sorted(where)) or 'nothing'} is, not the {body}")
+        raise ValueError(
+            f"{what} says where {', '.join(sorted(where)) or 'nothing'} is, not the {body}"
+        )
     return place(where[body].position, f"the {body}")
 
 
@@ -317,8 +386,8 @@ def target_of(message: SituationMsg) -> np.ndarray:
 
 
 def aimed(message: SituationMsg, skill: Throw, what: str = "the situation") -> Situation:
-    """What a throw needs of a situation; how bodies are turned, and where others are, is of no effect. ValueError for what is missing, and
-    for what the throw does not have.
+    """What a throw needs of a situation; how bodies are turned, and where others are, is of no
+    effect. ValueError for what is missing, and for what the throw does not have.
     """
     skill.check_known(message.bodies, message.names)
     poses = {body: BodyPose(place_of(message, body, what)) for body in skill.situated}
@@ -326,7 +395,9 @@ def aimed(message: SituationMsg, skill: Throw, what: str = "the situation") -> S
 
 
 def numbers_of(message: SituationMsg, what: str) -> dict[str, float]:
-    """The numbers of a situation by name; ValueError for names that do not fit, and for what is not finite."""
+    """The numbers of a situation by name; ValueError for names that do not fit, and for what is
+    not finite.
+    """
     numbers = named(f"{what}: numbers", message.names, message.numbers)
     for name, number in numbers.items():
         if not math.isfinite(number):
@@ -338,7 +409,9 @@ def body_state(name: str, position, velocity=(0.0, 0.0, 0.0)) -> BodyState:
     """A body that is not turned, at a place (3,), with a velocity (3,)."""
     message = BodyState(name=name)
     message.pose.position = point(position)
-    message.twist.linear.x, message.twist.linear.y, message.twist.linear.z = (float(v) for v in velocity)
+    message.twist.linear.x, message.twist.linear.y, message.twist.linear.z = (
+        float(v) for v in velocity
+    )
     return message
 
 
@@ -358,10 +431,14 @@ def seen_at(message: OutcomeMsg, instant: str) -> np.ndarray:
 
 def task_demonstration_msg(one: TaskDemonstration, skill: Skill) -> DemonstrationMsg:
     """A demonstration of a skill as a message."""
-    return filled(DemonstrationMsg(), task_demonstration_content(one, skill), lambda name: NEW[name]())
+    return filled(
+        DemonstrationMsg(), task_demonstration_content(one, skill), lambda name: NEW[name]()
+    )
 
 
-def task_outcome_msg(outcome: TaskOutcome, about: SituationMsg, skill: str, frame_id: str, ns: int) -> OutcomeMsg:
+def task_outcome_msg(
+    outcome: TaskOutcome, about: SituationMsg, skill: str, frame_id: str, ns: int
+) -> OutcomeMsg:
     """What became of a movement as a message."""
     message = unseen_outcome_msg(about, skill, frame_id, ns)
     message.seen, message.success = math.isfinite(outcome.error), outcome.success
@@ -376,14 +453,27 @@ def task_outcome(message: OutcomeMsg) -> TaskOutcome:
 
 
 def outcome_msg(
-    outcome: Outcome, about: SituationMsg, frame_id: str, ns: int, release: Release | None = None, skill: str = THROW
+    outcome: Outcome,
+    about: SituationMsg,
+    frame_id: str,
+    ns: int,
+    release: Release | None = None,
+    skill: str = THROW,
 ) -> OutcomeMsg:
     """What became of a throw as a message; what was not seen is NaN."""
     message, unseen = OutcomeMsg(skill=skill, situation=about), np.full(3, np.nan)
     set_stamp(message.header.stamp, ns)
     message.header.frame_id = frame_id
-    message.seen, message.success, message.error = bool(outcome.landing_seen), bool(outcome.in_basket), float(outcome.landing_error)
-    left = body_state(RELEASE, release.position, release.velocity) if release else body_state(RELEASE, unseen, unseen)
+    message.seen, message.success, message.error = (
+        bool(outcome.landing_seen),
+        bool(outcome.in_basket),
+        float(outcome.landing_error),
+    )
+    left = (
+        body_state(RELEASE, release.position, release.velocity)
+        if release
+        else body_state(RELEASE, unseen, unseen)
+    )
     message.observed = [body_state(LANDING, outcome.landing, unseen), left]
     return message
 
@@ -400,7 +490,10 @@ def throw_plan_msg(plan: ThrowPlan, frame_id: str, skill: Throw = BASKETS) -> Pl
     """A plan of a throw as a message."""
     message = plan_msg(plan.motion, frame_id)
     message.skill, message.model_id = skill.name, plan.model_id
-    message.situation, message.aim = situation_msg(skill.at(plan.target)), situation_msg(skill.at(plan.aim))
+    message.situation, message.aim = (
+        situation_msg(skill.at(plan.target)),
+        situation_msg(skill.at(plan.aim)),
+    )
     message.expected = [body_state(LANDING, plan.predicted_landing)]
     return message
 
@@ -412,7 +505,10 @@ def throw_plan(message: PlanMsg, skill: Throw = BASKETS) -> ThrowPlan:
     motion = motion_plan(message)
     opens = [event for event in motion.events if event.grip == Grip.OPEN]
     if len(opens) != 1 or not isinstance(motion.orientation_gains, Gains):
-        raise ValueError(f"the plan opens the hand {len(opens)} times: a throw opens it once, with one stiffness of the orientation")
+        raise ValueError(
+            f"the plan opens the hand {len(opens)} times: a throw opens it once, with one"
+            " stiffness of the orientation"
+        )
     return ThrowPlan(
         target=skill.target(aimed(message.situation, skill)),
         aim=skill.target(aimed(message.aim, skill, "the aim")),
@@ -440,7 +536,9 @@ def plan_msg(plan: MotionPlan, frame_id: str) -> PlanMsg:
     message.events = [event_msg(event) for event in plan.events]
     message.carries, message.speed = plan.carries, int(plan.speed)
     message.position_stiffness, message.position_damping = _numbers_of(plan.position_gains)
-    message.orientation_stiffness, message.orientation_damping = _numbers_of(plan.orientation_gains)
+    message.orientation_stiffness, message.orientation_damping = _numbers_of(
+        plan.orientation_gains
+    )
     message.start_posture = plan.start_posture
     if plan.posture is not None:
         message.posture = plan.posture.ravel()
@@ -455,7 +553,11 @@ def plan_msg(plan: MotionPlan, frame_id: str) -> PlanMsg:
 
 def policy_msg(policy: "Policy", frame_id: str) -> PlanMsg:
     """The plan of a skill that reacts, as a message."""
-    message = PlanMsg(skill=policy.skill.name, speed=int(policy.skill.speed), policy=array("B", policy.to_bytes()))
+    message = PlanMsg(
+        skill=policy.skill.name,
+        speed=int(policy.skill.speed),
+        policy=array("B", policy.to_bytes()),
+    )
     message.header.frame_id = frame_id
     message.events = [event_msg(event) for event in policy.events]
     message.start_posture = policy.start_posture
@@ -464,18 +566,27 @@ def policy_msg(policy: "Policy", frame_id: str) -> PlanMsg:
 
 
 def _say_registration(message: PlanMsg, seen: Registration) -> None:
-    message.base, message.body = _rigid(seen.turn, seen.shift), _rigid(seen.hand_turn, seen.hand_shift)
+    message.base, message.body = (
+        _rigid(seen.turn, seen.shift),
+        _rigid(seen.hand_turn, seen.hand_shift),
+    )
     message.camera_delay = duration_msg(seen.delay)
 
 
 def event_msg(event: GripEvent) -> Event:
     """What the fingers are told, as a message."""
     first = round(event.time * 1e9)
-    return Event(name=WORDS[event.grip], time_from_start=duration_msg(event.time), takes=_nanoseconds(round(event.done * 1e9) - first))
+    return Event(
+        name=WORDS[event.grip],
+        time_from_start=duration_msg(event.time),
+        takes=_nanoseconds(round(event.done * 1e9) - first),
+    )
 
 
 def motion_plan(message: PlanMsg) -> MotionPlan:
-    """The plan in a message, of whatever skill; ValueError for a trajectory that is not one of attractor and hand."""
+    """The plan in a message, of whatever skill; ValueError for a trajectory that is not one of
+    attractor and hand.
+    """
     points = _checked_points(message.trajectory)
     attractor = [_pose(p.transforms[0]) for p in points]
     hand = [_pose(p.transforms[1]) for p in points]
@@ -490,7 +601,9 @@ def motion_plan(message: PlanMsg) -> MotionPlan:
         attractor_position=np.array([pose[:3] for pose in attractor]),
         attractor_quaternion=np.array([pose[3:] for pose in attractor]),
         position_gains=_gains("position", message.position_stiffness, message.position_damping),
-        orientation_gains=_gains("orientation", message.orientation_stiffness, message.orientation_damping),
+        orientation_gains=_gains(
+            "orientation", message.orientation_stiffness, message.orientation_damping
+        ),
         start_posture=np.array(message.start_posture),
         end=seconds(message.end),
         what=message.skill,
@@ -508,17 +621,26 @@ def path_msg(plan: PlanMsg) -> Path:
     path = Path(header=plan.header)
     for sample in plan.trajectory.points:
         pose = PoseStamped(header=Header(frame_id=plan.header.frame_id))
-        pose.header.stamp.sec, pose.header.stamp.nanosec = sample.time_from_start.sec, sample.time_from_start.nanosec
+        pose.header.stamp.sec, pose.header.stamp.nanosec = (
+            sample.time_from_start.sec,
+            sample.time_from_start.nanosec,
+        )
         hand = sample.transforms[1]
         pose.pose.orientation = hand.rotation
-        pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = hand.translation.x, hand.translation.y, hand.translation.z
+        pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = (
+            hand.translation.x,
+            hand.translation.y,
+            hand.translation.z,
+        )
         path.poses.append(pose)
     return path
 
 
 def _grip_event(message: Event) -> GripEvent:
     first = stamp_ns(message.time_from_start)
-    return GripEvent(first * 1e-9, grip_of("the plan", message.name), (first + stamp_ns(message.takes)) * 1e-9)
+    return GripEvent(
+        first * 1e-9, grip_of("the plan", message.name), (first + stamp_ns(message.takes)) * 1e-9
+    )
 
 
 def _numbers_of(gains: Gains | GainsOverTime) -> tuple[list[float], list[float]]:
@@ -528,21 +650,33 @@ def _numbers_of(gains: Gains | GainsOverTime) -> tuple[list[float], list[float]]
     return gains.stiffness.ravel().tolist(), gains.damping.ravel().tolist()
 
 
-def _gains(what: str, stiffness: Sequence[float], damping: Sequence[float]) -> Gains | GainsOverTime:
+def _gains(
+    what: str, stiffness: Sequence[float], damping: Sequence[float]
+) -> Gains | GainsOverTime:
     if len(stiffness) == len(damping) == 1:
         return Gains(float(stiffness[0]), float(damping[0]))
     if len(stiffness) != len(damping) or len(stiffness) % 9 or not len(stiffness):
         sizes = f"{len(stiffness)} and {len(damping)}"
-        raise ValueError(f"a plan's {what}_stiffness and {what}_damping have {sizes} numbers: give one, or nine for each point")
-    return GainsOverTime(*(np.array(values, dtype=float).reshape(-1, 3, 3) for values in (stiffness, damping)))
+        raise ValueError(
+            f"a plan's {what}_stiffness and {what}_damping have {sizes} numbers: give one, or nine"
+            " for each point"
+        )
+    return GainsOverTime(
+        *(np.array(values, dtype=float).reshape(-1, 3, 3) for values in (stiffness, damping))
+    )
 
 
 def _rows_of(what: str, numbers: Sequence[float], width: int) -> np.ndarray | None:
-    """Numbers (n, width), or None where there are none; ValueError, with `what` they are, for another count."""
+    """Numbers (n, width), or None where there are none; ValueError, with `what` they are, for
+    another count.
+    """
     if not len(numbers):
         return None
     if len(numbers) % width:
-        raise ValueError(f"a plan's {what} has {len(numbers)} numbers: give {width} for each point of the trajectory, or none")
+        raise ValueError(
+            f"a plan's {what} has {len(numbers)} numbers: give {width} for each point of the"
+            " trajectory, or none"
+        )
     return np.array(numbers, dtype=float).reshape(-1, width)
 
 
@@ -550,18 +684,31 @@ def _pace(message: PlanMsg) -> Pace | None:
     gain = _rows_of("pace_gain", message.pace_gain, 12)
     if gain is None:
         return None
-    rule = PhaseRule(message.pace_slowest, message.pace_fastest, message.pace_time_constant, ignored=message.pace_ignored)
+    rule = PhaseRule(
+        message.pace_slowest,
+        message.pace_fastest,
+        message.pace_time_constant,
+        ignored=message.pace_ignored,
+    )
     return Pace(gain, rule)
 
 
 def _checked_points(trajectory: MultiDOFJointTrajectory) -> Sequence[MultiDOFJointTrajectoryPoint]:
     """Points of a trajectory of attractor and hand, each with all of both."""
     if list(trajectory.joint_names) != ["attractor", "hand"]:
-        raise ValueError(f"a plan's trajectory is of attractor and hand, not of {list(trajectory.joint_names)}")
+        raise ValueError(
+            f"a plan's trajectory is of attractor and hand, not of {list(trajectory.joint_names)}"
+        )
     for k, point in enumerate(trajectory.points):
         if not len(point.transforms) == len(point.velocities) == len(point.accelerations) == 2:
-            counts = f"{len(point.transforms)} transforms, {len(point.velocities)} velocities and {len(point.accelerations)} accelerations"
-            raise ValueError(f"point {k} of the plan's trajectory has {counts}: give two of each, of attractor and hand")
+            counts = (
+                f"{len(point.transforms)} transforms, {len(point.velocities)} velocities and"
+                f" {len(point.accelerations)} accelerations"
+            )
+            raise ValueError(
+                f"point {k} of the plan's trajectory has {counts}: give two of each, of attractor"
+                " and hand"
+            )
     return trajectory.points
 
 
@@ -575,9 +722,14 @@ def _rigid(turn: Sequence[float], shift: Sequence[float]) -> Transform:
 
 
 def _registration(message: PlanMsg) -> Registration:
-    """Registration of a plan, that of a client which sets none is none; ValueError if its transforms are no transforms."""
+    """Registration of a plan, that of a client which sets none is none; ValueError if its
+    transforms are no transforms.
+    """
     base, body = (
-        ((one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w), (one.translation.x, one.translation.y, one.translation.z))
+        (
+            (one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w),
+            (one.translation.x, one.translation.y, one.translation.z),
+        )
         for one in (message.base, message.body)
     )
     return Registration(*base, *body, delay=seconds(message.camera_delay))

@@ -1,7 +1,8 @@
 """Coroutines for the nodes' actions that cost nothing while they wait.
 
-rclpy's EventsExecutor steps a coroutine that awaits a future over and over until the future is done: a whole core for the length of an
-action (measured with rclpy 7.1.6). A routine is resumed once, when the promise that it waits for is kept.
+rclpy's EventsExecutor steps a coroutine that awaits a future over and over until the future is
+done: a whole core for the length of an action (measured with rclpy 7.1.6). A routine is resumed
+once, when the promise that it waits for is kept.
 """
 
 import heapq
@@ -19,7 +20,9 @@ from dart_skill_nodes.comms.presence import LOOK, Presence
 from dart_skill_nodes.comms.qos import WAITS
 
 RESULT_KEPT = 60
-"""The result of a goal is kept so long [s]. The 900 s that rclpy has for this let a graph that practises grow by 300 MB."""
+"""The result of a goal is kept so long [s]. The 900 s that rclpy has for this let a graph that
+practises grow by 300 MB.
+"""
 
 NEVER = 1e8
 """Three years [s]."""
@@ -54,8 +57,12 @@ class Promise:
         return self._value
 
 
-def start(node: Node, routine: Coroutine, ended: Callable[[object, Exception | None], None]) -> None:
-    """Run a coroutine that awaits promises only; `ended` gets its result, or the exception that it ended with."""
+def start(
+    node: Node, routine: Coroutine, ended: Callable[[object, Exception | None], None]
+) -> None:
+    """Run a coroutine that awaits promises only; `ended` gets its result, or the exception that it
+    ended with.
+    """
 
     def advance() -> None:
         has_called()
@@ -72,16 +79,22 @@ def start(node: Node, routine: Coroutine, ended: Callable[[object, Exception | N
 
 
 async def within(node: Node, promise: Promise, limit: float, *needed: Presence):
-    """Value of a promise, or None if it is not kept within the limit [s, wall clock], or as soon as one that is needed for it has gone."""
+    """Value of a promise, or None if it is not kept within the limit [s, wall clock], or as soon
+    as one that is needed for it has gone.
+    """
     until = time.monotonic() + limit
-    while not promise.kept and (left := until - time.monotonic()) > 0.0 and not any(one.gone for one in needed):
+    while (
+        not promise.kept
+        and (left := until - time.monotonic()) > 0.0
+        and not any(one.gone for one in needed)
+    ):
         await _kept_or_over(node, promise, min(left, LOOK) if needed else left)
     return await promise if promise.kept else None
 
 
 class _Deadlines:
-    """Whom a node has to resume when, by one timer. Timers that come and go make rclpy look through all that a process has, and it warns on
-    the terminal of more than a few at once.
+    """Whom a node has to resume when, by one timer. Timers that come and go make rclpy look
+    through all that a process has, and it warns on the terminal of more than a few at once.
     """
 
     def __init__(self, node: Node):
@@ -124,7 +137,9 @@ async def pause(node: Node, seconds: float) -> None:
 
 
 async def answer(node: Node, client, request, limit: float, *needed: Presence):
-    """Response of a service; None if there is none within the limit [s, wall clock], or as soon as one that is needed for it has gone."""
+    """Response of a service; None if there is none within the limit [s, wall clock], or as soon as
+    one that is needed for it has gone.
+    """
     promise = Promise()
     client.call_async(request).add_done_callback(lambda done: promise.keep(done.result()))
     return await within(node, promise, limit, *needed)
@@ -148,11 +163,14 @@ def finish_by_success(goal_handle: ServerGoalHandle, result) -> None:
 class CoroutineActionServer(ActionServer):
     """An action server whose goals are executed as routines.
 
-    routine: coroutine function of the goal handle, returns the action's result; finish: sets the goal's final state by it.
+    routine: coroutine function of the goal handle, returns the action's result; finish: sets the
+    goal's final state by it.
     """
 
     def __init__(self, node: Node, action_type, name: str, routine, finish, **options):
-        super().__init__(node, action_type, name, self._not_used, result_timeout=RESULT_KEPT, **options)
+        super().__init__(
+            node, action_type, name, self._not_used, result_timeout=RESULT_KEPT, **options
+        )
         self._own_node, self._routine, self._finish = node, routine, finish
 
     def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback) -> None:

@@ -1,7 +1,9 @@
-"""Messages that come hundreds of times a second and differ in their stamp and in their numbers alone, read and written as bytes.
+"""Messages that come hundreds of times a second and differ in their stamp and in their numbers
+alone, read and written as bytes.
 
-rclpy makes a Python object of each part of a message, which for a state of the arm takes as long as the control law. Names, frames and
-lengths are the same in all messages of a publisher, so they are decoded once, and after that only the stamp and the numbers.
+rclpy makes a Python object of each part of a message, which for a state of the arm takes as long
+as the control law. Names, frames and lengths are the same in all messages of a publisher, so they
+are decoded once, and after that only the stamp and the numbers.
 """
 
 import re
@@ -14,17 +16,32 @@ from dart_skill.common.constants import NS_PER_S
 from dart_skill_nodes.comms.conversions import TIME, checked_stamp_ns, decoded, leading_stamp_ns
 
 BODY = 4
-"""Where the content of a message begins, behind its encapsulation: fields are aligned to that (CDR)."""
+"""Where the content of a message begins, behind its encapsulation: fields are aligned to that
+(CDR).
+"""
 COUNTER = struct.Struct("<I")
 LAYOUTS = 8
 """That are remembered of one topic: commands of each grip and speed, of a few publishers."""
-BYTES = {"boolean": 1, "octet": 1, "uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "uint32": 4, "int32": 4, "float": 4}
-"""Sizes of the plain fields that are no numbers here; those of 8 bytes are none that such messages have."""
+BYTES = {
+    "boolean": 1,
+    "octet": 1,
+    "uint8": 1,
+    "int8": 1,
+    "uint16": 2,
+    "int16": 2,
+    "uint32": 4,
+    "int32": 4,
+    "float": 4,
+}
+"""Sizes of the plain fields that are no numbers here; those of 8 bytes are none that such messages
+have.
+"""
 SEVERAL = re.compile(r"sequence<(?P<one>.+?)(, \d+)?>|(?P<each>.+)\[\d+\]")
 
 
 class FixedLayout:
-    """Bytes of messages that begin with a header and have everything in common but its stamp, and their numbers: all that is float64.
+    """Bytes of messages that begin with a header and have everything in common but its stamp, and
+    their numbers: all that is float64.
 
     * example: one of these messages. ValueError if it has fields that this class does not know.
     * counters: names of those of its fields of type uint32 that differ, too.
@@ -43,14 +60,18 @@ class FixedLayout:
         self.count, self.numbers = len(cdr.numbers), np.array(cdr.values, dtype=float)
         self._at = (np.array(cdr.numbers, dtype=int) - BODY) // 8
         self._words = int(self._at.max(initial=-1)) + 1
-        self._fixed = [(start, end, data[start:end]) for start, end in _joined(cdr.meant[2:])]  # behind the two parts of the stamp
+        self._fixed = [
+            (start, end, data[start:end]) for start, end in _joined(cdr.meant[2:])
+        ]  # behind the two parts of the stamp
         self._bytes = bytearray(cdr.at)  # what lies between aligned fields is 0
         for start, end, fixed in [(0, BODY, data[:BODY]), *self._fixed]:
             self._bytes[start:end] = fixed
         self._view = np.frombuffer(self._bytes, dtype="<f8", count=self._words, offset=BODY)
 
     def pack(self, stamp_ns: int, values: np.ndarray, *counters: int) -> bytes:
-        """The bytes of a message. stamp_ns: of its header [ns]; values: its numbers (count,) in the order of its fields; counters, too."""
+        """The bytes of a message. stamp_ns: of its header [ns]; values: its numbers (count,) in
+        the order of its fields; counters, too.
+        """
         TIME.pack_into(self._bytes, BODY, *divmod(stamp_ns, NS_PER_S))
         self._view[self._at] = values
         for at, counter in zip(self._counters, counters, strict=True):
@@ -58,10 +79,16 @@ class FixedLayout:
         return bytes(self._bytes)
 
     def fits(self, data: bytes) -> bool:
-        """Whether bytes are such a message; a few may follow, as serialisers make them that take too much room for empty sequences."""
+        """Whether bytes are such a message; a few may follow, as serialisers make them that take
+        too much room for empty sequences.
+        """
         if len(data) < len(self._bytes) or data[:2] != self._bytes[:2]:
             return False
-        for start, end, fixed in self._fixed:  # not all(...): this is asked of every message of the arm
+        for (
+            start,
+            end,
+            fixed,
+        ) in self._fixed:  # not all(...): this is asked of every message of the arm
             if data[start:end] != fixed:
                 return False
         return True
@@ -76,7 +103,8 @@ class FixedLayout:
 
 
 class LayoutReader:
-    """Reads serialised messages of a type; those of a layout that has come before at a tenth of the cost.
+    """Reads serialised messages of a type; those of a layout that has come before at a tenth of
+    the cost.
 
     * message_type: of the messages.
     * counters: as of `FixedLayout`.
@@ -86,8 +114,9 @@ class LayoutReader:
         self._type, self._counters, self._layouts = message_type, counters, []
 
     def read(self, data: bytes) -> tuple[object, int, np.ndarray]:
-        """A message that has all but its stamp and numbers in common with this one, the stamp [ns], and the numbers (n,) in the order of
-        the fields. ValueError for bytes that are no such message, and a stamp that is none.
+        """A message that has all but its stamp and numbers in common with this one, the stamp
+        [ns], and the numbers (n,) in the order of the fields. ValueError for bytes that are no
+        such message, and a stamp that is none.
         """
         message, stamp_ns, values, _ = self.read_all(data)
         return message, stamp_ns, values
@@ -96,15 +125,28 @@ class LayoutReader:
         """What `read` gives, and the counters."""
         for layout in self._layouts:
             if layout.fits(data):
-                return layout.example, leading_stamp_ns(data), layout.values(data), layout.counters(data)
+                return (
+                    layout.example,
+                    leading_stamp_ns(data),
+                    layout.values(data),
+                    layout.counters(data),
+                )
         return self._first_of_its_kind(data)
 
     def _first_of_its_kind(self, data: bytes) -> tuple[object, int, np.ndarray, list[int]]:
         message = decoded(data, self._type)
-        stamp_ns, layout = checked_stamp_ns(message.header.stamp), FixedLayout(message, self._counters)
+        stamp_ns, layout = (
+            checked_stamp_ns(message.header.stamp),
+            FixedLayout(message, self._counters),
+        )
         if layout.fits(data):  # not those of a machine with another order of bytes
             self._layouts = [layout, *self._layouts[: LAYOUTS - 1]]
-        return message, stamp_ns, layout.numbers, [getattr(message, name) for name in self._counters]
+        return (
+            message,
+            stamp_ns,
+            layout.numbers,
+            [getattr(message, name) for name in self._counters],
+        )
 
 
 def _joined(stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -119,10 +161,11 @@ def _joined(stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 class _Cdr:
-    """Goes through a message's fields as the serialisation of ROS does (CDR, version 1, as rmw_fastrtps and others write it).
+    """Goes through a message's fields as the serialisation of ROS does (CDR, version 1, as
+    rmw_fastrtps and others write it).
 
-    at: where the next byte stands. numbers, values: where each float64 stands, and what it is. counters: where those stand that are named.
-    meant: stretches of what else is said.
+    at: where the next byte stands. numbers, values: where each float64 stands, and what it is.
+    counters: where those stand that are named. meant: stretches of what else is said.
     """
 
     def __init__(self, counters: tuple[str, ...] = ()) -> None:

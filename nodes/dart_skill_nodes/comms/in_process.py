@@ -1,10 +1,11 @@
 """Messages between nodes of one process, handed over without the middleware.
 
-DDS takes about 35 us of a core for each message and each subscription, also where both are in one process. So a publisher whose topic
-nobody outside this process hears serialises a message once and hands it to the subscriptions here. As soon as somebody else hears the
-topic, its messages go through the middleware, for everybody, and they do until the last of them has been heard here: no message overtakes
-another one. Publishers and subscriptions exist in DDS all the time: `ros2 topic info` shows them, and messages of other processes come as
-ever.
+DDS takes about 35 us of a core for each message and each subscription, also where both are in one
+process. So a publisher whose topic nobody outside this process hears serialises a message once and
+hands it to the subscriptions here. As soon as somebody else hears the topic, its messages go
+through the middleware, for everybody, and they do until the last of them has been heard here: no
+message overtakes another one. Publishers and subscriptions exist in DDS all the time: `ros2 topic
+info` shows them, and messages of other processes come as ever.
 """
 
 import threading
@@ -23,17 +24,22 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.subscription import Subscription
 
 SLICE = 2e-3
-"""What the middleware has ready waits so long at most for messages that are handed over [s, wall clock]."""
+"""What the middleware has ready waits so long at most for messages that are handed over [s, wall
+clock].
+"""
 MOST = 200
-"""Callbacks of the middleware that are called before the next messages are handed over: whoever sends more does not hold up the arm."""
+"""Callbacks of the middleware that are called before the next messages are handed over: whoever
+sends more does not hold up the arm.
+"""
 
 
 @dataclass(eq=False)
 class Hearer:
     """A subscription of this process.
 
-    topic: its full name. hear: called with each message, serialised if raw; None: they are kept until somebody takes them.
-    waiting: messages that were handed over and that it has not heard. newest: the last one that came through the middleware.
+    topic: its full name. hear: called with each message, serialised if raw; None: they are kept
+    until somebody takes them. waiting: messages that were handed over and that it has not heard.
+    newest: the last one that came through the middleware.
     """
 
     topic: str
@@ -46,7 +52,9 @@ class Hearer:
     newest: bytes = b""
 
     def has_heard(self, data: bytes) -> bool:
-        """Whether a message of the middleware was the last that it heard; one whose messages are taken puts them in order itself."""
+        """Whether a message of the middleware was the last that it heard; one whose messages are
+        taken puts them in order itself.
+        """
         return self.hear is None or self.newest == data
 
     def suits(self, publisher: Publisher) -> bool:
@@ -54,7 +62,9 @@ class Hearer:
         reliable = publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
         best_effort = self.qos.reliability == ReliabilityPolicy.BEST_EFFORT
         latched = self.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        return self.message_type is publisher.msg_type and (reliable or best_effort) and not latched
+        return (
+            self.message_type is publisher.msg_type and (reliable or best_effort) and not latched
+        )
 
 
 class _Letter:
@@ -71,17 +81,22 @@ class _Letter:
         try:
             self._message = self._message or deserialize_message(self.data, self._type)
         except Exception as error:  # rclpy raises whatever its middleware does
-            get_logger("in_process").error(f"{len(self.data)} bytes on {hearer.topic} are no {self._type.__name__}, dropped: {error}")
+            get_logger("in_process").error(
+                f"{len(self.data)} bytes on {hearer.topic} are no {self._type.__name__}, dropped:"
+                f" {error}"
+            )
         else:
             hearer.hear(self._message)
 
 
 class Exchange:
-    """Who hears what in this process, and the messages that wait to be handed over. Only the thread that made it uses it.
+    """Who hears what in this process, and the messages that wait to be handed over. Only the
+    thread that made it uses it.
 
-    heard: messages that came through the middleware so far. called: callbacks of the middleware and of timers so far, as far as they are
-    known, which tells a loop whether more may be ready there. turns: how often the others have had a turn so far: what the middleware knows
-    of them does not change in between.
+    heard: messages that came through the middleware so far. called: callbacks of the middleware
+    and of timers so far, as far as they are known, which tells a loop whether more may be ready
+    there. turns: how often the others have had a turn so far: what the middleware knows of them
+    does not change in between.
     """
 
     def __init__(self) -> None:
@@ -91,7 +106,9 @@ class Exchange:
 
     @property
     def is_here(self) -> bool:
-        """Whether this is the thread that hands over. Others leave it to the middleware, which wakes the executor."""
+        """Whether this is the thread that hands over. Others leave it to the middleware, which
+        wakes the executor.
+        """
         return threading.get_ident() == self._thread
 
     def add(self, hearer: Hearer) -> None:
@@ -109,10 +126,14 @@ class Exchange:
     def hearers_of(self, publisher: Publisher) -> list[Hearer]:
         """Subscriptions of this process that DDS connects with a publisher."""
         topic = publisher.topic_name
-        return [hearer for hearer in self._hearers if hearer.topic == topic and hearer.suits(publisher)]
+        return [
+            hearer for hearer in self._hearers if hearer.topic == topic and hearer.suits(publisher)
+        ]
 
     def hand_over(self, data: bytes, hearers: list[Hearer]) -> None:
-        """Give a serialised message to those that keep theirs, and let it wait for those that are called."""
+        """Give a serialised message to those that keep theirs, and let it wait for those that are
+        called.
+        """
         letter = None
         for hearer in hearers:
             if hearer.hear is None:
@@ -127,7 +148,9 @@ class Exchange:
         self._soon.append(callback)
 
     def deliver(self) -> bool:
-        """Call those that messages wait for, and those of the messages that they publish then, for a SLICE; whether there were any."""
+        """Call those that messages wait for, and those of the messages that they publish then, for
+        a SLICE; whether there were any.
+        """
         self.turns += 1
         waiting, (soon, self._soon) = self._waiting, (self._soon, [])
         if not waiting and not soon:
@@ -144,7 +167,9 @@ class Exchange:
         return True
 
     def hear(self, hearer: Hearer, data: bytes) -> None:
-        """A message has come through the middleware: it is given to its hearer after those that were handed over before."""
+        """A message has come through the middleware: it is given to its hearer after those that
+        were handed over before.
+        """
         self.heard += 1
         self.called += 1
         if hearer.waiting:
@@ -163,7 +188,9 @@ _exchange: Exchange | None = None
 
 @contextmanager
 def exchanging() -> Iterator[Exchange]:
-    """Nodes that are made meanwhile hand each other their messages, if this thread spins them with `spin_once`."""
+    """Nodes that are made meanwhile hand each other their messages, if this thread spins them with
+    `spin_once`.
+    """
     global _exchange
     _exchange = Exchange()
     try:
@@ -173,19 +200,25 @@ def exchanging() -> Iterator[Exchange]:
 
 
 def call_soon(callback: Callable[[], None]) -> None:
-    """Call it when the others in this process have had a turn, if it exchanges messages; else not at all: a timer will."""
+    """Call it when the others in this process have had a turn, if it exchanges messages; else not
+    at all: a timer will.
+    """
     if _exchange is not None:
         _exchange.call_soon(callback)
 
 
 def has_called() -> None:
-    """Something beside a message was called by the executor: a timer, a service, a routine that goes on. More may be ready behind it."""
+    """Something beside a message was called by the executor: a timer, a service, a routine that
+    goes on. More may be ready behind it.
+    """
     if _exchange is not None:
         _exchange.called += 1
 
 
 def spin_once(executor: Executor, exchange: Exchange, patience: float) -> None:
-    """Hand over what waits and hear what the middleware has ready; where nothing waits, wait there for one message [s]."""
+    """Hand over what waits and hear what the middleware has ready; where nothing waits, wait there
+    for one message [s].
+    """
     if not exchange.deliver():
         executor.spin_once(timeout_sec=patience)
         return
@@ -197,14 +230,18 @@ def spin_once(executor: Executor, exchange: Exchange, patience: float) -> None:
 
 
 class HandingPublisher(Publisher):
-    """A publisher that leaves out the middleware while only subscriptions of this process hear its topic."""
+    """A publisher that leaves out the middleware while only subscriptions of this process hear its
+    topic.
+    """
 
     _hearers: list[Hearer] = []
     _changes = -1
     _last = b""
     """What went through the middleware last, until all in this process have heard it."""
     _counted, _count = (-1, -1), 0
-    """When the subscriptions were counted last, and how many there were: in a turn of the arm it is asked at every state."""
+    """When the subscriptions were counted last, and how many there were: in a turn of the arm it
+    is asked at every state.
+    """
 
     def get_subscription_count(self) -> int:
         """Subscriptions of its topic in all processes, at the last turn of the middleware."""
@@ -240,20 +277,33 @@ class HandingPublisher(Publisher):
 
 
 class Handing:
-    """Before Node or a class of it: its publishers and subscriptions take part in the exchange of the process, where there is one."""
+    """Before Node or a class of it: its publishers and subscriptions take part in the exchange of
+    the process, where there is one.
+    """
 
     def create_publisher(self, msg_type, topic, qos_profile, **options):
-        kind = HandingPublisher if _exchange is not None and _is_volatile(qos_profile) else Publisher
-        return super().create_publisher(msg_type, topic, qos_profile, **{"publisher_class": kind, **options})
+        kind = (
+            HandingPublisher if _exchange is not None and _is_volatile(qos_profile) else Publisher
+        )
+        return super().create_publisher(
+            msg_type, topic, qos_profile, **{"publisher_class": kind, **options}
+        )
 
     def create_subscription(self, msg_type, topic, callback, qos_profile, *, raw=False, **options):
         exchange = _exchange
         if exchange is None:
-            return super().create_subscription(msg_type, topic, callback, qos_profile, raw=raw, **options)
+            return super().create_subscription(
+                msg_type, topic, callback, qos_profile, raw=raw, **options
+            )
 
         # serialised in any case: a publisher compares them with what it sent
         subscription = super().create_subscription(
-            msg_type, topic, lambda data: self._hear(subscription, data), qos_profile, raw=True, **options
+            msg_type,
+            topic,
+            lambda data: self._hear(subscription, data),
+            qos_profile,
+            raw=True,
+            **options,
         )
         self._take_part(subscription, msg_type, raw, callback)
         return subscription
@@ -268,7 +318,9 @@ class Handing:
             _exchange.remove(hearer)
         return super().destroy_subscription(subscription)
 
-    def _take_part(self, subscription: Subscription, msg_type: type, raw: bool, callback: Callable | None) -> None:
+    def _take_part(
+        self, subscription: Subscription, msg_type: type, raw: bool, callback: Callable | None
+    ) -> None:
         qos = subscription.qos_profile
         kept = deque(maxlen=qos.depth)
         subscription.hearer = Hearer(subscription.topic_name, msg_type, qos, raw, callback, kept)
@@ -276,14 +328,20 @@ class Handing:
 
 
 class UnspunNode(Handing, Node):
-    """A node that nobody spins, for subscriptions whose messages are taken. Their callbacks are never called."""
+    """A node that nobody spins, for subscriptions whose messages are taken. Their callbacks are
+    never called.
+    """
 
-    def _take_part(self, subscription: Subscription, msg_type: type, raw: bool, callback: Callable | None) -> None:
+    def _take_part(
+        self, subscription: Subscription, msg_type: type, raw: bool, callback: Callable | None
+    ) -> None:
         super()._take_part(subscription, msg_type, raw, None)
 
 
 def kept_for(subscription: Subscription) -> list[tuple[int, bytes]]:
-    """What was handed over to a subscription of an unspun node since the last time: when on the wall clock [ns], and the bytes."""
+    """What was handed over to a subscription of an unspun node since the last time: when on the
+    wall clock [ns], and the bytes.
+    """
     hearer = getattr(subscription, "hearer", None)
     if hearer is None or not hearer.kept:
         return []
@@ -297,4 +355,6 @@ def _nothing(message) -> None:
 
 
 def _is_volatile(qos_profile: QoSProfile | int) -> bool:
-    return isinstance(qos_profile, int) or qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
+    return (
+        isinstance(qos_profile, int) or qos_profile.durability != DurabilityPolicy.TRANSIENT_LOCAL
+    )

@@ -1,7 +1,9 @@
-"""/joint_states as every node hears them that answers them: with what the driver offers, in the order of the arm's joints by their names.
+"""/joint_states as every node hears them that answers them: with what the driver offers, in the
+order of the arm's joints by their names.
 
-Others may publish on the topic, too, as a gripper's driver does: messages that name none of the arm's joints are not heard. One that was
-late on its way is left out. Names are looked at where a message becomes a state of the arm (`conversions.arm_state`).
+Others may publish on the topic, too, as a gripper's driver does: messages that name none of the
+arm's joints are not heard. One that was late on its way is left out. Names are looked at where a
+message becomes a state of the arm (`conversions.arm_state`).
 """
 
 import time
@@ -24,14 +26,17 @@ BEGIN = 12
 OF_LATE = 5.0
 """Who was heard within this time is there [s, wall clock]."""
 LEAP, FASTEST = 0.05, 10.0
-"""No joint is farther from its last position than this, and so much for each second between [rad], [rad/s]."""
+"""No joint is farther from its last position than this, and so much for each second between [rad],
+[rad/s].
+"""
 SEVERAL, FORGET = 3, 100
 """So many leaps among so many states are no accident."""
 
 
 class InOrder:
-    """Calls back with messages in the order of their stamps. One that is older than the one before is refused with a ValueError: it was
-    late. If the next one is older, too, time was set back, as by a simulator that was started again, and it counts.
+    """Calls back with messages in the order of their stamps. One that is older than the one before
+    is refused with a ValueError: it was late. If the next one is older, too, time was set back, as
+    by a simulator that was started again, and it counts.
     """
 
     def __init__(self, callback: Callable, stamp_of: Callable[..., int]):
@@ -42,14 +47,16 @@ class InOrder:
         ns = self._stamp_of(message)
         self._was_late = ns < self._newest and not self._was_late
         if self._was_late:
-            raise ValueError(f"it is stamped {ns} ns, and came after the one of {self._newest} ns: out of order")
+            raise ValueError(
+                f"it is stamped {ns} ns, and came after the one of {self._newest} ns: out of order"
+            )
         self._newest = ns
         self._callback(message)
 
 
 class OfTheArm:
-    """Tells messages on /joint_states that name a joint of the arm, or none at all, from those of others. A message is read whole once for
-    each list of names.
+    """Tells messages on /joint_states that name a joint of the arm, or none at all, from those of
+    others. A message is read whole once for each list of names.
 
     others: what those of others name; empty without one.
     """
@@ -57,7 +64,9 @@ class OfTheArm:
     def __init__(self, clock: Callable[[], float] = time.monotonic):
         self.others = ""
         self._clock = clock
-        self._known: list[tuple[bytes, str]] = []  # frame and names, serialised, and why it is of others
+        self._known: list[
+            tuple[bytes, str]
+        ] = []  # frame and names, serialised, and why it is of others
         self._heard: dict[str, float] = {}  # when others were heard last [s], by what they name
 
     def __call__(self, message: JointState | bytes) -> bool:
@@ -99,18 +108,24 @@ def _end_of_names(message: JointState) -> int:
 
 
 class Rivals:
-    """Notices that states leap to and fro, as where two publish different states of the arm. are_there: whether they do."""
+    """Notices that states leap to and fro, as where two publish different states of the arm.
+    are_there: whether they do.
+    """
 
     def __init__(self) -> None:
         self._last: ArmState | None = None
         self._leaps, self._count, self.are_there = 0, 0, False
 
     def see(self, state: ArmState) -> bool:
-        """Whether states have leapt again and again, so that nobody knows whose they are. state: the next one."""
+        """Whether states have leapt again and again, so that nobody knows whose they are. state:
+        the next one.
+        """
         self._count += 1
         if self._last is not None:
             elapsed = 1e-9 * abs(state.stamp_ns - self._last.stamp_ns)
-            self._leaps += bool(np.abs(state.position - self._last.position).max() > LEAP + FASTEST * elapsed)
+            self._leaps += bool(
+                np.abs(state.position - self._last.position).max() > LEAP + FASTEST * elapsed
+            )
         if self._count > FORGET:
             self._count, self._leaps = 0, 0
         self._last = state
@@ -127,9 +142,13 @@ class JointStates(MatchingSubscriptions):
 
 
 def hear_joint_states(node: Node, callback: Callable, raw: bool = False) -> JointStates:
-    """Call back with every state, serialised if raw: reliably from the start, best effort as soon as a driver offers no more."""
+    """Call back with every state, serialised if raw: reliably from the start, best effort as soon
+    as a driver offers no more.
+    """
     heard = JointStates(node)
-    in_order = InOrder(callback, leading_stamp_ns if raw else lambda message: stamp_ns(message.header.stamp))
+    in_order = InOrder(
+        callback, leading_stamp_ns if raw else lambda message: stamp_ns(message.header.stamp)
+    )
 
     def hear(message) -> None:
         if heard.of_the_arm(message):
@@ -149,7 +168,9 @@ class StateReader:
         self._ends = 0, 0  # of positions and velocities among the numbers
 
     def read(self, data: bytes) -> ArmState:
-        """The state of the arm, in the order of its joints; ValueError for names and numbers that are not those, and other bytes."""
+        """The state of the arm, in the order of its joints; ValueError for names and numbers that
+        are not those, and other bytes.
+        """
         like, ns, numbers = self._layouts.read(data)
         if like is not self._like:
             self._like, self._names = like, tuple(like.name)

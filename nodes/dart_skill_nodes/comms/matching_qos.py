@@ -1,7 +1,9 @@
-"""Subscriptions with the quality of service that publishers offer: reliable where they are reliable, else best effort, which matches all.
+"""Subscriptions with the quality of service that publishers offer: reliable where they are
+reliable, else best effort, which matches all.
 
-A reliable subscriber never hears a best-effort publisher, as vrpn_mocap is one, and a best-effort subscriber may lose what a reliable
-publisher would repeat. So topics of drivers are subscribed to when a publisher is there, in the way of `ros2 bag record`.
+A reliable subscriber never hears a best-effort publisher, as vrpn_mocap is one, and a best-effort
+subscriber may lose what a reliable publisher would repeat. So topics of drivers are subscribed to
+when a publisher is there, in the way of `ros2 bag record`.
 """
 
 import importlib
@@ -34,14 +36,21 @@ class _Topic:
 
 
 class MatchingSubscriptions:
-    """Subscriptions of a node that wait for their publishers, and follow them when a less reliable one joins.
+    """Subscriptions of a node that wait for their publishers, and follow them when a less reliable
+    one joins.
 
-    owner: another node, which nobody spins, to make them on: whoever takes the messages out by itself wants that.
-    on_look: called with a topic and the publishers that are heard, whenever the graph was looked at.
-    strange: topics that somebody publishes with another type than the one that is heard, so that none of that comes; and who does.
+    owner: another node, which nobody spins, to make them on: whoever takes the messages out by
+    itself wants that. on_look: called with a topic and the publishers that are heard, whenever the
+    graph was looked at. strange: topics that somebody publishes with another type than the one
+    that is heard, so that none of that comes; and who does.
     """
 
-    def __init__(self, node: Node, owner: Node | None = None, on_look: Callable[[str, frozenset[bytes]], None] = lambda *_: None):
+    def __init__(
+        self,
+        node: Node,
+        owner: Node | None = None,
+        on_look: Callable[[str, frozenset[bytes]], None] = lambda *_: None,
+    ):
         self._node, self._owner, self._topics, self._on_look = node, owner or node, {}, on_look
         self.strange: dict[str, str] = {}
         self.rests = False
@@ -57,10 +66,12 @@ class MatchingSubscriptions:
         on_offer: Callable[[list[TopicEndpointInfo]], None] = lambda offers: None,
         at_once: bool = False,
     ) -> None:
-        """As `Node.create_subscription`; the topic is heard from when its first publisher is discovered.
+        """As `Node.create_subscription`; the topic is heard from when its first publisher is
+        discovered.
 
-        message_type: None takes the publisher's. on_offer: called with what the publishers say, just before the topic is subscribed to.
-        at_once: it is heard reliably before that already, so that nothing is missed of a reliable publisher; needs message_type.
+        message_type: None takes the publisher's. on_offer: called with what the publishers say,
+        just before the topic is subscribed to. at_once: it is heard reliably before that already,
+        so that nothing is missed of a reliable publisher; needs message_type.
         """
         name = self._node.resolve_topic_name(topic)
         self._topics[topic] = _Topic(name, callback, message_type, depth, raw, on_offer, at_once)
@@ -75,7 +86,9 @@ class MatchingSubscriptions:
         self.look()
 
     def rest(self) -> None:
-        """Hear nothing until `go_on`: each message costs its publisher and this node as much as a step of the arm's arithmetic."""
+        """Hear nothing until `go_on`: each message costs its publisher and this node as much as a
+        step of the arm's arithmetic.
+        """
         self.rests = True
         for topic in self._topics.values():
             if topic.subscription is not None:
@@ -85,7 +98,11 @@ class MatchingSubscriptions:
     @property
     def subscriptions(self) -> dict[str, Subscription]:
         """By topic, as it was asked for, of those that have had a publisher."""
-        return {name: topic.subscription for name, topic in self._topics.items() if topic.subscription is not None}
+        return {
+            name: topic.subscription
+            for name, topic in self._topics.items()
+            if topic.subscription is not None
+        }
 
     @property
     def missing(self) -> list[str]:
@@ -109,17 +126,26 @@ class MatchingSubscriptions:
             if heard and not topic.offered:
                 topic.offered = True
                 topic.on_offer(heard)
-            if heard and (chosen := _matching_all([offer.qos_profile for offer in heard])) != topic.chosen:
+            if (
+                heard
+                and (chosen := _matching_all([offer.qos_profile for offer in heard]))
+                != topic.chosen
+            ):
                 self._make(topic, chosen)
             self._on_look(name, frozenset(bytes(offer.endpoint_gid) for offer in heard))
 
-    def _heard(self, name: str, topic: _Topic, offers: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
-        """Those that publish the type that is heard; DDS hands over nothing of the others, and says nothing of it."""
+    def _heard(
+        self, name: str, topic: _Topic, offers: list[TopicEndpointInfo]
+    ) -> list[TopicEndpointInfo]:
+        """Those that publish the type that is heard; DDS hands over nothing of the others, and
+        says nothing of it.
+        """
         wanted = type_name(topic.type) if topic.type else ""
         for offer in offers:
             if offer.topic_type != wanted and name not in self.strange:
                 self.strange[name] = (
-                    f"{offer.node_name} publishes {topic.name} as {offer.topic_type}, which is not the {wanted} that is heard"
+                    f"{offer.node_name} publishes {topic.name} as {offer.topic_type}, which is not"
+                    f" the {wanted} that is heard"
                 )
                 self._node.get_logger().warning(self.strange[name])
         return [offer for offer in offers if offer.topic_type == wanted]
@@ -128,7 +154,9 @@ class MatchingSubscriptions:
         if topic.subscription is not None:
             self._owner.destroy_subscription(topic.subscription)
         qos = QoSProfile(depth=topic.depth, reliability=chosen[0], durability=chosen[1])
-        topic.subscription = self._owner.create_subscription(topic.type, topic.name, topic.callback, qos, raw=topic.raw)
+        topic.subscription = self._owner.create_subscription(
+            topic.type, topic.name, topic.callback, qos, raw=topic.raw
+        )
         topic.chosen = chosen
 
 

@@ -1,5 +1,6 @@
-"""Names of the graph's topics and services. They are relative: a graph lives in the namespace that it is started in, so that several arms
-share a ROS domain. Global as everywhere in ROS are /diagnostics, /tf and /tf_static only.
+"""Names of the graph's topics and services. They are relative: a graph lives in the namespace that
+it is started in, so that several arms share a ROS domain. Global as everywhere in ROS are
+/diagnostics, /tf and /tf_static only.
 """
 
 from typing import TYPE_CHECKING
@@ -15,7 +16,10 @@ COMMANDS, GUIDING = "wam/command", "wam/teacher_wrench"
 CLOCK = "clock"
 """Clock of a graph: each simulator has a time of its own."""
 DESCRIPTION = "robot_description"
-DEMONSTRATIONS, MARKS = world.DEMONSTRATION_TOPIC.removeprefix("/"), world.MARK_TOPIC.removeprefix("/")
+DEMONSTRATIONS, MARKS = (
+    world.DEMONSTRATION_TOPIC.removeprefix("/"),
+    world.MARK_TOPIC.removeprefix("/"),
+)
 DIAGNOSTICS = "/diagnostics"
 GLOBAL = (DIAGNOSTICS, "/tf", "/tf_static", "/rosout", "/parameter_events")
 """All graphs share them."""
@@ -28,7 +32,9 @@ def pose_topic(body: str) -> str:
 
 def pose_topics() -> dict[str, str]:
     """Topic of the poses of each role in a throw."""
-    return {role: topic.removeprefix("/") for role, topic in world.the_world().pose_topics().items()}
+    return {
+        role: topic.removeprefix("/") for role, topic in world.the_world().pose_topics().items()
+    }
 
 
 def namespace_of(node: "Node") -> str:
@@ -37,22 +43,32 @@ def namespace_of(node: "Node") -> str:
 
 
 def full_name(node: "Node", name: str) -> str:
-    """Full name of a topic or service of the graph, or of a node of it; without the remappings of the node."""
+    """Full name of a topic or service of the graph, or of a node of it; without the remappings of
+    the node.
+    """
     return name if name.startswith("/") else f"{namespace_of(node)}/{name}"
 
 
 def in_namespace(namespace: str) -> list[str]:
-    """Arguments of a process of ROS whose nodes are in a namespace, and follow the time of their graph there."""
-    return ["--ros-args", "-r", f"__ns:={namespace}", "-r", f"/clock:={CLOCK}"] if namespace else []
+    """Arguments of a process of ROS whose nodes are in a namespace, and follow the time of their
+    graph there.
+    """
+    return (
+        ["--ros-args", "-r", f"__ns:={namespace}", "-r", f"/clock:={CLOCK}"] if namespace else []
+    )
 
 
 def diagnostic_name(node: "Node") -> str:
-    """How a node calls itself on /diagnostics, which all graphs share: "commander", "arm1/commander"."""
+    """How a node calls itself on /diagnostics, which all graphs share: "commander",
+    "arm1/commander".
+    """
     return node.get_fully_qualified_name().removeprefix("/")
 
 
 def in_graph(node: "Node", full: str) -> str | None:
-    """Name within a node's graph of what is called in full, with or without the first slash; None if it is of another namespace."""
+    """Name within a node's graph of what is called in full, with or without the first slash; None
+    if it is of another namespace.
+    """
     space, name = namespace_of(node).removeprefix("/"), full.removeprefix("/")
     if space:
         return name.removeprefix(f"{space}/") if name.startswith(f"{space}/") else None
@@ -61,4 +77,8 @@ def in_graph(node: "Node", full: str) -> str | None:
 
 def nodes_there(node: "Node") -> set[str]:
     """Names of the nodes of a node's graph that are there, and its own."""
-    return {name for name, space in node.get_node_names_and_namespaces() if space == node.get_namespace()}
+    return {
+        name
+        for name, space in node.get_node_names_and_namespaces()
+        if space == node.get_namespace()
+    }

@@ -1,7 +1,9 @@
-"""One of several publishers of commands is obeyed: the first, and when that has gone, one of the same name, as after a restart.
+"""One of several publishers of commands is obeyed: the first, and when that has gone, one of the
+same name, as after a restart.
 
-Each publisher puts a number of its own into its commands (WamCommand.sender), by which they are told apart. One that was silent and comes
-back, as after it was frozen, is obeyed again unless another one has taken its place.
+Each publisher puts a number of its own into its commands (WamCommand.sender), by which they are
+told apart. One that was silent and comes back, as after it was frozen, is obeyed again unless
+another one has taken its place.
 """
 
 import secrets
@@ -30,7 +32,9 @@ class ObeyedPublisher:
         self._replaced: set[bytes] = set()
 
     def forget(self) -> None:
-        """Obey the next publisher, if the last one has gone: a client decided to go on with another one."""
+        """Obey the next publisher, if the last one has gone: a client decided to go on with
+        another one.
+        """
         self.look()  # it may have gone since the last look
         if not self._gid or self._gone:
             self._name = ""
@@ -46,11 +50,20 @@ class ObeyedPublisher:
         return bool(self._gid) and sender == self._sender and (sender != 0 or not self.others)
 
     def look(self) -> None:
-        """See who is there. To be called now and then, too: one that was killed leaves the graph long after its end."""
-        there = {bytes(one.endpoint_gid): one.node_name for one in self._node.get_publishers_info_by_topic(self._topic)}
+        """See who is there. To be called now and then, too: one that was killed leaves the graph
+        long after its end.
+        """
+        there = {
+            bytes(one.endpoint_gid): one.node_name
+            for one in self._node.get_publishers_info_by_topic(self._topic)
+        }
         self._replaced &= set(there)
         self._gone = bool(self._gid) and (self._gid not in there or self._presence.gone)
-        rivals = {gid: name for gid, name in there.items() if gid != self._gid and gid not in self._replaced}
+        rivals = {
+            gid: name
+            for gid, name in there.items()
+            if gid != self._gid and gid not in self._replaced
+        }
         if len(rivals) == 1 and (self._gone or not self._gid):
             self._obey(*next(iter(rivals.items())))
         if self._gid in there and self._name in ("", UNKNOWN):

@@ -1,7 +1,9 @@
-"""Raw messages of many topics in the order in which they arrived, and a count of those that never came.
+"""Raw messages of many topics in the order in which they arrived, and a count of those that never
+came.
 
-Messages are taken out of the middleware in batches: a callback for each costs ten times as much, and rclpy's EventsExecutor does not
-hand on the number that the publisher gave a message, by which a loss is known.
+Messages are taken out of the middleware in batches: a callback for each costs ten times as much,
+and rclpy's EventsExecutor does not hand on the number that the publisher gave a message, by which
+a loss is known.
 """
 
 from collections.abc import Iterator
@@ -32,10 +34,12 @@ class RawMessage(NamedTuple):
 
 @dataclass
 class _Numbering:
-    """What is known of the numbers that the publisher of a topic gives its messages, which each publisher counts for itself.
+    """What is known of the numbers that the publisher of a topic gives its messages, which each
+    publisher counts for itself.
 
-    A gap is a loss if one publisher, and the same one, was there before it and after it: at two looks at the graph and at every message
-    between them. Gaps since the last look are `open`; mixed: several publishers were there since then.
+    A gap is a loss if one publisher, and the same one, was there before it and after it: at two
+    looks at the graph and at every message between them. Gaps since the last look are `open`;
+    mixed: several publishers were there since then.
     """
 
     expected: int = 0
@@ -45,7 +49,9 @@ class _Numbering:
     publishers: frozenset[bytes] = frozenset()
 
     def count(self, numbers: list[int | None], publishers: int) -> None:
-        """Take in the numbers of messages that came while so many published the topic; one that was started again begins anew."""
+        """Take in the numbers of messages that came while so many published the topic; one that
+        was started again begins anew.
+        """
         self.mixed |= publishers != 1
         for number in numbers:
             if number is None:  # handed over within the process
@@ -72,7 +78,9 @@ class RawBatches:
         self._offered = MatchingSubscriptions(node, self._unspun, self._on_look)
 
     def listen(self, topic: str, on_offer=lambda offers: None) -> None:
-        """Hear a topic from its first publisher on; on_offer is called with what its publishers say, before anything is heard."""
+        """Hear a topic from its first publisher on; on_offer is called with what its publishers
+        say, before anything is heard.
+        """
         self._numbering[topic] = _Numbering()
         self._offered.subscribe(topic, never_called, depth=DEPTH, raw=True, on_offer=on_offer)
 
@@ -88,13 +96,19 @@ class RawBatches:
 
     @property
     def strange(self) -> dict[str, str]:
-        """Topics that somebody publishes with another type than the one that is heard, so that none of that comes; and who does."""
+        """Topics that somebody publishes with another type than the one that is heard, so that
+        none of that comes; and who does.
+        """
         return self._offered.strange
 
     @property
     def lost(self) -> dict[str, int]:
-        """Messages that were sent and never came, by topic, while one and the same node published it."""
-        return {topic: numbering.lost for topic, numbering in self._numbering.items() if numbering.lost}
+        """Messages that were sent and never came, by topic, while one and the same node published
+        it.
+        """
+        return {
+            topic: numbering.lost for topic, numbering in self._numbering.items() if numbering.lost
+        }
 
     def take(self) -> list[RawMessage]:
         """Every message that has come since the last time."""
@@ -121,16 +135,19 @@ class RawBatches:
 
 
 def unspun_node(node: Node, purpose: str) -> Node:
-    """A node beside another one that nobody spins, for subscriptions whose messages are taken; a leading underscore hides it from
-    `ros2 node list`.
+    """A node beside another one that nobody spins, for subscriptions whose messages are taken; a
+    leading underscore hides it from `ros2 node list`.
     """
     name = f"_{node.get_name()}_{purpose}"
-    return UnspunNode(name, namespace=node.get_namespace(), start_parameter_services=False, enable_rosout=False)
+    return UnspunNode(
+        name, namespace=node.get_namespace(), start_parameter_services=False, enable_rosout=False
+    )
 
 
 def taken(subscription: Subscription) -> Iterator[tuple[bytes, int, int | None]]:
-    """Serialised messages of a subscription that have come since the last time, MOST at a time: when each came on the wall clock [ns], and
-    the number that its publisher gave it; None where it was handed over within the process, so that it cannot get lost.
+    """Serialised messages of a subscription that have come since the last time, MOST at a time:
+    when each came on the wall clock [ns], and the number that its publisher gave it; None where it
+    was handed over within the process, so that it cannot get lost.
     """
     for received_ns, data in kept_for(subscription):
         yield data, received_ns, None

@@ -1,5 +1,6 @@
-"""What a node does with a message that it cannot use: nothing, but it says so. The message is counted by where it came from, and its reason
-stands in the log and on /diagnostics. One place for all callbacks of all nodes: a `GuardedNode` survives whatever it is sent.
+"""What a node does with a message that it cannot use: nothing, but it says so. The message is
+counted by where it came from, and its reason stands in the log and on /diagnostics. One place for
+all callbacks of all nodes: a `GuardedNode` survives whatever it is sent.
 """
 
 import time
@@ -17,9 +18,13 @@ from dart_skill_nodes.comms.qos import CALLS, WALL
 from dart_skill_nodes.comms.running_nodes import hold
 
 SAID_AGAIN = 5.0
-"""A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad messages is no stream of lines."""
+"""A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad
+messages is no stream of lines.
+"""
 NOT_RECORDED = "recording has stopped"
-"""Said of a bag that cannot be written to any more. No demonstration is made of what is in no bag: it would be gone with the learner."""
+"""Said of a bag that cannot be written to any more. No demonstration is made of what is in no bag:
+it would be gone with the learner.
+"""
 NOT_CHANGED = {
     "on_configure": "not configured",
     "on_activate": "not activated",
@@ -33,7 +38,8 @@ SHOWN = 10.0
 
 
 class Refusals:
-    """What was refused, by place: a topic, a service, a timer. complain: called with a line for the log.
+    """What was refused, by place: a topic, a service, a timer. complain: called with a line for
+    the log.
 
     counts: by place.
     """
@@ -71,7 +77,9 @@ class Refusals:
 
 
 def in_a_line(error: Exception) -> str:
-    """What an error says; of one that is no plain refusal also where it was raised, as that is a defect of ours."""
+    """What an error says; of one that is no plain refusal also where it was raised, as that is a
+    defect of ours.
+    """
     text = " ".join(str(error).split())[:500]
     if isinstance(error, ValueError | OSError):
         return text
@@ -81,7 +89,8 @@ def in_a_line(error: Exception) -> str:
 
 
 class _Guarded(Handing):
-    """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the node.
+    """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the
+    node.
 
     ValueError where a node of this full name runs on this machine.
     """
@@ -112,13 +121,17 @@ class _Guarded(Handing):
             except Exception as error:  # a request may hold anything
                 return _refusing(srv_type.Response(), self.refusals.add(srv_name, error))
 
-        return super().create_service(srv_type, srv_name, answer, **{"qos_profile": CALLS, **options})
+        return super().create_service(
+            srv_type, srv_name, answer, **{"qos_profile": CALLS, **options}
+        )
 
     def create_client(self, srv_type, srv_name, **options):
         return super().create_client(srv_type, srv_name, **{"qos_profile": CALLS, **options})
 
     def create_timer(self, timer_period_sec, callback, *arguments, clock=None, **options):
-        """On `WALL` each node has a clock of its own: from eight timers on one clock rclpy's executor complains."""
+        """On `WALL` each node has a clock of its own: from eight timers on one clock rclpy's
+        executor complains.
+        """
 
         def tick() -> None:
             has_called()
@@ -133,7 +146,8 @@ class GuardedNode(_Guarded, Node):
 
 
 class GuardedLifecycleNode(_Guarded, LifecycleNode):
-    """A managed node that survives what it is sent. A change of state that fails says why: rclpy keeps the exception to itself.
+    """A managed node that survives what it is sent. A change of state that fails says why: rclpy
+    keeps the exception to itself.
 
     fault: why the last change of state failed; empty if it did not.
     """
@@ -144,7 +158,9 @@ class GuardedLifecycleNode(_Guarded, LifecycleNode):
             setattr(self, change, self._saying(what, getattr(self, change)))
         super().__init__(name, **options)
 
-    def _saying(self, what: str, callback: Callable[[LifecycleState], TransitionCallbackReturn]) -> Callable:
+    def _saying(
+        self, what: str, callback: Callable[[LifecycleState], TransitionCallbackReturn]
+    ) -> Callable:
         def change(state: LifecycleState) -> TransitionCallbackReturn:
             self.fault = ""
             try:

@@ -1,7 +1,9 @@
-"""Which nodes run on this machine, known at once: DDS takes a while to find them, and seconds where the machine is busy.
+"""Which nodes run on this machine, known at once: DDS takes a while to find them, and seconds
+where the machine is busy.
 
-Each node holds a socket, with the ROS domain and its full name, in Linux's abstract namespace: it is gone with its process, however that
-went. A second node of the name is refused. Where there is no such namespace nothing is known, and DDS alone tells.
+Each node holds a socket, with the ROS domain and its full name, in Linux's abstract namespace: it
+is gone with its process, however that went. A second node of the name is refused. Where there is
+no such namespace nothing is known, and DDS alone tells.
 """
 
 import errno
@@ -19,21 +21,25 @@ LOOK = 0.02
 
 
 def hold(name: str) -> socket.socket:
-    """Let others know, until the socket is closed, that a node with this full name runs; ValueError where another one has it."""
+    """Let others know, until the socket is closed, that a node with this full name runs;
+    ValueError where another one has it.
+    """
     held, until = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM), time.monotonic() + ENDING
     while _is_taken(held, name):
         if time.monotonic() > until:
             held.close()
             raise ValueError(
-                f"{name} runs on this machine in ROS domain {_domain()} already: end it, or start this one in another domain "
-                "(ROS_DOMAIN_ID) or in a namespace"
+                f"{name} runs on this machine in ROS domain {_domain()} already: end it, or start"
+                " this one in another domain (ROS_DOMAIN_ID) or in a namespace"
             )
         time.sleep(LOOK)
     return held
 
 
 def _is_taken(held: socket.socket, name: str) -> bool:
-    """Whether another one has the name; if not, the socket has it, as far as the machine knows such names."""
+    """Whether another one has the name; if not, the socket has it, as far as the machine knows
+    such names.
+    """
     try:
         held.bind(_address(name))
     except OSError as error:

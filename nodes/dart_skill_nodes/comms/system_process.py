@@ -17,16 +17,22 @@ LOW_NUMBER = 0xFFFF
 
 @cache
 def _machine() -> str:
-    """This boot of this machine, and the name space of its process numbers; empty where the system does not say."""
+    """This boot of this machine, and the name space of its process numbers; empty where the system
+    does not say.
+    """
     try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text().strip() + os.readlink("/proc/self/ns/pid")
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip() + os.readlink(
+            "/proc/self/ns/pid"
+        )
     except OSError:
         return ""
 
 
 @dataclass
 class SystemProcess:
-    """pid, started: its number, and when it was started, which nobody shares who is given the same number later [ticks since boot]."""
+    """pid, started: its number, and when it was started, which nobody shares who is given the same
+    number later [ticks since boot].
+    """
 
     pid: int
     started: int
@@ -36,7 +42,10 @@ class SystemProcess:
         return hash((self.pid, self.started))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, SystemProcess) and (self.pid, self.started) == (other.pid, other.started)
+        return isinstance(other, SystemProcess) and (self.pid, self.started) == (
+            other.pid,
+            other.started,
+        )
 
     @classmethod
     def this(cls) -> SystemProcess:
@@ -80,13 +89,19 @@ def _state(pid: int) -> tuple[str, int]:
 
 
 def runs(low: int) -> bool:
-    """Whether a process runs whose number has these lower 16 bits, be it another one; True where the system does not say."""
+    """Whether a process runs whose number has these lower 16 bits, be it another one; True where
+    the system does not say.
+    """
     numbers = [int(one.name) for one in Path("/proc").glob("[0-9]*")]
-    return not numbers or any(number & LOW_NUMBER == low and _state(number)[0] not in ENDED for number in numbers)
+    return not numbers or any(
+        number & LOW_NUMBER == low and _state(number)[0] not in ENDED for number in numbers
+    )
 
 
 def processor_time_of(pid: int) -> float:
-    """Processor time that a process has used so far, its threads together [s]; OSError if there is none of this number."""
+    """Processor time that a process has used so far, its threads together [s]; OSError if there is
+    none of this number.
+    """
     words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 

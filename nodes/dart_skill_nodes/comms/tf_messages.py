@@ -1,7 +1,8 @@
-"""What a viewer needs to show the arm and the tracked bodies: robot_description, /tf, /tf_static. Live where somebody listens, and in a bag
-made of what the graph publishes anyway.
+"""What a viewer needs to show the arm and the tracked bodies: robot_description, /tf, /tf_static.
+Live where somebody listens, and in a bag made of what the graph publishes anyway.
 
-All graphs share /tf: the frames of one that lives in a namespace begin with it, as in arm1/wam_base, but for the world, in which all stand.
+All graphs share /tf: the frames of one that lives in a namespace begin with it, as in
+arm1/wam_base, but for the world, in which all stand.
 """
 
 import re
@@ -13,7 +14,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from dart_skill.arm import Transform, fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.arm import (
+    Transform,
+    fixed_transforms,
+    joint_transforms,
+    wam_description,
+    write_urdf,
+)
 from dart_skill.common.constants import NS_PER_S
 from dart_skill.recording import serialize, types_for
 from dart_skill_nodes.comms import conversions
@@ -30,7 +37,8 @@ _ARM = re.compile(rf"(?P<space>.*)/{JOINT_STATES}")
 
 
 class LiveTransforms:
-    """Transforms of a graph on /tf, at most RATE a second of each child, and only while somebody listens.
+    """Transforms of a graph on /tf, at most RATE a second of each child, and only while somebody
+    listens.
 
     frame_id: of the world. The ones that never change are given at once, on /tf_static.
     """
@@ -55,26 +63,40 @@ class LiveTransforms:
 
 
 class TfMessages:
-    """The messages that go with others, of each graph that is heard. Those on topics of `published` are left to whoever publishes them.
+    """The messages that go with others, of each graph that is heard. Those on topics of
+    `published` are left to whoever publishes them.
 
-    topics: name -> type and quality of service of what is made here. space: of the graph whose description of the arm is made.
+    topics: name -> type and quality of service of what is made here. space: of the graph whose
+    description of the arm is made.
     """
 
-    def __init__(self, frame_id: str, rate: float, published: Collection[str] = (), space: str = ""):
+    def __init__(
+        self, frame_id: str, rate: float, published: Collection[str] = (), space: str = ""
+    ):
         self._frame_id, self._due, self._space = frame_id, _Due(rate), space
         self._description = f"{space}/{DESCRIPTION}"
-        made = {self._description: (TEXT, LATCHED), "/tf_static": (TF, LATCHED), "/tf": (TF, QUALITY)}
+        made = {
+            self._description: (TEXT, LATCHED),
+            "/tf_static": (TF, LATCHED),
+            "/tf": (TF, QUALITY),
+        }
         self.topics = {topic: made[topic] for topic in made if topic not in published}
         self._begun, self._of_the_arm = False, OfTheArm()
 
     def messages(self, topic: str, ns: int, data: bytes) -> Iterator[tuple[str, bytes]]:
-        """Topics and serialised messages to follow a message of `topic`, received at `ns`; ValueError for one that cannot be shown."""
+        """Topics and serialised messages to follow a message of `topic`, received at `ns`;
+        ValueError for one that cannot be shown.
+        """
         if not self._begun:
             self._begun = True
             yield from self._first(ns)
         if "/tf" not in self.topics:
             return
-        if (arm := _ARM.fullmatch(topic)) and self._of_the_arm(data) and not self._due.is_early(topic, ns):
+        if (
+            (arm := _ARM.fullmatch(topic))
+            and self._of_the_arm(data)
+            and not self._due.is_early(topic, ns)
+        ):
             state = conversions.arm_state(conversions.decoded(data, JointState))
             moved = joint_transforms(wam_description(), state.position)
             yield "/tf", _tf(_prefixed(moved, arm["space"], self._frame_id), state.stamp_ns)
@@ -85,12 +107,23 @@ class TfMessages:
 
     def _body(self, message: PoseStamped, body: str, space: str) -> bytes:
         position = conversions.place(message.pose.position, body)
-        seen = Transform(self._frame_id, body, position, conversions.unit_quaternion(message.pose.orientation, body))
-        return _tf(_prefixed([seen], space, self._frame_id), conversions.checked_stamp_ns(message.header.stamp, body))
+        seen = Transform(
+            self._frame_id,
+            body,
+            position,
+            conversions.unit_quaternion(message.pose.orientation, body),
+        )
+        return _tf(
+            _prefixed([seen], space, self._frame_id),
+            conversions.checked_stamp_ns(message.header.stamp, body),
+        )
 
     def _first(self, ns: int) -> Iterator[tuple[str, bytes]]:
         if self._description in self.topics:
-            yield self._description, serialize(types_for(TEXT), TEXT, {"data": write_urdf(wam_description())})
+            yield (
+                self._description,
+                serialize(types_for(TEXT), TEXT, {"data": write_urdf(wam_description())}),
+            )
         if "/tf_static" in self.topics:
             fixed = fixed_transforms(wam_description(), self._frame_id)
             yield "/tf_static", _tf(_prefixed(fixed, self._space, self._frame_id), ns)
@@ -115,7 +148,14 @@ def _prefixed(transforms: list[Transform], space: str, world: str) -> list[Trans
     prefix = f"{space.strip('/')}/" if space else ""
     if not prefix:
         return transforms
-    return [replace(one, parent=one.parent if one.parent == world else prefix + one.parent, child=prefix + one.child) for one in transforms]
+    return [
+        replace(
+            one,
+            parent=one.parent if one.parent == world else prefix + one.parent,
+            child=prefix + one.child,
+        )
+        for one in transforms
+    ]
 
 
 def _tf(transforms: list[Transform], ns: int) -> bytes:

@@ -1,6 +1,8 @@
-"""Whether the arm's time goes on, as whoever moves the arm sees it: the stamps of its states, against the clock of the wall.
+"""Whether the arm's time goes on, as whoever moves the arm sees it: the stamps of its states,
+against the clock of the wall.
 
-A simulator that waits for an answer, or for a state to arrive, stands still for ever; one that somebody holds says so on HELD.
+A simulator that waits for an answer, or for a state to arrive, stands still for ever; one that
+somebody holds says so on HELD.
 """
 
 import time
@@ -14,13 +16,17 @@ from dart_skill_nodes.comms.qos import LATCHED
 HELD = "simulation/held"
 """Whether somebody holds the time of a simulated world."""
 STANDS = LEASE + 0.9
-"""Time that stands still for so long goes on no more: whoever has died is known by then, and a process may be held up [s, wall clock]."""
+"""Time that stands still for so long goes on no more: whoever has died is known by then, and a
+process may be held up [s, wall clock].
+"""
 HELD_LONG = 1.0
 """Who holds a world for a trial lets it run sooner [s, wall clock]."""
 
 
 class TimeOfTheArm:
-    """silence: for how long no new state has come [s, wall clock]; the time is left out for which this process was held up itself."""
+    """silence: for how long no new state has come [s, wall clock]; the time is left out for which
+    this process was held up itself.
+    """
 
     def __init__(self, node: Node):
         self.silence, self._looked, self._held = 0.0, time.monotonic(), None
@@ -42,14 +48,24 @@ class TimeOfTheArm:
 
     @property
     def held(self) -> str:
-        """What lets the time of a simulated arm go on, when somebody has held it for long; empty else."""
+        """What lets the time of a simulated arm go on, when somebody has held it for long; empty
+        else.
+        """
         if not self._held or self.silence <= HELD_LONG:
             return ""
-        return "the simulated world is held: /simulation/pause with data: false lets it run, /simulation/reset begins it anew"
+        return (
+            "the simulated world is held: /simulation/pause with data: false lets it run,"
+            " /simulation/reset begins it anew"
+        )
 
     @property
     def stalled(self) -> str:
-        """What to say when the time of a simulated arm stands still, and nobody holds it; empty else."""
+        """What to say when the time of a simulated arm stands still, and nobody holds it; empty
+        else.
+        """
         if self._held is not False or self.silence <= STANDS:
             return ""
-        return f"the arm's time has stood still for {self.silence:.1f} s: /joint_states, or an answer to them, gets lost (see /diagnostics)"
+        return (
+            f"the arm's time has stood still for {self.silence:.1f} s: /joint_states, or an answer"
+            " to them, gets lost (see /diagnostics)"
+        )

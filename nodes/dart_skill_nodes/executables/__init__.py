@@ -8,13 +8,23 @@ from pathlib import Path
 
 
 def _is_program() -> bool:
-    """Whether this process is one of them, started from lib/dart_skill as `ros2 run` and `ros2 launch` do."""
+    """Whether this process is one of them, started from lib/dart_skill as `ros2 run` and `ros2
+    launch` do.
+    """
     program = Path(sys.argv[0])
-    return program.parent.name == "dart_skill" and Path(__file__).with_name(f"{program.name}.py").is_file()
+    return (
+        program.parent.name == "dart_skill"
+        and Path(__file__).with_name(f"{program.name}.py").is_file()
+    )
 
 
-if _is_program() or sys.argv[:1] == ["-m"]:  # what Python calls a program of `python3 -m` while it looks for it
-    gc.disable()  # nearly all that is imported stays, and to look through it takes a tenth of the time; `run` takes up the search again
+if _is_program() or sys.argv[:1] == [
+    "-m"
+]:  # what Python calls a program of `python3 -m` while it looks for it
+    # nearly all that is imported stays, and to look through it takes a tenth of the time; `run`
+    # takes up the search again
+    gc.disable()
 if _is_program() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    # a node that is told to end while it still loads ends, instead of a traceback from the middle of an import; `run` takes over
+    # a node that is told to end while it still loads ends, instead of a traceback from the middle
+    # of an import; `run` takes over
     signal.signal(signal.SIGINT, lambda *_: os._exit(0))

@@ -1,8 +1,10 @@
-"""The bag player: publishes what a bag holds, with the quality of service that was recorded, at any rate, with /clock.
+"""The bag player: publishes what a bag holds, with the quality of service that was recorded, at
+any rate, with /clock.
 
-~/pause (SetBool) and ~/step (a number of messages, while paused) steer it, and so does the parameter `rate`. It ends with the bag.
-Commands of a recording are played only where somebody asks for them, and no states or commands beside an arm that is there: before the
-player has looked for one, it offers nothing on any topic.
+~/pause (SetBool) and ~/step (a number of messages, while paused) steer it, and so does the
+parameter `rate`. It ends with the bag. Commands of a recording are played only where somebody asks
+for them, and no states or commands beside an arm that is there: before the player has looked for
+one, it offers nothing on any topic.
 """
 
 import math
@@ -34,21 +36,44 @@ from dart_skill_nodes.process.node_base import ERROR, OK, Diagnostics, Parameter
 
 TABLE = [
     Parameter("bag", "folder or .mcap file"),
-    Parameter("rate", "seconds of the bag per second; 0: as fast as can be", 0.0, 1e6, read_only=False),
-    Parameter("topics", "regular expressions; a topic is played that one of them matches as a whole"),
-    Parameter("exclude", "regular expressions; a topic that one of them matches as a whole is not played"),
-    Parameter("commands", "play topics on which an arm takes commands, too; never beside an arm that is there"),
-    Parameter("graph", "of one graph: play it in the namespace of this node, whichever it was recorded in"),
+    Parameter(
+        "rate", "seconds of the bag per second; 0: as fast as can be", 0.0, 1e6, read_only=False
+    ),
+    Parameter(
+        "topics", "regular expressions; a topic is played that one of them matches as a whole"
+    ),
+    Parameter(
+        "exclude", "regular expressions; a topic that one of them matches as a whole is not played"
+    ),
+    Parameter(
+        "commands",
+        "play topics on which an arm takes commands, too; never beside an arm that is there",
+    ),
+    Parameter(
+        "graph",
+        "of one graph: play it in the namespace of this node, whichever it was recorded in",
+    ),
     Parameter("remap", "recorded=published name; '=': none"),
     Parameter("start", "begin so long after the bag's first message [s]", 0.0, 1e9),
     Parameter("duration", "end so long after that [s]; 0: with the bag", 0.0, 1e9),
     Parameter("loop", "begin again at the end"),
     Parameter("start_paused", "wait for ~/pause or ~/step"),
-    Parameter("clock_rate", "of /clock, unless the bag has one [1/s of the bag's time]; 0: none", 0.0, 10_000.0),
-    Parameter("awaited", "regular expressions: topics, as published, that must have a subscriber before playing begins; '': none"),
+    Parameter(
+        "clock_rate",
+        "of /clock, unless the bag has one [1/s of the bag's time]; 0: none",
+        0.0,
+        10_000.0,
+    ),
+    Parameter(
+        "awaited",
+        "regular expressions: topics, as published, that must have a subscriber before playing"
+        " begins; '': none",
+    ),
 ]
 DEPTH = 10_000
-"""Least depth of publishers, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
+"""Least depth of publishers, whatever was recorded, so that what is lost on the way can be
+repeated; no subscriber sees it.
+"""
 PATIENCE = Duration(seconds=10)
 """At the end, for reliable subscribers to acknowledge everything; Fast DDS asks them every 3 s."""
 
@@ -56,7 +81,8 @@ PATIENCE = Duration(seconds=10)
 class BagPlayer(GuardedNode):
     """Publishes from a thread of its own, so that no callback delays a message.
 
-    * tell: called, in that thread, with "playing" when that begins, and before with what it waits for.
+    * tell: called, in that thread, with "playing" when that begins, and before with what it waits
+      for.
 
     Attributes:
 
@@ -72,7 +98,10 @@ class BagPlayer(GuardedNode):
         self._steps, self._published, self._position_ns = 0, 0, 0
         self._bag = GraphBag(self.p["bag"]) if self.p["graph"] else BagReader(self.p["bag"])
         self._playback = Playback(self._bag, self._selection())
-        self._offers = {topic: (message_class(info.type_name), _quality(info)) for topic, info in self._playback.topics.items()}
+        self._offers = {
+            topic: (message_class(info.type_name), _quality(info))
+            for topic, info in self._playback.topics.items()
+        }
         self._publishers_of: dict[str, Publisher] = {}
         if self._playback.makes_clock:
             self._offers[CLOCK_TOPIC] = (message_class(CLOCK_TYPE), CLOCK_QOS)
@@ -102,11 +131,19 @@ class BagPlayer(GuardedNode):
 
     def _selection(self) -> Selection:
         played = Selection(self.p["topics"], self.p["exclude"])
-        own = [name for name in self._bag.topics if self.p["graph"] and name not in (CLOCK_TOPIC, *GLOBAL)]
+        own = [
+            name
+            for name in self._bag.topics
+            if self.p["graph"] and name not in (CLOCK_TOPIC, *GLOBAL)
+        ]
         remap = {name: full_name(self, name.removeprefix("/")) for name in own}
         remap |= dict(text.split("=", 1) for text in self.p["remap"] if text.strip("="))
         chosen = {name: info for name, info in self._bag.topics.items() if played.matches(name)}
-        unknown = [name for name, info in chosen.items() if self._would_command(remap.get(name, name)) or not self._is_known(info)]
+        unknown = [
+            name
+            for name, info in chosen.items()
+            if self._would_command(remap.get(name, name)) or not self._is_known(info)
+        ]
         return Selection(
             topics=self.p["topics"],
             exclude=[*self.p["exclude"], *map(re.escape, unknown)],
@@ -121,7 +158,9 @@ class BagPlayer(GuardedNode):
         """Whether a topic is left out because it moves arms, and nobody asked for that; says so."""
         if self.p["commands"] or not commands_an_arm(topic):
             return False
-        self.get_logger().info(f"{topic} is not played: it would command an arm (parameter commands)")
+        self.get_logger().info(
+            f"{topic} is not played: it would command an arm (parameter commands)"
+        )
         return True
 
     def _is_known(self, info: TopicInfo) -> bool:
@@ -133,7 +172,10 @@ class BagPlayer(GuardedNode):
             self.get_logger().warning(f"{info.name} is not played: {error}")
             return False
         if info.type_hash not in ("", here):
-            self.get_logger().warning(f"{info.name} is not played: its {info.type_name} differs from the one that is installed here")
+            self.get_logger().warning(
+                f"{info.name} is not played: its {info.type_name} differs from the one that is"
+                " installed here"
+            )
             return False
         return True
 
@@ -144,9 +186,17 @@ class BagPlayer(GuardedNode):
     def _awaited_topics(self) -> list[str]:
         """Those of `awaited`; ValueError if one of its expressions matches nothing that is played."""
         patterns = list(filter(None, self.p["awaited"]))
-        if unknown := [pattern for pattern in patterns if not any(re.fullmatch(pattern, topic) for topic in self._offers)]:
+        if unknown := [
+            pattern
+            for pattern in patterns
+            if not any(re.fullmatch(pattern, topic) for topic in self._offers)
+        ]:
             raise ValueError(f"awaited: {unknown} are not played, only {sorted(self._offers)}")
-        return [topic for topic in self._offers if any(re.fullmatch(pattern, topic) for pattern in patterns)]
+        return [
+            topic
+            for topic in self._offers
+            if any(re.fullmatch(pattern, topic) for pattern in patterns)
+        ]
 
     @property
     def _waiting(self) -> str:
@@ -168,7 +218,11 @@ class BagPlayer(GuardedNode):
             self._tell(f"{self._waiting} before playing")
         with self._changed:
             while not self._stopping and self._awaited:
-                self._awaited = [topic for topic in self._awaited if not self._publishers_of[topic].get_subscription_count()]
+                self._awaited = [
+                    topic
+                    for topic in self._awaited
+                    if not self._publishers_of[topic].get_subscription_count()
+                ]
                 self._changed.wait(0.05)
             return not self._stopping
 
@@ -180,16 +234,22 @@ class BagPlayer(GuardedNode):
             return not self._stopping
 
     def _watch_arms(self) -> None:
-        """Stop when an arm is there that would take what is played for its own, or for a command; else offer the topics."""
+        """Stop when an arm is there that would take what is played for its own, or for a command;
+        else offer the topics.
+        """
         if self.finished or self.refusal:
             return
-        reason = arm_beside(self, {topic: info.name for topic, info in self._playback.topics.items()}) or self._hearers.look()
+        reason = (
+            arm_beside(self, {topic: info.name for topic, info in self._playback.topics.items()})
+            or self._hearers.look()
+        )
         has_looked = not concern_an_arm(self._offers) or time.monotonic() > self._made + APPEARS
         with self._changed:
             self.refusal, self._stopping = reason, self._stopping or bool(reason)
             if has_looked and not self._stopping and not self._publishers_of:
                 self._publishers_of = {
-                    topic: self.create_publisher(kind, self._in_full(topic), quality) for topic, (kind, quality) in self._offers.items()
+                    topic: self.create_publisher(kind, self._in_full(topic), quality)
+                    for topic, (kind, quality) in self._offers.items()
                 }
             self._changed.notify()
 
@@ -203,20 +263,30 @@ class BagPlayer(GuardedNode):
         self._wait_for_acknowledgements()
 
     def _hold_back(self, due: Due) -> None:
-        """In a hurry, wait for the subscribers before a history is full: what is overwritten cannot be repeated."""
+        """In a hurry, wait for the subscribers before a history is full: what is overwritten
+        cannot be repeated.
+        """
         self._sent[due.topic] += 1
-        if self._sent[due.topic] >= DEPTH // 2 and self._pace.hurries(due.position_ns, time.monotonic()):
+        if self._sent[due.topic] >= DEPTH // 2 and self._pace.hurries(
+            due.position_ns, time.monotonic()
+        ):
             self._wait_for_acknowledgements()
             self._sent.clear()
 
     def _wait_for(self, due: Due) -> bool:
         """Wait until a message is due; False if playing was stopped."""
         with self._changed:
-            while not self._stopping and not self._steps and (wait := self._pace.wait(due.position_ns, time.monotonic())) > 0.0:
+            while (
+                not self._stopping
+                and not self._steps
+                and (wait := self._pace.wait(due.position_ns, time.monotonic())) > 0.0
+            ):
                 self._changed.wait(None if math.isinf(wait) else wait)
             self._steps -= self._steps > 0 and due.topic != CLOCK_TOPIC
             self._pace.reach(due.position_ns, time.monotonic())
-            while not self._stopping and not self._hearers.are_known(due.topic, self._publishers_of[due.topic].get_subscription_count()):
+            while not self._stopping and not self._hearers.are_known(
+                due.topic, self._publishers_of[due.topic].get_subscription_count()
+            ):
                 self._changed.wait(0.05)  # whoever has just joined is looked at first
             return not self._stopping
 
@@ -241,7 +311,9 @@ class BagPlayer(GuardedNode):
                 self._steps += request.steps
                 self._changed.notify()
             else:
-                response.message = "messages are stepped while paused (~/pause), at least 1 at a time"
+                response.message = (
+                    "messages are stepped while paused (~/pause), at least 1 at a time"
+                )
         response.stamp = conversions.time_msg(self._position_ns)
         return response
 
@@ -261,11 +333,17 @@ class BagPlayer(GuardedNode):
         state = "finished" if self.finished else ("paused" if self._pace.paused else "playing")
         if self._awaited:
             state = self._waiting
-        return OK, state, {"published": self._published, "stamp_ns": self._position_ns, "rate": self._pace.rate}
+        return (
+            OK,
+            state,
+            {"published": self._published, "stamp_ns": self._position_ns, "rate": self._pace.rate},
+        )
 
 
 def _quality(info: TopicInfo) -> QoSProfile:
-    """The first recorded quality of service of a topic; late joiners get as many messages of a latched one as they did then."""
+    """The first recorded quality of service of a topic; late joiners get as many messages of a
+    latched one as they did then.
+    """
     if not info.qos:
         return QoSProfile(depth=DEPTH)
     recorded = info.qos[0]
@@ -277,7 +355,9 @@ def _quality(info: TopicInfo) -> QoSProfile:
     )
 
 
-def play(args: list[str] | None, program: str, tell: Callable[[str], None] = lambda state: None) -> BagPlayer:
+def play(
+    args: list[str] | None, program: str, tell: Callable[[str], None] = lambda state: None
+) -> BagPlayer:
     """Play until the end, Ctrl-C or a refusal, which is said. tell: as for the player."""
     players: list[BagPlayer] = []
 
@@ -285,7 +365,9 @@ def play(args: list[str] | None, program: str, tell: Callable[[str], None] = lam
         players.append(BagPlayer(tell))
         return players
 
-    run(make, args, over=lambda nodes: nodes[0].finished or bool(nodes[0].refusal), program=program)
+    run(
+        make, args, over=lambda nodes: nodes[0].finished or bool(nodes[0].refusal), program=program
+    )
     if players[0].refusal:
         print(f"{program}: not played: {players[0].refusal}", file=sys.stderr, flush=True)
     return players[0]

@@ -1,7 +1,9 @@
-"""The coach: lets the arm execute its skill, gives what came of it to the learner, and chooses where it is tried next.
+"""The coach: lets the arm execute its skill, gives what came of it to the learner, and chooses
+where it is tried next.
 
-Action /practice. What it knows of a trial comes from the motion capture, through commander and recorder. In a simulated world it resets
-before each throw; with a real arm a person puts the ball into the hand, and the coach says when.
+Action /practice. What it knows of a trial comes from the motion capture, through commander and
+recorder. In a simulated world it resets before each throw; with a real arm a person puts the ball
+into the hand, and the coach says when.
 """
 
 from functools import partial
@@ -26,13 +28,25 @@ from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCa
 from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.awake import Awake
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
+from dart_skill_nodes.comms.coroutines import (
+    CoroutineActionServer,
+    Promise,
+    finish_by_success,
+    within,
+)
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.names import pose_topic
 from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, subscribers
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, declare_bodies, run
+from dart_skill_nodes.process.node_base import (
+    OK,
+    Diagnostics,
+    Parameter,
+    declare,
+    declare_bodies,
+    run,
+)
 from dart_skill_nodes.skills.choosing import Choosing, DartsChoosing, TaskChoosing, ThrowChoosing
 
 TABLE = [
@@ -44,10 +58,18 @@ TABLE = [
     Parameter("side", "largest azimuth to either side [rad]", 0.0, 3.14),
     Parameter("rim", "height of the rim [m]", 0.0, 2.0),
     Parameter("candidates", "baskets among which it chooses the next one", 1, 1000),
-    Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
-    Parameter("simulated", "a simulator is reset before each throw; else a person puts ball and basket to their places"),
+    Parameter(
+        "watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0
+    ),
+    Parameter(
+        "simulated",
+        "a simulator is reset before each throw; else a person puts ball and basket to their"
+        " places",
+    ),
     Parameter("longest_wait", "for the person [s, wall clock]", 1.0, 3600.0),
-    Parameter("stand_back", "between the ball that rests in the hand and the throw [s]", 0.0, 60.0),
+    Parameter(
+        "stand_back", "between the ball that rests in the hand and the throw [s]", 0.0, 60.0
+    ),
     Parameter("seat_tolerance", "of the ball from its place in the hand [m]", 0.01, 0.2),
     Parameter("basket_tolerance", "of the basket from where it shall be [m]", 0.01, 0.5),
 ]
@@ -68,18 +90,29 @@ class CoachNode(GuardedNode):
         self._awake, self._unseen = Awake(), ""
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
-        self._sequence = TrialSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
+        self._sequence = TrialSequence(
+            self, self._calls, self.p["frame_id"], lambda: self.p["simulated"]
+        )
         self._person = None if self.p["simulated"] else self._make_person()
         self.create_subscription(Time, "commander/stopped", self._on_stop, 10)
         self._plan = self.create_client(Plan, "skill_learner/plan")
         self._add_trial = self.create_client(AddTrial, "skill_learner/add_trial")
         self._baskets = MatchingSubscriptions(self)
         if conversions.BASKET in self._name_of:
-            self._baskets.subscribe(pose_topic(self._name_of[conversions.BASKET]), self._on_basket, PoseStamped, raw=True)
+            self._baskets.subscribe(
+                pose_topic(self._name_of[conversions.BASKET]),
+                self._on_basket,
+                PoseStamped,
+                raw=True,
+            )
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = CoroutineActionServer(self, Practice, "practice", self._practise, finish_by_success, **accept)
-        self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
+        self._action = CoroutineActionServer(
+            self, Practice, "practice", self._practise, finish_by_success, **accept
+        )
+        self._diagnostics = Diagnostics(
+            self, lambda: (OK, "practising" if self._goal else "waiting", {})
+        )
 
     def _make_choosing(self) -> Choosing:
         if isinstance(self._skill, Darts):
@@ -91,8 +124,16 @@ class CoachNode(GuardedNode):
 
     def _make_person(self) -> Person:
         if self._skill.name != THROW:
-            raise ValueError(f"with simulated:=false a person practises throws; let the skill '{self._skill.name}' be executed (/execute)")
-        patience = Patience(*(self.p[name] for name in ("longest_wait", "stand_back", "seat_tolerance", "basket_tolerance")))
+            raise ValueError(
+                "with simulated:=false a person practises throws; let the skill"
+                f" '{self._skill.name}' be executed (/execute)"
+            )
+        patience = Patience(
+            *(
+                self.p[name]
+                for name in ("longest_wait", "stand_back", "seat_tolerance", "basket_tolerance")
+            )
+        )
         return Person(self, self._calls, self.p["frame_id"], self._name_of, patience)
 
     def _on_goal(self, goal) -> GoalResponse:
@@ -109,26 +150,45 @@ class CoachNode(GuardedNode):
         self._goal = goal_handle
         result = Practice.Result()
         self._stopped = ""
-        self._client, self._why_not = subscribers(self, "practice/_action/feedback"), ""  # the latter: of the last throw that was not made
+        self._client, self._why_not = (
+            subscribers(self, "practice/_action/feedback"),
+            "",
+        )  # the latter: of the last throw that was not made
         try:
             situations = list(goal_handle.request.situations)
             for one in situations:
                 self._choosing.check(one)
-            follow, wanted = goal_handle.request.follow_bodies, goal_handle.request.trials or len(situations)
+            follow, wanted = (
+                goal_handle.request.follow_bodies,
+                goal_handle.request.trials or len(situations),
+            )
             if follow and situations:
-                raise ValueError("follow_bodies executes where the cameras see the bodies: give no situations")
+                raise ValueError(
+                    "follow_bodies executes where the cameras see the bodies: give no situations"
+                )
             if not wanted:
                 raise ValueError("nothing to do: give a number of trials, or situations")
             if self._person:
                 self._check_no_simulator()
                 self._person.withdrawn = self._withdrawn
             for number in range(1, wanted + 1):
-                asked = None if follow else situations[(number - 1) % len(situations)] if situations else await self._choose()
+                asked = (
+                    None
+                    if follow
+                    else (
+                        situations[(number - 1) % len(situations)]
+                        if situations
+                        else await self._choose()
+                    )
+                )
                 self._go_on()
                 await self._one_trial(number, asked, result)
                 self._go_on()
             result.success = result.executed == wanted
-            result.message = f"{result.executed} of {wanted} {self._things} made, {result.learned} learned from{self._why_not}"
+            result.message = (
+                f"{result.executed} of {wanted} {self._things} made, {result.learned} learned"
+                f" from{self._why_not}"
+            )
         except (CallFailed, ValueError) as error:
             result.success, result.message = False, str(error)
             self.get_logger().error(f"practice ends: {error}")
@@ -137,7 +197,9 @@ class CoachNode(GuardedNode):
         return result
 
     def _withdrawn(self) -> str:
-        """Why nothing shall be thrown any more; empty if it may. An arm that somebody stopped does not go on by itself."""
+        """Why nothing shall be thrown any more; empty if it may. An arm that somebody stopped does
+        not go on by itself.
+        """
         return "cancelled" if self._goal.is_cancel_requested else self._stopped
 
     def _go_on(self) -> None:
@@ -149,7 +211,9 @@ class CoachNode(GuardedNode):
         self._stopped = "the arm was stopped with /commander/stop"
 
     def _watch(self) -> None:
-        """Practice ends when nobody waits for it any more, and when this node was away for so long that it was given up."""
+        """Practice ends when nobody waits for it any more, and when this node was away for so long
+        that it was given up.
+        """
         frozen = self._awake.frozen()
         self._unseen = self._cameras.missing
         if self._goal is None or self._stopped:
@@ -162,9 +226,14 @@ class CoachNode(GuardedNode):
             self._sequence.cancel()
 
     def _check_no_simulator(self) -> None:
-        """Who was told that there is no simulator, and finds one, throws nothing: one of the two is a mistake."""
+        """Who was told that there is no simulator, and finds one, throws nothing: one of the two
+        is a mistake.
+        """
         if self._sequence.reset_client.service_is_ready():
-            raise CallFailed("the coach was started with simulated:=false, but a simulator runs: end it, or start the coach with true")
+            raise CallFailed(
+                "the coach was started with simulated:=false, but a simulator runs: end it, or"
+                " start the coach with true"
+            )
 
     @property
     def _things(self) -> str:
@@ -172,7 +241,9 @@ class CoachNode(GuardedNode):
         return self._skill.words.trials
 
     async def _choose(self) -> Situation:
-        """The situation where the skill is worst, of those for which the learner has a plan; a plan that needs a look comes later."""
+        """The situation where the skill is worst, of those for which the learner has a plan; a
+        plan that needs a look comes later.
+        """
         situations = self._choosing.candidates()
         if self._choosing.looks or len(situations) == 1:
             return situations[0]
@@ -180,7 +251,10 @@ class CoachNode(GuardedNode):
             response = await self._plan_for(situation)
             if response.success:
                 return situation
-        raise CallFailed(f"{self._plan.service_name} has no plan for any of {len(situations)} baskets: {response.message}")
+        raise CallFailed(
+            f"{self._plan.service_name} has no plan for any of {len(situations)} baskets:"
+            f" {response.message}"
+        )
 
     async def _plan_for(self, situation: Situation) -> Plan.Response:
         """A plan for a situation, or why it has none; CallFailed if no situation has."""
@@ -191,25 +265,39 @@ class CoachNode(GuardedNode):
             raise CallFailed(f"{self._plan.service_name}: {response.message}")
         return response
 
-    async def _one_trial(self, number: int, situation: Situation | None, result: Practice.Result) -> None:
+    async def _one_trial(
+        self, number: int, situation: Situation | None, result: Practice.Result
+    ) -> None:
         """situation: in which bodies are put; None: as they are seen."""
-        if self._person and situation is not None and not (planned := await self._plan_for(situation)).success:
-            self._not_made(number, situation, planned.message, result)  # before a person carries a basket there
+        if (
+            self._person
+            and situation is not None
+            and not (planned := await self._plan_for(situation)).success
+        ):
+            self._not_made(
+                number, situation, planned.message, result
+            )  # before a person carries a basket there
             return
         prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
         situation, stamp = await prepare(number, situation)
         self._go_on()
         self._feed(number, "executing")
         explore = not self._goal.request.only_execute
-        made = await self._sequence.end(await self._sequence.begin(situation, stamp, explore=explore))
-        feedback = Practice.Feedback(number=number, phase="done", outcome=made.outcome, message=made.message)
+        made = await self._sequence.end(
+            await self._sequence.begin(situation, stamp, explore=explore)
+        )
+        feedback = Practice.Feedback(
+            number=number, phase="done", outcome=made.outcome, message=made.message
+        )
         if made.code == Execute.Goal.OUTCOME_EXECUTED:
             result.executed += 1
             self._check_cameras(f"{self._things[:-1]} {number} was not seen: ")
             if not self._goal.request.only_execute:
                 self._feed(number, "learning")
                 learned = "; ".join(filter(None, await self._learn_from(made, situation, result)))
-                feedback.message = learned or feedback.message.removeprefix("executed").removeprefix("; ")
+                feedback.message = learned or feedback.message.removeprefix(
+                    "executed"
+                ).removeprefix("; ")
         else:
             self._choosing.give_up(situation)
             self._why_not = f"; {self._things[:-1]} {number}: {made.message}"
@@ -217,18 +305,34 @@ class CoachNode(GuardedNode):
         self._goal.publish_feedback(feedback)
         if self._person:
             if made.code != Execute.Goal.OUTCOME_EXECUTED:
-                raise CallFailed(f"throw {number}: {made.message}")  # somebody should look at the arm before it moves again
-            await self._person.bring(np.array(made.plan.start_posture), conversions.stamp_ns(made.outcome.header.stamp))
+                raise CallFailed(
+                    f"throw {number}: {made.message}"
+                )  # somebody should look at the arm before it moves again
+            await self._person.bring(
+                np.array(made.plan.start_posture), conversions.stamp_ns(made.outcome.header.stamp)
+            )
 
-    def _not_made(self, number: int, situation: Situation, why: str, result: Practice.Result) -> None:
+    def _not_made(
+        self, number: int, situation: Situation, why: str, result: Practice.Result
+    ) -> None:
         """A situation that the arm does not reach costs its own trial, and not those after it."""
         self._choosing.give_up(situation)
         self._why_not = f"; {self._things[:-1]} {number}: {why}"
-        result.outcomes.append(conversions.unseen_outcome_msg(situation, self._skill.name, self.p["frame_id"]))
-        self._goal.publish_feedback(Practice.Feedback(number=number, phase="done", outcome=result.outcomes[-1], message=why))
+        result.outcomes.append(
+            conversions.unseen_outcome_msg(situation, self._skill.name, self.p["frame_id"])
+        )
+        self._goal.publish_feedback(
+            Practice.Feedback(
+                number=number, phase="done", outcome=result.outcomes[-1], message=why
+            )
+        )
 
-    async def _prepare_in_simulation(self, number: int, situation: Situation | None) -> tuple[Situation, Time]:
-        """Where the bodies are, and the stamp of the first state of a world that was reset for a trial there."""
+    async def _prepare_in_simulation(
+        self, number: int, situation: Situation | None
+    ) -> tuple[Situation, Time]:
+        """Where the bodies are, and the stamp of the first state of a world that was reset for a
+        trial there.
+        """
         self._feed(number, "resetting")
         if not self._goal.request.only_execute:
             await self._recording.start(lambda: self._sequence.hold(False))
@@ -239,17 +343,25 @@ class CoachNode(GuardedNode):
             situation = await self._as_it_is(stamp)
         return situation, stamp
 
-    async def _prepare_with_person(self, number: int, situation: Situation | None) -> tuple[Situation, Time]:
-        """The same when a person has put basket and ball to their places, and the arm is where the throw begins."""
+    async def _prepare_with_person(
+        self, number: int, situation: Situation | None
+    ) -> tuple[Situation, Time]:
+        """The same when a person has put basket and ball to their places, and the arm is where the
+        throw begins.
+        """
         self._person.ask = partial(self._ask, number)
         while True:
-            place = await self._person.basket(None if situation is None else conversions.target_of(situation))
+            place = await self._person.basket(
+                None if situation is None else conversions.target_of(situation)
+            )
             planned = await self._plan_for(conversions.at_place(place))
             if not planned.success:
                 await self._person.another_basket(place, planned.message)
                 continue
             await self._person.bring(np.array(planned.plan.start_posture))
-            if await self._person.ball(conversions.place_of(planned.held, "ball", "the learner"), place):
+            if await self._person.ball(
+                conversions.place_of(planned.held, "ball", "the learner"), place
+            ):
                 break
         if not self._goal.request.only_execute:
             await self._recording.start()
@@ -258,16 +370,22 @@ class CoachNode(GuardedNode):
     def _ask(self, number: int, text: str) -> None:
         """Tell the person what to do, wherever they look."""
         self.get_logger().info(text)
-        self._goal.publish_feedback(Practice.Feedback(number=number, phase="waiting", message=text))
+        self._goal.publish_feedback(
+            Practice.Feedback(number=number, phase="waiting", message=text)
+        )
 
     async def _as_it_is(self, stamp: Time) -> Situation:
-        """Situation of a throw at where what it is thrown at stands; a board is aimed at in the middle."""
+        """Situation of a throw at where what it is thrown at stands; a board is aimed at in the
+        middle.
+        """
         if not self._skill.situated:
             return Situation()
         return conversions.at_place(await self._basket_seen(conversions.stamp_ns(stamp)))
 
     async def _basket_seen(self, since_ns: int) -> np.ndarray:
-        """Where the cameras see the basket (3,), not before a stamp; a paused world is let run until they do."""
+        """Where the cameras see the basket (3,), not before a stamp; a paused world is let run
+        until they do.
+        """
         self._sighting = Promise()
         self._sighting_since_ns = since_ns
         await self._sequence.hold(False)
@@ -285,10 +403,16 @@ class CoachNode(GuardedNode):
         if message.header.frame_id == self.p["frame_id"]:
             self._sighting.keep(conversions.place(message.pose.position, "the basket"))
 
-    async def _learn_from(self, made: Execute.Result, situation: Situation, result: Practice.Result) -> tuple[str, str]:
-        """Give the trial to the learner; why it was not learned from, if so, and what there is to say of the next one."""
+    async def _learn_from(
+        self, made: Execute.Result, situation: Situation, result: Practice.Result
+    ) -> tuple[str, str]:
+        """Give the trial to the learner; why it was not learned from, if so, and what there is to
+        say of the next one.
+        """
         told_ns = conversions.stamp_ns(made.outcome.header.stamp)
-        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in made.plan.events)  # else it is stamped when it is over
+        opens = any(
+            event.name == conversions.WORDS[Grip.OPEN] for event in made.plan.events
+        )  # else it is stamped when it is over
         watched_ns = round(self.p["watch_time"] * 1e9) if opens else 0
         cut = await self._recording.stop(told_ns + watched_ns - ARRIVAL_NS, False, "practice")
         if not cut.success:
@@ -298,10 +422,14 @@ class CoachNode(GuardedNode):
         told = await self._calls.call(self._add_trial, request, may_refuse=True)
         left = float(np.hypot(*told.left))
         result.learned += told.success
-        return told.message, self._choosing.tell(situation, left if np.isfinite(left) else made.outcome.error, made.outcome)
+        return told.message, self._choosing.tell(
+            situation, left if np.isfinite(left) else made.outcome.error, made.outcome
+        )
 
     def _check_cameras(self, what: str = "") -> None:
-        """CallFailed without cameras: nothing is seen of a throw then, and nothing is learned from it."""
+        """CallFailed without cameras: nothing is seen of a throw then, and nothing is learned from
+        it.
+        """
         if self._unseen:
             raise CallFailed(f"{what}{self._unseen}")
 

@@ -1,6 +1,8 @@
-"""The commander: asks the learner for a plan, brings the arm to its start, carries it out, and reports what the cameras saw of it.
+"""The commander: asks the learner for a plan, brings the arm to its start, carries it out, and
+reports what the cameras saw of it.
 
-The control step runs in the callback of /joint_states and answers every state once, with its stamp; there is no timer in its path.
+The control step runs in the callback of /joint_states and answers every state once, with its
+stamp; there is no timer in its path.
 """
 
 import time
@@ -19,7 +21,17 @@ from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.arm import ArmState, Commander, CommanderSettings, Grip, Mode, MotionPlan, PlanRefused, load_registration, wam_description
+from dart_skill.arm import (
+    ArmState,
+    Commander,
+    CommanderSettings,
+    Grip,
+    Mode,
+    MotionPlan,
+    PlanRefused,
+    load_registration,
+    wam_description,
+)
 from dart_skill.common.rotations import of_matrices
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.learning import Policy
@@ -34,34 +46,75 @@ from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, fi
 from dart_skill_nodes.comms.joint_states import Rivals, StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
-from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, others, publishers, servers, subscribers
+from dart_skill_nodes.comms.presence import (
+    LOOK,
+    Cameras,
+    Presence,
+    others,
+    publishers,
+    servers,
+    subscribers,
+)
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
 from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
 from dart_skill_nodes.process.limits import LIMITS
-from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, declare_bodies, run
+from dart_skill_nodes.process.node_base import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Parameter,
+    declare,
+    declare_bodies,
+    run,
+)
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
-    Parameter("skill", "that it carries out: what its hand may hold, and whose bodies must be tracked"),
-    Parameter("tracking", "what keeps the arm on the motion that (7.19) predicts: joints, hand or none"),
-    Parameter("tracking_stiffness", "pull towards the predicted motion, per unit mass [1/s^2]", 0.0, 10_000.0),
+    Parameter(
+        "skill", "that it carries out: what its hand may hold, and whose bodies must be tracked"
+    ),
+    Parameter(
+        "tracking", "what keeps the arm on the motion that (7.19) predicts: joints, hand or none"
+    ),
+    Parameter(
+        "tracking_stiffness",
+        "pull towards the predicted motion, per unit mass [1/s^2]",
+        0.0,
+        10_000.0,
+    ),
     Parameter("tracking_damping", "its damping [1/s]", 0.0, 400.0),
     Parameter("tracking_stiffness_rotation", "the same for orientation [1/s^2]", 0.0, 10_000.0),
     Parameter("tracking_damping_rotation", "its damping [1/s]", 0.0, 400.0),
     Parameter("friction_compensation", "share of the identified joint friction", 0.0, 1.0),
-    Parameter("approach_speed", "fastest joint on the way to the start of a throw [rad/s]", 0.05, 2.0),
+    Parameter(
+        "approach_speed", "fastest joint on the way to the start of a throw [rad/s]", 0.05, 2.0
+    ),
     Parameter("settle_speed", "the arm rests below this joint speed [rad/s]", 0.001, 0.5),
     Parameter("settle_time", "rest before a throw [s]", 0.0, 2.0),
     Parameter("settle_limit", "throw even if the arm does not rest for so long [s]", 0.1, 10.0),
-    Parameter("farthest_error", "distance from the plan at which a throw is stopped [m]", 0.01, 1.0),
+    Parameter(
+        "farthest_error", "distance from the plan at which a throw is stopped [m]", 0.01, 1.0
+    ),
     Parameter("longest_gap", "between two states of the arm [s]", 0.004, 5.0),
     Parameter("follow_time", "the hand stays on the plan so long after the release [s]", 0.0, 1.0),
-    Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
-    Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: plans are believed"),
+    Parameter(
+        "watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0
+    ),
+    Parameter(
+        "registration_file",
+        "cameras and arm as `dart-skill check arm --write` measured them; empty: plans are"
+        " believed",
+    ),
     Parameter("plan_timeout", "for the learner's answer [s, wall clock]", 0.1, 120.0),
-    Parameter("states_timeout", "a motion ends when a real arm's states are silent for longer [s, wall clock]", 0.1, 60.0),
+    Parameter(
+        "states_timeout",
+        "a motion ends when a real arm's states are silent for longer [s, wall clock]",
+        0.1,
+        60.0,
+    ),
     *LIMITS,
 ]
 FEEDBACK_NS = 50_000_000
@@ -83,9 +136,11 @@ class Withdrawn(Exception):
 class GoalUnderWay:
     """A goal of /execute, from its acceptance to its result.
 
-    client, learner: who waits for its result, and who made its plan. withdrawn: why it must not move the arm any more, empty if it may.
-    armed: the commander has its plan, and the arm may move for it. waits: it was said that somebody holds the world. newest_ns: stamp of
-    the last state that it saw. ended_ns: the stamp at which the throw and the watching of the ball end, None before that is known.
+    client, learner: who waits for its result, and who made its plan. withdrawn: why it must not
+    move the arm any more, empty if it may. armed: the commander has its plan, and the arm may move
+    for it. waits: it was said that somebody holds the world. newest_ns: stamp of the last state
+    that it saw. ended_ns: the stamp at which the throw and the watching of the ball end, None
+    before that is known.
     """
 
     handle: object
@@ -103,8 +158,9 @@ class GoalUnderWay:
 SIMULATED = "simulation/state"
 """Only a simulator publishes it."""
 NOT_FOR_AN_ARM = (
-    "tracking is 'hand', which makes an arm with motors and cables oscillate, and no simulator runs: start the commander with "
-    "tracking:=joints and friction_compensation:=1.0, as the layout hardware does"
+    "tracking is 'hand', which makes an arm with motors and cables oscillate, and no simulator"
+    " runs: start the commander with tracking:=joints and friction_compensation:=1.0, as the"
+    " layout hardware does"
 )
 
 
@@ -114,13 +170,21 @@ class CommanderNode(GuardedNode):
     def __init__(self):
         super().__init__("commander")
         self.p = declare(self, "commander.yaml", TABLE)
-        measured = load_registration(self.p["registration_file"]).registration if self.p["registration_file"] else None
+        measured = (
+            load_registration(self.p["registration_file"]).registration
+            if self.p["registration_file"]
+            else None
+        )
         self._skill = load_skill(self.p["skill"])
         name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         load = self._skill.loaded(wam_description())
         self._commander = Commander(CommanderSettings.from_parameters(self.p), load, measured)
         self._state: ArmState | None = None
-        self._reader, self._writer, self._written = StateReader(), CommandWriter(new_sender(), self.p["frame_id"]), b""
+        self._reader, self._writer, self._written = (
+            StateReader(),
+            CommandWriter(new_sender(), self.p["frame_id"]),
+            b"",
+        )
         self._fault = ""
         self._goal: GoalUnderWay | None = None
         self._reacting: ReactiveGuide | None = None  # is told where the bodies are
@@ -134,13 +198,19 @@ class CommanderNode(GuardedNode):
         self._leaps: Rivals | None = None  # where several publish states
         self._time = TimeOfTheArm(self)
         self._arm: Presence | None = None  # who publishes the states
-        self._guide: Presence | None = None  # who guides an arm that was released to a simulated person
+        self._guide: Presence | None = (
+            None  # who guides an arm that was released to a simulated person
+        )
         self._command = self.create_publisher(WamCommand, COMMANDS, COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", NEWEST)
         calls = ServiceCalls(self)
         self._calls, self._judge, self._eyes = calls, Judge(self, calls), Eyes(self, calls)
-        self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._skill.reacts else None
+        self._seen = (
+            SeenInStep(self, name_of, self.p["frame_id"], self._answer)
+            if self._skill.reacts
+            else None
+        )
         self._states = hear_joint_states(self, self._on_state, raw=True)
         self._planner = self.create_client(Plan, "skill_learner/plan")
         self.create_subscription(DiagnosticStatus, "wam/safety", self._on_safety, LATCHED)
@@ -150,7 +220,9 @@ class CommanderNode(GuardedNode):
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/reset", self._on_reset)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = CoroutineActionServer(self, Execute, "execute", self._carry_out, self._finish, **accept)
+        self._action = CoroutineActionServer(
+            self, Execute, "execute", self._carry_out, self._finish, **accept
+        )
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(LOOK, self._watch, clock=WALL)
 
@@ -198,11 +270,19 @@ class CommanderNode(GuardedNode):
             goal.fed_ns = state.stamp_ns
             self._feed(self._commander.mode.value if self._commander.executing else "watching")
             self._publish_attractor(state)
-        rests = self._commander.mode != Mode.STOPPING  # who holds the world at the result finds an arm that can be reset
+        rests = (
+            self._commander.mode != Mode.STOPPING
+        )  # who holds the world at the result finds an arm that can be reset
         if goal.ended_ns is None and not self._commander.executing and rests:
             opened = self._commander.opened_ns
-            watch = 0 if opened is None and self._commander.message else round(self.p["watch_time"] * 1e9)
-            goal.ended_ns = max(state.stamp_ns, (opened or (state.stamp_ns if watch else 0)) + watch)
+            watch = (
+                0
+                if opened is None and self._commander.message
+                else round(self.p["watch_time"] * 1e9)
+            )
+            goal.ended_ns = max(
+                state.stamp_ns, (opened or (state.stamp_ns if watch else 0)) + watch
+            )
         if goal.ended_ns is not None and state.stamp_ns >= goal.ended_ns:
             goal.over.keep()
 
@@ -219,7 +299,9 @@ class CommanderNode(GuardedNode):
         return CancelResponse.ACCEPT
 
     def _withdraw(self, reason: str) -> None:
-        """The goal under way moves the arm no more: a throw is stopped, and one that is being planned does not begin."""
+        """The goal under way moves the arm no more: a throw is stopped, and one that is being
+        planned does not begin.
+        """
         if self._goal is not None and not self._goal.withdrawn:
             self._goal.withdrawn = reason
         if self._commander.executing:
@@ -228,7 +310,9 @@ class CommanderNode(GuardedNode):
     async def _carry_out(self, goal_handle) -> Execute.Result:
         client = subscribers(self, "execute/_action/feedback")
         self._goal = GoalUnderWay(goal_handle, client, servers(self, self._planner.service_name))
-        unseen = conversions.unseen_outcome_msg(goal_handle.request.situation, self._skill.name, self.p["frame_id"])
+        unseen = conversions.unseen_outcome_msg(
+            goal_handle.request.situation, self._skill.name, self.p["frame_id"]
+        )
         result = Execute.Result(code=Execute.Goal.OUTCOME_REFUSED, outcome=unseen)
         try:
             self._feed("planning")
@@ -246,7 +330,9 @@ class CommanderNode(GuardedNode):
 
     async def _ask_for_plan(self, goal, result):
         if goal.header.frame_id not in ("", self.p["frame_id"]):
-            result.message = f"the situation is in frame '{goal.header.frame_id}', not '{self.p['frame_id']}'"
+            result.message = (
+                f"the situation is in frame '{goal.header.frame_id}', not '{self.p['frame_id']}'"
+            )
             return None
         if missing := await self._missing():
             result.message = missing
@@ -255,7 +341,9 @@ class CommanderNode(GuardedNode):
         situation = await self._whole(goal.situation, conversions.stamp_ns(goal.header.stamp))
         request = Plan.Request(situation=situation, explore=goal.explore)
         request.header.frame_id = self.p["frame_id"]
-        response = await self._calls.call(self._planner, request, may_refuse=True, patience=self.p["plan_timeout"])
+        response = await self._calls.call(
+            self._planner, request, may_refuse=True, patience=self.p["plan_timeout"]
+        )
         if not response.success:
             result.message = response.message
             return None
@@ -266,13 +354,19 @@ class CommanderNode(GuardedNode):
         return conversions.motion_plan(response.plan)
 
     def _guide_of(self, plan: PlanMsg) -> ReactiveGuide:
-        """What a plan asks at every state of the arm; ValueError if that is not the policy of this commander's skill."""
+        """What a plan asks at every state of the arm; ValueError if that is not the policy of this
+        commander's skill.
+        """
         policy = Policy.from_bytes(plan.policy.tobytes(), self._skill)
-        registration = self._commander.agreed(policy.registration, policy.start.position, policy.start.quaternion)
+        registration = self._commander.agreed(
+            policy.registration, policy.start.position, policy.start.quaternion
+        )
         return policy.guide(conversions.situation(plan.situation), registration)
 
     async def _whole(self, situation: Situation, stamp_ns: int) -> Situation:
-        """A situation with all bodies on which a plan depends: those of which a client says nothing are where the cameras see them."""
+        """A situation with all bodies on which a plan depends: those of which a client says
+        nothing are where the cameras see them.
+        """
         if set(self._skill.situated) <= set(situation.bodies):
             return situation
         seen = await self._eyes.look(stamp_ns)
@@ -283,9 +377,15 @@ class CommanderNode(GuardedNode):
         return situation
 
     async def _missing(self) -> str:
-        """What a throw needs and is not there, once a commander that has just been started could have found it; empty if nothing."""
+        """What a throw needs and is not there, once a commander that has just been started could
+        have found it; empty if nothing.
+        """
         until = time.monotonic() + FINDS
-        while (missing := self._missing_now()) and time.monotonic() < until and not self._goal.withdrawn:
+        while (
+            (missing := self._missing_now())
+            and time.monotonic() < until
+            and not self._goal.withdrawn
+        ):
             await pause(self, LOOK)
         return missing
 
@@ -293,16 +393,28 @@ class CommanderNode(GuardedNode):
         if self._state is None:
             named = self._states.of_the_arm.others
             strange = f"{self._states_name} {named}" if named else ""
-            return self._fault or strange or f"no {self._states_name} yet: is the arm, or wam_simulator, running?"
+            return (
+                self._fault
+                or strange
+                or f"no {self._states_name} yet: is the arm, or wam_simulator, running?"
+            )
         if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
             return NOT_FOR_AN_ARM
         if self._rivals:
             return self._rivals
         if self._strangers:
-            return f"{', '.join(self._strangers)} publishes /wam/command, too: end it, one commands an arm"
+            return (
+                f"{', '.join(self._strangers)} publishes /wam/command, too: end it, one commands"
+                " an arm"
+            )
         if self._arm_fault:
-            return f"the arm's safety module has stopped it ({self._arm_fault}): look at the arm, and reset it"
-        return f"{self._unseen}; nobody would see {self._skill.words.outcome}" if self._unseen else ""
+            return (
+                f"the arm's safety module has stopped it ({self._arm_fault}): look at the arm, and"
+                " reset it"
+            )
+        return (
+            f"{self._unseen}; nobody would see {self._skill.words.outcome}" if self._unseen else ""
+        )
 
     async def _execute(self, plan: MotionPlan | ReactiveGuide, result) -> None:
         goal = self._goal
@@ -327,17 +439,29 @@ class CommanderNode(GuardedNode):
         opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in result.plan.events)
         if self._commander.message or (opens and opened_ns is None):
             result.code = Execute.Goal.OUTCOME_STOPPED
-            result.message = self._commander.message or f"the {self._skill.name} ended before the hand was told to open"
+            result.message = (
+                self._commander.message
+                or f"the {self._skill.name} ended before the hand was told to open"
+            )
         else:
             result.code, result.message = Execute.Goal.OUTCOME_EXECUTED, "executed"
         if opened_ns is not None or not opens:
             watched = goal.ended_ns is not None and not goal.withdrawn
-            await self._let_judge(begun_ns, opened_ns or goal.newest_ns, goal.ended_ns - ARRIVAL_NS if watched else 0, result)
+            await self._let_judge(
+                begun_ns,
+                opened_ns or goal.newest_ns,
+                goal.ended_ns - ARRIVAL_NS if watched else 0,
+                result,
+            )
 
     async def _let_judge(self, begun_ns: int, told_ns: int, until_ns: int, result) -> None:
-        """What the cameras saw of the movement; one that nobody judges has been made all the same. until_ns: 0: what has come."""
+        """What the cameras saw of the movement; one that nobody judges has been made all the same.
+        until_ns: 0: what has come.
+        """
         try:
-            result.outcome = await self._judge.outcome(result.plan.situation, told_ns, until_ns, begun_ns)
+            result.outcome = await self._judge.outcome(
+                result.plan.situation, told_ns, until_ns, begun_ns
+            )
             if not result.outcome.seen and self._unseen:
                 result.message += f"; not seen: {self._unseen}"
         except CallFailed as failure:
@@ -345,11 +469,18 @@ class CommanderNode(GuardedNode):
             result.message += f"; nobody judged it: {failure}"
 
     async def _state_of_goal(self, stamp_ns: int) -> None:
-        """The states that the goal knows of are answered before it is obeyed; ValueError if the one that it names does not come."""
+        """The states that the goal knows of are answered before it is obeyed; ValueError if the
+        one that it names does not come.
+        """
         until = time.monotonic() + STATE_PATIENCE
-        while not self._goal.withdrawn and (self._state is None or self._state.stamp_ns < stamp_ns):
+        while not self._goal.withdrawn and (
+            self._state is None or self._state.stamp_ns < stamp_ns
+        ):
             if time.monotonic() > until:
-                raise ValueError(f"the goal is stamped {stamp_ns} ns, but the arm's states have come up to {self._state.stamp_ns} ns only")
+                raise ValueError(
+                    f"the goal is stamped {stamp_ns} ns, but the arm's states have come up to"
+                    f" {self._state.stamp_ns} ns only"
+                )
             await pause(self, 0.01)
 
     def _finish(self, goal_handle, result) -> None:
@@ -358,9 +489,13 @@ class CommanderNode(GuardedNode):
         finish(goal_handle, result.code == Execute.Goal.OUTCOME_EXECUTED)
 
     def _feed(self, phase: str) -> None:
-        error = self._commander.tracking_error if np.isfinite(self._commander.tracking_error) else 0.0
+        error = (
+            self._commander.tracking_error if np.isfinite(self._commander.tracking_error) else 0.0
+        )
         seconds = float(self._commander.time) if np.isfinite(self._commander.time) else 0.0
-        self._goal.handle.publish_feedback(Execute.Feedback(phase=phase, time=seconds, tracking_error=float(error)))
+        self._goal.handle.publish_feedback(
+            Execute.Feedback(phase=phase, time=seconds, tracking_error=float(error))
+        )
 
     def _publish_attractor(self, state: ArmState) -> None:
         if self._commander.mode != Mode.EXECUTING or self._commander.reference is None:
@@ -375,29 +510,37 @@ class CommanderNode(GuardedNode):
     # the rest
 
     def _watch(self) -> None:
-        """Whether those are there without whom the arm must not move, by the clock of the wall and by what DDS says of them."""
+        """Whether those are there without whom the arm must not move, by the clock of the wall and
+        by what DDS says of them.
+        """
         self._time.look()
         self._notice_a_gap()
         self._look_for_rivals()
         if self._state is not None and (silent := self._states_ended()):
             self._lose_arm(silent)
         if self._commander.mode == Mode.FREE and self._guide is not None and self._guide.gone:
-            self._commander.stop(f"{self._guide} has gone while it guided the arm: the arm is braked and held")
+            self._commander.stop(
+                f"{self._guide} has gone while it guided the arm: the arm is braked and held"
+            )
         self._unseen = self._cameras.missing
         self._strangers = others(self, COMMANDS)
         if self._goal is not None:
             self._watch_goal(self._goal)
 
     def _look_for_rivals(self) -> None:
-        """Two who publish states of the arm are two arms, of which it commands none: nobody could say whose state a command answers. Who
-        publishes states of other joints, as of a gripper, is none of them, unless the arm's leap to and fro.
+        """Two who publish states of the arm are two arms, of which it commands none: nobody could
+        say whose state a command answers. Who publishes states of other joints, as of a gripper,
+        is none of them, unless the arm's leap to and fro.
         """
         drivers = others(self, JOINT_STATES)
         self._leaps = (self._leaps or Rivals()) if len(drivers) > 1 else None
         leap = self._leaps is not None and self._leaps.are_there
         rivals = ""
         if leap or len(drivers) - self._states.of_the_arm.voices > 1:
-            rivals = f"{' and '.join(drivers)} publish {self._states_name}: end one of them, nothing is commanded until then"
+            rivals = (
+                f"{' and '.join(drivers)} publish {self._states_name}: end one of them, nothing is"
+                " commanded until then"
+            )
         if rivals and rivals != self._rivals:
             self.get_logger().error(rivals)
             self._withdraw(rivals)
@@ -405,7 +548,9 @@ class CommanderNode(GuardedNode):
         self._rivals = rivals
 
     def _notice_a_gap(self) -> None:
-        """A commander that was frozen withdraws its goal. One whose timers wait, because states come as fast as they can, was not."""
+        """A commander that was frozen withdraws its goal. One whose timers wait, because states
+        come as fast as they can, was not.
+        """
         frozen = self._awake.frozen()
         if self._goal is not None and frozen:
             self._withdraw(f"the commander was held up for {frozen:.1f} s")
@@ -414,7 +559,9 @@ class CommanderNode(GuardedNode):
         if goal.client.gone:
             self._withdraw(f"{goal.client} has gone, who asked for the {self._skill.name}")
         if goal.armed and self._commander.executing and goal.learner.gone:
-            self._withdraw(f"{goal.learner} has gone during the {self._skill.name}: start it again")
+            self._withdraw(
+                f"{goal.learner} has gone during the {self._skill.name}: start it again"
+            )
         if goal.armed and not goal.waits and self._time.held:
             goal.waits = True
             self._feed("held")
@@ -425,14 +572,23 @@ class CommanderNode(GuardedNode):
             goal.over.keep()  # no state will tell when the arm rests: time stands still
 
     def _states_ended(self) -> str:
-        """Why no states come any more; empty while they may. A simulator that is there may hold time as long as it likes."""
+        """Why no states come any more; empty while they may. A simulator that is there may hold
+        time as long as it likes.
+        """
         if self._arm is None:
             self._arm = publishers(self, JOINT_STATES)
         if self._arm.gone and self._time.silence > QUIET:
             return f"{self._arm} has gone: no {self._states_name} any more"
         moves = self._commander.executing or self._commander.moving
-        if moves and self._time.silence > self.p["states_timeout"] and not self.count_publishers(SIMULATED):
-            return f"no {self._states_name} for {self._time.silence:.1f} s: is the arm's driver running?"
+        if (
+            moves
+            and self._time.silence > self.p["states_timeout"]
+            and not self.count_publishers(SIMULATED)
+        ):
+            return (
+                f"no {self._states_name} for {self._time.silence:.1f} s: is the arm's driver"
+                " running?"
+            )
         return ""
 
     def _lose_arm(self, reason: str) -> None:
@@ -445,7 +601,9 @@ class CommanderNode(GuardedNode):
             self._goal.over.keep()
 
     def _on_safety(self, message: DiagnosticStatus) -> None:
-        """What the arm's own safety module says; it needs no answer: it has stopped the arm already."""
+        """What the arm's own safety module says; it needs no answer: it has stopped the arm
+        already.
+        """
         self._arm_fault = message.message if message.level == ERROR else ""
         if self._arm_fault:
             reason = f"the arm's safety module stopped it: {self._arm_fault}"
@@ -456,7 +614,10 @@ class CommanderNode(GuardedNode):
     def _on_release_arm(self, request, response):
         try:
             if request.data and self._goal is not None:
-                raise PlanRefused(f"a {self._skill.name} is being planned or is under way: stop it before the arm is released (~/stop)")
+                raise PlanRefused(
+                    f"a {self._skill.name} is being planned or is under way: stop it before the"
+                    " arm is released (~/stop)"
+                )
             self._commander.release_arm(request.data)
             simulated = request.data and self.count_publishers(SIMULATED)
             self._guide = publishers(self, GUIDING) if simulated else None
@@ -470,8 +631,13 @@ class CommanderNode(GuardedNode):
             if self._state is None:
                 raise PlanRefused(f"no {self._states_name} yet: is the arm's driver running?")
             if self._goal is not None:
-                raise PlanRefused(f"a {self._skill.name} is being planned or is under way: wait for it or stop it first")
-            response.duration = conversions.duration_msg(self._commander.move_to(request.posture, self._state))
+                raise PlanRefused(
+                    f"a {self._skill.name} is being planned or is under way: wait for it or stop"
+                    " it first"
+                )
+            response.duration = conversions.duration_msg(
+                self._commander.move_to(request.posture, self._state)
+            )
             response.success = True
         except PlanRefused as error:
             response.success, response.message = False, str(error)
@@ -480,14 +646,19 @@ class CommanderNode(GuardedNode):
     def _on_stop(self, request, response):
         self._withdraw(STOPPED)
         self._commander.stop(STOPPED, until_reset=True)
-        self._stops.publish(conversions.time_msg(0 if self._state is None else self._state.stamp_ns))  # whoever would move it next
+        self._stops.publish(
+            conversions.time_msg(0 if self._state is None else self._state.stamp_ns)
+        )  # whoever would move it next
         response.success = True
         return response
 
     def _on_reset(self, request, response):
         try:
             if self._goal is not None:
-                raise PlanRefused(f"the {self._skill.name} that was stopped has not ended yet: call /commander/reset again")
+                raise PlanRefused(
+                    f"the {self._skill.name} that was stopped has not ended yet: call"
+                    " /commander/reset again"
+                )
             self._commander.reset()
             response.success = True
         except PlanRefused as error:
@@ -496,14 +667,26 @@ class CommanderNode(GuardedNode):
 
     def _describe(self):
         stopped = self._commander.stopped_by
-        level = ERROR if self._fault or self._rivals else (WARN if self._state is None or stopped else OK)
+        level = (
+            ERROR
+            if self._fault or self._rivals
+            else (WARN if self._state is None or stopped else OK)
+        )
         mode = f"no {self._states_name} yet" if self._state is None else self._commander.mode.value
         text = self._fault or self._rivals or mode
         text += f", {stopped}: call /commander/reset" if stopped else ""
         if (near := self._commander.warning) and level == OK:
             level, text = WARN, f"{text}; {near}"
         newest_ns = 0 if self._state is None else self._state.stamp_ns
-        return level, text, {"mode": self._commander.mode.value, "last": self._commander.message, "newest_state_ns": newest_ns}
+        return (
+            level,
+            text,
+            {
+                "mode": self._commander.mode.value,
+                "last": self._commander.message,
+                "newest_state_ns": newest_ns,
+            },
+        )
 
 
 def main(args: list[str] | None = None) -> None:

@@ -1,4 +1,6 @@
-"""Simulator, motion capture, commander, recorder, teacher and coach in one process and one executor: the same nodes, faster."""
+"""Simulator, motion capture, commander, recorder, teacher and coach in one process and one
+executor: the same nodes, faster.
+"""
 
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -13,7 +15,14 @@ from dart_skill_nodes.process.node_base import run
 
 
 def _started() -> list[Node]:
-    nodes = [DemonstrationRecorder(), MockOptitrack(), CommanderNode(), TeacherNode(), CoachNode(), WamSimulator()]
+    nodes = [
+        DemonstrationRecorder(),
+        MockOptitrack(),
+        CommanderNode(),
+        TeacherNode(),
+        CoachNode(),
+        WamSimulator(),
+    ]
     get_logger("composed").info(f"ready: {', '.join(node.get_name() for node in nodes)}")
     return nodes
 

@@ -1,6 +1,8 @@
-"""The demonstration recorder: everything goes into an MCAP bag as it comes; between ~/start and ~/stop a movement is cut out of it.
+"""The demonstration recorder: everything goes into an MCAP bag as it comes; between ~/start and
+~/stop a movement is cut out of it.
 
-Messages are received and written as raw CDR. Only what cutting needs is decoded: poses, one joint state per pose, the hand's button.
+Messages are received and written as raw CDR. Only what cutting needs is decoded: poses, one joint
+state per pose, the hand's button.
 """
 
 import json
@@ -35,13 +37,31 @@ from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import OfTheArm, StateReader
-from dart_skill_nodes.comms.names import COMMANDS, DEMONSTRATIONS, GUIDING, JOINT_STATES, MARKS, in_graph, pose_topic
+from dart_skill_nodes.comms.names import (
+    COMMANDS,
+    DEMONSTRATIONS,
+    GUIDING,
+    JOINT_STATES,
+    MARKS,
+    in_graph,
+    pose_topic,
+)
 from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.refusals import NOT_RECORDED
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, Arrivals, TrackedBodies
-from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, declare_bodies, run
+from dart_skill_nodes.process.node_base import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Parameter,
+    autostart,
+    declare,
+    declare_bodies,
+    run,
+)
 from dart_skill_nodes.skills.observing import Observer, TaskObserver, ThrowObserver
 
 TABLE = [
@@ -58,14 +78,18 @@ TABLE = [
     Parameter("settle", "kept after the motion [s]", 0.0, 5.0),
     Parameter("speed_window", "over which the speed is estimated [s]", 0.02, 1.0),
     Parameter("basket_radius", "free opening of the basket at its rim [m]", 0.05, 1.0),
-    Parameter("automatic", "cut every guided throw into the basket by itself, without ~/start and ~/stop"),
+    Parameter(
+        "automatic", "cut every guided throw into the basket by itself, without ~/start and ~/stop"
+    ),
 ]
 STREAM = 25
 """Messages since ~/start that make a topic a stream, which is waited for."""
 
 
 class DemonstrationRecorder(BagKeeper):
-    """A managed node: configuring opens the bag, cleaning up or shutting down closes it. It starts itself unless `autostart` is false."""
+    """A managed node: configuring opens the bag, cleaning up or shutting down closes it. It starts
+    itself unless `autostart` is false.
+    """
 
     def __init__(self):
         super().__init__("demonstration_recorder")
@@ -76,7 +100,10 @@ class DemonstrationRecorder(BagKeeper):
         self._bag, self._recording = None, False
         self._count, self._time, self._up_to = 0, LogTime(), 0
         self._reader, self._of_the_arm = StateReader(), OfTheArm()
-        self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
+        self._fault, self._joints = (
+            "",
+            b"",
+        )  # what is wrong with the arm's states, and the newest of them, serialised
         self._marked = Marks()
         self._unwritten: list[DemonstrationMark] = []
         self._newest: dict[str, int] = {}
@@ -102,17 +129,26 @@ class DemonstrationRecorder(BagKeeper):
         self._observer = self._make_observer()
         path = Path(self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}")
         self._bag = BagSink(self, path, {"seed": str(self.p["seed"])})
-        self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error, log=self._observer.log)
+        self._tracked = TrackedBodies(
+            self.p["frame_id"], self.get_logger().error, log=self._observer.log
+        )
         self._role_of = {pose_topic(self._name_of[role]): role for role in self._observer.roles}
         self._cameras = [Cameras(self, topic) for topic in sorted(self._role_of)]
         self._topics = [in_graph(self, topic) or topic for topic in self.p["topics"]]
         self._recorded = {*self._topics, *self._role_of}
         self._needed = {JOINT_STATES, COMMANDS, GUIDING, *self._role_of}
-        self._silent = {JOINT_STATES, COMMANDS, *(t for t, role in self._role_of.items() if role == "hand")}
+        self._silent = {
+            JOINT_STATES,
+            COMMANDS,
+            *(t for t, role in self._role_of.items() if role == "hand"),
+        }
         self._finder, self._arrivals, self._has_marks = None, Arrivals(), False
         if isinstance(self._observer, ThrowObserver) and self.p["automatic"]:
             self._finder = ThrowFinder(self._observer.log, self._thresholds)
-        self._messages, self._full = RawBatches(self), {}  # the latter: names in full, by how the node calls them
+        self._messages, self._full = (
+            RawBatches(self),
+            {},
+        )  # the latter: names in full, by how the node calls them
         for topic in [*self._topics, *sorted((self._needed | self._recorded) - set(self._topics))]:
             self._subscribe(topic)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
@@ -120,9 +156,14 @@ class DemonstrationRecorder(BagKeeper):
 
     def _make_observer(self) -> Observer:
         if self.p["automatic"] and self._skill.name != THROW:
-            raise ValueError(f"automatic is for throws at baskets: the skill '{self._skill.name}' needs ~/start and ~/stop")
+            raise ValueError(
+                f"automatic is for throws at baskets: the skill '{self._skill.name}' needs ~/start"
+                " and ~/stop"
+            )
         if isinstance(self._skill, Throw):
-            return ThrowObserver(self._skill, self._thresholds, self.p["basket_radius"], self.p["frame_id"])
+            return ThrowObserver(
+                self._skill, self._thresholds, self.p["basket_radius"], self.p["frame_id"]
+            )
         return TaskObserver(self._skill, self.p["frame_id"])
 
     def _close(self) -> None:
@@ -138,7 +179,9 @@ class DemonstrationRecorder(BagKeeper):
     def _subscribe(self, topic: str) -> None:
         if topic == DEMONSTRATIONS:
             self._bag.add_own(topic, DEMONSTRATION_TYPE, LATCHED)
-            return  # its own publication is written where it is made: a node does not hear itself reliably in order
+            # its own publication is written where it is made: a node does not hear itself reliably
+            # in order
+            return
         self._full[topic] = self.resolve_topic_name(topic)
         if topic in self._recorded:
             self._messages.listen(topic, partial(self._bag.add_offered, topic))
@@ -150,14 +193,28 @@ class DemonstrationRecorder(BagKeeper):
             return  # a last tick of the timer, when all is closed
         for message in self._messages.take():
             stamp_ns = self._bag.stamp_ns(message.topic, message.data)
-            usable = message.topic != JOINT_STATES or self._of_the_arm(message.data)  # else it is another's, as of a gripper
+            usable = message.topic != JOINT_STATES or self._of_the_arm(
+                message.data
+            )  # else it is another's, as of a gripper
             usable = usable and (
-                stamp_ns is None or self.refusals.accepts(self._full[message.topic], self._time.take, message.topic, stamp_ns)
+                stamp_ns is None
+                or self.refusals.accepts(
+                    self._full[message.topic], self._time.take, message.topic, stamp_ns
+                )
             )
             ns = self._time.now_ns if stamp_ns is None else stamp_ns
             if message.topic in self._recorded:  # whatever it is
-                self.refusals.accepts(self._full[message.topic], self._bag.write, message.topic, self._time.now_ns, ns, message.data)
-            if usable and self.refusals.accepts(self._full[message.topic], self._look, message, ns):
+                self.refusals.accepts(
+                    self._full[message.topic],
+                    self._bag.write,
+                    message.topic,
+                    self._time.now_ns,
+                    ns,
+                    message.data,
+                )
+            if usable and self.refusals.accepts(
+                self._full[message.topic], self._look, message, ns
+            ):
                 self._newest[message.topic] = ns
                 self._heard[message.topic] += 1
                 self._silent.discard(message.topic)
@@ -203,10 +260,18 @@ class DemonstrationRecorder(BagKeeper):
         sensors = [self._newest.get(topic, 0) for topic in (JOINT_STATES, *self._role_of)]
         for throw in self._finder.until(self._arrivals.until(sensors, time.monotonic())):
             if throw.shows:
-                self._keep(throw.demonstration, self._observer.message(throw.demonstration), watched_until(throw.stamp_ns))
+                self._keep(
+                    throw.demonstration,
+                    self._observer.message(throw.demonstration),
+                    watched_until(throw.stamp_ns),
+                )
             else:
-                why = throw.reason or ("it missed the basket" if throw.taught else "the arm threw by itself")
-                self.get_logger().info(f"the throw at {throw.stamp_ns} ns is no demonstration: {why}")
+                why = throw.reason or (
+                    "it missed the basket" if throw.taught else "the arm threw by itself"
+                )
+                self.get_logger().info(
+                    f"the throw at {throw.stamp_ns} ns is no demonstration: {why}"
+                )
 
     # services
 
@@ -218,15 +283,30 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, f"{NOT_RECORDED}: {self._bag.failure}"
             return response
         if self._finder:
-            response.success, response.message = False, "throws are cut automatically here: ~/start needs 'automatic' to be false"
+            response.success, response.message = (
+                False,
+                "throws are cut automatically here: ~/start needs 'automatic' to be false",
+            )
             return response
         if self._cameras_gone:
             response.success, response.message = False, self._cameras_gone
             return response
-        if silent := ", ".join(sorted(map(self.resolve_topic_name, self._silent | (set(self._role_of) & set(self._messages.missing))))):
+        if silent := ", ".join(
+            sorted(
+                map(
+                    self.resolve_topic_name,
+                    self._silent | (set(self._role_of) & set(self._messages.missing)),
+                )
+            )
+        ):
             others = self._of_the_arm.others if JOINT_STATES in self._silent else ""
-            response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
-            response.message += f" {self.resolve_topic_name(JOINT_STATES)} {others}" if others else ""
+            response.success, response.message = (
+                False,
+                f"nothing has come on {silent} yet: is the node running that publishes it?",
+            )
+            response.message += (
+                f" {self.resolve_topic_name(JOINT_STATES)} {others}" if others else ""
+            )
             return response
         self._take()
         state = self._arm_state()
@@ -234,7 +314,9 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, fault
             return response
         self._tracked.clear()
-        self._tracked.log.add_joints(state.stamp_ns, state.position, state.velocity)  # of this world, in case it is set anew at once
+        self._tracked.log.add_joints(
+            state.stamp_ns, state.position, state.velocity
+        )  # of this world, in case it is set anew at once
         self._newest.clear()
         self._heard.clear()
         self._recording, self._up_to = True, 0
@@ -243,21 +325,36 @@ class DemonstrationRecorder(BagKeeper):
 
     def _on_stop(self, request, response):
         if not self._recording:
-            response.success, response.message = False, "no demonstration is being recorded: call ~/start first"
+            response.success, response.message = (
+                False,
+                "no demonstration is being recorded: call ~/start first",
+            )
             return response
         self._take()
         until = conversions.stamp_ns(request.until)
-        self._up_to = until or self._up_to or self._time.now_ns  # who gives no stamp asks for what there is, and again for the same
-        if not self._cameras_gone and ((until and self._streams_lag(until)) or any(map(self._body_lags, self._observer.awaited))):
-            response.pending, response.message = True, f"{self._come} only, not {self._up_to} ns: call again"
+        self._up_to = (
+            until or self._up_to or self._time.now_ns
+        )  # who gives no stamp asks for what there is, and again for the same
+        if not self._cameras_gone and (
+            (until and self._streams_lag(until))
+            or any(map(self._body_lags, self._observer.awaited))
+        ):
+            response.pending, response.message = (
+                True,
+                f"{self._come} only, not {self._up_to} ns: call again",
+            )
             return response
         return self._cut(request, response)
 
     def _streams_lag(self, until: int) -> bool:
-        """Whether messages up to a stamp are still on their way: a stream that was heard since ~/start may lag behind the others. A button
-        that was pressed is no stream.
+        """Whether messages up to a stamp are still on their way: a stream that was heard since
+        ~/start may lag behind the others. A button that was pressed is no stream.
         """
-        streams = (topic for topic, heard in self._heard.items() if heard >= STREAM and topic in self._needed)
+        streams = (
+            topic
+            for topic, heard in self._heard.items()
+            if heard >= STREAM and topic in self._needed
+        )
         steps = (self._newest[topic] for topic in streams if topic not in self._role_of)
         return min(steps, default=0) < until or not self._tracked.has_frames_until(until)
 
@@ -274,7 +371,10 @@ class DemonstrationRecorder(BagKeeper):
     def _come(self) -> str:
         """In words, up to when poses have come, for a client that waits for more."""
         role, behind_ns = self._tracked.farthest_behind
-        return f"poses have come up to {self._tracked.newest_ns} ns, of the {role or 'hand'} up to {behind_ns} ns"
+        return (
+            f"poses have come up to {self._tracked.newest_ns} ns, of the {role or 'hand'} up to"
+            f" {behind_ns} ns"
+        )
 
     def _on_judge(self, request, response):
         if self._bag is None:
@@ -283,7 +383,9 @@ class DemonstrationRecorder(BagKeeper):
         until = conversions.stamp_ns(request.until)
         self._take()
         try:
-            come = self._tracked.has_frames_until(until) and not self._observer.late(self._tracked, request, until)
+            come = self._tracked.has_frames_until(until) and not self._observer.late(
+                self._tracked, request, until
+            )
             if not come and not self._cameras_gone:
                 response.pending, response.message = True, f"{self._come} only, not {until} ns"
                 return response
@@ -308,7 +410,10 @@ class DemonstrationRecorder(BagKeeper):
             response.pending, response.message = True, f"{self._come} only, not {until} ns"
             return response
         try:
-            response.situation, response.stamp = self._observer.look(until), conversions.time_msg(until)
+            response.situation, response.stamp = (
+                self._observer.look(until),
+                conversions.time_msg(until),
+            )
             response.success = True
         except ValueError as error:
             response.message = self._cameras_gone or str(error)
@@ -317,10 +422,14 @@ class DemonstrationRecorder(BagKeeper):
     def _cut(self, request, response):
         try:
             one = self._observer.cut(self._up_to)
-            response.pending = self._observer.lags(self._tracked, one, self._up_to) and not self._cameras_gone
+            response.pending = (
+                self._observer.lags(self._tracked, one, self._up_to) and not self._cameras_gone
+            )
         except ValueError as error:
             response.pending = self._body_lags(self._observer.loose) and not self._cameras_gone
-            response.message = f"not seen: {self._cameras_gone}; {error}" if self._cameras_gone else str(error)
+            response.message = (
+                f"not seen: {self._cameras_gone}; {error}" if self._cameras_gone else str(error)
+            )
         if response.pending:
             response.message = f"{self._come} only, not {self._up_to} ns: call again"
             return response
@@ -337,12 +446,17 @@ class DemonstrationRecorder(BagKeeper):
             response.readable = not response.message
         return response
 
-    def _keep(self, one: Demonstration | TaskDemonstration, message: DemonstrationMsg, until: int) -> str:
-        """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it cannot be learned from, if so."""
+    def _keep(
+        self, one: Demonstration | TaskDemonstration, message: DemonstrationMsg, until: int
+    ) -> str:
+        """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it
+        cannot be learned from, if so.
+        """
         self._count += 1
         self._demonstrations.publish(message)
         if DEMONSTRATIONS in self._topics:
-            # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
+            # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty
+            # sequences.
             types = types_for(DEMONSTRATION_TYPE)
             content = encoded(types, DEMONSTRATION_TYPE, self._observer.recorded(types, one))
             self._bag.write(DEMONSTRATIONS, self._time.now_ns, until, content)
@@ -355,7 +469,9 @@ class DemonstrationRecorder(BagKeeper):
         return ""
 
     def _on_mark(self, mark: DemonstrationMark) -> None:
-        """A demonstration was dropped or restored: that goes into the bag, and a learner that is started again hears it from here."""
+        """A demonstration was dropped or restored: that goes into the bag, and a learner that is
+        started again hears it from here.
+        """
         if self._marked.take(mark):
             self._marks.publish(mark)
             self._unwritten.append(mark)
@@ -375,7 +491,11 @@ class DemonstrationRecorder(BagKeeper):
     def _describe(self):
         if self._bag is None:
             return WARN, "no bag is open", {}
-        values = {"bag": self._bag.writer.path, "demonstrations": self._count, "rejected": self._tracked.log.rejected}
+        values = {
+            "bag": self._bag.writer.path,
+            "demonstrations": self._count,
+            "rejected": self._tracked.log.rejected,
+        }
         values["lost"] = sum(self._messages.lost.values())
         values |= self._bag.writer.counts
         if self._bag.failure:

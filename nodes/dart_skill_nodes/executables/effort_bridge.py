@@ -1,7 +1,8 @@
-"""The effort bridge: WamCommand to the effort controller of an arm under ros2_control, with the watchdog of a driver.
+"""The effort bridge: WamCommand to the effort controller of an arm under ros2_control, with the
+watchdog of a driver.
 
-A Float64MultiArray answers every command, and every state while there are none. What is wrong with commands or states damps the joints
-until `~/reset`.
+A Float64MultiArray answers every command, and every state while there are none. What is wrong with
+commands or states damps the joints until `~/reset`.
 """
 
 import time
@@ -20,18 +21,37 @@ from dart_skill_nodes.comms.names import COMMANDS
 from dart_skill_nodes.comms.qos import LOOP, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.limits import LIMITS
-from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Parameter,
+    declare,
+    run,
+)
 
 TABLE = [
     Parameter("frame_id", "axes of the wrenches"),
-    Parameter("controller_joints", "those of config/wam.yaml in the order in which the effort controller takes them"),
+    Parameter(
+        "controller_joints",
+        "those of config/wam.yaml in the order in which the effort controller takes them",
+    ),
     Parameter("command_topic", "of the effort controller"),
-    Parameter("gravity_compensation", "add the torque that holds arm and hand; false: the hardware interface does"),
+    Parameter(
+        "gravity_compensation",
+        "add the torque that holds arm and hand; false: the hardware interface does",
+    ),
     Parameter("torque_limit", "of each joint, gravity included [N m]"),
     Parameter("torque_rate", "fastest change of each [N m/s]"),
     Parameter("damping", "of each joint while the arm is stopped [N m s/rad]"),
     Parameter("damping_limit", "strongest damping torque of each [N m]"),
-    Parameter("command_timeout", "the arm is stopped when commands were silent for longer [s]", 0.004, 5.0),
+    Parameter(
+        "command_timeout",
+        "the arm is stopped when commands were silent for longer [s]",
+        0.004,
+        5.0,
+    ),
     Parameter("state_timeout", "the same for states [s]", 0.004, 5.0),
     *LIMITS,
 ]
@@ -47,7 +67,9 @@ class EffortBridgeNode(GuardedNode):
     def __init__(self):
         super().__init__("effort_bridge")
         self.p = declare(self, "effort_bridge.yaml", TABLE)
-        self._order = conversions.order_of(joint_names(), self.p["controller_joints"], "controller_joints")
+        self._order = conversions.order_of(
+            joint_names(), self.p["controller_joints"], "controller_joints"
+        )
         self._bridge = EffortBridge(BridgeSettings.from_parameters(self.p))
         self._told, self._message = self._bridge.phase, Float64MultiArray()
         self._efforts = self.create_publisher(Float64MultiArray, self.p["command_topic"], EFFORTS)
@@ -110,9 +132,19 @@ class EffortBridgeNode(GuardedNode):
 
     def _describe(self):
         bridge = self._bridge
-        level = {BridgePhase.ACTIVE: OK, BridgePhase.WAITING: WARN, BridgePhase.STOPPED: ERROR}[bridge.phase]
+        level = {BridgePhase.ACTIVE: OK, BridgePhase.WAITING: WARN, BridgePhase.STOPPED: ERROR}[
+            bridge.phase
+        ]
         text = f"{bridge.phase.value}: {bridge.message}" if bridge.message else bridge.phase.value
-        return level, text, {"phase": bridge.phase.value, "clipped": bridge.clipped, "publishers": self._commands.get_publisher_count()}
+        return (
+            level,
+            text,
+            {
+                "phase": bridge.phase.value,
+                "clipped": bridge.clipped,
+                "publishers": self._commands.get_publisher_count(),
+            },
+        )
 
 
 def main(args: list[str] | None = None) -> None:

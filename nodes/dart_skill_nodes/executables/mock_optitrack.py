@@ -1,8 +1,9 @@
 """The mock OptiTrack: 12 cameras look at the simulated world and publish as vrpn_mocap does.
 
-/vrpn_mocap/<body>/pose, PoseStamped, 100 Hz, frame `world`. A body that too few cameras see is not published, as the real driver does.
-Stamps are those of the exposure (vrpn_mocap: use_vrpn_timestamps); messages come a latency later. They are reliable, because the same seed
-must give the same throw on a busy machine too; `reliability: best_effort` is what vrpn_mocap does.
+/vrpn_mocap/<body>/pose, PoseStamped, 100 Hz, frame `world`. A body that too few cameras see is not
+published, as the real driver does. Stamps are those of the exposure (vrpn_mocap:
+use_vrpn_timestamps); messages come a latency later. They are reliable, because the same seed must
+give the same throw on a busy machine too; `reliability: best_effort` is what vrpn_mocap does.
 """
 
 from functools import lru_cache
@@ -18,7 +19,14 @@ from dart_skill.arm import Transform
 from dart_skill.common.checks import as_place
 from dart_skill.common.configuration import limit_parameters, node_parameters, world_parameters
 from dart_skill.common.world import THROW
-from dart_skill.simulation import ArmGeometry, BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
+from dart_skill.simulation import (
+    ArmGeometry,
+    BasketWalls,
+    Board,
+    LatencyQueue,
+    MotionCapture,
+    PlantSettings,
+)
 from dart_skill.skills.protocol import HAND, skill_type
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
@@ -46,8 +54,20 @@ Bodies = dict[str, tuple[np.ndarray, np.ndarray]]
 WORLD = [
     Parameter("frame_id", "frame of the poses"),
     Parameter("skill", "whose bodies are tracked"),
-    Parameter("basket_radius", "free opening of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
-    Parameter("basket_depth", "rim to floor of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
+    Parameter(
+        "basket_radius",
+        "free opening of the basket that hides the ball [m]",
+        0.05,
+        1.0,
+        read_only=False,
+    ),
+    Parameter(
+        "basket_depth",
+        "rim to floor of the basket that hides the ball [m]",
+        0.05,
+        1.0,
+        read_only=False,
+    ),
 ]
 """Parameters of config/world.yaml."""
 TEXTS = {
@@ -60,7 +80,9 @@ TEXTS = {
     "calibration_error": "offset of every body, drawn once for a run [m]",
     "ball_noise": "standard deviation of a coordinate of the ball on top of noise [m]",
     "ball_offset": "of the centre of the ball's markers from its own, drawn once for a run [m]",
-    "hand_turn": "of the axes of the hand's body from those of the hand, drawn once for a run [rad]",
+    "hand_turn": (
+        "of the axes of the hand's body from those of the hand, drawn once for a run [rad]"
+    ),
     "registration_turn": "of the cameras' world from that of the arm, drawn once for a run [rad]",
     "registration_shift": "of the cameras' world from that of the arm, drawn once for a run [m]",
     "stamp_delay": "stamps are late by so much [s]",
@@ -79,7 +101,9 @@ def _board(bull: tuple[float, float, float]) -> Board:
 
 
 class MockOptitrack(GuardedLifecycleNode):
-    """Camera system as a managed node; it configures and activates itself unless `autostart` is false."""
+    """Camera system as a managed node; it configures and activates itself unless `autostart` is
+    false.
+    """
 
     def __init__(self):
         super().__init__("mock_optitrack")
@@ -92,7 +116,9 @@ class MockOptitrack(GuardedLifecycleNode):
             autostart(self)
 
     def _declare(self) -> dict:
-        """Every value of config/optitrack.yaml as a parameter, nested ones with dots in their names, and those of the world that matter."""
+        """Every value of config/optitrack.yaml as a parameter, nested ones with dots in their
+        names, and those of the world that matter.
+        """
         refuse_what_is_not_finite(self)
         for name, default in (("autostart", True), ("seed", 0)):
             self.declare_parameter(name, default)
@@ -106,18 +132,32 @@ class MockOptitrack(GuardedLifecycleNode):
         values = {name: value for name, value in values.items() if name not in shared}
         cameras = values.pop("cameras")
         for name, default in values.items():
-            self.declare_parameter(name, default, ParameterDescriptor(description=TEXTS.get(name, name), read_only=True))
+            self.declare_parameter(
+                name,
+                default,
+                ParameterDescriptor(description=TEXTS.get(name, name), read_only=True),
+            )
         for name in self.get_parameter("camera_names").value:
             for field in ("position", "look_at"):
                 default = cameras.get(name, {}).get(field, [0.0, 0.0, 1.0])
                 self.declare_parameter(f"cameras.{name}.{field}", default)
-        bodies = [role for role in self._name_of if kind.name != THROW or role in self.get_parameter("bodies").value]
-        return {name: self.get_parameter(name).value for name in values} | {"cameras": self._cameras(), "bodies": bodies}
+        bodies = [
+            role
+            for role in self._name_of
+            if kind.name != THROW or role in self.get_parameter("bodies").value
+        ]
+        return {name: self.get_parameter(name).value for name in values} | {
+            "cameras": self._cameras(),
+            "bodies": bodies,
+        }
 
     def _cameras(self) -> dict:
         names = self.get_parameter("camera_names").value
         fields = ("position", "look_at")
-        return {n: {f: list(self.get_parameter(f"cameras.{n}.{f}").value) for f in fields} for n in names}
+        return {
+            n: {f: list(self.get_parameter(f"cameras.{n}.{f}").value) for f in fields}
+            for n in names
+        }
 
     # life cycle
 
@@ -127,8 +167,14 @@ class MockOptitrack(GuardedLifecycleNode):
             raise ValueError(f"reliability = '{reliability}': give one of {', '.join(POSES)}")
         self._geometry = ArmGeometry()
         names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
-        self._publishers_of = {n: self.create_publisher(PoseStamped, pose_topic(self._name_of[n]), qos) for n in names}
-        self._published, self._lost, self._newest = dict.fromkeys(names, 0), dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+        self._publishers_of = {
+            n: self.create_publisher(PoseStamped, pose_topic(self._name_of[n]), qos) for n in names
+        }
+        self._published, self._lost, self._newest = (
+            dict.fromkeys(names, 0),
+            dict.fromkeys(names, 0),
+            dict.fromkeys(names, 0),
+        )
         if self._is_reacted_to:
             self._delivered = self.create_publisher(FramesDelivered, DELIVERED, FRAMES)
         like = PoseStamped()
@@ -136,7 +182,9 @@ class MockOptitrack(GuardedLifecycleNode):
         self._layout = FixedLayout(like)
         self._transforms = LiveTransforms(self, self._frame_id)
         self._reader = LayoutReader(SimulationState, conversions.EPISODE_AND_STEP)
-        self.create_subscription(SimulationState, "simulation/state", self._on_state, FRAMES, raw=True)
+        self.create_subscription(
+            SimulationState, "simulation/state", self._on_state, FRAMES, raw=True
+        )
         self.create_subscription(Clock, CLOCK, self._on_clock, CLOCK_QOS, raw=True)
         self._diagnostics = Diagnostics(self, self._describe)
         return TransitionCallbackReturn.SUCCESS
@@ -154,7 +202,9 @@ class MockOptitrack(GuardedLifecycleNode):
 
     @property
     def _between_frames(self) -> int:
-        """Time between two frames [ns]; when the clock is farther than that, a frame has yet to be taken in."""
+        """Time between two frames [ns]; when the clock is farther than that, a frame has yet to be
+        taken in.
+        """
         return round(1e9 / self._capture.config.rate)
 
     def _on_state(self, data: bytes) -> None:
@@ -162,15 +212,30 @@ class MockOptitrack(GuardedLifecycleNode):
         ns, frame_ns = truth.stamp_ns, self._between_frames
         if not self._active or (truth.step * STEP_NS) % frame_ns or ns == self._frame_ns:
             return  # an unanswered state is published again: it is the same frame
-        if truth.episode != self._episode or ns < self._frame_ns:  # the latter: a simulator that was started again
+        if (
+            truth.episode != self._episode or ns < self._frame_ns
+        ):  # the latter: a simulator that was started again
             self._episode = truth.episode
             self._capture.begin(truth.episode)
             self._queue.clear()
             self._newest = dict.fromkeys(self._newest, 0)
         self._frame_ns = ns
-        bodies = {name: truth.bodies[name] for name in self._capture.config.bodies if name in truth.bodies}
-        capsules = self._beside_a_board(truth.bodies, self._geometry.capsules(truth.joint_position, truth.base_turn))
-        samples = self._capture.observe(ns, truth.episode, bodies, capsules, self._walls(truth.bodies), truth.step * STEP_NS // frame_ns)
+        bodies = {
+            name: truth.bodies[name]
+            for name in self._capture.config.bodies
+            if name in truth.bodies
+        }
+        capsules = self._beside_a_board(
+            truth.bodies, self._geometry.capsules(truth.joint_position, truth.base_turn)
+        )
+        samples = self._capture.observe(
+            ns,
+            truth.episode,
+            bodies,
+            capsules,
+            self._walls(truth.bodies),
+            truth.step * STEP_NS // frame_ns,
+        )
         for name in set(self._lost) - {sample.name for sample in samples}:
             self._lost[name] += 1
         self._queue.push(samples)
@@ -180,7 +245,9 @@ class MockOptitrack(GuardedLifecycleNode):
         """What of a basket hides other bodies; None in a world without one."""
         if conversions.BASKET not in bodies:
             return None
-        radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
+        radius, depth = (
+            self.get_parameter(name).value for name in ("basket_radius", "basket_depth")
+        )
         return BasketWalls(as_place(bodies[conversions.BASKET][0], "the basket"), radius, depth)
 
     @staticmethod
@@ -189,7 +256,10 @@ class MockOptitrack(GuardedLifecycleNode):
         if conversions.BOARD not in bodies:
             return capsules
         bull = as_place(bodies[conversions.BOARD][0], "the board")
-        return tuple(np.concatenate(parts) for parts in zip(capsules, _board(tuple(bull.tolist())).capsules, strict=True))
+        return tuple(
+            np.concatenate(parts)
+            for parts in zip(capsules, _board(tuple(bull.tolist())).capsules, strict=True)
+        )
 
     def _on_clock(self, data: bytes) -> None:
         self._clock_ns = conversions.leading_stamp_ns(data)
@@ -200,13 +270,23 @@ class MockOptitrack(GuardedLifecycleNode):
             numbers = np.concatenate([sample.position, sample.quaternion])
             self._publishers_of[sample.name].publish(self._layout.pack(sample.stamp_ns, numbers))
             if self._transforms.is_due(sample.name, sample.stamp_ns):
-                seen = Transform(self._frame_id, self._name_of[sample.name], sample.position, sample.quaternion)
+                seen = Transform(
+                    self._frame_id, self._name_of[sample.name], sample.position, sample.quaternion
+                )
                 self._transforms.publish([seen], sample.stamp_ns)
             self._published[sample.name] += 1
             self._newest[sample.name] = sample.stamp_ns
-        if self._delivered is not None and self._delivered.get_subscription_count() and now_ns - self._frame_ns < self._between_frames:
+        if (
+            self._delivered is not None
+            and self._delivered.get_subscription_count()
+            and now_ns - self._frame_ns < self._between_frames
+        ):
             newest = [conversions.time_msg(ns) for ns in self._newest.values()]
-            self._delivered.publish(FramesDelivered(stamp=conversions.time_msg(now_ns), bodies=list(self._newest), newest=newest))
+            self._delivered.publish(
+                FramesDelivered(
+                    stamp=conversions.time_msg(now_ns), bodies=list(self._newest), newest=newest
+                )
+            )
 
     def _describe(self):
         lost = {f"{name}_lost": count for name, count in self._lost.items()}

@@ -1,6 +1,8 @@
-"""The recorder: chosen topics, or all, into a rosbag2 folder, as raw messages with the quality of service of their publishers.
+"""The recorder: chosen topics, or all, into a rosbag2 folder, as raw messages with the quality of
+service of their publishers.
 
-Beside them it writes what viewers need to show the arm, where nobody publishes it: /robot_description, /tf and /tf_static.
+Beside them it writes what viewers need to show the arm, where nobody publishes it:
+/robot_description, /tf and /tf_static.
 """
 
 import json
@@ -19,16 +21,34 @@ from dart_skill_nodes.comms.names import CLOCK, namespace_of
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.tf_messages import TfMessages
-from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
+from dart_skill_nodes.process.node_base import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Parameter,
+    autostart,
+    declare,
+    run,
+)
 
 TABLE = [
     Parameter("bag", "folder of the bag; empty: recording_<date> in the working directory"),
-    Parameter("topics", "regular expressions; a topic is recorded that one of them matches as a whole"),
-    Parameter("exclude", "regular expressions; a topic that one of them matches as a whole is not recorded"),
+    Parameter(
+        "topics", "regular expressions; a topic is recorded that one of them matches as a whole"
+    ),
+    Parameter(
+        "exclude",
+        "regular expressions; a topic that one of them matches as a whole is not recorded",
+    ),
     Parameter("notes", "name=text, kept in the bag's metadata"),
     Parameter("max_megabytes", "a new file of the bag begins at this size; 0: never", 0.0, 1e6),
-    Parameter("max_minutes", "a new file of the bag begins after so much time; 0: never", 0.0, 1e6),
-    Parameter("transforms", "add /robot_description, /tf and /tf_static where nobody publishes them"),
+    Parameter(
+        "max_minutes", "a new file of the bag begins after so much time; 0: never", 0.0, 1e6
+    ),
+    Parameter(
+        "transforms", "add /robot_description, /tf and /tf_static where nobody publishes them"
+    ),
     Parameter("transform_rate", "of /tf then [1/s]", 1.0, 500.0),
     Parameter("frame_id", "frame in which the arm stands and bodies are tracked"),
 ]
@@ -37,9 +57,11 @@ LOOK = 0.5
 
 
 class Recorder(BagKeeper):
-    """A managed node: configuring opens the bag, activating records, cleaning up or shutting down closes it.
+    """A managed node: configuring opens the bag, activating records, cleaning up or shutting down
+    closes it.
 
-    It starts itself unless `autostart` is false. With use_sim_time the log time is that of /clock, else when a message was received.
+    It starts itself unless `autostart` is false. With use_sim_time the log time is that of /clock,
+    else when a message was received.
     """
 
     def __init__(self):
@@ -57,16 +79,26 @@ class Recorder(BagKeeper):
         self._selection = Selection(self.p["topics"], self.p["exclude"])
         notes = dict(_pair(text) for text in self.p["notes"])
         path = Path(self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}")
-        limits = {"max_bytes": round(self.p["max_megabytes"] * 1e6), "max_duration_ns": round(self.p["max_minutes"] * 60e9)}
+        limits = {
+            "max_bytes": round(self.p["max_megabytes"] * 1e6),
+            "max_duration_ns": round(self.p["max_minutes"] * 60e9),
+        }
         self._bag = BagSink(self, path, notes, **limits)
         self._kept, self._made, self._refused = set(), set(), {}
-        self._simulated, self._log_time, self._early = self.get_parameter("use_sim_time").value, LogTime(), []
+        self._simulated, self._log_time, self._early = (
+            self.get_parameter("use_sim_time").value,
+            LogTime(),
+            [],
+        )
         self._messages = RawBatches(self)
         self._clock_topic = self.resolve_topic_name(CLOCK)
         if self._simulated:
             self._listen(self._clock_topic, keep=self._selection.matches(self._clock_topic))
         self._look_for_topics()
-        self._ticking = [self.create_timer(TAKE, self._take, clock=WALL), self.create_timer(LOOK, self._look_for_topics, clock=WALL)]
+        self._ticking = [
+            self.create_timer(TAKE, self._take, clock=WALL),
+            self.create_timer(LOOK, self._look_for_topics, clock=WALL),
+        ]
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state) -> TransitionCallbackReturn:
@@ -86,7 +118,12 @@ class Recorder(BagKeeper):
         for timer in self._ticking:
             self.destroy_timer(timer)
         self._messages.close()
-        self._bag.close({"lost": json.dumps(self._messages.lost), "not recorded": json.dumps(self._not_recorded)})
+        self._bag.close(
+            {
+                "lost": json.dumps(self._messages.lost),
+                "not recorded": json.dumps(self._not_recorded),
+            }
+        )
         self._bag = self._messages = self._tf = None
 
     # topics
@@ -95,7 +132,11 @@ class Recorder(BagKeeper):
         if self._bag is None:
             return  # a last tick of the timer, when all is closed
         for topic, types in self.get_topic_names_and_types():
-            if topic in {*self._messages.topics, *self._refused, *self._made} or not self._selection.matches(topic):
+            if topic in {
+                *self._messages.topics,
+                *self._refused,
+                *self._made,
+            } or not self._selection.matches(topic):
                 continue
             try:
                 message_class(types[0])
@@ -141,15 +182,22 @@ class Recorder(BagKeeper):
     def _write(self, message: RawMessage) -> None:
         log_ns = self._log_time.now_ns if self._simulated else message.received_ns
         stamp_ns = self._bag.stamp_ns(message.topic, message.data)
-        self._bag.write(message.topic, log_ns, log_ns if stamp_ns is None else stamp_ns, message.data)
+        self._bag.write(
+            message.topic, log_ns, log_ns if stamp_ns is None else stamp_ns, message.data
+        )
         if self.p["transforms"]:
             self._show(message.topic, log_ns, message.data)
 
     def _show(self, topic: str, log_ns: int, data: bytes) -> None:
         """What viewers need besides, unless somebody publishes it."""
         if self._tf is None:
-            there = {*self._messages.topics, *(name for name, _ in self.get_topic_names_and_types())}
-            self._tf = TfMessages(self.p["frame_id"], self.p["transform_rate"], there, namespace_of(self))
+            there = {
+                *self._messages.topics,
+                *(name for name, _ in self.get_topic_names_and_types()),
+            }
+            self._tf = TfMessages(
+                self.p["frame_id"], self.p["transform_rate"], there, namespace_of(self)
+            )
             for name, (type_name, qos) in self._tf.topics.items():
                 self._made.add(name)
                 self._bag.add_own(name, type_name, qos)
@@ -159,11 +207,17 @@ class Recorder(BagKeeper):
     def _describe(self):
         if self._bag is None:
             return WARN, "no bag is open", {}
-        values = {"bag": self._bag.writer.path, "lost": sum(self._messages.lost.values()), **self._bag.writer.counts}
+        values = {
+            "bag": self._bag.writer.path,
+            "lost": sum(self._messages.lost.values()),
+            **self._bag.writer.counts,
+        }
         values |= {f"{topic} lost": count for topic, count in self._messages.lost.items()}
         if self._bag.failure:
             return ERROR, self._bag.failure, values
-        if missed := [f"{topic}: {count} messages were lost" for topic, count in self._messages.lost.items()]:
+        if missed := [
+            f"{topic}: {count} messages were lost" for topic, count in self._messages.lost.items()
+        ]:
             return WARN, "; ".join([*missed, *self._not_recorded.values()]), values
         if self._not_recorded:
             return WARN, f"not recorded: {'; '.join(self._not_recorded.values())}", values

@@ -1,10 +1,19 @@
-"""The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans on request."""
+"""The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans on
+request.
+"""
 
 from itertools import cycle
 from typing import Any
 
 from dart_skill_msgs.msg import Demonstration, DemonstrationMark, DemonstrationStatus
-from dart_skill_msgs.srv import AddTrial, DropDemonstration, Learn, ListDemonstrations, ModelFile, Plan
+from dart_skill_msgs.srv import (
+    AddTrial,
+    DropDemonstration,
+    Learn,
+    ListDemonstrations,
+    ModelFile,
+    Plan,
+)
 from geometry_msgs.msg import Point
 from rcl_interfaces.msg import SetParametersResult
 from visualization_msgs.msg import Marker, MarkerArray
@@ -21,27 +30,89 @@ from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, NEWEST, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.skills.learning import Compared, Learning, Lesson, TaskLearning, ThrowLearning
+from dart_skill_nodes.skills.learning import (
+    Compared,
+    Learning,
+    Lesson,
+    TaskLearning,
+    ThrowLearning,
+)
 
 TABLE = [
     Parameter("skill", "that it learns"),
     Parameter("frame_id", "frame of demonstrations and plans"),
     Parameter("configuration", "name of the skill's configuration"),
-    Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both, power or none"),
-    Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
-    Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
-    Parameter("components", "of the mixture, in place of the configuration's; 0: as it has it", 0, 100, read_only=False),
-    Parameter("choose_components", "bic or cross_validation: how the number of components is chosen; empty: it is given", read_only=False),
-    Parameter("frames", "task frames in place of the configuration's, or those of a skill that count; empty: all", read_only=False),
-    Parameter("stiffness", "of a plan per unit mass [1/s^2]; 0: as the configuration has it", 0.0, 5000.0, read_only=False),
-    Parameter("orientation_stiffness", "the same of the orientation; 0: as the configuration has it", 0.0, 5000.0, read_only=False),
     Parameter(
-        "least_stiffness", "of the position where demonstrations varied; unless both are given it is constant", 0.0, 5000.0, read_only=False
+        "practice_method", "how to learn from own throws: residual, bootstrap, both, power or none"
     ),
-    Parameter("most_stiffness", "of the position where demonstrations agreed", 0.0, 5000.0, read_only=False),
-    Parameter("start_speed", "the hand moves above it [m/s]; 0: as the skill has it; not of throws", 0.0, 10.0, read_only=False),
-    Parameter("stop_speed", "and rests below it [m/s]; 0: as the skill has it; not of throws", 0.0, 10.0, read_only=False),
-    Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the throws alone"),
+    Parameter(
+        "practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000
+    ),
+    Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
+    Parameter(
+        "components",
+        "of the mixture, in place of the configuration's; 0: as it has it",
+        0,
+        100,
+        read_only=False,
+    ),
+    Parameter(
+        "choose_components",
+        "bic or cross_validation: how the number of components is chosen; empty: it is given",
+        read_only=False,
+    ),
+    Parameter(
+        "frames",
+        "task frames in place of the configuration's, or those of a skill that count; empty: all",
+        read_only=False,
+    ),
+    Parameter(
+        "stiffness",
+        "of a plan per unit mass [1/s^2]; 0: as the configuration has it",
+        0.0,
+        5000.0,
+        read_only=False,
+    ),
+    Parameter(
+        "orientation_stiffness",
+        "the same of the orientation; 0: as the configuration has it",
+        0.0,
+        5000.0,
+        read_only=False,
+    ),
+    Parameter(
+        "least_stiffness",
+        "of the position where demonstrations varied; unless both are given it is constant",
+        0.0,
+        5000.0,
+        read_only=False,
+    ),
+    Parameter(
+        "most_stiffness",
+        "of the position where demonstrations agreed",
+        0.0,
+        5000.0,
+        read_only=False,
+    ),
+    Parameter(
+        "start_speed",
+        "the hand moves above it [m/s]; 0: as the skill has it; not of throws",
+        0.0,
+        10.0,
+        read_only=False,
+    ),
+    Parameter(
+        "stop_speed",
+        "and rests below it [m/s]; 0: as the skill has it; not of throws",
+        0.0,
+        10.0,
+        read_only=False,
+    ),
+    Parameter(
+        "registration_file",
+        "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the"
+        " throws alone",
+    ),
 ]
 
 COLOURS = tuple(marker_colour(colour, 0.45) for colour in palette.GAUSSIANS)
@@ -51,7 +122,9 @@ SHOWN = marker_colour(palette.DEMONSTRATION)
 
 
 class SkillLearner(GuardedNode):
-    """Services ~/learn, ~/plan, ~/add_trial, ~/save, ~/load, ~/demonstrations, ~/drop_demonstration; Gaussians on ~/model."""
+    """Services ~/learn, ~/plan, ~/add_trial, ~/save, ~/load, ~/demonstrations,
+    ~/drop_demonstration; Gaussians on ~/model.
+    """
 
     def __init__(self):
         super().__init__("skill_learner")
@@ -74,7 +147,9 @@ class SkillLearner(GuardedNode):
         self._diagnostics = Diagnostics(self, self._describe)
 
     def _make_learning(self) -> Learning:
-        registration = load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
+        registration = (
+            load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
+        )
         skill = load_skill(self.p["skill"])
         if isinstance(skill, Throw):
             return ThrowLearning(skill, self._parameters_now, registration)
@@ -101,11 +176,15 @@ class SkillLearner(GuardedNode):
 
     def _check_frame(self, message: Demonstration) -> None:
         if message.header.frame_id != self.p["frame_id"]:
-            raise ValueError(f"{message.id} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}'")
+            raise ValueError(
+                f"{message.id} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}'"
+            )
 
     def _check_changes(self, parameters: list) -> SetParametersResult:
         try:
-            self._learning.check(self._parameters_now() | {one.name: one.value for one in parameters})
+            self._learning.check(
+                self._parameters_now() | {one.name: one.value for one in parameters}
+            )
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -116,22 +195,33 @@ class SkillLearner(GuardedNode):
         try:
             response.pending = not request.bag and len(self._heard) < request.at_least
             if response.pending:
-                response.message = f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far"
+                response.message = (
+                    f"{len(self._heard)} of {request.at_least} demonstrations have been heard"
+                    " so far"
+                )
                 return response
             lesson, dropped = self._learn_from(request.bag, request.without, request.configuration)
         except (ValueError, BagError, OSError) as error:
             response.success, response.message = False, str(error)
             self.get_logger().error(f"nothing learned: {error}")
             return response
-        response.success, response.demonstrations, response.model_id = True, lesson.demonstrations, lesson.model_id
+        response.success, response.demonstrations, response.model_id = (
+            True,
+            lesson.demonstrations,
+            lesson.model_id,
+        )
         left_out = [f"left out: {reason}" for reason in lesson.left_out]
-        response.message = "; ".join([*lesson.said, *left_out, *([f"dropped: {', '.join(dropped)}"] if dropped else [])])
+        response.message = "; ".join(
+            [*lesson.said, *left_out, *([f"dropped: {', '.join(dropped)}"] if dropped else [])]
+        )
         for reason in left_out:
             self.get_logger().warning(reason)
         self._publish_markers()
         return response
 
-    def _learn_from(self, bag: str, without: list[str], configuration: str) -> tuple[Lesson, list[str]]:
+    def _learn_from(
+        self, bag: str, without: list[str], configuration: str
+    ) -> tuple[Lesson, list[str]]:
         """Learn from a bag, or from what was heard, but for what was dropped; the ids of that."""
         heard = self._learning.read(bag) if bag else self._in_order()
         check_known(without, [one.id for one in heard], bag or "the learner")
@@ -147,21 +237,35 @@ class SkillLearner(GuardedNode):
     def _on_list(self, request, response):
         try:
             compared = self._learning.compared() if request.compare else {}
-            response.demonstrations = [self._status(one, request.configuration, compared) for one in self._in_order()]
-            self._learning.check(self._parameters_now() | ({"configuration": request.configuration} if request.configuration else {}))
+            response.demonstrations = [
+                self._status(one, request.configuration, compared) for one in self._in_order()
+            ]
+            self._learning.check(
+                self._parameters_now()
+                | ({"configuration": request.configuration} if request.configuration else {})
+            )
         except ValueError as error:
             response.success, response.message, response.demonstrations = False, str(error), []
             return response
         dropped = sum(one.dropped for one in response.demonstrations)
-        response.success, response.message = True, f"{len(self._heard)} demonstrations, {dropped} of them dropped"
+        response.success, response.message = (
+            True,
+            f"{len(self._heard)} demonstrations, {dropped} of them dropped",
+        )
         return response
 
-    def _status(self, one: Any, configuration: str, compared: dict[str, Compared]) -> DemonstrationStatus:
+    def _status(
+        self, one: Any, configuration: str, compared: dict[str, Compared]
+    ) -> DemonstrationStatus:
         counts = compared.get(one.id, Compared(float("nan")))
-        status = DemonstrationStatus(skill=self._learning.skill, id=one.id, dropped=one.id in self._marked.dropped)
+        status = DemonstrationStatus(
+            skill=self._learning.skill, id=one.id, dropped=one.id in self._marked.dropped
+        )
         status.weight, status.unlike, status.outlier = counts.weight, counts.unlike, counts.outlier
         try:
-            stamp_ns, status.header.frame_id, duration, status.situation = self._learning.describe(one)
+            stamp_ns, status.header.frame_id, duration, status.situation = self._learning.describe(
+                one
+            )
             conversions.set_stamp(status.header.stamp, stamp_ns)
             status.duration = conversions.duration_msg(duration)
             status.readable, status.finding = True, self._learning.finding(one, configuration)
@@ -180,27 +284,46 @@ class SkillLearner(GuardedNode):
         self._marked.take(mark)
         self._marks.publish(mark)
         what = "counts again" if request.restore else "is dropped"
-        response.success, response.message = True, f"{request.id} {what}: learn again (dart-skill learn)"
+        response.success, response.message = (
+            True,
+            f"{request.id} {what}: learn again (dart-skill learn)",
+        )
         return response
 
     def _on_plan(self, request, response):
         try:
             if request.header.frame_id != self.p["frame_id"]:
-                raise ValueError(f"the situation is in frame '{request.header.frame_id}', not '{self.p['frame_id']}'")
-            response.plan, response.held = self._learning.plan(request.situation, self.p["frame_id"], request.explore)
+                raise ValueError(
+                    f"the situation is in frame '{request.header.frame_id}', not"
+                    f" '{self.p['frame_id']}'"
+                )
+            response.plan, response.held = self._learning.plan(
+                request.situation, self.p["frame_id"], request.explore
+            )
             response.success = True
         except ValueError as error:
-            response.success, response.unreachable, response.message = False, isinstance(error, Unreachable | NoPlan), str(error)
+            response.success, response.unreachable, response.message = (
+                False,
+                isinstance(error, Unreachable | NoPlan),
+                str(error),
+            )
         return response
 
     def _on_add_trial(self, request, response):
         response.left = [float("nan")] * 2
         try:
             if not self._learning.learned:
-                raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model, before trials are added")
+                raise ValueError(
+                    "nothing is learned yet: call ~/learn, or ~/load a model, before trials are"
+                    " added"
+                )
             self._check_frame(request.trial)
             taken = self._learning.tell(request.trial, request.plan)
-            response.success, response.message, response.left = taken.kept, taken.message, taken.left
+            response.success, response.message, response.left = (
+                taken.kept,
+                taken.message,
+                taken.left,
+            )
             response.demonstrations = taken.demonstrations
             self._publish_markers()
         except ValueError as error:
@@ -230,7 +353,9 @@ class SkillLearner(GuardedNode):
         array = MarkerArray(markers=[Marker(action=Marker.DELETEALL)])
         groups, places = self._learning.mixtures()
         for colour, (name, mixture) in zip(cycle(COLOURS), groups.items(), strict=False):
-            for k, (position, orientation, size) in enumerate(component_ellipsoids(mixture, angles=self._learning.angles)):
+            for k, (position, orientation, size) in enumerate(
+                component_ellipsoids(mixture, angles=self._learning.angles)
+            ):
                 marker = Marker(ns=name, id=k, type=Marker.SPHERE, action=Marker.ADD, color=colour)
                 marker.header.frame_id = self.p["frame_id"]
                 conversions.set_pose(marker.pose, position, orientation)

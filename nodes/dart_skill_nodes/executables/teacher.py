@@ -1,10 +1,12 @@
-"""The teacher: a simulated person who guides the arm by its hand and elbow until a movement succeeds.
+"""The teacher: a simulated person who guides the arm by its hand and elbow until a movement
+succeeds.
 
-Action /teach. While it guides, the teacher takes part in the simulator's handshake: it answers every /joint_states once, on
-/wam/teacher_wrench. It sees all bodies through the motion capture like everybody else, and starts and stops the recorder.
+Action /teach. While it guides, the teacher takes part in the simulator's handshake: it answers
+every /joint_states once, on /wam/teacher_wrench. It sees all bodies through the motion capture
+like everybody else, and starts and stops the recorder.
 
-A lesson with `by_pointer` is given by somebody else: the hands follow the poses on ~/pointer, the fingers do what ~/grip says, and ~/done
-ends it.
+A lesson with `by_pointer` is given by somebody else: the hands follow the poses on ~/pointer, the
+fingers do what ~/grip says, and ~/done ends it.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +30,12 @@ from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.awake import Awake
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
+from dart_skill_nodes.comms.coroutines import (
+    CoroutineActionServer,
+    Promise,
+    finish_by_success,
+    pause,
+)
 from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
@@ -37,21 +44,36 @@ from dart_skill_nodes.comms.qos import COMPLETE, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
 from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, declare_bodies, run
+from dart_skill_nodes.process.node_base import (
+    OK,
+    Diagnostics,
+    Parameter,
+    declare,
+    declare_bodies,
+    run,
+)
 from dart_skill_nodes.skills.showing import PointerShowing, showing_of
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
     Parameter("frame_id", "frame of targets and wrenches"),
-    Parameter("skill", "that it shows; without its bodies among those that are tracked nobody sees what becomes of it"),
+    Parameter(
+        "skill",
+        "that it shows; without its bodies among those that are tracked nobody sees what becomes"
+        " of it",
+    ),
     Parameter("max_attempts", "in one situation at most", 1, 100),
-    Parameter("watch_time", "the ball is watched so long after the button was pressed [s]", 0.3, 5.0),
+    Parameter(
+        "watch_time", "the ball is watched so long after the button was pressed [s]", 0.3, 5.0
+    ),
     Parameter("release_point", "standard deviation of the release point [m]", 0.0, 0.2),
     Parameter("duration", "of the duration of the swing [share]", 0.0, 0.3),
     Parameter("speed", "of the speed of the swing [share]", 0.0, 0.3),
     Parameter("direction", "of the direction of the swing [rad]", 0.0, 0.3),
     Parameter("timing", "of pressing the button [s]", 0.0, 0.1),
-    Parameter("expected_hand_delay", "the person presses so long before the release [s]", 0.0, 0.5),
+    Parameter(
+        "expected_hand_delay", "the person presses so long before the release [s]", 0.0, 0.5
+    ),
     Parameter("tremble", "of the hand's trembling force [N]", 0.0, 20.0),
     Parameter("tremble_rate", "corner frequency of the trembling [Hz]", 0.1, 50.0),
     Parameter("pause", "shortest and longest wait before the swing [s]"),
@@ -66,11 +88,15 @@ TABLE = [
 LONGEST_GAP = 0.1
 """Between two states of an arm that is guided [s]."""
 FINDS, FINDS_AGAIN = 15, 4
-"""Looks for the cameras, until there are none: by a teacher that has just been started, and by one that knew some."""
+"""Looks for the cameras, until there are none: by a teacher that has just been started, and by one
+that knew some.
+"""
 LONGEST_BRAKE = 10
 """Looks at an arm that is braked, until it is not waited for any more."""
 LISTENS = 20
-"""Looks after a lesson until the states of the arm are not heard any more, as no other lesson follows."""
+"""Looks after a lesson until the states of the arm are not heard any more, as no other lesson
+follows.
+"""
 
 
 class TeacherNode(GuardedNode):
@@ -81,7 +107,11 @@ class TeacherNode(GuardedNode):
         self.p = declare(self, "teacher.yaml", TABLE)
         skill = load_skill(self.p["skill"])
         name_of = declare_bodies(self, (HAND, *skill.bodies))
-        self._skill, self._person, self._pointer = skill, showing_of(skill, self.p), PointerShowing(skill, self.p["frame_id"])
+        self._skill, self._person, self._pointer = (
+            skill,
+            showing_of(skill, self.p),
+            PointerShowing(skill, self.p["frame_id"]),
+        )
         self._showing = self._person
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
         self._cameras = Cameras(self, pose_topic(name_of[skill.moves]))
@@ -89,22 +119,44 @@ class TeacherNode(GuardedNode):
         self._withdrawn, self._unseen = "", ""
         self._needed, self._awake, self._speed = (), Awake(), 0.0
         calls = ServiceCalls(self)
-        self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
+        self._call, self._recording, self._judge = (
+            calls.call,
+            Recording(self, calls),
+            Judge(self, calls),
+        )
         self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "simulation/step")
-        self._reader, self._writer, self._written = StateReader(), CommandWriter(new_sender(), self.p["frame_id"]), b""
+        self._reader, self._writer, self._written = (
+            StateReader(),
+            CommandWriter(new_sender(), self.p["frame_id"]),
+            b"",
+        )
         self._wrench = self.create_publisher(WamCommand, GUIDING, COMPLETE)
-        self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._person.watches else None
+        self._seen = (
+            SeenInStep(self, name_of, self.p["frame_id"], self._answer)
+            if self._person.watches
+            else None
+        )
         self._states, self._idle = hear_joint_states(self, self._on_state, raw=True), 0
         self._reset = self.create_client(Reset, "simulation/reset")
         self._pause = self.create_client(SetBool, "simulation/pause")
         self._free_arm = self.create_client(SetBool, "commander/release_arm")
-        self.create_subscription(Time, "commander/stopped", lambda _: self._withdraw("stopped by /commander/stop"), 10)
+        self.create_subscription(
+            Time, "commander/stopped", lambda _: self._withdraw("stopped by /commander/stop"), 10
+        )
         self.create_subscription(PoseStamped, "~/pointer", self._pointer.pull, 10)
-        self.create_service(SetBool, "~/grip", partial(self._obey, lambda request: self._pointer.grip(request.data)))
-        self.create_service(Trigger, "~/done", partial(self._obey, lambda _: self._pointer.finish()))
+        self.create_service(
+            SetBool,
+            "~/grip",
+            partial(self._obey, lambda request: self._pointer.grip(request.data)),
+        )
+        self.create_service(
+            Trigger, "~/done", partial(self._obey, lambda _: self._pointer.finish())
+        )
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = CoroutineActionServer(self, Teach, "teach", self._teach, finish_by_success, **accept)
+        self._action = CoroutineActionServer(
+            self, Teach, "teach", self._teach, finish_by_success, **accept
+        )
         self._diagnostics = Diagnostics(self, lambda: (OK, self._showing.phase, {}))
 
     # the hands
@@ -129,17 +181,28 @@ class TeacherNode(GuardedNode):
             self._time.goes_on()
             self._written = self._writer.write(self._try_to_push(state))
         self._wrench.publish(self._written)
-        if self._over is not None and self._ended_ns is not None and self._last_ns >= self._ended_ns:
+        if (
+            self._over is not None
+            and self._ended_ns is not None
+            and self._last_ns >= self._ended_ns
+        ):
             self._over.keep()
 
     def _notice_a_jump(self, ns: int) -> None:
-        """A person lets go of an arm that is suddenly elsewhere: somebody reset the world, or states got lost."""
+        """A person lets go of an arm that is suddenly elsewhere: somebody reset the world, or
+        states got lost.
+        """
         gap = 0.0 if self._last_ns is None else (ns - self._last_ns) * 1e-9
         if self._guiding and not 0.0 <= gap <= LONGEST_GAP:
-            self._withdraw(f"the arm's time jumped by {gap:.3f} s while it was guided: did somebody reset the world?")
+            self._withdraw(
+                f"the arm's time jumped by {gap:.3f} s while it was guided: did somebody reset the"
+                " world?"
+            )
 
     def _try_to_push(self, state) -> Command:
-        """The push for a state; a person who does not know how to go on pushes no more, and the lesson ends."""
+        """The push for a state; a person who does not know how to go on pushes no more, and the
+        lesson ends.
+        """
         try:
             return self._push(state)
         except ValueError as error:
@@ -160,7 +223,9 @@ class TeacherNode(GuardedNode):
         if push.grip == Grip.OPEN:
             self._opened_ns = state.stamp_ns
         if self._ended_ns is None and self._showing.is_over(state):
-            self._ended_ns = max(state.stamp_ns, self._opened_ns + round(self.p["watch_time"] * 1e9))
+            self._ended_ns = max(
+                state.stamp_ns, self._opened_ns + round(self.p["watch_time"] * 1e9)
+            )
         return push
 
     # somebody else's hands
@@ -196,12 +261,16 @@ class TeacherNode(GuardedNode):
             self._over.keep()
 
     def _notice_a_gap(self) -> None:
-        """A teacher that was frozen lets go. One whose timers wait, because states come as fast as they can, was not."""
+        """A teacher that was frozen lets go. One whose timers wait, because states come as fast as
+        they can, was not.
+        """
         if frozen := self._awake.frozen():
             self._withdraw(f"the teacher was held up for {frozen:.1f} s")
 
     def _watch(self) -> None:
-        """End a lesson when a node that moves the arm has gone, or the client that asked for the lesson."""
+        """End a lesson when a node that moves the arm has gone, or the client that asked for the
+        lesson.
+        """
         self._unseen = self._cameras.missing
         self._time.look()
         self._notice_a_gap()
@@ -220,7 +289,11 @@ class TeacherNode(GuardedNode):
         self._goal, self._guiding, self._withdrawn, self._idle = goal_handle, False, "", 0
         if self._states.rests:
             self._states.go_on()
-        self._needed = publishers(self, JOINT_STATES), publishers(self, COMMANDS), subscribers(self, "teach/_action/feedback")
+        self._needed = (
+            publishers(self, JOINT_STATES),
+            publishers(self, COMMANDS),
+            subscribers(self, "teach/_action/feedback"),
+        )
         result = Teach.Result()
         try:
             await self._lesson(goal_handle, result)
@@ -236,7 +309,9 @@ class TeacherNode(GuardedNode):
         return result
 
     async def _let_go(self) -> None:
-        """After a lesson that was broken off: the commander brakes the arm, and the simulator waits for no teacher."""
+        """After a lesson that was broken off: the commander brakes the arm, and the simulator
+        waits for no teacher.
+        """
         simulator, commander = (one.gone for one in self._needed[:2])
         with suppress(CallFailed):
             if not commander:
@@ -260,9 +335,13 @@ class TeacherNode(GuardedNode):
             self._showing.check(situation, attempt > 1)
             await self._guided_movement(situation, attempt)
             until = self._ended_ns - ARRIVAL_NS
-            outcome = result.outcome = await self._judge.outcome(situation, self._opened_ns, until, self._begun_ns)
+            outcome = result.outcome = await self._judge.outcome(
+                situation, self._opened_ns, until, self._begun_ns
+            )
             reason = "" if outcome.success else outcome.message or "missed"
-            kept = await self._recording.stop(self._ended_ns - ARRIVAL_NS, bool(outcome.success), reason)
+            kept = await self._recording.stop(
+                self._ended_ns - ARRIVAL_NS, bool(outcome.success), reason
+            )
             self._go_on()
             if outcome.success and kept.success:
                 result.success, result.message = True, "in"
@@ -276,12 +355,17 @@ class TeacherNode(GuardedNode):
         self._guiding, self._ended_ns, self._opened_ns, self._begun_ns = False, None, 0, 0
         await self._recording.start(lambda: self._call(self._pause, SetBool.Request(data=False)))
         await self._call(self._free_arm, SetBool.Request(data=True))
-        reset = Reset.Request(situation=situation, paused=True, guided=True, real_time=self._showing is self._pointer)
+        reset = Reset.Request(
+            situation=situation, paused=True, guided=True, real_time=self._showing is self._pointer
+        )
         first = await self._call(self._reset, reset)
         if self._showing.watches and self._seen is not None:
             self._showing.forget()
             self._seen.begin(conversions.stamp_ns(first.stamp))
-        await self._until(lambda: (self._last_ns or 0) >= conversions.stamp_ns(first.stamp), "the state after the reset")
+        await self._until(
+            lambda: (self._last_ns or 0) >= conversions.stamp_ns(first.stamp),
+            "the state after the reset",
+        )
         self._go_on()
         seen = await self._look() if self._showing.looks else situation
         self._begin, self._over = (seen, attempt > 1), Promise()
@@ -299,12 +383,16 @@ class TeacherNode(GuardedNode):
 
     async def _look(self) -> Situation:
         """Where the person sees the bodies, in a held world that goes on for a moment."""
-        end_ns = conversions.stamp_ns((await self._call(self._step, Step.Request(steps=LOOK_STEPS))).stamp)
+        end_ns = conversions.stamp_ns(
+            (await self._call(self._step, Step.Request(steps=LOOK_STEPS))).stamp
+        )
         await self._until(lambda: (self._last_ns or 0) >= end_ns, "the state after a look")
         return await self._eyes.look(end_ns - ARRIVAL_NS)
 
     async def _need_cameras(self) -> None:
-        """CallFailed without cameras, once a teacher that has just been started could have found them."""
+        """CallFailed without cameras, once a teacher that has just been started could have found
+        them.
+        """
         for _ in range(FINDS_AGAIN if self._cameras.met else FINDS):
             if not self._unseen:
                 return
@@ -317,7 +405,9 @@ class TeacherNode(GuardedNode):
             raise CallFailed(self._withdrawn)
 
     async def _until(self, condition, what: str) -> None:
-        """Wait for a message that the graph has sent already; CallFailed if it does not come in 10 s."""
+        """Wait for a message that the graph has sent already; CallFailed if it does not come in 10
+        s.
+        """
         for _ in range(1000):
             if condition() or self._withdrawn:
                 return

@@ -1,7 +1,9 @@
-"""The live view: a page with the arm, what it has learned and what it does, and with controls that teach, learn, throw and practise.
+"""The live view: a page with the arm, what it has learned and what it does, and with controls that
+teach, learn, throw and practise.
 
-It hears sensors, markers and status, never the ground truth. The page's server has threads of its own: what they ask for comes through a
-queue, and the scene changes in the executor's thread, `rate` times a second whatever the rates of the topics.
+It hears sensors, markers and status, never the ground truth. The page's server has threads of its
+own: what they ask for comes through a queue, and the scene changes in the executor's thread,
+`rate` times a second whatever the rates of the topics.
 """
 
 import os
@@ -30,17 +32,38 @@ from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.joint_states import OfTheArm
 from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
-from dart_skill_nodes.comms.names import DEMONSTRATIONS, DIAGNOSTICS, JOINT_STATES, in_graph, pose_topic
+from dart_skill_nodes.comms.names import (
+    DEMONSTRATIONS,
+    DIAGNOSTICS,
+    JOINT_STATES,
+    in_graph,
+    pose_topic,
+)
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.graph_processes import TOKEN
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, declare_bodies, run
+from dart_skill_nodes.process.node_base import (
+    OK,
+    Diagnostics,
+    Parameter,
+    declare,
+    declare_bodies,
+    run,
+)
 
 TABLE = [
-    Parameter("host", "address to listen on; whoever has the address of the page, with its token, moves the arm"),
+    Parameter(
+        "host",
+        "address to listen on; whoever has the address of the page, with its token, moves the arm",
+    ),
     Parameter("port", "of the page; 0: any free one, which is printed", 0, 65535),
     Parameter("rate", "of the pictures [1/s, wall clock]", 1.0, 100.0),
-    Parameter("rate_held", "the same while somebody holds the hand with the mouse [1/s, wall clock]", 1.0, 100.0),
+    Parameter(
+        "rate_held",
+        "the same while somebody holds the hand with the mouse [1/s, wall clock]",
+        1.0,
+        100.0,
+    ),
     Parameter("frame_id", "frame of all positions; others are not shown"),
     Parameter("skill", "whose bodies it shows, and what its controls let be done"),
     Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
@@ -58,7 +81,9 @@ PICTURES_PER_PATH = 3
 
 
 def _throw_shown(_: Throw):
-    """From a demonstration of a throw to the way of the hand (n, 3), and to where it was aimed (1, 3)."""
+    """From a demonstration of a throw to the way of the hand (n, 3), and to where it was aimed (1,
+    3).
+    """
 
     def shown(message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
         one = conversions.demonstration(message)
@@ -68,13 +93,17 @@ def _throw_shown(_: Throw):
 
 
 def _task_shown(skill: Skill):
-    """The same of another skill: the way between its first and its last instant, and where the bodies were then (m, 3)."""
+    """The same of another skill: the way between its first and its last instant, and where the
+    bodies were then (m, 3).
+    """
 
     def shown(message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
         one = task_demonstration_from_message(message, skill)
         start, stop = skill.cut(one)
         places = [one.track(role).pose_at(start).position for role in skill.bodies]
-        return one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)], np.array(places).reshape(-1, 3)
+        return one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)], np.array(
+            places
+        ).reshape(-1, 3)
 
     return shown
 
@@ -100,10 +129,18 @@ class Viewer(GuardedNode):
         self._scene = Scene(self._server, region=region, basket=basket, skill=other)
         self._demonstrated = SHOWN_OF[isinstance(skill, Throw)](skill)
         self._panel = Panel(self._server, self._scene, self._requests.put, skill)
-        self._demonstrations, self._new_demonstration, self._basket, self._fault = {}, False, None, ""
+        self._demonstrations, self._new_demonstration, self._basket, self._fault = (
+            {},
+            False,
+            None,
+            "",
+        )
         self._status, self._phase = NodeStatuses(lambda name: in_graph(self, name) is not None), ""
         self._inspector = NodeInspector(self)
-        self._path_ends, self._pictures = {name: [] for name in (*self._scene.bodies[:1], "hand", "attractor")}, 0
+        self._path_ends, self._pictures = (
+            {name: [] for name in (*self._scene.bodies[:1], "hand", "attractor")},
+            0,
+        )
         self._controls = ViewerJobs(
             self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
             seen=lambda: self._basket, heard=lambda: len(self._demonstrations), skill=skill,
@@ -111,21 +148,27 @@ class Viewer(GuardedNode):
         self._lesson = None
         if self._scene.held_hand is not None and self._panel.holding is not None:
             held = self._scene.held_hand
-            self._lesson = PulledLesson(self, self._controls, held, self._panel, skill, self.p["frame_id"], self._hurry)
+            self._lesson = PulledLesson(
+                self, self._controls, held, self._panel, skill, self.p["frame_id"], self._hurry
+            )
             held.on_drag(lambda place: self._requests.put(Request("pull", {"place": place})))
         self._subscribe(declare_bodies(self, (HAND, *skill.bodies)))
         self._diagnostics = Diagnostics(self, self._describe)
         self._pictures_timer = None
         self._hurry(False)
         self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
-        url = url_of(self._server)  # whoever gave the token knows the rest of the address, and a log need not
+        url = url_of(
+            self._server
+        )  # whoever gave the token knows the rest of the address, and a log need not
         self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
 
     def _subscribe(self, name_of: dict[str, str]) -> None:
         self._latest = LatestMessages(self)
         self._of_the_arm = OfTheArm()
         self._latest.watch(JOINT_STATES, JointState)
-        self._pose_topics = {role: pose_topic(name) for role, name in name_of.items()} | {"attractor": ATTRACTOR}
+        self._pose_topics = {role: pose_topic(name) for role, name in name_of.items()} | {
+            "attractor": ATTRACTOR
+        }
         for topic in self._pose_topics.values():
             self._latest.watch(topic, PoseStamped, depth=200)
         self.create_subscription(Demonstration, DEMONSTRATIONS, self._on_demonstration, LATCHED)
@@ -135,7 +178,9 @@ class Viewer(GuardedNode):
             ("teach", Teach, self._on_lesson),
             ("practice", Practice, self._on_practice),
         ):
-            self.create_subscription(kind.Impl.FeedbackMessage, f"{name}/_action/feedback", callback, 50)
+            self.create_subscription(
+                kind.Impl.FeedbackMessage, f"{name}/_action/feedback", callback, 50
+            )
 
     # pictures
 
@@ -143,7 +188,9 @@ class Viewer(GuardedNode):
         """Somebody holds the hand, or does not any more."""
         if self._pictures_timer is not None:
             self.destroy_timer(self._pictures_timer)
-        self._pictures_timer = self.create_timer(1.0 / self.p["rate_held" if held else "rate"], self._tick, clock=WALL)
+        self._pictures_timer = self.create_timer(
+            1.0 / self.p["rate_held" if held else "rate"], self._tick, clock=WALL
+        )
 
     def _tick(self) -> None:
         while not self._requests.empty():
@@ -151,7 +198,10 @@ class Viewer(GuardedNode):
             if self._lesson is None or not self._lesson.obeys(request):
                 self._controls.obey(request)
         try:
-            self._show(self._latest.take(JOINT_STATES), {name: self._poses(topic) for name, topic in self._pose_topics.items()})
+            self._show(
+                self._latest.take(JOINT_STATES),
+                {name: self._poses(topic) for name, topic in self._pose_topics.items()},
+            )
             self._fault = ""
         except ValueError as error:
             if str(error) != self._fault:
@@ -169,7 +219,9 @@ class Viewer(GuardedNode):
             return
         states = [data for data in states if self._of_the_arm(data)]
         if states:
-            self._scene.move_arm(conversions.arm_state(conversions.decoded(states[-1], JointState)).position)
+            self._scene.move_arm(
+                conversions.arm_state(conversions.decoded(states[-1], JointState)).position
+            )
         if len(poses["hand"]):
             self._scene.move_hand(poses["hand"][-1, :3], poses["hand"][-1, 3:])
         if len(poses["attractor"]):
@@ -178,7 +230,9 @@ class Viewer(GuardedNode):
             if len(poses[role]):
                 self._move_body(role, poses[role][-1])
         if self._lesson is not None:
-            self._lesson.see({role: poses[role][-1] for role in (HAND, *self._scene.bodies) if len(poses[role])})
+            self._lesson.see(
+                {role: poses[role][-1] for role in (HAND, *self._scene.bodies) if len(poses[role])}
+            )
         self._extend_paths(poses)
 
     def _move_body(self, role: str, pose: np.ndarray) -> None:
@@ -240,7 +294,9 @@ class Viewer(GuardedNode):
         if self._lesson is not None:
             self._lesson.hear(message.feedback.phase)
         attempt = f", attempt {message.feedback.attempt}" if message.feedback.attempt > 1 else ""
-        self._say_phase(f"{self._controls.progress or 'lesson'}{attempt}: {message.feedback.phase}")
+        self._say_phase(
+            f"{self._controls.progress or 'lesson'}{attempt}: {message.feedback.phase}"
+        )
 
     def _on_practice(self, message) -> None:
         feedback = message.feedback
@@ -250,7 +306,14 @@ class Viewer(GuardedNode):
             return
         error = float(feedback.outcome.error) if feedback.outcome.seen else float("nan")
         self._panel.add_throw(error, bool(feedback.outcome.success))
-        self._say_phase("; ".join(filter(None, (f"{what}: {in_words(feedback.outcome, self._skill.words)}", feedback.message))))
+        self._say_phase(
+            "; ".join(
+                filter(
+                    None,
+                    (f"{what}: {in_words(feedback.outcome, self._skill.words)}", feedback.message),
+                )
+            )
+        )
 
     def _say_phase(self, text: str) -> None:
         if text != self._phase:
@@ -273,7 +336,14 @@ class Viewer(GuardedNode):
             self.refusals.add(DIAGNOSTICS, error)
 
     def _describe(self):
-        return OK, url_of(self._server), {"browsers": len(self._server.get_clients()), "demonstrations": len(self._demonstrations)}
+        return (
+            OK,
+            url_of(self._server),
+            {
+                "browsers": len(self._server.get_clients()),
+                "demonstrations": len(self._demonstrations),
+            },
+        )
 
     def destroy_node(self) -> None:
         self._latest.close()

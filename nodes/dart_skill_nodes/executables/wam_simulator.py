@@ -1,9 +1,11 @@
-"""The WAM simulator: publishes the state of step k, waits for the answer to it, integrates to step k + 1.
+"""The WAM simulator: publishes the state of step k, waits for the answer to it, integrates to step
+k + 1.
 
-Lockstep (the default): the commander always, and the teacher while it guides, answer every state with a WamCommand that echoes its
-stamp. Nothing else moves time. A state that nobody answers is published again, and /diagnostics says who is
-silent. Real time: steps follow the machine's clock, the last command is held, and without a fresh one the arm is braked. A simulated
-person is a part of the world, which waits for their hands.
+Lockstep (the default): the commander always, and the teacher while it guides, answer every state
+with a WamCommand that echoes its stamp. Nothing else moves time. A state that nobody answers is
+published again, and /diagnostics says who is silent. Real time: steps follow the machine's clock,
+the last command is held, and without a fresh one the arm is braked. A simulated person is a part
+of the world, which waits for their hands.
 """
 
 import time
@@ -20,7 +22,15 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.arm import REST_SPEED, Command, HeldCommand, fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.arm import (
+    REST_SPEED,
+    Command,
+    HeldCommand,
+    fixed_transforms,
+    joint_transforms,
+    wam_description,
+    write_urdf,
+)
 from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
@@ -35,36 +45,101 @@ from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.tf_messages import LiveTransforms
 from dart_skill_nodes.comms.time_of_the_arm import HELD
 from dart_skill_nodes.process.limits import LIMITS
-from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Parameter,
+    declare,
+    run,
+)
 
 TABLE = [
     Parameter("skill", "in whose world the arm stands"),
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
     Parameter("lockstep", "wait for the answer to every state; false: real time"),
-    Parameter("speed_factor", "simulated seconds per second at most; 0: no limit, and in real time 1", 0.0, 1000.0, read_only=False),
     Parameter(
-        "rest_after", "lockstep: when nothing has moved for so long the world goes on slowly; 0: never [s]", 0.0, 1e6, read_only=False
+        "speed_factor",
+        "simulated seconds per second at most; 0: no limit, and in real time 1",
+        0.0,
+        1000.0,
+        read_only=False,
+    ),
+    Parameter(
+        "rest_after",
+        "lockstep: when nothing has moved for so long the world goes on slowly; 0: never [s]",
+        0.0,
+        1e6,
+        read_only=False,
     ),
     Parameter("start_paused", "wait for ~/pause before the first step"),
     Parameter("answer_timeout", "say so when an answer takes longer [s, wall clock]", 0.1, 600.0),
-    Parameter("command_timeout", "real time: age of a command after which the arm is braked [s]", 0.002, 10.0),
+    Parameter(
+        "command_timeout",
+        "real time: age of a command after which the arm is braked [s]",
+        0.002,
+        10.0,
+    ),
     Parameter("frame_id", "frame of everything that is published"),
     Parameter("start_posture", "joint angles after a reset [rad]"),
-    Parameter("gravity_error", "share of gravity that compensation misses", -0.5, 0.5, read_only=False),
+    Parameter(
+        "gravity_error", "share of gravity that compensation misses", -0.5, 0.5, read_only=False
+    ),
     Parameter("friction_scale", "factor on the joint friction", 0.0, 10.0, read_only=False),
-    Parameter("stiction", "what static friction is more than Coulomb friction, as a share of it", 0.0, 5.0, read_only=False),
+    Parameter(
+        "stiction",
+        "what static friction is more than Coulomb friction, as a share of it",
+        0.0,
+        5.0,
+        read_only=False,
+    ),
     Parameter("mass_scale", "factors on the masses of the links", read_only=False),
-    Parameter("joint_stiffness", "of the cables between motors and links [N m/rad]; all 0: rigid", read_only=False),
+    Parameter(
+        "joint_stiffness",
+        "of the cables between motors and links [N m/rad]; all 0: rigid",
+        read_only=False,
+    ),
     Parameter("joint_offset", "what the encoders read too high [rad]", read_only=False),
     Parameter("encoder_step", "of an angle [rad], 0: none", 0.0, 0.1, read_only=False),
-    Parameter("speed_filter", "corner of the low-pass on the speeds [rad/s], 0: exact speeds", 0.0, 10000.0, read_only=False),
+    Parameter(
+        "speed_filter",
+        "corner of the low-pass on the speeds [rad/s], 0: exact speeds",
+        0.0,
+        10000.0,
+        read_only=False,
+    ),
     Parameter("command_delay", "control periods until a command acts", 0, 20, read_only=False),
     Parameter("motor_scale", "factor on what the motors can do", 0.1, 10.0, read_only=False),
-    Parameter("base_turn", "of the arm's base about the vertical; the controller does not know of it [rad]", -1.0, 1.0, read_only=False),
-    Parameter("hand_delay", "mean time from the command to the ball being free [s]", 0.0, 1.0, read_only=False),
+    Parameter(
+        "base_turn",
+        "of the arm's base about the vertical; the controller does not know of it [rad]",
+        -1.0,
+        1.0,
+        read_only=False,
+    ),
+    Parameter(
+        "hand_delay",
+        "mean time from the command to the ball being free [s]",
+        0.0,
+        1.0,
+        read_only=False,
+    ),
     Parameter("hand_spread", "standard deviation of that time [s]", 0.0, 0.1, read_only=False),
-    Parameter("seat_spread", "standard deviation of a coordinate of where the ball sits in the hand [m]", 0.0, 0.03, read_only=False),
-    Parameter("release_turn", "scatter of the direction with which the ball leaves the hand [rad]", 0.0, 0.5, read_only=False),
+    Parameter(
+        "seat_spread",
+        "standard deviation of a coordinate of where the ball sits in the hand [m]",
+        0.0,
+        0.03,
+        read_only=False,
+    ),
+    Parameter(
+        "release_turn",
+        "scatter of the direction with which the ball leaves the hand [rad]",
+        0.0,
+        0.5,
+        read_only=False,
+    ),
     Parameter("release_speed", "scatter of its speed then, as a share", 0.0, 0.5, read_only=False),
     Parameter("ball_mass_scale", "factor on the mass of the ball", 0.1, 10.0, read_only=False),
     Parameter("ball_drag_scale", "factor on the drag of the ball", 0.0, 10.0, read_only=False),
@@ -76,19 +151,29 @@ TABLE = [
     *LIMITS,
     Parameter("ground_truth_period", "steps between messages on /simulation/state", 1, 1000),
 ]
-CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name not in ("speed_factor", "rest_after")]
+CHANGEABLE = [
+    row.name
+    for row in TABLE
+    if not row.read_only and row.name not in ("speed_factor", "rest_after")
+]
 """What can change while the simulator runs, from the next reset on."""
 RESTING = 0.05
-"""Between two steps of a world that rests [s, wall clock]: a client sees that it lives, and it costs nearly nothing."""
+"""Between two steps of a world that rests [s, wall clock]: a client sees that it lives, and it
+costs nearly nothing.
+"""
 UNASKED = 0.5
-"""So soon rests a world of which nobody has asked anything since the start: ball and basket have settled by then [s]."""
+"""So soon rests a world of which nobody has asked anything since the start: ball and basket have
+settled by then [s].
+"""
 PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
 """Who moves the arm, and where."""
 MOST_STEPS = 100_000
 """Most steps of one call of ~/step: 200 s of simulated time."""
 STILL = np.zeros(3)
 LATEST = 0.05
-"""Real time: steps that are late by more are not made any more, and the arm's time falls behind [s, wall clock]."""
+"""Real time: steps that are late by more are not made any more, and the arm's time falls behind
+[s, wall clock].
+"""
 
 
 class WamSimulator(GuardedNode):
@@ -99,13 +184,26 @@ class WamSimulator(GuardedNode):
         self.p = declare(self, "wam_simulator.yaml", TABLE)
         board = Board(tuple(self.p["board_position"]))
         skill, settings = load_skill(self.p["skill"]), PlantSettings.from_parameters(self.p)
-        self._plant = make_world(skill.world, settings, self.p["seed"], board, skill.world_settings)
-        self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
+        self._plant = make_world(
+            skill.world, settings, self.p["seed"], board, skill.world_settings
+        )
+        self._paused, self._guided, self._budget, self._watched = (
+            self.p["start_paused"],
+            False,
+            0,
+            False,
+        )
         self._answers, self._fault, self._steps_made = {}, "", 0
         self._next = time.monotonic()  # when the next step is due, where time is held back
-        self._rate_mark = (time.monotonic(), 0)  # when _describe looked last, and the steps that were made by then
+        self._rate_mark = (
+            time.monotonic(),
+            0,
+        )  # when _describe looked last, and the steps that were made by then
         self._hold_no_command()
-        self._stillness, self._rests = Stillness(), False  # the latter: nothing has moved for long, and nobody waits for steps
+        self._stillness, self._rests = (
+            Stillness(),
+            False,
+        )  # the latter: nothing has moved for long, and nobody waits for steps
         self._asked = False  # whether anybody has asked for anything
         self._guide: Presence | None = None  # who guides the arm
         self._left = ""  # why nobody guides it any more, until it rests
@@ -139,7 +237,9 @@ class WamSimulator(GuardedNode):
         self._tool_msg = PoseStamped()
         for message in (joints, self._tool_msg):
             message.header.frame_id = frame
-        self._truth_layouts: dict[tuple, FixedLayout] = {}  # by what the messages say beside numbers
+        self._truth_layouts: dict[
+            tuple, FixedLayout
+        ] = {}  # by what the messages say beside numbers
         self._joint_layout = FixedLayout(joints)
         self._safety = self.create_publisher(DiagnosticStatus, "wam/safety", NEWEST)
         self._said_of_safety = None
@@ -147,7 +247,9 @@ class WamSimulator(GuardedNode):
         self._hold(self._paused)
         self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in PUSHES.items()}
         for who, topic in PUSHES.items():
-            self.create_subscription(WamCommand, topic, partial(self._on_answer, who, command_reader()), LOOP, raw=True)
+            self.create_subscription(
+                WamCommand, topic, partial(self._on_answer, who, command_reader()), LOOP, raw=True
+            )
 
     def _make_services(self) -> None:
         self.create_service(Reset, "simulation/reset", self._on_reset)
@@ -165,14 +267,22 @@ class WamSimulator(GuardedNode):
 
     def _on_answer(self, who: str, reader: LayoutReader, data: bytes) -> None:
         message, ns, numbers = reader.read(data)
-        if self.p["lockstep"] and (ns != self._plant.state_stamp_ns or who not in self._engaged or who in self._answers):
+        if self.p["lockstep"] and (
+            ns != self._plant.state_stamp_ns or who not in self._engaged or who in self._answers
+        ):
             return
         if not self._obeyed[who].accepts(message.sender):
             return
         if ns > self._plant.state_stamp_ns:
-            raise ValueError(f"it is stamped {ns} ns, ahead of the arm, which is at {self._plant.state_stamp_ns} ns")
+            raise ValueError(
+                f"it is stamped {ns} ns, ahead of the arm, which is at"
+                f" {self._plant.state_stamp_ns} ns"
+            )
         if message.header.frame_id != self.p["frame_id"]:
-            self._complain(f"a command of the {who} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}': ignored")
+            self._complain(
+                f"a command of the {who} is in frame '{message.header.frame_id}', not"
+                f" '{self.p['frame_id']}': ignored"
+            )
             return
         try:
             command = conversions.command_of_numbers(message, ns, numbers)
@@ -188,8 +298,12 @@ class WamSimulator(GuardedNode):
                 self._real_time()
 
     def _advance(self, slowly: bool = False) -> None:
-        """Make the next step if everybody who is engaged has answered and nothing holds time; slowly: of a world that rests, too."""
-        if (self._paused and not self._budget) or any(who not in self._answers for who in self._engaged):
+        """Make the next step if everybody who is engaged has answered and nothing holds time;
+        slowly: of a world that rests, too.
+        """
+        if (self._paused and not self._budget) or any(
+            who not in self._answers for who in self._engaged
+        ):
             return
         if self._rests and not slowly:
             return  # `_go_on_slowly` comes back to it
@@ -207,7 +321,9 @@ class WamSimulator(GuardedNode):
         self._asked, self._rests = True, False
 
     def _go_on(self) -> None:
-        """Make the step that waits: in a world that rests all have answered, and nobody answers again."""
+        """Make the step that waits: in a world that rests all have answered, and nobody answers
+        again.
+        """
         if self.p["lockstep"]:
             self._advance()
 
@@ -243,15 +359,23 @@ class WamSimulator(GuardedNode):
         self._rests = not waits and 0.0 < rest_after < still_for
 
     def _tell_of_safety(self) -> None:
-        """On /wam/safety, when it changes: all is well, something is near its limit, or the motors are shorted until a reset."""
+        """On /wam/safety, when it changes: all is well, something is near its limit, or the motors
+        are shorted until a reset.
+        """
         fault, warning = self._plant.fault, self._plant.warning
         said = ERROR if fault else WARN if warning else OK
         if said != self._said_of_safety:
             self._said_of_safety = said
-            self._safety.publish(DiagnosticStatus(level=said, name="wam safety", message=fault or warning, hardware_id="wam"))
+            self._safety.publish(
+                DiagnosticStatus(
+                    level=said, name="wam safety", message=fault or warning, hardware_id="wam"
+                )
+            )
 
     def _pace(self) -> None:
-        """Hold simulated time back to speed_factor times the machine's, and to the machine's own while somebody watches."""
+        """Hold simulated time back to speed_factor times the machine's, and to the machine's own
+        while somebody watches.
+        """
         factor = self._speed_factor
         if self._watched:
             factor = min(factor or 1.0, 1.0)
@@ -263,7 +387,9 @@ class WamSimulator(GuardedNode):
             time.sleep(self._next - now)
 
     def _real_time(self) -> None:
-        """Make the step that is due. A late one is made when everybody in this process has had a turn: it needs answers, too."""
+        """Make the step that is due. A late one is made when everybody in this process has had a
+        turn: it needs answers, too.
+        """
         now = time.monotonic()
         if self._paused and not self._budget:
             self._wall_due = now
@@ -279,7 +405,9 @@ class WamSimulator(GuardedNode):
             call_soon(self._real_time)
 
     def _waits_for_a_person(self, now: float) -> bool:
-        """Who guides the arm is one body with it: their damping, if it were held for a few steps, would shake the wrist."""
+        """Who guides the arm is one body with it: their damping, if it were held for a few steps,
+        would shake the wrist.
+        """
         push = self._held["teacher"]
         awaited = self._guided and push.has_come and not push.is_for(self._plant.state_stamp_ns)
         return awaited and now - self._published < self.p["command_timeout"]
@@ -288,11 +416,20 @@ class WamSimulator(GuardedNode):
         self._held = {who: HeldCommand(self.p["command_timeout"]) for who in PUSHES}
 
     def _held_answers(self) -> tuple[Command, Command | None]:
-        """Command and push as answers to the present state; the arm is braked when one of them is too old."""
-        answers = {who: self._held[who].answer_to(self._plant.state_stamp_ns) for who in self._engaged}
-        late = [who for who, answer in answers.items() if answer is None and self._held[who].has_come]
+        """Command and push as answers to the present state; the arm is braked when one of them is
+        too old.
+        """
+        answers = {
+            who: self._held[who].answer_to(self._plant.state_stamp_ns) for who in self._engaged
+        }
+        late = [
+            who for who, answer in answers.items() if answer is None and self._held[who].has_come
+        ]
         if late:
-            self._complain(f"no command of the {late[0]} for more than {self.p['command_timeout']} s: the arm is braked")
+            self._complain(
+                f"no command of the {late[0]} for more than {self.p['command_timeout']} s: the arm"
+                " is braked"
+            )
         elif answers["commander"] is not None:
             self._fault = ""
         brakes = answers["commander"] is None or "teacher" in late
@@ -304,12 +441,19 @@ class WamSimulator(GuardedNode):
         try:
             situation = conversions.situation(request.situation)
             self._take_changes()
-            poses = {role: (pose.position, pose.quaternion) for role, pose in situation.poses.items()}
+            poses = {
+                role: (pose.position, pose.quaternion) for role, pose in situation.poses.items()
+            }
             state = self._plant.set_up(poses, situation.numbers)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self._guided, self._answers, self._budget, self._watched = request.guided, {}, 0, request.real_time
+        self._guided, self._answers, self._budget, self._watched = (
+            request.guided,
+            {},
+            0,
+            request.real_time,
+        )
         self._hold_no_command()
         self._wake()
         self._hold(request.paused)
@@ -329,13 +473,21 @@ class WamSimulator(GuardedNode):
             self._plant.change(PlantSettings.from_parameters(self.p))
 
     def _read_pace(self, _=()) -> None:
-        """Take what says how fast time goes, whenever it was changed: reading a parameter takes as long as a message."""
-        self._speed_factor, self._rest_after = (self.get_parameter(name).value for name in ("speed_factor", "rest_after"))
+        """Take what says how fast time goes, whenever it was changed: reading a parameter takes as
+        long as a message.
+        """
+        self._speed_factor, self._rest_after = (
+            self.get_parameter(name).value for name in ("speed_factor", "rest_after")
+        )
 
     def _refuse_no_arm(self, parameters) -> SetParametersResult:
-        """A change that makes settings which no arm has is refused when it is asked for, not at the next reset."""
+        """A change that makes settings which no arm has is refused when it is asked for, not at
+        the next reset.
+        """
         try:
-            PlantSettings.from_parameters({**self.p, **{one.name: one.value for one in parameters}})
+            PlantSettings.from_parameters(
+                {**self.p, **{one.name: one.value for one in parameters}}
+            )
         except (TypeError, ValueError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -352,10 +504,15 @@ class WamSimulator(GuardedNode):
         return response
 
     def _on_step(self, request, response):
-        """Accepts the steps; they are made as answers come, or in real time (a service callback cannot wait for them in this rclpy)."""
+        """Accepts the steps; they are made as answers come, or in real time (a service callback
+        cannot wait for them in this rclpy).
+        """
         response.success = self._paused and 0 < request.steps <= MOST_STEPS and not self._budget
         if not response.success:
-            response.message = f"steps are made while paused, 1 to {MOST_STEPS} at a time, one call after the other"
+            response.message = (
+                f"steps are made while paused, 1 to {MOST_STEPS} at a time, one call after the"
+                " other"
+            )
             return response
         self._wake()
         self._budget = int(request.steps)
@@ -384,20 +541,27 @@ class WamSimulator(GuardedNode):
 
     def _on_close(self, request, response):
         response.success = self._plant.close_hand()
-        response.message = "" if response.success else f"the {self._plant.loose_body} is not in the hand: ~/reset puts it back"
+        response.message = (
+            ""
+            if response.success
+            else f"the {self._plant.loose_body} is not in the hand: ~/reset puts it back"
+        )
         return response
 
     # what is published
 
     def _publish(self) -> None:
-        """The present state. The clock comes first: nothing is stamped later than it shows. Then the joint states: in other processes the
-        answer to them is worked out while the rest is sent.
+        """The present state. The clock comes first: nothing is stamped later than it shows. Then
+        the joint states: in other processes the answer to them is worked out while the rest is
+        sent.
         """
         plant, ns = self._plant, self._plant.state_stamp_ns
         if self._clock_out.get_subscription_count():
             self._clock_out.publish(conversions.leading_stamp_bytes(ns))
         self._published = time.monotonic()
-        numbers = np.array([*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()])
+        numbers = np.array(
+            [*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()]
+        )
         self._joint_states.publish(self._joint_layout.pack(ns, numbers))
         if plant.step_count % self.p["ground_truth_period"] == 0:
             self._publish_truth()
@@ -412,20 +576,38 @@ class WamSimulator(GuardedNode):
         state, there = self._plant.state, self._plant.bodies
         numbers = [state.position, state.velocity, state.effort]
         for name, (position, quaternion) in there.items():
-            numbers += [position, quaternion, state.ball_velocity if name == self._plant.loose_body else STILL, STILL]
+            numbers += [
+                position,
+                quaternion,
+                state.ball_velocity if name == self._plant.loose_body else STILL,
+                STILL,
+            ]
         said = tuple(there), self._plant.held_body, self._plant.succeeded
-        layout = self._truth_layouts.get(said) or self._truth_layouts.setdefault(said, self._truth_layout(*said))
-        self._truth.publish(layout.pack(state.stamp_ns, np.concatenate([*numbers, [self.p["base_turn"]]]), state.episode, state.step))
+        layout = self._truth_layouts.get(said) or self._truth_layouts.setdefault(
+            said, self._truth_layout(*said)
+        )
+        self._truth.publish(
+            layout.pack(
+                state.stamp_ns,
+                np.concatenate([*numbers, [self.p["base_turn"]]]),
+                state.episode,
+                state.step,
+            )
+        )
 
     def _truth_layout(self, bodies: tuple[str, ...], held: str, success: bool) -> FixedLayout:
-        message = SimulationState(bodies=[BodyState(name=name) for name in bodies], held=held, success=success)
+        message = SimulationState(
+            bodies=[BodyState(name=name) for name in bodies], held=held, success=success
+        )
         message.header.frame_id = self.p["frame_id"]
         return FixedLayout(message, conversions.EPISODE_AND_STEP)
 
     # saying what goes on
 
     def _watch_those_who_move(self) -> None:
-        """Who commands the arm, and whether somebody guides it still: nobody waits for a teacher that has gone."""
+        """Who commands the arm, and whether somebody guides it still: nobody waits for a teacher
+        that has gone.
+        """
         for one in self._obeyed.values():
             one.look()
         if self._guide is not None and self._guide.gone:
@@ -446,7 +628,10 @@ class WamSimulator(GuardedNode):
             return
         self._publish()
         if now - self._mark[0] > self.p["answer_timeout"] and not self._paused and not self._fault:
-            self._complain(f"waiting for the answer of {' and '.join(silent)} to the state of {stamp} ns: is it running?")
+            self._complain(
+                f"waiting for the answer of {' and '.join(silent)} to the state of {stamp} ns: is"
+                " it running?"
+            )
 
     def _complain(self, text: str) -> None:
         if text != self._fault:
@@ -458,16 +643,30 @@ class WamSimulator(GuardedNode):
         before, last = self._rate_mark
         self._rate_mark = (now, steps)
         factor = (steps - last) * self._plant.settings.step / max(1e-6, now - before)
-        stopped = f"stopped by the arm's safety module until a reset: {self._plant.fault}" if self._plant.fault else ""
+        stopped = (
+            f"stopped by the arm's safety module until a reset: {self._plant.fault}"
+            if self._plant.fault
+            else ""
+        )
         fault = stopped or self._fault or self._left
         strangers = [
-            f"{name} publishes {self.resolve_topic_name(PUSHES[who])}, too" for who, one in self._obeyed.items() for name in one.others
+            f"{name} publishes {self.resolve_topic_name(PUSHES[who])}, too"
+            for who, one in self._obeyed.items()
+            for name in one.others
         ]
         level = ERROR if fault else (WARN if strangers else OK)
         message = fault or ("paused" if self._paused else "resting" if self._rests else "running")
         if strangers:
             message += f"; {', '.join(strangers)}: it is not obeyed, end it"
-        return level, message, {"real_time_factor": f"{factor:.2f}", "steps": steps, "engaged": ", ".join(self._engaged)}
+        return (
+            level,
+            message,
+            {
+                "real_time_factor": f"{factor:.2f}",
+                "steps": steps,
+                "engaged": ", ".join(self._engaged),
+            },
+        )
 
     def destroy_node(self) -> None:
         self._plant.close()

@@ -1,4 +1,6 @@
-"""Where the graph is found and heard: on this machine alone, and on a ROS domain. Imported before rclpy starts."""
+"""Where the graph is found and heard: on this machine alone, and on a ROS domain. Imported before
+rclpy starts.
+"""
 
 import os
 import socket
@@ -24,8 +26,9 @@ def stay_on_this_machine() -> None:
 
 
 def hear_loopback_alone() -> None:
-    """Where discovery is limited to this machine, let sockets of DDS listen on 127.0.0.1 alone, unless the user chose profiles or named
-    peers. Else they listen on every address, whatever the range of discovery. Call before rclpy starts.
+    """Where discovery is limited to this machine, let sockets of DDS listen on 127.0.0.1 alone,
+    unless the user chose profiles or named peers. Else they listen on every address, whatever the
+    range of discovery. Call before rclpy starts.
     """
     ours = str(config_path("fastdds_loopback.xml"))
     limited = os.environ.get(RANGE) == "LOCALHOST" and not os.environ.get(PEERS)
@@ -34,11 +37,15 @@ def hear_loopback_alone() -> None:
         if limited and not chosen:
             os.environ[name] = ours
         elif os.environ.get(name) == ours:
-            del os.environ[name]  # of a process that started this one, before the range was changed
+            del os.environ[
+                name
+            ]  # of a process that started this one, before the range was changed
 
 
 def choose_domain() -> None:
-    """Set ROS to this machine alone, and to a domain that nobody uses, unless the user chose one. Call before rclpy starts."""
+    """Set ROS to this machine alone, and to a domain that nobody uses, unless the user chose one.
+    Call before rclpy starts.
+    """
     stay_on_this_machine()
     if "ROS_DOMAIN_ID" in os.environ:
         return
@@ -56,7 +63,9 @@ def has_own_domain() -> bool:
 
 
 def _take(port: int) -> bool:
-    """Hold a port while this process lives: a domain whose nodes have not been started yet is taken all the same."""
+    """Hold a port while this process lives: a domain whose nodes have not been started yet is
+    taken all the same.
+    """
     lock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         lock.bind(("127.0.0.1", port))
@@ -68,7 +77,9 @@ def _take(port: int) -> bool:
 
 
 def _free(port: int) -> bool:
-    """Whether nobody listens on a domain's discovery port, or on the first ports of its participants."""
+    """Whether nobody listens on a domain's discovery port, or on the first ports of its
+    participants.
+    """
     for offset in (0, 10, 11):
         with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
             try:

@@ -1,7 +1,8 @@
-"""The node graph as processes: what runs, with which parameters, and how it is started, watched and ended.
+"""The node graph as processes: what runs, with which parameters, and how it is started, watched
+and ended.
 
-`layout` "composed" puts all nodes into one process but the learner, which works for seconds at a time; "processes" gives every node
-its own.
+`layout` "composed" puts all nodes into one process but the learner, which works for seconds at a
+time; "processes" gives every node its own.
 """
 
 import os
@@ -19,39 +20,68 @@ from dart_skill_nodes.process.signals import ENDS_WITH
 
 LAYOUTS = {
     "composed": ("composed", "skill_learner"),
-    "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach", "skill_learner"),
+    "processes": (
+        "wam_simulator",
+        "mock_optitrack",
+        "commander",
+        "demonstration_recorder",
+        "teacher",
+        "coach",
+        "skill_learner",
+    ),
     "hardware": ("commander", "demonstration_recorder", "coach", "skill_learner"),
     "replay": ("skill_learner", "demonstration_recorder", "bag_player"),
 }
-"""Executables: the simulated graph in two processes or in seven; what a real arm and real cameras need besides; what a recording needs."""
+"""Executables: the simulated graph in two processes or in seven; what a real arm and real cameras
+need besides; what a recording needs.
+"""
 SIMULATED = ("composed", "processes")
 NODES = LAYOUTS["processes"]
 """Names of all nodes; each is the name of its executable too."""
 NODES_OF = {"composed": NODES[:-1]}
 """Nodes of an executable that has several."""
 TAKING_TURNS = ("wam_simulator", "commander")
-"""They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
+"""They wait for each other at every step: on one core they hand over faster than from core to core
+(1.6 times, on two cores).
+"""
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
 """Environment variable: the enclave of the process that starts the graph, not of the nodes."""
 TOKEN = "DART_SKILL_VIEW_TOKEN"
-"""Environment variable: what the address of the viewer's page must hold; each viewer makes one of its own where it is not set."""
+"""Environment variable: what the address of the viewer's page must hold; each viewer makes one of
+its own where it is not set.
+"""
 START = 180.0
-"""For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
+"""For a graph to start: seven processes with all that they import, on a machine that has other
+things to do [s, wall clock].
+"""
 OF_NO_SKILL = ("bag_player", "effort_bridge")
 """Executables that do the same for every skill."""
-SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
+SEEDED = (
+    "composed",
+    "wam_simulator",
+    "mock_optitrack",
+    "demonstration_recorder",
+    "teacher",
+    "coach",
+)
 
 
 def cut_out_of() -> str:
-    """What demonstrations are cut out of, as a regular expression; a replay begins when all of it is heard that the bag has."""
+    """What demonstrations are cut out of, as a regular expression; a replay begins when all of it
+    is heard that the bag has.
+    """
     return f".*/({'|'.join([JOINT_STATES, COMMANDS, GUIDING, *pose_topics().values()])})"
 
 
-def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0, registration="", skill="") -> dict:
-    """What an executable is started with in a layout, by names of parameters; the values may be a launch file's substitutions.
+def parameters_of(
+    executable: str, layout: str, seed=0, bag="", played="", rate=1.0, registration="", skill=""
+) -> dict:
+    """What an executable is started with in a layout, by names of parameters; the values may be a
+    launch file's substitutions.
 
-    seed: of a simulated graph. bag: what the demonstration recorder writes. played, rate: the bag of a replay, and how fast.
-    registration: file of `dart-skill check arm --write`. skill: its name; empty: that of config/world.yaml.
+    seed: of a simulated graph. bag: what the demonstration recorder writes. played, rate: the bag
+    of a replay, and how fast. registration: file of `dart-skill check arm --write`. skill: its
+    name; empty: that of config/world.yaml.
     """
     parameters = {"seed": seed} if executable in SEEDED and layout in SIMULATED else {}
     if skill != "" and executable not in OF_NO_SKILL:
@@ -61,7 +91,9 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if registration != "" and executable in ("commander", "skill_learner"):
         parameters["registration_file"] = registration
     if layout == "hardware" and executable == "commander":
-        from dart_skill.common.fleet import arm_named  # costs NumPy, which completion with TAB does without
+        from dart_skill.common.fleet import (
+            arm_named,
+        )  # costs NumPy, which completion with TAB does without
 
         parameters |= arm_named("unmeasured")["commander"]
     if layout == "hardware" and executable == "coach":
@@ -81,14 +113,18 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
 
 
 def of_executables(layout: str, differs: dict[str, dict]) -> dict[str, dict]:
-    """Parameters by node as those of a layout's executables; where one runs several nodes, with the node's name before each. Of nodes that
-    do not run, none.
+    """Parameters by node as those of a layout's executables; where one runs several nodes, with
+    the node's name before each. Of nodes that do not run, none.
     """
 
     def of(executable: str) -> dict:
         if executable not in NODES_OF:
             return dict(differs.get(executable, {}))
-        return {f"{node}:{name}": value for node in NODES_OF[executable] for name, value in differs.get(node, {}).items()}
+        return {
+            f"{node}:{name}": value
+            for node in NODES_OF[executable]
+            for name, value in differs.get(node, {}).items()
+        }
 
     return {executable: of(executable) for executable in LAYOUTS[layout]}
 
@@ -100,9 +136,11 @@ def nodes_of(executables: Iterable[str]) -> list[str]:
 
 @dataclass
 class Graph:
-    """Running nodes, each a process with its log in `logs`; a context manager that leaves no process behind.
+    """Running nodes, each a process with its log in `logs`; a context manager that leaves no
+    process behind.
 
-    remappings: per executable, names of topics and what they are called instead. namespace: of all nodes, as "/arm1".
+    remappings: per executable, names of topics and what they are called instead. namespace: of all
+    nodes, as "/arm1".
     """
 
     logs: Path
@@ -111,9 +149,16 @@ class Graph:
     namespace: str = ""
 
     def start(self, executable: str, parameters: dict | None = None) -> None:
-        """Start an executable of this package; parameters go on its command line, and so do the graph's remappings."""
-        arguments = [("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()]
-        arguments += [("-r", f"{name}:={other}") for name, other in self.remappings.get(executable, {}).items()]
+        """Start an executable of this package; parameters go on its command line, and so do the
+        graph's remappings.
+        """
+        arguments = [
+            ("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()
+        ]
+        arguments += [
+            ("-r", f"{name}:={other}")
+            for name, other in self.remappings.get(executable, {}).items()
+        ]
         if os.environ.get("ROS_SECURITY_ENABLE") == "true":
             arguments.append(("--enclave", enclave_of(executable, self.namespace)))
         command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}"]
@@ -122,27 +167,50 @@ class Graph:
             command += ["--ros-args", *(part for argument in arguments for part in argument)]
         self.logs.mkdir(parents=True, exist_ok=True)
         with open(self.logs / f"{executable}.log", "ab") as log:
-            environment = {name: value for name, value in os.environ.items() if name != OVERRIDE} | {ENDS_WITH: str(os.getpid())}
-            process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment)
+            environment = {
+                name: value for name, value in os.environ.items() if name != OVERRIDE
+            } | {ENDS_WITH: str(os.getpid())}
+            process = subprocess.Popen(
+                command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment
+            )
         self.processes[executable] = process
         if not self.processes.keys().isdisjoint(TAKING_TURNS):
             _place(process, executable, self.namespace)
 
-    def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None, skill: str = "") -> None:
+    def start_all(
+        self,
+        layout: str,
+        seed: int,
+        bag: Path,
+        extra: dict[str, dict] | None = None,
+        skill: str = "",
+    ) -> None:
         """Start a whole layout with one seed, the bag to record to, and a skill."""
         for executable in LAYOUTS[layout]:
-            self.start(executable, parameters_of(executable, layout, seed, str(bag), skill=skill) | (extra or {}).get(executable, {}))
+            self.start(
+                executable,
+                parameters_of(executable, layout, seed, str(bag), skill=skill)
+                | (extra or {}).get(executable, {}),
+            )
 
     def dead(self) -> str:
-        """What to say about a process that has ended by itself, with the end of its log; empty if all run."""
+        """What to say about a process that has ended by itself, with the end of its log; empty if
+        all run.
+        """
         for name, process in self.processes.items():
             if process.poll() is not None:
-                tail = (self.logs / f"{name}.log").read_text(encoding="utf-8", errors="replace").splitlines()[-8:]
+                tail = (
+                    (self.logs / f"{name}.log")
+                    .read_text(encoding="utf-8", errors="replace")
+                    .splitlines()[-8:]
+                )
                 return f"{name} ended with status {process.returncode}:\n  " + "\n  ".join(tail)
         return ""
 
     def stop(self, patience: float = 15.0) -> None:
-        """End every process in order: SIGINT, so that bags are closed; SIGKILL for what does not listen."""
+        """End every process in order: SIGINT, so that bags are closed; SIGKILL for what does not
+        listen.
+        """
         for process in self.processes.values():
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
@@ -163,11 +231,15 @@ class Graph:
 
 
 def _place(process: subprocess.Popen, executable: str, namespace: str) -> None:
-    """Keep the nodes that take turns on a core of their own, another one for every ROS domain and namespace; the rest has the others."""
+    """Keep the nodes that take turns on a core of their own, another one for every ROS domain and
+    namespace; the rest has the others.
+    """
     if not hasattr(os, "sched_setaffinity"):
         return
     cores = sorted(os.sched_getaffinity(0))
-    chosen = cores[(int(os.environ.get("ROS_DOMAIN_ID", "0")) + sum(namespace.encode())) % len(cores)]
+    chosen = cores[
+        (int(os.environ.get("ROS_DOMAIN_ID", "0")) + sum(namespace.encode())) % len(cores)
+    ]
     others = set(cores) - {chosen}
     if others:
         os.sched_setaffinity(process.pid, {chosen} if executable in TAKING_TURNS else others)

@@ -1,4 +1,6 @@
-"""The node graph for `ros2 launch`, from the same description as `dart-skill up` (`graph_processes`)."""
+"""The node graph for `ros2 launch`, from the same description as `dart-skill up`
+(`graph_processes`).
+"""
 
 import os
 from functools import partial
@@ -17,18 +19,41 @@ from launch import LaunchContext, LaunchDescription
 
 ARGUMENTS = {
     "seed": (int, "0", "everything random in the simulation comes from it"),
-    "bag": (str, "", "folder of the bag of demonstrations; empty: a new one in the working directory"),
+    "bag": (
+        str,
+        "",
+        "folder of the bag of demonstrations; empty: a new one in the working directory",
+    ),
     "played": (str, "", "the bag to play"),
     "rate": (float, "1.0", "of playing: seconds of the bag per second; 0: as fast as can be"),
-    "skill": (str, "", "throw, darts, place, reach, or one of an installed package; empty: as config/world.yaml says"),
+    "skill": (
+        str,
+        "",
+        (
+            "throw, darts, place, reach, or one of an installed package; empty: as"
+            " config/world.yaml says"
+        ),
+    ),
     "registration": (str, "", "of cameras and arm: the file of `dart-skill check arm --write`"),
 }
 """What a layout is started with: type, default and description."""
 LEVELS = ("debug", "info", "warn", "error", "fatal")
 OF_ALL = {
     "namespace": ("", "of all nodes, where several arms share a ROS domain, as arm1"),
-    "params_file": ("", "YAML file of nodes' parameters, which override those of config/ and of the other arguments"),
-    "use_sim_time": ("false", "nodes' own clocks follow the graph's; what they do goes by the stamps of what they hear in any case"),
+    "params_file": (
+        "",
+        (
+            "YAML file of nodes' parameters, which override those of config/ and of the other"
+            " arguments"
+        ),
+    ),
+    "use_sim_time": (
+        "false",
+        (
+            "nodes' own clocks follow the graph's; what they do goes by the stamps of what they"
+            " hear in any case"
+        ),
+    ),
     "log_level": ("info", f"of all nodes: {', '.join(LEVELS)}"),
 }
 """Arguments of every launch file: default and description."""
@@ -40,22 +65,50 @@ EXTRAS = {
 ENDS_BY_ITSELF = "bag_player"
 
 
-def description(layouts: list[str], arguments: list[str], extras: tuple[str, ...] = ("viewer",)) -> LaunchDescription:
-    """A launch description of one layout, or of several among which the argument `layout` chooses, with these arguments and extras.
+def description(
+    layouts: list[str], arguments: list[str], extras: tuple[str, ...] = ("viewer",)
+) -> LaunchDescription:
+    """A launch description of one layout, or of several among which the argument `layout` chooses,
+    with these arguments and extras.
 
     When a node of the layout ends, everything does.
     """
-    choice = [DeclareLaunchArgument("layout", default_value=layouts[0], choices=layouts, description="how many processes")]
-    beside = [DeclareLaunchArgument(name, default_value="false", description=EXTRAS[name][1]) for name in extras]
-    rviz = DeclareLaunchArgument("rviz", default_value="false", description="RViz, too, and with a real arm what it needs of transforms")
-    declared = [DeclareLaunchArgument(name, default_value=ARGUMENTS[name][1], description=ARGUMENTS[name][2]) for name in arguments]
-    of_all = [DeclareLaunchArgument(name, default_value=default, description=text) for name, (default, text) in OF_ALL.items()]
-    start = OpaqueFunction(function=partial(_started, layouts=layouts, arguments=arguments, extras=extras))
+    choice = [
+        DeclareLaunchArgument(
+            "layout", default_value=layouts[0], choices=layouts, description="how many processes"
+        )
+    ]
+    beside = [
+        DeclareLaunchArgument(name, default_value="false", description=EXTRAS[name][1])
+        for name in extras
+    ]
+    rviz = DeclareLaunchArgument(
+        "rviz",
+        default_value="false",
+        description="RViz, too, and with a real arm what it needs of transforms",
+    )
+    declared = [
+        DeclareLaunchArgument(
+            name, default_value=ARGUMENTS[name][1], description=ARGUMENTS[name][2]
+        )
+        for name in arguments
+    ]
+    of_all = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in OF_ALL.items()
+    ]
+    start = OpaqueFunction(
+        function=partial(_started, layouts=layouts, arguments=arguments, extras=extras)
+    )
     choice = choice if len(layouts) > 1 else []
-    return LaunchDescription([*choice, *beside, rviz, *declared, *of_all, _this_machine_only(), start])
+    return LaunchDescription(
+        [*choice, *beside, rviz, *declared, *of_all, _this_machine_only(), start]
+    )
 
 
-def _started(context: LaunchContext, layouts: list[str], arguments: list[str], extras: tuple[str, ...]) -> list[Node]:
+def _started(
+    context: LaunchContext, layouts: list[str], arguments: list[str], extras: tuple[str, ...]
+) -> list[Node]:
     """All nodes that the arguments ask for."""
 
     def given(name: str) -> str:
@@ -67,13 +120,21 @@ def _started(context: LaunchContext, layouts: list[str], arguments: list[str], e
         raise ValueError("played:= is missing: give the bag to play")
     of_all = {name: given(name) for name in OF_ALL}
     _check(of_all)
-    nodes = [_node(executable, of_all, parameters_of(executable, layout, **values)) for executable in LAYOUTS[layout]]
+    nodes = [
+        _node(executable, of_all, parameters_of(executable, layout, **values))
+        for executable in LAYOUTS[layout]
+    ]
     beside = [EXTRAS[name][0] for name in extras if _is_true(name, given(name))]
-    nodes += [_node(executable, of_all, parameters_of(executable, layout, **values), required=False) for executable in beside]
+    nodes += [
+        _node(executable, of_all, parameters_of(executable, layout, **values), required=False)
+        for executable in beside
+    ]
     return nodes + (_rviz(of_all, layout) if _is_true("rviz", given("rviz")) else [])
 
 
-def _node(executable: str, of_all: dict[str, str], parameters: dict, required: bool = True) -> Node:
+def _node(
+    executable: str, of_all: dict[str, str], parameters: dict, required: bool = True
+) -> Node:
     over = Shutdown(reason=f"{executable} has ended")
     fails = partial(_ends_if_it_failed, over)
     return Node(
@@ -88,8 +149,12 @@ def _node(executable: str, of_all: dict[str, str], parameters: dict, required: b
     )
 
 
-def _ends_if_it_failed(over: Shutdown, event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """End the launch if the bag cannot be played; after a bag that was played to its end the learner goes on, for its clients."""
+def _ends_if_it_failed(
+    over: Shutdown, event: ProcessExited, context: LaunchContext
+) -> Shutdown | None:
+    """End the launch if the bag cannot be played; after a bag that was played to its end the
+    learner goes on, for its clients.
+    """
     return over if event.returncode else None
 
 
@@ -99,11 +164,15 @@ def _value(name: str, text: str):
     try:
         return kind(text)
     except ValueError as error:
-        raise ValueError(f"{name}:={text}: give {'a whole number' if kind is int else 'a number'}") from error
+        raise ValueError(
+            f"{name}:={text}: give {'a whole number' if kind is int else 'a number'}"
+        ) from error
 
 
 def _check(of_all: dict[str, str]) -> None:
-    """ValueError for what a node would refuse at its start, or `ros2 launch` would leave out with a warning."""
+    """ValueError for what a node would refuse at its start, or `ros2 launch` would leave out with
+    a warning.
+    """
     if (file := of_all["params_file"]) and not os.path.isfile(file):
         raise ValueError(f"params_file:={file}: there is no such file")
     if of_all["log_level"].lower() not in LEVELS:
@@ -123,9 +192,16 @@ def _is_true(name: str, text: str) -> bool:
 
 
 def _rviz(of_all: dict[str, str], layout: str) -> list[Node]:
-    """RViz with its displays chosen; beside a real arm the transforms, too, from packages that a desktop installation of ROS has."""
+    """RViz with its displays chosen; beside a real arm the transforms, too, from packages that a
+    desktop installation of ROS has.
+    """
     space = {"namespace": of_all["namespace"]}
-    view = Node(package="rviz2", executable="rviz2", arguments=["-d", str(config_path("viewers/throwing.rviz"))], **space)
+    view = Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", str(config_path("viewers/throwing.rviz"))],
+        **space,
+    )
     if layout != "hardware":
         return [view]
     arm, (base, *_) = wam_description(), fixed_transforms(wam_description(), the_world().frame_id)
@@ -141,9 +217,17 @@ def _rviz(of_all: dict[str, str], layout: str) -> list[Node]:
             parameters=[{"robot_description": write_urdf(arm)}],
             **space,
         ),
-        Node(package="tf2_ros", executable="static_transform_publisher", arguments=arguments, **space),
+        Node(
+            package="tf2_ros",
+            executable="static_transform_publisher",
+            arguments=arguments,
+            **space,
+        ),
     ]
 
 
 def _this_machine_only() -> SetEnvironmentVariable:
-    return SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"))
+    return SetEnvironmentVariable(
+        "ROS_AUTOMATIC_DISCOVERY_RANGE",
+        os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
+    )

@@ -6,8 +6,8 @@ from pathlib import Path
 
 
 def find_log_folder() -> None:
-    """Choose a new folder for temporary files where the usual one cannot be: no HOME, or one that this user may not write to. Call before
-    rclpy starts.
+    """Choose a new folder for temporary files where the usual one cannot be: no HOME, or one that
+    this user may not write to. Call before rclpy starts.
     """
     if os.environ.get("ROS_LOG_DIR"):
         return

@@ -1,4 +1,6 @@
-"""What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics."""
+"""What all nodes share: the spin loop, parameters from config/ with their descriptions,
+diagnostics.
+"""
 
 import atexit
 import gc
@@ -11,7 +13,12 @@ from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
@@ -31,11 +38,15 @@ from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.process.usage import heed_arguments, unknown_parameters
 
 ENDS_WITHIN = 0.1
-"""Whether it was told to end, a process looks so often [s, wall clock]: not after each of thousands of messages a second."""
+"""Whether it was told to end, a process looks so often [s, wall clock]: not after each of
+thousands of messages a second.
+"""
 
 
 def declare(node: Node, file: str, table: list[Parameter]) -> dict:
-    """Declare a node's parameters with the values of config/`file` as defaults; returns what is in force."""
+    """Declare a node's parameters with the values of config/`file` as defaults; returns what is in
+    force.
+    """
     refuse_what_is_not_finite(node)
     defaults = _defaults(file, node.get_name())
     for row in table:
@@ -49,9 +60,15 @@ def declare_row(node: Node, row: Parameter, default) -> None:
 
 
 def declare_bodies(node: Node, roles: Iterable[str]) -> dict[str, str]:
-    """A parameter for the name of each tracked body, by its role in the skill; the names that are in force."""
+    """A parameter for the name of each tracked body, by its role in the skill; the names that are
+    in force.
+    """
     for role in roles:
-        declare_row(node, Parameter(f"{role}_body", f"tracked body that is the {role}"), the_world().body(role))
+        declare_row(
+            node,
+            Parameter(f"{role}_body", f"tracked body that is the {role}"),
+            the_world().body(role),
+        )
     return {role: node.get_parameter(f"{role}_body").value for role in roles}
 
 
@@ -60,16 +77,23 @@ def refuse_what_is_not_finite(node: Node) -> None:
 
     def check(parameters) -> SetParametersResult:
         for parameter in parameters:
-            values = parameter.value if isinstance(parameter.value, list | tuple) else [parameter.value]
+            values = (
+                parameter.value if isinstance(parameter.value, list | tuple) else [parameter.value]
+            )
             if any(isinstance(value, float) and not math.isfinite(value) for value in values):
-                return SetParametersResult(successful=False, reason=f"{parameter.name} = {parameter.value}: give finite numbers")
+                return SetParametersResult(
+                    successful=False,
+                    reason=f"{parameter.name} = {parameter.value}: give finite numbers",
+                )
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(check)
 
 
 def _defaults(file: str, name: str) -> dict:
-    """Defaults of a node by its name; one that was given another name has those of the file's own section."""
+    """Defaults of a node by its name; one that was given another name has those of the file's own
+    section.
+    """
     try:
         return node_parameters(file, name)
     except KeyError:
@@ -79,19 +103,27 @@ def _defaults(file: str, name: str) -> dict:
 def _descriptor(row: Parameter, default) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(description=row.description, read_only=row.read_only)
     if row.low is not None and isinstance(default, float):
-        descriptor.floating_point_range = [FloatingPointRange(from_value=float(row.low), to_value=float(row.high))]
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(row.low), to_value=float(row.high))
+        ]
     elif row.low is not None and isinstance(default, int) and not isinstance(default, bool):
         descriptor.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
     return descriptor
 
 
 class Diagnostics:
-    """A node's status on /diagnostics, once a second of the wall clock: `describe` gives level, message and values.
+    """A node's status on /diagnostics, once a second of the wall clock: `describe` gives level,
+    message and values.
 
-    What the node refused of late is a warning, and the counts of all that it refused are among the values.
+    What the node refused of late is a warning, and the counts of all that it refused are among the
+    values.
     """
 
-    def __init__(self, node: GuardedNode | GuardedLifecycleNode, describe: Callable[[], tuple[bytes, str, dict]]):
+    def __init__(
+        self,
+        node: GuardedNode | GuardedLifecycleNode,
+        describe: Callable[[], tuple[bytes, str, dict]],
+    ):
         self._node, self._describe = node, describe
         self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         node.create_timer(1.0, self.publish, clock=STATUS)
@@ -101,9 +133,17 @@ class Diagnostics:
         refusals = self._node.refusals
         if refusals.recent:
             level, message = max(level, WARN), f"{message}; {refusals.recent}"
-        values = {**values, **{f"{place} refused": count for place, count in refusals.counts.items()}}
-        status = DiagnosticStatus(level=level, name=diagnostic_name(self._node), message=message, hardware_id="wam")
-        status.values = [KeyValue(key=key, value=str(value)) for key, value in {**values, "process": os.getpid()}.items()]
+        values = {
+            **values,
+            **{f"{place} refused": count for place, count in refusals.counts.items()},
+        }
+        status = DiagnosticStatus(
+            level=level, name=diagnostic_name(self._node), message=message, hardware_id="wam"
+        )
+        status.values = [
+            KeyValue(key=key, value=str(value))
+            for key, value in {**values, "process": os.getpid()}.items()
+        ]
         array = DiagnosticArray(status=[status])
         array.header.stamp = SYSTEM.now().to_msg()  # all nodes alike, those that follow /clock too
         self._publisher.publish(array)
@@ -113,7 +153,9 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 def make_executor():
-    """The EventsExecutor where this rclpy has one (several times faster), else the single-threaded one."""
+    """The EventsExecutor where this rclpy has one (several times faster), else the single-threaded
+    one.
+    """
     try:
         from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
@@ -127,14 +169,18 @@ def run(
     over: Callable[[list[Node]], bool] = lambda nodes: False,
     program: str = "",
 ) -> None:
-    """Main function of every executable: start nodes, spin until told to stop, or until it is over, shut down in order.
+    """Main function of every executable: start nodes, spin until told to stop, or until it is
+    over, shut down in order.
 
-    A node that cannot start ends the process with status 1 and one line, which begins with the name of the program.
+    A node that cannot start ends the process with status 1 and one line, which begins with the
+    name of the program.
     """
     program = program or Path(sys.argv[0]).stem
     if args is None:
         heed_arguments(make_nodes, program)
-    atexit.register(gc.freeze)  # or the interpreter looks through all that was imported once more before it ends
+    atexit.register(
+        gc.freeze
+    )  # or the interpreter looks through all that was imported once more before it ends
     hear_loopback_alone()
     find_log_folder()
     interrupts = Interrupts()
@@ -160,7 +206,9 @@ def run(
 
 
 class OnceIn:
-    """A question that is asked once in so many seconds of the wall clock, however often it is called; False in between."""
+    """A question that is asked once in so many seconds of the wall clock, however often it is
+    called; False in between.
+    """
 
     def __init__(self, seconds: float, question: Callable[[], bool]):
         self._seconds, self._question, self._due = seconds, question, 0.0
@@ -173,22 +221,32 @@ class OnceIn:
         return bool(self._question())
 
 
-def _started(make_nodes: Callable[[], list[Node]], args: list[str] | None, program: str) -> list[Node]:
+def _started(
+    make_nodes: Callable[[], list[Node]], args: list[str] | None, program: str
+) -> list[Node]:
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         nodes = make_nodes()
         for name in unknown_parameters(nodes):
-            nodes[0].get_logger().warning(f"there is no parameter '{name}' here: it changes nothing (--help lists them)")
+            nodes[0].get_logger().warning(
+                f"there is no parameter '{name}' here: it changes nothing (--help lists them)"
+            )
         return nodes
-    except Exception as error:  # rclpy has its own for parameters and arguments that it does not take
-        defect = isinstance(error, TypeError | LookupError | AttributeError | ArithmeticError | AssertionError)
+    except (
+        Exception
+    ) as error:  # rclpy has its own for parameters and arguments that it does not take
+        defect = isinstance(
+            error, TypeError | LookupError | AttributeError | ArithmeticError | AssertionError
+        )
         text = in_a_line(error) if defect else " ".join(str(error).split())
         print(f"{program}: {text or type(error).__name__}", file=sys.stderr, flush=True)
         os._exit(1)  # nodes that had started already have threads, which nobody would end
 
 
 def autostart(node: GuardedLifecycleNode) -> None:
-    """Configure and activate a managed node at once; RuntimeError if it does not come up, instead of a silent node."""
+    """Configure and activate a managed node at once; RuntimeError if it does not come up, instead
+    of a silent node.
+    """
     for trigger in (node.trigger_configure, node.trigger_activate):
         if trigger() != TransitionCallbackReturn.SUCCESS:
             raise RuntimeError(f"{node.get_name()} did not start: {node.fault}")

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Parameter:
-    """One row of a node's parameter table; the value stands in config/. low and high bound numbers."""
+    """One row of a node's parameter table; the value stands in config/. low and high bound
+    numbers.
+    """
 
     name: str
     description: str

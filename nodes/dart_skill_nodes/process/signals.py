@@ -5,17 +5,21 @@ import signal
 import time
 
 ENDS_WITH = "DART_SKILL_ENDS_WITH"
-"""Environment variable: the process that started a node; the node ends when that is gone, however it went."""
+"""Environment variable: the process that started a node; the node ends when that is gone, however
+it went.
+"""
 
 
 class Interrupts:
-    """SIGINT and SIGTERM end the spin loop between two callbacks: rclpy's own handlers invalidate the context at once, in the middle of
-    a callback that still publishes. A second one, when the first did not help, interrupts whatever is running.
+    """SIGINT and SIGTERM end the spin loop between two callbacks: rclpy's own handlers invalidate
+    the context at once, in the middle of a callback that still publishes. A second one, when the
+    first did not help, interrupts whatever is running.
     """
 
     PATIENCE = 5.0
-    """In which one Ctrl-C may arrive twice: from the terminal, and forwarded by whoever started the node, late on a busy machine [s]. An
-    interrupt while rclpy closes a node would abort the process.
+    """In which one Ctrl-C may arrive twice: from the terminal, and forwarded by whoever started
+    the node, late on a busy machine [s]. An interrupt while rclpy closes a node would abort the
+    process.
     """
 
     def __init__(self):

@@ -12,7 +12,8 @@ from dart_skill_nodes.process.parameters import Parameter
 
 
 def heed_arguments(make_nodes: Callable[[], list[Node]], program: str) -> None:
-    """Print the help of a program and end it, where it is asked for; end it with status 2 and a line for what it does not take.
+    """Print the help of a program and end it, where it is asked for; end it with status 2 and a
+    line for what it does not take.
 
     make_nodes: of the module whose text and parameters the help has.
     """
@@ -21,20 +22,34 @@ def heed_arguments(make_nodes: Callable[[], list[Node]], program: str) -> None:
         print(help_text(program, inspect.getmodule(make_nodes)))
         raise SystemExit(0)
     if given:
-        print(f"{program}: '{given[0]}' is not understood: parameters are given as --ros-args -p NAME:=VALUE", file=sys.stderr)
+        print(
+            f"{program}: '{given[0]}' is not understood: parameters are given as --ros-args -p"
+            " NAME:=VALUE",
+            file=sys.stderr,
+        )
         raise SystemExit(2)
 
 
 def help_text(program: str, module: ModuleType | None) -> str:
     """Usage, the first lines of a module, and its table of parameters."""
     about = (inspect.getdoc(module) or "").partition("\n\n")[0]
-    tables = [value for value in vars(module).values() if isinstance(value, list)] if module else []
+    tables = (
+        [value for value in vars(module).values() if isinstance(value, list)] if module else []
+    )
     rows = [row for table in tables for row in table if isinstance(row, Parameter)]
     width = max((len(row.name) for row in rows), default=0)
-    lines = [f"usage: ros2 run dart_skill {program} [--ros-args -p NAME:=VALUE ...]", "", about, ""]
+    lines = [
+        f"usage: ros2 run dart_skill {program} [--ros-args -p NAME:=VALUE ...]",
+        "",
+        about,
+        "",
+    ]
     if rows:
         lines += ["parameters:", *(f"  {row.name:{width}}  {row.description}" for row in rows), ""]
-    lines.append("docs/reference.md has the topics, services, actions, and parameters of every node with their defaults.")
+    lines.append(
+        "docs/reference.md has the topics, services, actions, and parameters of every node with"
+        " their defaults."
+    )
     return "\n".join(lines)
 
 

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 
 class Choosing(Protocol):
-    """One skill, as the coach needs it. looks: whether a plan needs what the cameras see of the bodies first."""
+    """One skill, as the coach needs it. looks: whether a plan needs what the cameras see of the
+    bodies first.
+    """
 
     looks: bool
 
@@ -25,10 +27,14 @@ class Choosing(Protocol):
         """ValueError for a situation that is none."""
 
     def candidates(self) -> list[Situation]:
-        """Situations to try next, first the one that teaches most; ValueError if the skill offers none."""
+        """Situations to try next, first the one that teaches most; ValueError if the skill offers
+        none.
+        """
 
     def tell(self, situation: Situation, error: float, outcome: Outcome) -> str:
-        """What was wrong in a situation [m], nan if nobody saw it, and what became of it; what there is to say of it."""
+        """What was wrong in a situation [m], nan if nobody saw it, and what became of it; what
+        there is to say of it.
+        """
 
     def give_up(self, situation: Situation) -> None:
         """There was no movement in a situation."""
@@ -78,7 +84,9 @@ class DartsChoosing:
             return "nobody saw where the dart went"
         points, where = self._skill.points(landing)
         said, before = f"{where}, {points} points", self._agent.bed
-        if self._is_mine(situation):  # a dart at what somebody else aimed at says nothing of how the own aims were met
+        if self._is_mine(
+            situation
+        ):  # a dart at what somebody else aimed at says nothing of how the own aims were met
             self._agent.tell(self._skill.face.on_board(landing))
         return f"{said}; {self._said_of_the_aim(before)}"
 
@@ -87,7 +95,10 @@ class DartsChoosing:
             self._agent.cannot()
 
     def _is_mine(self, situation: Situation) -> bool:
-        return conversions.situation_msg(conversions.aimed(situation, self._skill)) == self.candidates()[0]
+        return (
+            conversions.situation_msg(conversions.aimed(situation, self._skill))
+            == self.candidates()[0]
+        )
 
     def _said_of_the_aim(self, before: str) -> str:
         """Which aim is best now, and whether that is another one."""
@@ -95,8 +106,15 @@ class DartsChoosing:
         if agent.spread is None:
             return f"the aim is {agent.bed} until the spread is known"
         across, up = np.sqrt(np.diag(agent.spread.covariance))
-        known = f"{agent.expected_score:.1f} points expected with a spread of {across:.0f} by {up:.0f} mm"
-        return f"the aim is {agent.bed}, {known}" if agent.bed == before else f"the best aim jumps from {before} to {agent.bed}: {known}"
+        known = (
+            f"{agent.expected_score:.1f} points expected with a spread of {across:.0f} by"
+            f" {up:.0f} mm"
+        )
+        return (
+            f"the aim is {agent.bed}, {known}"
+            if agent.bed == before
+            else f"the best aim jumps from {before} to {agent.bed}: {known}"
+        )
 
 
 class TaskChoosing:
@@ -105,13 +123,20 @@ class TaskChoosing:
     looks = True
 
     def __init__(self, skill: Skill, candidates: int, seed: int):
-        self._skill, self._candidates, self._rng = skill, candidates, np.random.default_rng([seed, 5])
+        self._skill, self._candidates, self._rng = (
+            skill,
+            candidates,
+            np.random.default_rng([seed, 5]),
+        )
 
     def check(self, situation: Situation) -> None:
         conversions.situation(situation)
 
     def candidates(self) -> list[Situation]:
-        return [conversions.situation_msg(self._skill.draw(self._rng, wide=True)) for _ in range(self._candidates)]
+        return [
+            conversions.situation_msg(self._skill.draw(self._rng, wide=True))
+            for _ in range(self._candidates)
+        ]
 
     def tell(self, situation: Situation, error: float, outcome: Outcome) -> str:
         """Every situation is as good as another."""

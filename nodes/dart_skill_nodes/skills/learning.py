@@ -35,7 +35,12 @@ from dart_skill.skills.learning import (
     save_skill_model,
     unlike,
 )
-from dart_skill.skills.practice import PracticeSettings, PractisingSkill, practised_skill, save_practised
+from dart_skill.skills.practice import (
+    PracticeSettings,
+    PractisingSkill,
+    practised_skill,
+    save_practised,
+)
 from dart_skill.skills.protocol import (
     HAND,
     Skill,
@@ -54,7 +59,9 @@ Parameters = Callable[[], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Lesson:
-    """What came of learning: from how many demonstrations, the digest of the model, what to say of it, and what was left out, and why."""
+    """What came of learning: from how many demonstrations, the digest of the model, what to say of
+    it, and what was left out, and why.
+    """
 
     demonstrations: int
     model_id: str
@@ -64,7 +71,9 @@ class Lesson:
 
 @dataclass(frozen=True)
 class Taken:
-    """What became of a trial: whether it was kept, why not, how many demonstrations are remembered, and what of its error is left [m]."""
+    """What became of a trial: whether it was kept, why not, how many demonstrations are
+    remembered, and what of its error is left [m].
+    """
 
     kept: bool
     message: str
@@ -74,7 +83,9 @@ class Taken:
 
 @dataclass(frozen=True)
 class Compared:
-    """How a demonstration counts: its weight in the model, its distance from what the others teach [m], and whether that is far more."""
+    """How a demonstration counts: its weight in the model, its distance from what the others teach
+    [m], and whether that is far more.
+    """
 
     weight: float
     unlike: float = float("nan")
@@ -82,7 +93,9 @@ class Compared:
 
 
 class Learning(Protocol):
-    """One skill, as the learner needs it. angles: how many columns its mixtures have after the position."""
+    """One skill, as the learner needs it. angles: how many columns its mixtures have after the
+    position.
+    """
 
     skill: str
     angles: int
@@ -98,7 +111,9 @@ class Learning(Protocol):
         """What is in a message; ValueError says why it is none."""
 
     def expect(self, one: Any) -> None:
-        """A demonstration came, and a lesson will follow: what can be worked out now need not be waited for then."""
+        """A demonstration came, and a lesson will follow: what can be worked out now need not be
+        waited for then.
+        """
 
     def read(self, bag: str) -> Sequence[Any]:
         """Demonstrations of a bag; ValueError if there are none."""
@@ -112,8 +127,12 @@ class Learning(Protocol):
     def describe(self, one: Any) -> tuple[int, str, float, SituationMsg]:
         """Stamp [ns], frame, duration [s] and situation of a demonstration."""
 
-    def plan(self, situation: SituationMsg, frame_id: str, explore: bool) -> tuple[PlanMsg, SituationMsg]:
-        """A plan, and what the hand holds at its start; explore: not always the best one. ValueError says why there is none."""
+    def plan(
+        self, situation: SituationMsg, frame_id: str, explore: bool
+    ) -> tuple[PlanMsg, SituationMsg]:
+        """A plan, and what the hand holds at its start; explore: not always the best one.
+        ValueError says why there is none.
+        """
 
     def tell(self, trial: DemonstrationMsg, plan: PlanMsg) -> Taken:
         """Learn from what became of a plan."""
@@ -128,7 +147,9 @@ class Learning(Protocol):
         """Gaussians to be shown, by name, and places (n, 3) for which movements were shown."""
 
     def compared(self) -> dict[str, Compared]:
-        """How each demonstration that is learned from counts, by its id; of others, and before anything is learned, nothing."""
+        """How each demonstration that is learned from counts, by its id; of others, and before
+        anything is learned, nothing.
+        """
 
     def values(self) -> dict[str, Any]:
         """For the diagnostics."""
@@ -139,10 +160,20 @@ class ThrowLearning:
 
     angles = 2
 
-    def __init__(self, skill: Throw, parameters: Parameters, registration: KnownRegistration | None):
-        self._thrown, self.skill, self._parameters, self._registration = skill, skill.name, parameters, registration
+    def __init__(
+        self, skill: Throw, parameters: Parameters, registration: KnownRegistration | None
+    ):
+        self._thrown, self.skill, self._parameters, self._registration = (
+            skill,
+            skill.name,
+            parameters,
+            registration,
+        )
         p = parameters()
-        self._method, self._memory = p["practice_method"], PracticeSettings(p["practice_capacity"], p["practice_forget"])
+        self._method, self._memory = (
+            p["practice_method"],
+            PracticeSettings(p["practice_capacity"], p["practice_forget"]),
+        )
         self.practising: PractisingSkill | None = None
 
     @property
@@ -153,7 +184,9 @@ class ThrowLearning:
         changed(configuration(parameters["configuration"]), parameters)
         check_way(parameters["choose_components"])
         if given := [name for name in ("start_speed", "stop_speed") if parameters[name]]:
-            raise ValueError(f"{given[0]} is of the demonstration_recorder, which cuts throws: set it there")
+            raise ValueError(
+                f"{given[0]} is of the demonstration_recorder, which cuts throws: set it there"
+            )
 
     def demonstration(self, message: DemonstrationMsg) -> Demonstration:
         return self._own(conversions.demonstration(message))
@@ -168,7 +201,9 @@ class ThrowLearning:
     def _own(self, one: Demonstration) -> Demonstration:
         """A demonstration; ValueError for one of another game."""
         if one.skill != self.skill:
-            raise ValueError(f"demonstration {one.id} is of the skill '{one.skill}', not of '{self.skill}'")
+            raise ValueError(
+                f"demonstration {one.id} is of the skill '{one.skill}', not of '{self.skill}'"
+            )
         return one
 
     def _chosen(self, name: str) -> tuple[SkillConfiguration, str]:
@@ -179,15 +214,24 @@ class ThrowLearning:
 
     def learn(self, demonstrations: Sequence[Demonstration], configuration: str) -> Lesson:
         chosen, changes = self._chosen(configuration)
-        chosen = chosen if self._registration is None else replace(chosen, registration=self._registration)
+        chosen = (
+            chosen
+            if self._registration is None
+            else replace(chosen, registration=self._registration)
+        )
         if way := self._parameters()["choose_components"]:
             chosen = choose_throw_components(list(_prepared(demonstrations, chosen)), chosen, way)
-            changes = ", ".join(filter(None, (changes, f"components {chosen.components} by {way}")))
+            changes = ", ".join(
+                filter(None, (changes, f"components {chosen.components} by {way}"))
+            )
         self.take(list(demonstrations), chosen)
         skill, practice = self._skill.skill, self._skill.practice
         n = len(practice.demonstrations)
         said = (
-            f"learned from {n} demonstrations with '{skill.configuration.name}'{changes and f' but {changes}'}",
+            (
+                f"learned from {n} demonstrations with"
+                f" '{skill.configuration.name}'{changes and f' but {changes}'}"
+            ),
             f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to",
             *filter(None, [practice.patterns()]),
         )
@@ -196,7 +240,14 @@ class ThrowLearning:
     def take(self, demonstrations: list[Demonstration], chosen: SkillConfiguration) -> None:
         """Learn from demonstrations with a configuration."""
         settings = self._thrown.correction
-        self.practising = PractisingSkill(demonstrations, chosen, self._method, self._memory, settings, steady_every=self._steady_every)
+        self.practising = PractisingSkill(
+            demonstrations,
+            chosen,
+            self._method,
+            self._memory,
+            settings,
+            steady_every=self._steady_every,
+        )
 
     @property
     def _steady_every(self) -> int:
@@ -212,22 +263,39 @@ class ThrowLearning:
         return prepare(one, self._chosen(configuration)[0]).in_words
 
     def describe(self, one: Demonstration) -> tuple[int, str, float, SituationMsg]:
-        return one.stamp_ns, one.frame_id, float(np.nan_to_num(one.motion_stop - one.motion_start)), self._shown_at(one)
+        return (
+            one.stamp_ns,
+            one.frame_id,
+            float(np.nan_to_num(one.motion_stop - one.motion_start)),
+            self._shown_at(one),
+        )
 
     def _shown_at(self, one: Demonstration) -> SituationMsg:
         return conversions.at_place(one.target, self._thrown.bodies[1])
 
-    def plan(self, situation: SituationMsg, frame_id: str, explore: bool) -> tuple[PlanMsg, SituationMsg]:
+    def plan(
+        self, situation: SituationMsg, frame_id: str, explore: bool
+    ) -> tuple[PlanMsg, SituationMsg]:
         skill, asked = self._skill, conversions.aimed(situation, self._thrown)
-        message = conversions.throw_plan_msg(skill.plan(self._thrown.target(asked), explore), frame_id, self._thrown)
+        message = conversions.throw_plan_msg(
+            skill.plan(self._thrown.target(asked), explore), frame_id, self._thrown
+        )
         message.situation = conversions.situation_msg(asked)
         return message, conversions.at_place(skill.skill.seat, self._thrown.bodies[0])
 
     def tell(self, trial: DemonstrationMsg, plan: PlanMsg) -> Taken:
         skill = self._skill
-        told = skill.tell(conversions.throw_plan(plan, self._thrown) if plan.trajectory.points else None, self.demonstration(trial))
+        told = skill.tell(
+            conversions.throw_plan(plan, self._thrown) if plan.trajectory.points else None,
+            self.demonstration(trial),
+        )
         forgotten = f"forgotten: {', '.join(told.forgotten)}" if told.forgotten else ""
-        return Taken(told.kept, told.reason or forgotten, len(skill.practice.demonstrations), list(told.left))
+        return Taken(
+            told.kept,
+            told.reason or forgotten,
+            len(skill.practice.demonstrations),
+            list(told.left),
+        )
 
     def save(self, path: str) -> str:
         skill = self._skill
@@ -237,8 +305,13 @@ class ThrowLearning:
     def load(self, path: str) -> str:
         saved = load_model(path)
         if saved.configuration.game != self._thrown.game:
-            raise ValueError(f"{path} is a model of other throws: it was learned for another game or board than that of '{self.skill}'")
-        self.practising = practised_skill(saved, self._method, self._memory, self._thrown.correction, self._steady_every)
+            raise ValueError(
+                f"{path} is a model of other throws: it was learned for another game or board than"
+                f" that of '{self.skill}'"
+            )
+        self.practising = practised_skill(
+            saved, self._method, self._memory, self._thrown.correction, self._steady_every
+        )
         return self._skill.skill.model_id
 
     def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
@@ -253,17 +326,26 @@ class ThrowLearning:
         if not self.learned:
             return {}
         skill = self._skill.skill
-        return {throw.id: Compared(float(weight)) for throw, weight in zip(skill.throws, skill.credence, strict=True)}
+        return {
+            throw.id: Compared(float(weight))
+            for throw, weight in zip(skill.throws, skill.credence, strict=True)
+        }
 
     def values(self) -> dict[str, Any]:
         skill = self._skill
         practised = skill.practised if skill.correction is None else len(skill.correction)
-        learned = {"learned_from": len(skill.practice.demonstrations), "kept_out": len(skill.practice.kept_out), "practised": practised}
+        learned = {
+            "learned_from": len(skill.practice.demonstrations),
+            "kept_out": len(skill.practice.kept_out),
+            "practised": practised,
+        }
         ids = {"model_id": skill.skill.model_id, "posture_id": skill.skill.posture_id}
         return {**learned, "practice_method": skill.method, **ids}
 
 
-def _prepared(demonstrations: Sequence[Demonstration], chosen: SkillConfiguration) -> Iterator[PreparedThrow]:
+def _prepared(
+    demonstrations: Sequence[Demonstration], chosen: SkillConfiguration
+) -> Iterator[PreparedThrow]:
     """Those that can be learned from."""
     for one in demonstrations:
         with suppress(ValueError):
@@ -299,7 +381,10 @@ class TaskLearning:
     def _changed(self, configuration: str) -> tuple[Skill, str]:
         """The skill with the settings that the parameters change, and what they change."""
         if configuration:
-            raise ValueError(f"configurations are of throws: the skill '{self.skill}' has its settings in config/skills/{self.skill}.yaml")
+            raise ValueError(
+                f"configurations are of throws: the skill '{self.skill}' has its settings in"
+                f" config/skills/{self.skill}.yaml"
+            )
         return changed_skill(self._skill, self._parameters())
 
     def learn(self, demonstrations: Sequence[TaskDemonstration], configuration: str) -> Lesson:
@@ -308,11 +393,18 @@ class TaskLearning:
         if way := self._parameters()["choose_components"]:
             skill = choose_components(skill, model.demonstrations, way)
             model = learn(skill, model.demonstrations)
-            changes = ", ".join(filter(None, (changes, f"components {skill.settings.components} by {way}")))
+            changes = ", ".join(
+                filter(None, (changes, f"components {skill.settings.components} by {way}"))
+            )
         self.model = model
         n = len(self.model.demonstrations)
         said = f"learned '{self.skill}' from {n} demonstrations{changes and f' with {changes}'}"
-        return Lesson(n, self.model.model_id, (said, f"a movement takes {self.model.duration:.1f} s"), tuple(left_out.values()))
+        return Lesson(
+            n,
+            self.model.model_id,
+            (said, f"a movement takes {self.model.duration:.1f} s"),
+            tuple(left_out.values()),
+        )
 
     @property
     def _learned(self) -> AnySkill:
@@ -324,14 +416,24 @@ class TaskLearning:
         skill, _ = self._changed(configuration)
         check_movement(skill, one)
         start, stop = skill.cut(one)
-        return f"a movement of {stop - start:.1f} s, {len(one.told)} times the fingers were told something"
+        return (
+            f"a movement of {stop - start:.1f} s, {len(one.told)} times the fingers were told"
+            " something"
+        )
 
     def describe(self, one: TaskDemonstration) -> tuple[int, str, float, SituationMsg]:
         start, stop = self._skill.cut(one)
         situation = conversions.situation_msg(self._skill.situation(one, start))
-        return one.stamp_ns + round(start * 1e9), self._parameters()["frame_id"], stop - start, situation
+        return (
+            one.stamp_ns + round(start * 1e9),
+            self._parameters()["frame_id"],
+            stop - start,
+            situation,
+        )
 
-    def plan(self, situation: SituationMsg, frame_id: str, explore: bool) -> tuple[PlanMsg, SituationMsg]:
+    def plan(
+        self, situation: SituationMsg, frame_id: str, explore: bool
+    ) -> tuple[PlanMsg, SituationMsg]:
         asked, model = conversions.situation(situation), self._learned
         self._skill.check_known(asked.poses, asked.numbers, model.movements[-1].situation.numbers)
         if isinstance(model, ReactiveSkill):
@@ -348,7 +450,14 @@ class TaskLearning:
         outcome: TaskOutcome = self._skill.judge(seen, self._skill.situation(seen, start))
         model.tell(outcome)
         kept = bool(np.isfinite(outcome.miss).all())
-        why = "" if kept else f"nobody can tell by how much it missed: {outcome.reason or 'nothing of it repeats'}"
+        why = (
+            ""
+            if kept
+            else (
+                "nobody can tell by how much it missed:"
+                f" {outcome.reason or 'nothing of it repeats'}"
+            )
+        )
         return Taken(kept, why, len(model.movements), outcome.miss[:2].tolist())
 
     def save(self, path: str) -> str:
@@ -362,8 +471,14 @@ class TaskLearning:
     def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
         model = self._learned
         last = model.movements[-1].situation
-        places = [one.situation.pose(role).position for one in model.movements for role in self._skill.bodies]
-        return {"components": model.mixture(last.moved(HAND, model.start))}, np.array(places).reshape(-1, 3)
+        places = [
+            one.situation.pose(role).position
+            for one in model.movements
+            for role in self._skill.bodies
+        ]
+        return {"components": model.mixture(last.moved(HAND, model.start))}, np.array(
+            places
+        ).reshape(-1, 3)
 
     def compared(self) -> dict[str, Compared]:
         if not self.learned:
@@ -373,4 +488,8 @@ class TaskLearning:
         return {one.id: Compared(1.0, float(distance), bool(far)) for one, distance, far in each}
 
     def values(self) -> dict[str, Any]:
-        return {"learned_from": len(self._learned.movements), "practised": self._learned.practised, "model_id": self._learned.model_id}
+        return {
+            "learned_from": len(self._learned.movements),
+            "practised": self._learned.practised,
+            "model_id": self._learned.model_id,
+        }

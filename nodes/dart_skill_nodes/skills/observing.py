@@ -13,10 +13,22 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.arm import Grip
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import Demonstration, demonstration_id, demonstration_message, read_command
+from dart_skill.recording import (
+    Demonstration,
+    demonstration_id,
+    demonstration_message,
+    read_command,
+)
 from dart_skill.skills.learning import DEFAULT, check_movement, prepare
 from dart_skill.skills.observation import SensorLog, ThrowLog, judged, seen_down
-from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration, TaskLog, task_demonstration_message
+from dart_skill.skills.protocol import (
+    HAND,
+    Situation,
+    Skill,
+    TaskDemonstration,
+    TaskLog,
+    task_demonstration_message,
+)
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
@@ -28,8 +40,9 @@ RUN_UP_NS = 1_000_000_000
 class Observer(Protocol):
     """One skill, as the recorder needs it.
 
-    roles: of the bodies that are tracked. awaited: those whose poses up to the end are waited for before a demonstration is cut. loose: the
-    one that decides what becomes of a movement. log: what was seen.
+    roles: of the bodies that are tracked. awaited: those whose poses up to the end are waited for
+    before a demonstration is cut. loose: the one that decides what becomes of a movement. log:
+    what was seen.
     """
 
     roles: tuple[str, ...]
@@ -62,17 +75,28 @@ class Observer(Protocol):
         """What became of a movement; ValueError says why nobody can tell."""
 
     def look(self, until_ns: int) -> SituationMsg:
-        """Where the bodies beside the hand were seen just before a stamp; ValueError says which one was not."""
+        """Where the bodies beside the hand were seen just before a stamp; ValueError says which
+        one was not.
+        """
 
 
 class ThrowObserver:
-    """Throws of whatever game: cut where the hand was opened, judged by where the ball came down, or the dart met the board."""
+    """Throws of whatever game: cut where the hand was opened, judged by where the ball came down,
+    or the dart met the board.
+    """
 
-    def __init__(self, skill: Throw, thresholds: VelocityThreshold, rim_radius: float, frame_id: str):
+    def __init__(
+        self, skill: Throw, thresholds: VelocityThreshold, rim_radius: float, frame_id: str
+    ):
         self.loose, self._aimed_at = skill.bodies
         self.roles, self.awaited = (HAND, *skill.bodies), (HAND, self._aimed_at)
         self.log = ThrowLog(skill=skill.name)
-        self._skill, self._thresholds, self._rim_radius, self._frame_id = skill, thresholds, rim_radius, frame_id
+        self._skill, self._thresholds, self._rim_radius, self._frame_id = (
+            skill,
+            thresholds,
+            rim_radius,
+            frame_id,
+        )
 
     def hear_command(self, stamp_ns: int, data: bytes, recording: bool) -> None:
         if recording and read_command(data)[2] == Grip.OPEN:
@@ -98,7 +122,9 @@ class ThrowObserver:
         return demonstration_message(types, one)
 
     def late(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> bool:
-        return self._flight_lags(tracked, self._target(request), conversions.stamp_ns(request.told), until_ns)
+        return self._flight_lags(
+            tracked, self._target(request), conversions.stamp_ns(request.told), until_ns
+        )
 
     def _target(self, request: Judge.Request) -> np.ndarray:
         return self._skill.target(conversions.aimed(request.situation, self._skill))
@@ -108,9 +134,18 @@ class ThrowObserver:
         if not tracked.remembers(opened):
             raise ValueError(f"the throw at {opened} ns is too long ago: it was forgotten")
         self._check_target()
-        outcome, release = judged(self.log, target, self._rim_radius, opened, until_ns or tracked.newest_ns, self._skill.game)
+        outcome, release = judged(
+            self.log,
+            target,
+            self._rim_radius,
+            opened,
+            until_ns or tracked.newest_ns,
+            self._skill.game,
+        )
         about = conversions.situation_msg(conversions.aimed(request.situation, self._skill))
-        return conversions.outcome_msg(outcome, about, self._frame_id, opened, release, self._skill.name)
+        return conversions.outcome_msg(
+            outcome, about, self._frame_id, opened, release, self._skill.name
+        )
 
     def _check_target(self) -> None:
         """ValueError if what is thrown at was last seen where it cannot be."""
@@ -159,7 +194,10 @@ class TaskObserver:
     def judge(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> OutcomeMsg:
         begun = conversions.stamp_ns(request.begun) or conversions.stamp_ns(request.told)
         if not begun or not tracked.remembers(begun - RUN_UP_NS):
-            raise ValueError(f"the movement that began at {begun} ns is too long ago, or never began: it was forgotten")
+            raise ValueError(
+                f"the movement that began at {begun} ns is too long ago, or never began: it was"
+                " forgotten"
+            )
         since = begun - RUN_UP_NS
         seen = self.log.cut("trial", since, until_ns or tracked.newest_ns)
         asked = conversions.situation(request.situation)
@@ -167,7 +205,9 @@ class TaskObserver:
         situation = Situation({**before.poses, **asked.poses}, {**before.numbers, **asked.numbers})
         outcome = self._skill.judge(seen, situation)
         told = conversions.stamp_ns(request.told) or begun
-        return conversions.task_outcome_msg(outcome, conversions.situation_msg(situation), self._skill.name, self._frame_id, told)
+        return conversions.task_outcome_msg(
+            outcome, conversions.situation_msg(situation), self._skill.name, self._frame_id, told
+        )
 
     def look(self, until_ns: int) -> SituationMsg:
         return conversions.situation_msg(self.log.situation_at(until_ns))

@@ -18,8 +18,8 @@ from dart_skill_nodes.comms import conversions
 class Showing(Protocol):
     """One skill, as the teacher needs it.
 
-    looks: whether the person must see where the bodies are before they begin. watches: whether they look at them all the time; `forget` and
-    `see` are for those alone.
+    looks: whether the person must see where the bodies are before they begin. watches: whether
+    they look at them all the time; `forget` and `see` are for those alone.
     """
 
     looks: bool
@@ -70,7 +70,10 @@ class ThrowShowing(_AtOneGlance):
 
     def __init__(self, skill: Throw, p: dict[str, Any]):
         swing = Swing(cocked=skill.cocked) if skill.cocked else None
-        self._skill, self._teacher = skill, Teacher(p["seed"], swing, Person.from_parameters(p), game=skill.game)
+        self._skill, self._teacher = (
+            skill,
+            Teacher(p["seed"], swing, Person.from_parameters(p), game=skill.game),
+        )
 
     @property
     def phase(self) -> str:
@@ -102,9 +105,15 @@ class CarryShowing(_AtOneGlance):
     looks = True
 
     def __init__(self, skill: Skill, p: dict[str, Any]):
-        from dart_skill.simulation import Carrier  # with rotations of SciPy, which a teacher of throws does without
+        from dart_skill.simulation import (
+            Carrier,
+        )  # with rotations of SciPy, which a teacher of throws does without
 
-        self._skill, self._carrier, self._carries = skill, Carrier(p["seed"], person=Person.from_parameters(p)), False
+        self._skill, self._carrier, self._carries = (
+            skill,
+            Carrier(p["seed"], person=Person.from_parameters(p)),
+            False,
+        )
 
     @property
     def phase(self) -> str:
@@ -116,7 +125,9 @@ class CarryShowing(_AtOneGlance):
     def begin(self, situation: Situation, state: ArmState, again: bool) -> None:
         seen = conversions.situation(situation)
         first, goal = seen.pose(self._skill.moves), self._skill.goal(seen)
-        self._carrier.begin(state, (first.position, first.quaternion), (goal.position, goal.quaternion))
+        self._carrier.begin(
+            state, (first.position, first.quaternion), (goal.position, goal.quaternion)
+        )
         self._carries = True
 
     def step(self, state: ArmState) -> Command:
@@ -131,14 +142,19 @@ class CarryShowing(_AtOneGlance):
 
 
 class ReachShowing:
-    """A person who follows the body that a skill reacts to with their eyes, and brings the hand into it."""
+    """A person who follows the body that a skill reacts to with their eyes, and brings the hand
+    into it.
+    """
 
     looks = watches = True
 
     def __init__(self, skill: Skill, p: dict[str, Any]):
         from dart_skill.session import ReachingPerson
 
-        self._person, self._reaches = ReachingPerson(p["seed"], Person.from_parameters(p), skill.moves), False
+        self._person, self._reaches = (
+            ReachingPerson(p["seed"], Person.from_parameters(p), skill.moves),
+            False,
+        )
 
     @property
     def phase(self) -> str:
@@ -169,7 +185,9 @@ class ReachShowing:
 
 
 class PointerShowing(_AtOneGlance):
-    """Somebody in front of a screen, who pulls the hand with a pointer. ValueErrors say what cannot be, and why."""
+    """Somebody in front of a screen, who pulls the hand with a pointer. ValueErrors say what
+    cannot be, and why.
+    """
 
     looks = False
 
@@ -187,7 +205,10 @@ class PointerShowing(_AtOneGlance):
 
     def check(self, situation: Situation, again: bool) -> None:
         if not self._skill.by_pointer:
-            raise ValueError(f"'{self._skill.name}' is too fast to be shown with a pointer: ask for a lesson without by_pointer")
+            raise ValueError(
+                f"'{self._skill.name}' is too fast to be shown with a pointer: ask for a lesson"
+                " without by_pointer"
+            )
         conversions.situation(situation)
 
     def begin(self, situation: Situation, state: ArmState, again: bool) -> None:
@@ -199,7 +220,9 @@ class PointerShowing(_AtOneGlance):
     def pull(self, pointer: PoseStamped) -> None:
         """The pointer is there now."""
         if pointer.header.frame_id != self._frame_id:
-            raise ValueError(f"the pointer is in frame '{pointer.header.frame_id}', not '{self._frame_id}'")
+            raise ValueError(
+                f"the pointer is in frame '{pointer.header.frame_id}', not '{self._frame_id}'"
+            )
         pose = conversions.body_pose(pointer.pose, "the pointer")
         self._hand.pull(pose.position, pose.quaternion)
 

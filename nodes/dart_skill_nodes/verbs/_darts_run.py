@@ -1,4 +1,6 @@
-"""Darts on a graph: own throws whose aims the coach chooses, and a leg of 501 by the best policy for the spread that came of it."""
+"""Darts on a graph: own throws whose aims the coach chooses, and a leg of 501 by the best policy
+for the spread that came of it.
+"""
 
 import math
 from dataclasses import dataclass
@@ -31,7 +33,10 @@ def practise_darts(client: "GraphClient", skill: "Darts", throws: int) -> Practi
     messages: dict[int, str] = {}
     result = client.practise(throws, on_feedback=partial(_tell, skill=skill, messages=messages))
     agent = skill.agent()  # knows as much as that of the coach, which chooses
-    darts = [_dart(skill, agent, outcome, messages.get(number, "")) for number, outcome in enumerate(result.outcomes, start=1)]
+    darts = [
+        _dart(skill, agent, outcome, messages.get(number, ""))
+        for number, outcome in enumerate(result.outcomes, start=1)
+    ]
     return Practised(tuple(darts), result, agent)
 
 
@@ -42,7 +47,11 @@ def _tell(feedback, skill: "Darts", messages: dict[int, str]) -> None:
     if feedback.phase == "done":
         messages[feedback.number] = feedback.message
         at = place_of(skill.aim(conversions.aimed(feedback.outcome.situation, skill)))
-        off = f"{1e3 * feedback.outcome.error:.0f} mm off" if math.isfinite(feedback.outcome.error) else "not seen"
+        off = (
+            f"{1e3 * feedback.outcome.error:.0f} mm off"
+            if math.isfinite(feedback.outcome.error)
+            else "not seen"
+        )
         say(f"dart {feedback.number} at {at}: {off}; {feedback.message}")
 
 
@@ -63,7 +72,9 @@ def _dart(skill: "Darts", agent: "ModelBasedAgent", outcome: "Outcome", message:
     return after_the_throw(dart, hit)
 
 
-def play_leg(client: "GraphClient", skill: "Darts", agent: "ModelBasedAgent") -> "LegSummary | None":
+def play_leg(
+    client: "GraphClient", skill: "Darts", agent: "ModelBasedAgent"
+) -> "LegSummary | None":
     """`dart_skill.session.play_leg`, with the arm of the graph."""
     from dart_skill.session import play_leg as play
 

@@ -1,4 +1,5 @@
-"""What the verbs that run a job on a graph have in common: telling how it goes, lessons, throws, and how a job fails.
+"""What the verbs that run a job on a graph have in common: telling how it goes, lessons, throws,
+and how a job fails.
 
 rclpy is imported when something runs: parsers must come at once.
 """
@@ -38,7 +39,9 @@ def place(target: "np.ndarray") -> str:
 
 
 def baskets(options: argparse.Namespace, stream: int) -> "np.ndarray":
-    """Centres of rims (n, 3) that the options name, or over the region; stream: of random numbers. ValueError for a wrong number."""
+    """Centres of rims (n, 3) that the options name, or over the region; stream: of random numbers.
+    ValueError for a wrong number.
+    """
     import numpy as np
 
     from dart_skill.common.regions import REGION
@@ -46,12 +49,16 @@ def baskets(options: argparse.Namespace, stream: int) -> "np.ndarray":
     if options.at is not None:
         return np.array([options.at])
     if options.count < 1 or options.seed < 0:
-        raise ValueError(f"--count is {options.count}, --seed {options.seed}: give at least 1, and at least 0")
+        raise ValueError(
+            f"--count is {options.count}, --seed {options.seed}: give at least 1, and at least 0"
+        )
     return REGION.spread(options.count, np.random.default_rng([options.seed, stream]))
 
 
 def teach(client: "GraphClient", seed: int, wanted: int) -> int:
-    """Lessons until `wanted` throws were demonstrated, at new baskets for those that failed; how many throws it took."""
+    """Lessons until `wanted` throws were demonstrated, at new baskets for those that failed; how
+    many throws it took.
+    """
     import numpy as np
 
     from dart_skill.common.regions import REGION, targets_for
@@ -72,7 +79,8 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
 
 
 def teach_by_hand(client: "GraphClient", wanted: int, words: "SkillWords") -> int:
-    """Movements that a person guides on a real arm, told by the Enter key, until so many can be learned from; how many that are.
+    """Movements that a person guides on a real arm, told by the Enter key, until so many can be
+    learned from; how many that are.
 
     words: of the skill.
     """
@@ -101,15 +109,22 @@ def ask(text: str) -> None:
     input()
 
 
-def throw_with_person(client: "GraphClient", targets: Sequence["np.ndarray"] | None) -> list["ThrowResult"]:
-    """One throw at each basket, or without any at the one that the cameras see; a person is told when to put the ball into the hand."""
+def throw_with_person(
+    client: "GraphClient", targets: Sequence["np.ndarray"] | None
+) -> list["ThrowResult"]:
+    """One throw at each basket, or without any at the one that the cameras see; a person is told
+    when to put the ball into the hand.
+    """
     messages: dict[int, str] = {}
     tell = partial(tell_practice, before=0, messages=messages)
     wanted = {"throws": 1, "follow_basket": True} if targets is None else {"targets": targets}
     result = client.practise(**wanted, only_throw=True, on_feedback=tell)
     if len(result.outcomes) < (1 if targets is None else len(targets)):
         raise GraphFailure(f"{full_name(client.node, 'practice')}: {result.message}")
-    return [throw_result(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
+    return [
+        throw_result(outcome, messages.get(k, ""))
+        for k, outcome in enumerate(result.outcomes, start=1)
+    ]
 
 
 def throw_result(outcome, message: str) -> "ThrowResult":
@@ -120,7 +135,9 @@ def throw_result(outcome, message: str) -> "ThrowResult":
     seen = bool(outcome.seen)
     return ThrowResult(
         target=tuple(conversions.target_of(outcome.situation).tolist()),
-        landing=tuple(conversions.seen_at(outcome, conversions.LANDING).tolist()) if seen else None,
+        landing=(
+            tuple(conversions.seen_at(outcome, conversions.LANDING).tolist()) if seen else None
+        ),
         error_m=float(outcome.error) if seen else None,
         in_basket=bool(outcome.success),
         message="" if message == "executed" else message,
@@ -128,8 +145,8 @@ def throw_result(outcome, message: str) -> "ThrowResult":
 
 
 def tell_practice(feedback, before: int, messages: dict[int, str], what: str = "throw") -> None:
-    """What the person should do, and one line per throw, whose message is kept under its number; `before`: throws of earlier goals; what:
-    a throw is called.
+    """What the person should do, and one line per throw, whose message is kept under its number;
+    `before`: throws of earlier goals; what: a throw is called.
     """
     from dart_skill.session import throw_in_words
     from dart_skill_nodes.comms import conversions
@@ -140,8 +157,15 @@ def tell_practice(feedback, before: int, messages: dict[int, str], what: str = "
         return
     messages[before + feedback.number] = feedback.message
     outcome = feedback.outcome
-    became = throw_in_words(outcome.success, outcome.error if outcome.seen else None, feedback.message.removeprefix("executed"))
-    say(f"{what} {before + feedback.number}: {place(conversions.target_of(outcome.situation))}: {became}")
+    became = throw_in_words(
+        outcome.success,
+        outcome.error if outcome.seen else None,
+        feedback.message.removeprefix("executed"),
+    )
+    say(
+        f"{what} {before + feedback.number}: {place(conversions.target_of(outcome.situation))}:"
+        f" {became}"
+    )
 
 
 def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:
@@ -155,14 +179,20 @@ def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["T
         thrown = client.throw(target)
         result = throw_result(thrown.outcome, thrown.message)
         refused = thrown.code == Execute.Goal.OUTCOME_REFUSED
-        became = f"no throw: {result.message}" if refused else throw_in_words(result.in_basket, result.error_m, result.message)
+        became = (
+            f"no throw: {result.message}"
+            if refused
+            else throw_in_words(result.in_basket, result.error_m, result.message)
+        )
         say(f"throw {k}/{len(targets)}: {place(target)}: {became}")
         results.append(result)
     return results
 
 
 def carried_out(job: Callable, options: argparse.Namespace, what: str):
-    """job(options) with ROS running, on a domain of its own; None, and a line why, if it failed. KeyboardInterrupt if it was stopped."""
+    """job(options) with ROS running, on a domain of its own; None, and a line why, if it failed.
+    KeyboardInterrupt if it was stopped.
+    """
     choose_domain()
     import rclpy
 
@@ -178,13 +208,21 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
         say(f"{what} failed: {error}")
         say(f"logs: {options.output / 'logs'}")
     finally:
-        with suppress(RuntimeError):  # a signal that rclpy hears at this very moment has shut it down already
+        with suppress(
+            RuntimeError
+        ):  # a signal that rclpy hears at this very moment has shut it down already
             rclpy.try_shutdown()
     return None
 
 
-def on_running_graph(wait: Callable[["GraphClient"], None], task: Callable[["GraphClient"], dict], namespace: str = "") -> dict:
-    """Result of a task on the graph that runs in a namespace, after waiting for what it needs; GraphFailure if there is none."""
+def on_running_graph(
+    wait: Callable[["GraphClient"], None],
+    task: Callable[["GraphClient"], dict],
+    namespace: str = "",
+) -> dict:
+    """Result of a task on the graph that runs in a namespace, after waiting for what it needs;
+    GraphFailure if there is none.
+    """
     stay_on_this_machine()
     import rclpy
 
@@ -196,7 +234,9 @@ def on_running_graph(wait: Callable[["GraphClient"], None], task: Callable[["Gra
         try:
             wait(client)
         except GraphFailure as failure:
-            raise GraphFailure(f"{failure}: does the graph run? 'dart-skill up' starts it, in another terminal") from failure
+            raise GraphFailure(
+                f"{failure}: does the graph run? 'dart-skill up' starts it, in another terminal"
+            ) from failure
         return task(client)
     finally:
         client.close()
@@ -209,7 +249,9 @@ def of_graph(command: str, namespace: str) -> str:
 
 
 def print_result(run: Callable[[], dict], as_json: bool, namespace: str = "") -> int:
-    """Carry out one thing on a graph, print what came of it as text or as JSON, and give the exit status."""
+    """Carry out one thing on a graph, print what came of it as text or as JSON, and give the exit
+    status.
+    """
     import json
 
     try:

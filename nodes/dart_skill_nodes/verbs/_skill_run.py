@@ -23,8 +23,12 @@ def drawn(seed: int) -> "np.random.Generator":
     return np.random.default_rng([seed, 7])
 
 
-def show_all(client: "GraphClient", skill: "Skill", wanted: int, rng: "np.random.Generator") -> int:
-    """Lessons until so many movements were shown, in new situations for those that failed; how many attempts it took."""
+def show_all(
+    client: "GraphClient", skill: "Skill", wanted: int, rng: "np.random.Generator"
+) -> int:
+    """Lessons until so many movements were shown, in new situations for those that failed; how
+    many attempts it took.
+    """
     from dart_skill.session import in_words
     from dart_skill_nodes.comms import conversions
 
@@ -42,24 +46,37 @@ def show_all(client: "GraphClient", skill: "Skill", wanted: int, rng: "np.random
     raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
 
 
-def execute_all(client: "GraphClient", skill: "Skill", trials: int, rng: "np.random.Generator") -> list["SkillResult"]:
+def execute_all(
+    client: "GraphClient", skill: "Skill", trials: int, rng: "np.random.Generator"
+) -> list["SkillResult"]:
     """One trial in each of so many situations, each planned for what the cameras see."""
     results = []
     for number in range(1, trials + 1):
         situation = skill.draw(rng, wide=True)
         looks = skill.reacts or bool(skill.situated)
-        results.append(_executed(client, skill, situation, f"{skill.name} {number}/{trials}", looks))
+        results.append(
+            _executed(client, skill, situation, f"{skill.name} {number}/{trials}", looks)
+        )
     return results
 
 
-def _executed(client: "GraphClient", skill: "Skill", situation: "Situation", what: str, look: bool) -> "SkillResult":
+def _executed(
+    client: "GraphClient", skill: "Skill", situation: "Situation", what: str, look: bool
+) -> "SkillResult":
     from dart_skill.session import SkillResult, in_words
     from dart_skill_nodes.comms import conversions
 
     made = client.execute(conversions.situation_msg(situation), look)
-    trial = SkillResult(situation, conversions.task_outcome(made.outcome), "" if made.message == "executed" else made.message)
+    trial = SkillResult(
+        situation,
+        conversions.task_outcome(made.outcome),
+        "" if made.message == "executed" else made.message,
+    )
     error = "not seen" if trial.error_m is None else f"{1e3 * trial.error_m:.1f} mm"
-    say(f"{what}: {in_words(situation, units=skill.units)}: {'done' if trial.outcome.success else 'failed'}, {error} {trial.why}".rstrip())
+    say(
+        f"{what}: {in_words(situation, units=skill.units)}:"
+        f" {'done' if trial.outcome.success else 'failed'}, {error} {trial.why}".rstrip()
+    )
     return trial
 
 
@@ -73,18 +90,27 @@ def tell_trial(feedback, messages: dict[int, str]) -> None:
         outcome = feedback.outcome
         error = f"{1e3 * outcome.error:.1f} mm" if math.isfinite(outcome.error) else "not seen"
         where = in_words(conversions.situation(outcome.situation))
-        say(f"trial {feedback.number}: {where}: {'done' if outcome.success else 'failed'}, {error} {feedback.message}".rstrip())
+        say(
+            f"trial {feedback.number}: {where}: {'done' if outcome.success else 'failed'}, {error}"
+            f" {feedback.message}".rstrip()
+        )
 
 
 def practise(client: "GraphClient", trials: int) -> tuple["Practice.Result", list["SkillResult"]]:
-    """Own trials in situations that the coach draws, each learned from: what the coach says, and the trials."""
+    """Own trials in situations that the coach draws, each learned from: what the coach says, and
+    the trials.
+    """
     from dart_skill.session import SkillResult
     from dart_skill_nodes.comms import conversions
 
     messages: dict[int, str] = {}
     result = client.practise(trials, on_feedback=partial(tell_trial, messages=messages))
     made = [
-        SkillResult(conversions.situation(one.situation), conversions.task_outcome(one), messages.get(number, ""))
+        SkillResult(
+            conversions.situation(one.situation),
+            conversions.task_outcome(one),
+            messages.get(number, ""),
+        )
         for number, one in enumerate(result.outcomes, start=1)
     ]
     return result, made

@@ -1,4 +1,6 @@
-"""`dart-skill check arm`: listens to the arm and its cameras, and says line by line whether anything may move."""
+"""`dart-skill check arm`: listens to the arm and its cameras, and says line by line whether
+anything may move.
+"""
 
 import argparse
 import json
@@ -30,18 +32,37 @@ TAKE = 0.02
 """Messages are taken so often [s]."""
 WIDEST = 64
 """Greatest width of a column of the table [letters]."""
-NEXT = "next: ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}', and teach (docs/hardware.md)"
+NEXT = (
+    "next: ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}', and teach"
+    " (docs/hardware.md)"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = (
-        "Listens to the arm and its cameras, and moves nothing. Meanwhile lead the released arm slowly through postures, each with the "
-        "hand turned otherwise. Exit status 0 if no line says NO-GO, else 1."
+        "Listens to the arm and its cameras, and moves nothing. Meanwhile lead the released arm"
+        " slowly through postures, each with the hand turned otherwise. Exit status 0 if no line"
+        " says NO-GO, else 1."
     )
-    parser.add_argument("--postures", type=int, metavar="N", help="listen until the arm has rested in so many different postures")
-    parser.add_argument("--duration", type=float, metavar="S", help=f"listen for so long [s] (default: until Enter, or {USUAL:.0f} s)")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="write the registration of cameras and arm, for registration_file")
+    parser.add_argument(
+        "--postures",
+        type=int,
+        metavar="N",
+        help="listen until the arm has rested in so many different postures",
+    )
+    parser.add_argument(
+        "--duration",
+        type=float,
+        metavar="S",
+        help=f"listen for so long [s] (default: until Enter, or {USUAL:.0f} s)",
+    )
+    parser.add_argument(
+        "--write",
+        type=Path,
+        metavar="FILE",
+        help="write the registration of cameras and arm, for registration_file",
+    )
     add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the lines as JSON")
 
@@ -57,9 +78,16 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     written = options.write is not None and report.registration is not None
     if written:
         save_registration(options.write, report.registration)
-    print(_as_json(report, options.write if written else None) if options.json else _as_text(report, options.write if written else None))
+    print(
+        _as_json(report, options.write if written else None)
+        if options.json
+        else _as_text(report, options.write if written else None)
+    )
     if options.write and not written:
-        say(f"dart-skill: {options.write} was not written: the lines 'hand against kinematics' and 'postures' must be go")
+        say(
+            f"dart-skill: {options.write} was not written: the lines 'hand against kinematics' and"
+            " 'postures' must be go"
+        )
         return 1
     return 0 if report.is_go else 1
 
@@ -72,7 +100,9 @@ def _refuse_what_cannot_be(options: argparse.Namespace, parser: argparse.Argumen
     if options.write is not None and options.write.exists():
         parser.error(f"--write {options.write}: the file exists already: name another one")
     if options.write is not None and not options.write.resolve().parent.is_dir():
-        parser.error(f"--write {options.write}: there is no folder {options.write.resolve().parent}")
+        parser.error(
+            f"--write {options.write}: there is no folder {options.write.resolve().parent}"
+        )
 
 
 def listen(options: argparse.Namespace) -> "Heard":
@@ -84,7 +114,9 @@ def listen(options: argparse.Namespace) -> "Heard":
     from dart_skill_nodes.client.arm_listener import ArmListener
     from dart_skill_nodes.process.node_base import make_executor
 
-    rclpy.init(args=in_namespace(options.namespace), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(
+        args=in_namespace(options.namespace), signal_handler_options=SignalHandlerOptions.NO
+    )
     try:
         node, executor = rclpy.create_node("arm_check"), make_executor()
         executor.add_node(node)
@@ -99,14 +131,25 @@ def listen(options: argparse.Namespace) -> "Heard":
         rclpy.try_shutdown()
 
 
-def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin: Callable[[], None]) -> None:
+def _listen(
+    options: argparse.Namespace, listener, interrupts: Interrupts, spin: Callable[[], None]
+) -> None:
     from dart_skill.arm.check import PostureCounter
 
     counter, begun = PostureCounter(), time.monotonic()
     last, told, drivers = begun, False, []
-    until_enter = options.postures is None and options.duration is None and sys.stdin is not None and sys.stdin.isatty()
-    longest = options.duration or (math.inf if until_enter or options.postures is not None else USUAL)
-    say(f"listening{': lead the arm slowly through postures, and press Enter' if until_enter else ''}")
+    until_enter = (
+        options.postures is None
+        and options.duration is None
+        and sys.stdin is not None
+        and sys.stdin.isatty()
+    )
+    longest = options.duration or (
+        math.inf if until_enter or options.postures is not None else USUAL
+    )
+    say(
+        f"listening{': lead the arm slowly through postures, and press Enter' if until_enter else ''}"
+    )
     while time.monotonic() - begun < longest and not interrupts:
         spin()
         state = listener.take()
@@ -129,32 +172,69 @@ def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin:
 
 
 def counts(counter: "PostureCounter", time: float, position: "np.ndarray") -> bool:
-    """Whether joints at an instant [s] make a new posture; what is no posture of seven joints makes none."""
+    """Whether joints at an instant [s] make a new posture; what is no posture of seven joints
+    makes none.
+    """
     import numpy as np
 
-    return position.shape == (7,) and bool(np.isfinite(position).all()) and counter.add(time, position)
+    return (
+        position.shape == (7,)
+        and bool(np.isfinite(position).all())
+        and counter.add(time, position)
+    )
 
 
 def _as_json(report: "ArmReport", written: Path | None) -> str:
     lines = [asdict(one) | {"verdict": one.verdict.value} for one in report.lines]
     fit = report.registration
-    found = None if fit is None else {**asdict(fit.registration), "spread": fit.spread.tolist(), "sightings": fit.n_sightings}
+    found = (
+        None
+        if fit is None
+        else {
+            **asdict(fit.registration),
+            "spread": fit.spread.tolist(),
+            "sightings": fit.n_sightings,
+        }
+    )
     if found is not None:
-        found |= {"position_error": fit.position_error, "angle_error": fit.angle_error, "condition": fit.condition}
-    return json.dumps({"go": report.is_go, "lines": lines, "registration": found, "written": None if written is None else str(written)})
+        found |= {
+            "position_error": fit.position_error,
+            "angle_error": fit.angle_error,
+            "condition": fit.condition,
+        }
+    return json.dumps(
+        {
+            "go": report.is_go,
+            "lines": lines,
+            "registration": found,
+            "written": None if written is None else str(written),
+        }
+    )
 
 
 def _as_text(report: "ArmReport", written: Path | None) -> str:
     head = ("", "check", "measured", "asked")
     rows = [(one.verdict.value, one.check, one.measured, one.asked) for one in report.lines]
     widths = [min(WIDEST, max(map(len, column))) for column in zip(head, *rows, strict=True)]
-    told = ["  ".join(text.ljust(width) for text, width in zip(head, widths, strict=True)).rstrip()]
+    told = [
+        "  ".join(text.ljust(width) for text, width in zip(head, widths, strict=True)).rstrip()
+    ]
     for row, one in zip(rows, report.lines, strict=True):
-        told.append("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
+        told.append(
+            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+        )
         told += [f"{'':{widths[0]}}  {'':4}{one.remedy}"] if one.remedy else []
-    counts = {verdict: sum(row[0] == verdict for row in rows) for verdict in ("GO", "WARN", "NO-GO")}
+    counts = {
+        verdict: sum(row[0] == verdict for row in rows) for verdict in ("GO", "WARN", "NO-GO")
+    }
     told.append(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))
     if written:
-        told.append(f"registration: {written}; give it to skill_learner and commander as registration_file")
-    told.append(NEXT if report.is_go else "next: mend what says NO-GO, and check again: dart-skill check arm")
+        told.append(
+            f"registration: {written}; give it to skill_learner and commander as registration_file"
+        )
+    told.append(
+        NEXT
+        if report.is_go
+        else "next: mend what says NO-GO, and check again: dart-skill check arm"
+    )
     return "\n".join(told)

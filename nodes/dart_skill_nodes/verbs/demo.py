@@ -1,4 +1,6 @@
-"""The work of `dart-skill demo` over the real graph; options, table and report are those of `dart_skill.cli.demo`."""
+"""The work of `dart-skill demo` over the real graph; options, table and report are those of
+`dart_skill.cli.demo`.
+"""
 
 import argparse
 import time
@@ -25,11 +27,14 @@ __all__ = ["carried_out", "run", "run_darts", "run_skill"]
 
 
 def _started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "GraphClient":
-    """A client of the graph, which has been started and is ready. Where others may use the ROS domain, nodes of before must be gone first;
-    where nobody does, nodes start while this process imports what a client needs.
+    """A client of the graph, which has been started and is ready. Where others may use the ROS
+    domain, nodes of before must be gone first; where nobody does, nodes start while this process
+    imports what a client needs.
     """
     extra = of_executables(options.layout, options.differs)
-    start = partial(graph.start_all, options.layout, options.seed, options.output / "bag", extra, skill)
+    start = partial(
+        graph.start_all, options.layout, options.seed, options.output / "bag", extra, skill
+    )
     if alone := has_own_domain():
         start()
     import dart_skill.session  # noqa: F401  the job needs it next
@@ -44,20 +49,33 @@ def _started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "Gra
 
 
 @contextmanager
-def _learned_graph(options: argparse.Namespace, skill: "Skill", rng: "np.random.Generator") -> "Iterator[tuple[GraphClient, int]]":
-    """A graph of its own that was shown a skill and has learned it: a client, and how many attempts the lessons took."""
+def _learned_graph(
+    options: argparse.Namespace, skill: "Skill", rng: "np.random.Generator"
+) -> "Iterator[tuple[GraphClient, int]]":
+    """A graph of its own that was shown a skill and has learned it: a client, and how many
+    attempts the lessons took.
+    """
     with Graph(options.output / "logs") as graph:
-        say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])} with the skill {skill.name}")
+        say(
+            f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])} with the skill"
+            f" {skill.name}"
+        )
         client = _started(graph, options, skill.name)
-        attempts = _learned(client, options, lambda: show_all(client, skill, options.demonstrations, rng))
+        attempts = _learned(
+            client, options, lambda: show_all(client, skill, options.demonstrations, rng)
+        )
         if options.model is not None:
             rng.random(1000)  # other situations than those in which it may have been shown
         yield client, attempts
         client.close()
 
 
-def _learned(client: "GraphClient", options: argparse.Namespace, lessons: Callable[[], int]) -> int:
-    """Lessons, and what is learned from them, or a model that was learned before; how many attempts the lessons took."""
+def _learned(
+    client: "GraphClient", options: argparse.Namespace, lessons: Callable[[], int]
+) -> int:
+    """Lessons, and what is learned from them, or a model that was learned before; how many
+    attempts the lessons took.
+    """
     if options.model is not None:
         say(f"model {client.load(options.model)}: nobody shows anything")
         return 0
@@ -90,7 +108,9 @@ def run_darts(options: argparse.Namespace, skill: "Darts") -> "DartsSummary":
         wall_seconds=time.monotonic() - begun,
         layout=options.layout,
     )
-    return DartsSummary(of, DartsRun(options.seed, "of the graph", skill.bull, (), done.darts), leg)
+    return DartsSummary(
+        of, DartsRun(options.seed, "of the graph", skill.bull, (), done.darts), leg
+    )
 
 
 def run_skill(options: argparse.Namespace, skill: "Skill") -> "SkillSummary":
@@ -127,13 +147,23 @@ def run(options: argparse.Namespace) -> "DemoSummary":
         from dart_skill.session import DemoSummary
         from dart_skill.simulation import PlantSettings
 
-        ready, steps = client.counted_at if client.simulated_steps else time.monotonic(), client.simulated_steps
-        attempts = _learned(client, options, lambda: teach(client, options.seed, options.demonstrations))
-        results = throw_all(client, targets_for(options.seed, options.demonstrations, options.throws)[1])
+        ready, steps = (
+            client.counted_at if client.simulated_steps else time.monotonic(),
+            client.simulated_steps,
+        )
+        attempts = _learned(
+            client, options, lambda: teach(client, options.seed, options.demonstrations)
+        )
+        results = throw_all(
+            client, targets_for(options.seed, options.demonstrations, options.throws)[1]
+        )
         until = time.monotonic() + 3.0
         while client.counted_at <= ready and time.monotonic() < until:
             client.spin()  # of a job that took less than a second
-        simulated, worked = (client.simulated_steps - steps) * PlantSettings().step, client.counted_at - ready
+        simulated, worked = (
+            (client.simulated_steps - steps) * PlantSettings().step,
+            client.counted_at - ready,
+        )
         client.close()
     return DemoSummary(
         seed=options.seed,

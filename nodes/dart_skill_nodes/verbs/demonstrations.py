@@ -1,4 +1,6 @@
-"""`dart-skill demonstrations`: what a graph that runs was shown so far; one can be dropped, and restored."""
+"""`dart-skill demonstrations`: what a graph that runs was shown so far; one can be dropped, and
+restored.
+"""
 
 import argparse
 from datetime import datetime
@@ -17,11 +19,22 @@ NOT_A_DATE = 1e9
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = (
-        "What a graph that runs was shown so far. A bad demonstration is dropped by its id, for the learner and in the bag."
+        "What a graph that runs was shown so far. A bad demonstration is dropped by its id, for"
+        " the learner and in the bag."
     )
-    parser.add_argument("task", nargs="?", choices=("list", "drop", "restore"), default="list", help="default: list")
-    parser.add_argument("id", metavar="ID", nargs="?", help="of a demonstration, to drop or restore it")
-    parser.add_argument("--compare", action="store_true", help="also how far each is from what the others teach")
+    parser.add_argument(
+        "task",
+        nargs="?",
+        choices=("list", "drop", "restore"),
+        default="list",
+        help="default: list",
+    )
+    parser.add_argument(
+        "id", metavar="ID", nargs="?", help="of a demonstration, to drop or restore it"
+    )
+    parser.add_argument(
+        "--compare", action="store_true", help="also how far each is from what the others teach"
+    )
     add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
@@ -29,17 +42,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """List, drop or restore; returns the exit status."""
     if (options.id is None) != (options.task == "list"):
-        parser.error("drop and restore need the ID of one demonstration, which the list shows; the list needs none")
+        parser.error(
+            "drop and restore need the ID of one demonstration, which the list shows; the list"
+            " needs none"
+        )
 
     def task(client: "GraphClient") -> dict:
         if options.task == "list":
             return _listed(client, options.compare)
         text = client.drop(options.id, restore=options.task == "restore")
-        return {"text": text, "message": text, "id": options.id, "ok": True, "next": "dart-skill learn"}
+        return {
+            "text": text,
+            "message": text,
+            "id": options.id,
+            "ok": True,
+            "next": "dart-skill learn",
+        }
 
     namespace = options.namespace
     return print_result(
-        lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), task, namespace), options.json, namespace
+        lambda: on_running_graph(
+            lambda client: client.wait_for_learner(PATIENCE), task, namespace
+        ),
+        options.json,
+        namespace,
     )
 
 
@@ -55,12 +81,21 @@ def _listed(client: "GraphClient", compare: bool) -> dict:
             "dropped": bool(one.dropped),
             "readable": bool(one.readable),
             "finding": one.finding,
-            **({"weight": one.weight, "unlike_m": one.unlike, "outlier": bool(one.outlier)} if compare else {}),
+            **(
+                {"weight": one.weight, "unlike_m": one.unlike, "outlier": bool(one.outlier)}
+                if compare
+                else {}
+            ),
         }
         for one in client.demonstrations(compare=compare).demonstrations
     ]
     text = "\n".join(map(_line, rows)) or "nothing has been shown yet"
-    return {"text": text, "demonstrations": rows, "ok": True, "next": "dart-skill learn" if rows else "dart-skill teach --count 5"}
+    return {
+        "text": text,
+        "demonstrations": rows,
+        "ok": True,
+        "next": "dart-skill learn" if rows else "dart-skill teach --count 5",
+    }
 
 
 def _where(situation) -> dict:
@@ -78,5 +113,12 @@ def _line(row: dict) -> str:
     when = f"{datetime.fromtimestamp(stamp):%H:%M:%S}" if stamp > NOT_A_DATE else f"{stamp:.1f} s"
     state = "dropped" if row["dropped"] else "taught" if row["readable"] else "left out"
     apart = row.get("unlike_m", float("nan"))
-    unlike = "" if apart != apart else f"; {1e3 * apart:.0f} mm from what the others teach{', an outlier' if row['outlier'] else ''}"
+    unlike = (
+        ""
+        if apart != apart
+        else (
+            f"; {1e3 * apart:.0f} mm from what the others"
+            f" teach{', an outlier' if row['outlier'] else ''}"
+        )
+    )
     return f"{row['id']}  {when}  {row['duration']:.2f} s  {state}: {row['finding']}{unlike}"

@@ -1,4 +1,6 @@
-"""`dart-skill execute`: trials of whatever skill a graph that runs has learned, in simulated situations that it draws."""
+"""`dart-skill execute`: trials of whatever skill a graph that runs has learned, in simulated
+situations that it draws.
+"""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -14,11 +16,14 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = (
-        "Trials of the skill that a graph that runs (`dart-skill up --skill NAME`) has learned: in a simulated world that is reset, with "
-        "bodies put where the skill may be tried, and plans for what the cameras see. With a real arm send /execute a goal without a "
-        "situation: it is carried out where the cameras see the bodies."
+        "Trials of the skill that a graph that runs (`dart-skill up --skill NAME`) has learned: in"
+        " a simulated world that is reset, with bodies put where the skill may be tried, and plans"
+        " for what the cameras see. With a real arm send /execute a goal without a situation: it"
+        " is carried out where the cameras see the bodies."
     )
-    parser.add_argument("--count", type=int, default=1, metavar="N", help="so many trials (default 1)")
+    parser.add_argument(
+        "--count", type=int, default=1, metavar="N", help="so many trials (default 1)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
     add_model(parser)
     add_namespace(parser)
@@ -28,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Execute; returns the exit status."""
     if options.count < 1 or options.seed < 0:
-        parser.error(f"--count is {options.count}, --seed {options.seed}: give at least 1, and at least 0")
+        parser.error(
+            f"--count is {options.count}, --seed {options.seed}: give at least 1, and at least 0"
+        )
     check_model(parser, options)
 
     def wait(client: "GraphClient") -> None:
@@ -37,7 +44,11 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         client.wait_until_ready(PATIENCE, teacher=False)
 
     namespace = options.namespace
-    return print_result(lambda: on_running_graph(wait, lambda client: _execute(client, options), namespace), options.json, namespace)
+    return print_result(
+        lambda: on_running_graph(wait, lambda client: _execute(client, options), namespace),
+        options.json,
+        namespace,
+    )
 
 
 def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:
@@ -51,4 +62,9 @@ def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:
     done = sum(bool(one.outcome.success) for one in trials)
     ran = all(not one.message for one in trials)
     text = f"{skill.name}: {done} of {len(trials)} succeeded"
-    return {"text": text, "trials": [one.to_json() for one in trials], "ok": ran, "next": "dart-skill execute --count 10"}
+    return {
+        "text": text,
+        "trials": [one.to_json() for one in trials],
+        "ok": ran,
+        "next": "dart-skill execute --count 10",
+    }

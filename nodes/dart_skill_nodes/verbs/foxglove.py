@@ -1,6 +1,8 @@
-"""`dart-skill view --foxglove` without a bag: the graph that runs, live in Foxglove. It listens, and publishes nothing.
+"""`dart-skill view --foxglove` without a bag: the graph that runs, live in Foxglove. It listens,
+and publishes nothing.
 
-Beside what it hears it sends what viewers need to show the arm, where nobody publishes it: /robot_description, /tf and /tf_static.
+Beside what it hears it sends what viewers need to show the arm, where nobody publishes it:
+/robot_description, /tf and /tf_static.
 """
 
 import argparse
@@ -17,8 +19,9 @@ from dart_skill_nodes.process.signals import Interrupts
 LOOK = 0.5
 """New topics are looked for so often [s, wall clock]."""
 SETTLES = 2.0
-"""The address is printed so long after the start, when the topics are known [s]: foxglove-sdk may miss a client that asks for a topic at
-once."""
+"""The address is printed so long after the start, when the topics are known [s]: foxglove-sdk may
+miss a client that asks for a topic at once.
+"""
 TF_RATE = 50.0
 """Rate of /tf, where no node publishes it [1/s]."""
 
@@ -91,29 +94,40 @@ class GraphView:
         from dart_skill_nodes.comms.matching_qos import message_class
 
         for topic, types in self._node.get_topic_names_and_types():
-            hidden = "/_" in topic  # what passes between actions, and signs of life, as `ros2 topic list` hides them
+            hidden = (
+                "/_" in topic
+            )  # what passes between actions, and signs of life, as `ros2 topic list` hides them
             if hidden or topic in {*self._batches.topics, *self._server.topics, *self.refused}:
                 continue
             try:
                 message_class(types[0])
-                self._batches.listen(topic, partial(self._add, topic, definition(types_for(types[0]), types[0])))
+                self._batches.listen(
+                    topic, partial(self._add, topic, definition(types_for(types[0]), types[0]))
+                )
             except (ImportError, AttributeError, ValueError) as error:
                 self.refused[topic] = str(error)
                 self._node.get_logger().warning(f"{topic} is not shown: {error}")
 
     def _add(self, topic: str, text: str, offers: list) -> None:
         if topic not in self._server.topics:
-            lasting = any("TRANSIENT_LOCAL" in offer.qos_profile.durability.name for offer in offers)
+            lasting = any(
+                "TRANSIENT_LOCAL" in offer.qos_profile.durability.name for offer in offers
+            )
             self._server.add_topic(topic, offers[0].topic_type, text, lasting)
 
     def _show_arm(self, topic: str, stamp_ns: int, data: bytes) -> None:
         from dart_skill_nodes.comms.tf_messages import TfMessages
 
         if self._tf is None:
-            there = {*self._batches.topics, *(name for name, _ in self._node.get_topic_names_and_types())}
+            there = {
+                *self._batches.topics,
+                *(name for name, _ in self._node.get_topic_names_and_types()),
+            }
             self._tf = TfMessages(the_world().frame_id, TF_RATE, there)
             for name, (type_name, qos) in self._tf.topics.items():
                 text = definition(types_for(type_name), type_name)
-                self._server.add_topic(name, type_name, text, "TRANSIENT_LOCAL" in qos.durability.name)
+                self._server.add_topic(
+                    name, type_name, text, "TRANSIENT_LOCAL" in qos.durability.name
+                )
         for name, message in self._tf.messages(topic, stamp_ns, data):
             self._server.publish(name, message, stamp_ns)

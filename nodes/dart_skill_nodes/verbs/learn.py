@@ -1,4 +1,5 @@
-"""`dart-skill learn` without a bag: a skill from the demonstrations that were published since the learner was started.
+"""`dart-skill learn` without a bag: a skill from the demonstrations that were published since the
+learner was started.
 
 Its options stand in `dart_skill.cli.learn`, which learns from bags without ROS.
 """
@@ -16,11 +17,24 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Learn; returns the exit status."""
 
     def learn(client: "GraphClient") -> dict:
-        learned = client.learn(configuration=options.configuration, at_least=options.at_least or 0, without=options.without)
+        learned = client.learn(
+            configuration=options.configuration,
+            at_least=options.at_least or 0,
+            without=options.without,
+        )
         told = {"demonstrations": int(learned.demonstrations), "model_id": learned.model_id}
-        return {"text": f"{learned.message}; model {learned.model_id}", **told, "ok": True, "next": "dart-skill throw"}
+        return {
+            "text": f"{learned.message}; model {learned.model_id}",
+            **told,
+            "ok": True,
+            "next": "dart-skill throw",
+        }
 
     namespace = options.namespace
     return print_result(
-        lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), learn, namespace), options.json, namespace
+        lambda: on_running_graph(
+            lambda client: client.wait_for_learner(PATIENCE), learn, namespace
+        ),
+        options.json,
+        namespace,
     )

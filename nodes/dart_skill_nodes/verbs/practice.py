@@ -1,7 +1,9 @@
-"""`dart-skill practice`: over the real graph, a few demonstrations, then throw after throw, each of which the arm learns from.
+"""`dart-skill practice`: over the real graph, a few demonstrations, then throw after throw, each
+of which the arm learns from.
 
-What it is worth is told by tests at the same baskets before and after, from which nothing is learned. The errors of the practised throws do
-not tell it: the coach sends these where throws are worst.
+What it is worth is told by tests at the same baskets before and after, from which nothing is
+learned. The errors of the practised throws do not tell it: the coach sends these where throws are
+worst.
 """
 
 import argparse
@@ -12,12 +14,28 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
-from dart_skill.cli.run_options import add_model, add_namespace, add_run, asked, check_model, check_run, parameter_texts
+from dart_skill.cli.run_options import (
+    add_model,
+    add_namespace,
+    add_run,
+    asked,
+    check_model,
+    check_run,
+    parameter_texts,
+)
 from dart_skill.common.files import new_file
 from dart_skill.common.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
-from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, print_result, say, teach, tell_practice
+from dart_skill_nodes.verbs._run import (
+    PATIENCE,
+    carried_out,
+    on_running_graph,
+    print_result,
+    say,
+    teach,
+    tell_practice,
+)
 from dart_skill_nodes.verbs._skill_run import practise
 
 if TYPE_CHECKING:
@@ -40,23 +58,58 @@ BEFORE, CHANGED, AFTER = "before practice", "after the change", "after practice"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = (
-        "Practice over the real graph: a few demonstrations, then throw after throw, each of which the arm learns from. With --running on "
-        "a graph that runs and has learned, as that of a real arm: a person is told when to put the ball into the hand."
+        "Practice over the real graph: a few demonstrations, then throw after throw, each of which"
+        " the arm learns from. With --running on a graph that runs and has learned, as that of a"
+        " real arm: a person is told when to put the ball into the hand."
     )
     add_run(parser, demonstrations=3, throws=20, thrown="own throws")
-    parser.add_argument("--method", choices=PRACTICE_METHODS, help="how to learn from own throws (default: of config/skill_learner.yaml)")
+    parser.add_argument(
+        "--method",
+        choices=PRACTICE_METHODS,
+        help="how to learn from own throws (default: of config/skill_learner.yaml)",
+    )
     add_model(parser, "nobody shows anything: practice goes on with the model of a file")
-    tests = f"throws of a test before and one after, at baskets that stay the same; not learned from (default {TESTS}, with --running 0)"
+    tests = (
+        "throws of a test before and one after, at baskets that stay the same; not learned from"
+        f" (default {TESTS}, with --running 0)"
+    )
     parser.add_argument("--tests", type=int, metavar="N", help=tests)
-    parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
-    parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
+    parser.add_argument(
+        "--change",
+        choices=sorted(CHANGES),
+        default="none",
+        help="what happens to the arm, unannounced (default none)",
+    )
+    parser.add_argument(
+        "--change-after",
+        type=int,
+        default=5,
+        metavar="N",
+        help="own throws before the change (default 5)",
+    )
     running = parser.add_argument_group("on a graph that runs (dart-skill up)")
-    running.add_argument("--running", action="store_true", help="practise there: no graph is started, nothing is taught, no report is made")
+    running.add_argument(
+        "--running",
+        action="store_true",
+        help="practise there: no graph is started, nothing is taught, no report is made",
+    )
     add_namespace(running)
     where = running.add_mutually_exclusive_group()
-    where.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="centre of the rim [m] (default: as the cameras see it)")
-    where.add_argument("--choose", action="store_true", help="the coach chooses the baskets, where throws are worst")
-    parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
+    where.add_argument(
+        "--at",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="centre of the rim [m] (default: as the cameras see it)",
+    )
+    where.add_argument(
+        "--choose",
+        action="store_true",
+        help="the coach chooses the baskets, where throws are worst",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="every throw as JSON on stdout instead of the table"
+    )
 
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
@@ -69,11 +122,17 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.running:
         _refuse_what_starts_a_graph(options, parser)
         task, namespace = partial(_practise_there, options=options), options.namespace
-        return print_result(lambda: on_running_graph(_reach_coach, task, namespace), options.json, namespace)
+        return print_result(
+            lambda: on_running_graph(_reach_coach, task, namespace), options.json, namespace
+        )
     if options.at is not None or options.choose or options.namespace:
         parser.error("--at, --choose and --namespace are for a graph that runs: add --running")
-    if options.model is not None and options.demonstrations != parser.get_default("demonstrations"):
-        parser.error("--demonstrations is for a skill that is shown: with --model nobody shows anything")
+    if options.model is not None and options.demonstrations != parser.get_default(
+        "demonstrations"
+    ):
+        parser.error(
+            "--demonstrations is for a skill that is shown: with --model nobody shows anything"
+        )
     check_run(parser, options)
     if (options.output / MODEL).exists():
         parser.error(f"--output {options.output} holds a model already: choose another folder")
@@ -81,7 +140,9 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.change_after < 0:
         parser.error(f"--change-after is {options.change_after}; it must be at least 0")
     if options.change != "none" and options.change_after >= options.throws:
-        parser.error(f"--change-after is {options.change_after}: there are {options.throws} throws only")
+        parser.error(
+            f"--change-after is {options.change_after}: there are {options.throws} throws only"
+        )
     summary = carried_out(run, options, "practice")
     if summary is None:
         return 1
@@ -94,15 +155,33 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if not options.json:
         print(f"\nbag, summary.json, report.html and {MODEL}: {options.output}")
         print(f"next: dart-skill practice --model {shlex.quote(str(options.output / MODEL))}")
-        print(f"or: open {shlex.quote(str(options.output / PAGE))} in a browser, or dart-skill view {shlex.quote(summary['bag'])}")
+        print(
+            f"or: open {shlex.quote(str(options.output / PAGE))} in a browser, or dart-skill view"
+            f" {shlex.quote(summary['bag'])}"
+        )
     return 0 if summary["thrown"] == options.throws else 1
 
 
-def _refuse_what_starts_a_graph(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+def _refuse_what_starts_a_graph(
+    options: argparse.Namespace, parser: argparse.ArgumentParser
+) -> None:
     """A usage error for options that say something of a graph which is not started."""
-    for name in ("seed", "demonstrations", "output", "layout", "arm", "set", "method", "change", "change_after"):
+    for name in (
+        "seed",
+        "demonstrations",
+        "output",
+        "layout",
+        "arm",
+        "set",
+        "method",
+        "change",
+        "change_after",
+    ):
         if getattr(options, name) != parser.get_default(name):
-            parser.error(f"--{name.replace('_', '-')} is for a graph that is started: leave out --running, or this")
+            parser.error(
+                f"--{name.replace('_', '-')} is for a graph that is started: leave out --running,"
+                " or this"
+            )
     if options.throws < 1:
         parser.error(f"--throws is {options.throws}; it must be at least 1")
 
@@ -112,22 +191,39 @@ def _reach_coach(client: "GraphClient") -> None:
 
 
 def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
-    """Own throws on a graph that runs, each of which is learned from, between two tests if they were asked for."""
+    """Own throws on a graph that runs, each of which is learned from, between two tests if they
+    were asked for.
+    """
     if (skill := client.skill(PATIENCE)) != THROW:
         if options.model is not None:
             client.load(options.model)
         return _practise_skill(client, options, skill)
     if options.model is not None:
         say(f"model {client.load(options.model)}: practice goes on with it")
-    wanted = {} if options.choose else {"follow_basket": True} if options.at is None else {"targets": [options.at]}
+    wanted = (
+        {}
+        if options.choose
+        else {"follow_basket": True}
+        if options.at is None
+        else {"targets": [options.at]}
+    )
     where = wanted if not options.choose else {"targets": _test_baskets(0, options.tests or 0)}
     tests = [_test(client, BEFORE, 0, options.tests, where)] if options.tests else []
     messages: dict[int, str] = {}
-    result = client.practise(options.throws, **wanted, on_feedback=partial(tell_practice, before=0, messages=messages))
-    throws = [_as_row(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
+    result = client.practise(
+        options.throws, **wanted, on_feedback=partial(tell_practice, before=0, messages=messages)
+    )
+    throws = [
+        _as_row(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)
+    ]
     if tests and result.success:
         tests.append(_test(client, AFTER, len(throws), options.tests, where))
-    told = {"thrown": int(result.executed), "learned": int(result.learned), "throws": throws, "tests": tests}
+    told = {
+        "thrown": int(result.executed),
+        "learned": int(result.learned),
+        "throws": throws,
+        "tests": tests,
+    }
     text = "\n".join([result.message, *tests_table(tests)])
     return {"text": text, **told, "ok": bool(result.success), "next": "dart-skill throw"}
 
@@ -142,14 +238,22 @@ def _test_baskets(seed: int, count: int) -> "np.ndarray":
 
 
 def _test(client: "GraphClient", when: str, after: int, throws: int, where: dict) -> dict:
-    """Throws from which nothing is learned. where: targets, or that they follow the basket; after: own throws practised before them."""
+    """Throws from which nothing is learned. where: targets, or that they follow the basket; after:
+    own throws practised before them.
+    """
     say(f"test {when}: {throws} throws, from which nothing is learned")
     messages: dict[int, str] = {}
     tell = partial(tell_practice, before=0, messages=messages, what="test throw")
     result = client.practise(throws, **where, only_throw=True, on_feedback=tell)
     if len(result.outcomes) < throws:
-        raise GraphFailure(f"the test {when} ended after {len(result.outcomes)} of {throws} throws: {result.message}")
-    rows = [_as_row(outcome, messages.get(k, "").removeprefix("executed")) for k, outcome in enumerate(result.outcomes, start=1)]
+        raise GraphFailure(
+            f"the test {when} ended after {len(result.outcomes)} of {throws} throws:"
+            f" {result.message}"
+        )
+    rows = [
+        _as_row(outcome, messages.get(k, "").removeprefix("executed"))
+        for k, outcome in enumerate(result.outcomes, start=1)
+    ]
     return {"when": when, "after_throws": after, "throws": rows}
 
 
@@ -157,10 +261,22 @@ def _practise_skill(client: "GraphClient", options: argparse.Namespace, skill: s
     """Own trials of another skill, where the coach lets it be tried."""
     if options.at is not None or options.tests:
         name = "tests" if options.at is None else "at"
-        raise ValueError(f"--{name} is for throws: the graph practises '{skill}', whose situations the coach draws")
+        raise ValueError(
+            f"--{name} is for throws: the graph practises '{skill}', whose situations the coach"
+            " draws"
+        )
     result, trials = practise(client, options.throws)
-    told = {"executed": int(result.executed), "learned": int(result.learned), "trials": [one.to_json() for one in trials]}
-    return {"text": result.message, **told, "ok": bool(result.success), "next": "dart-skill execute"}
+    told = {
+        "executed": int(result.executed),
+        "learned": int(result.learned),
+        "trials": [one.to_json() for one in trials],
+    }
+    return {
+        "text": result.message,
+        **told,
+        "ok": bool(result.success),
+        "next": "dart-skill execute",
+    }
 
 
 def run(options: argparse.Namespace) -> dict:
@@ -179,11 +295,17 @@ def run(options: argparse.Namespace) -> dict:
         client.wait_until_ready()
         _begin(client, options)
         tests, count = [], TESTS if options.tests is None else options.tests
-        test = partial(_test, client, throws=count, where={"targets": _test_baskets(options.seed, count)})
+        test = partial(
+            _test, client, throws=count, where={"targets": _test_baskets(options.seed, count)}
+        )
         if count:
             tests.append(test(BEFORE, 0))
         begun = time.monotonic()
-        blocks = [options.throws] if options.change == "none" else [options.change_after, options.throws - options.change_after]
+        blocks = (
+            [options.throws]
+            if options.change == "none"
+            else [options.change_after, options.throws - options.change_after]
+        )
         results, messages = [], {}
         for block, throws in enumerate(blocks):
             if block:
@@ -192,13 +314,21 @@ def run(options: argparse.Namespace) -> dict:
                 tests += [test(CHANGED, options.change_after)] if count else []
             if throws:
                 before = sum(len(result.outcomes) for result in results)
-                results.append(client.practise(throws, on_feedback=partial(tell_practice, before=before, messages=messages)))
+                results.append(
+                    client.practise(
+                        throws,
+                        on_feedback=partial(tell_practice, before=before, messages=messages),
+                    )
+                )
         took = time.monotonic() - begun
         tests += [test(AFTER, options.throws)] if count else []
         client.save(options.output / MODEL)
         client.close()
     outcomes = [outcome for result in results for outcome in result.outcomes]
-    throws = [_as_row(outcome, messages.get(number, "")) for number, outcome in enumerate(outcomes, start=1)]
+    throws = [
+        _as_row(outcome, messages.get(number, ""))
+        for number, outcome in enumerate(outcomes, start=1)
+    ]
     return {
         **_of_any_skill(throws), "wall_seconds": round(took, 1),
         "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.executed for result in results),
@@ -222,8 +352,16 @@ def _of_any_skill(throws: list[dict]) -> dict:
     from dart_skill.session import error_quantile
 
     results = _results(throws)
-    counts = {"skill": THROW, "tried": len(results), "succeeded": sum(one.in_basket for one in results)}
-    return {**counts, "median_error_m": error_quantile(results, 0.5), "trials": [one.as_trial() for one in results]}
+    counts = {
+        "skill": THROW,
+        "tried": len(results),
+        "succeeded": sum(one.in_basket for one in results),
+    }
+    return {
+        **counts,
+        "median_error_m": error_quantile(results, 0.5),
+        "trials": [one.as_trial() for one in results],
+    }
 
 
 def _results(throws: list[dict]) -> "list[ThrowResult]":
@@ -255,23 +393,41 @@ def table(summary: dict) -> str:
         block = summary["throws"][first : first + BLOCK]
         lines.append(_line(f"{first + 1}-{first + len(block)}", block))
     if not summary["tests"]:
-        lines.append("these baskets differ, and the coach looks for bad ones: what practice is worth is told by --tests N")
-    done = f"{summary['thrown']} throws made, {summary['learned']} learned from, in {summary['seconds']:.0f} s"
+        lines.append(
+            "these baskets differ, and the coach looks for bad ones: what practice is worth is"
+            " told by --tests N"
+        )
+    done = (
+        f"{summary['thrown']} throws made, {summary['learned']} learned from, in"
+        f" {summary['seconds']:.0f} s"
+    )
     return "\n".join([*lines, done])
 
 
 def tests_table(tests: list[dict]) -> list[str]:
-    """The tests line by line, and at how many of the baskets the last one was nearer than the one before; nothing without any."""
+    """The tests line by line, and at how many of the baskets the last one was nearer than the one
+    before; nothing without any.
+    """
     if not tests:
         return []
     rows = [one["throws"] for one in tests]
-    lines = [f"at the same {len(rows[0])} baskets, nothing is learned from these throws:", _HEAD.format("")]
+    lines = [
+        f"at the same {len(rows[0])} baskets, nothing is learned from these throws:",
+        _HEAD.format(""),
+    ]
     lines += [_line(one["when"], one["throws"]) for one in tests]
-    errors = [(first["error_m"], last["error_m"]) for first, last in zip(*rows[-2:], strict=True)] if len(rows) > 1 else []
+    errors = (
+        [(first["error_m"], last["error_m"]) for first, last in zip(*rows[-2:], strict=True)]
+        if len(rows) > 1
+        else []
+    )
     both = [(first, last) for first, last in errors if first is not None and last is not None]
     if both:
         nearer = sum(last < first for first, last in both)
-        lines.append(f"nearer to the middle {tests[-1]['when']} than {tests[-2]['when']}: {nearer} of {len(both)} baskets")
+        lines.append(
+            f"nearer to the middle {tests[-1]['when']} than {tests[-2]['when']}: {nearer} of"
+            f" {len(both)} baskets"
+        )
     return lines
 
 
@@ -283,7 +439,9 @@ def _line(name: str, throws: list[dict]) -> str:
     import numpy as np
 
     errors = 100 * np.array([row["error_m"] for row in throws if row["error_m"] is not None])
-    numbers = f"{np.median(errors):>14.2f}{errors.max():>13.2f}" if len(errors) else f"{'not seen':>14}"
+    numbers = (
+        f"{np.median(errors):>14.2f}{errors.max():>13.2f}" if len(errors) else f"{'not seen':>14}"
+    )
     inside = f"{sum(row['in_basket'] for row in throws)}/{len(throws)}"
     return f"{name:>18}{inside:>8}{numbers}"
 
@@ -310,15 +468,38 @@ def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tup
     with new_file(options.output / "summary.json", replace=True) as file:
         file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())
     changed = options.change != "none"
-    begun = f"{options.demonstrations} demonstrations" if options.model is None else f"the model {options.model.name}"
+    begun = (
+        f"{options.demonstrations} demonstrations"
+        if options.model is None
+        else f"the model {options.model.name}"
+    )
     facts = {
         "Seed": str(options.seed),
-        "Change": f"{options.change}, after {options.change_after} own throws, unannounced" if changed else "none",
+        "Change": (
+            f"{options.change}, after {options.change_after} own throws, unannounced"
+            if changed
+            else "none"
+        ),
         "Learned from": f"{summary['learned']} of {summary['thrown']} own throws, besides {begun}",
-        "Time": f"{summary['seconds']:.0f} s for the practised throws" + (" and a test" if changed and summary["tests"] else ""),
+        "Time": (
+            f"{summary['seconds']:.0f} s for the practised throws"
+            + (" and a test" if changed and summary["tests"] else "")
+        ),
     }
     marks = {options.change_after: options.change} if changed else {}
     title = f"Practice: {begun}, {summary['thrown']} own throws"
     phases = phases_of(summary)
-    about = About(title, facts, asked_for, parameter_texts(), marks=marks, phases=tuple(phase for phase, _ in phases))
-    write_page(summary["bag"], options.output / PAGE, about, _results([row for _, rows in phases for row in rows]))
+    about = About(
+        title,
+        facts,
+        asked_for,
+        parameter_texts(),
+        marks=marks,
+        phases=tuple(phase for phase, _ in phases),
+    )
+    write_page(
+        summary["bag"],
+        options.output / PAGE,
+        about,
+        _results([row for _, rows in phases for row in rows]),
+    )

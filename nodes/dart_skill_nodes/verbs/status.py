@@ -25,10 +25,17 @@ USUAL = 2.5
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = (
-        "Listens to the graph that runs, moves nothing, and prints its nodes, topics, limits, and who commands the arm. Exit status 0 if "
-        "nothing is wrong, else 1; what a node only warns of is not wrong."
+        "Listens to the graph that runs, moves nothing, and prints its nodes, topics, limits, and"
+        " who commands the arm. Exit status 0 if nothing is wrong, else 1; what a node only warns"
+        " of is not wrong."
     )
-    parser.add_argument("--duration", type=float, default=USUAL, metavar="S", help=f"listen for so long [s] (default {USUAL:g})")
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=USUAL,
+        metavar="S",
+        help=f"listen for so long [s] (default {USUAL:g})",
+    )
     add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the same as JSON")
 
@@ -56,7 +63,10 @@ def nothing_runs(bystanders: Iterable[str]) -> str:
 
     others = printable(", ".join(bystanders))
     there = f", only {others}" if others else ""
-    return f"nothing runs in ROS domain {this_domain()} on this machine{there}: 'dart-skill up' starts it, or set ROS_DOMAIN_ID"
+    return (
+        f"nothing runs in ROS domain {this_domain()} on this machine{there}: 'dart-skill up'"
+        " starts it, or set ROS_DOMAIN_ID"
+    )
 
 
 def look(seconds: float, namespace: str = "") -> GraphReport | None:
@@ -102,44 +112,82 @@ def _look(node: "Node", spin, seconds: float) -> GraphReport | None:
 
 def as_json(report: GraphReport) -> dict:
     """The report with what is derived from it."""
-    derived = {"ok": not report.problems, "problems": report.problems, "commanders": report.commanders, "refusals": report.refusals}
+    derived = {
+        "ok": not report.problems,
+        "problems": report.problems,
+        "commanders": report.commanders,
+        "refusals": report.refusals,
+    }
     return {**derived, **asdict(report)}
 
 
 def as_text(report: GraphReport) -> str:
     """The report as tables and lines."""
-    parts = [_heading(report), _nodes(report), _topics(report), _arm(report), _limits(report), _refusals(report), _problems(report)]
-    return printable("\n\n".join(part for part in parts if part))  # nodes of strangers may say anything
+    parts = [
+        _heading(report),
+        _nodes(report),
+        _topics(report),
+        _arm(report),
+        _limits(report),
+        _refusals(report),
+        _problems(report),
+    ]
+    return printable(
+        "\n\n".join(part for part in parts if part)
+    )  # nodes of strangers may say anything
 
 
 def _heading(report: GraphReport) -> str:
     processes = len({node.process for node in report.nodes if node.process})
     where = f"ROS domain {report.domain}{', ' if report.namespace else ''}{report.namespace}"
-    text = f"{where}: {len(report.nodes)} nodes in {processes} processes, listened to for {report.seconds:.1f} s"
+    text = (
+        f"{where}: {len(report.nodes)} nodes in {processes} processes, listened to for"
+        f" {report.seconds:.1f} s"
+    )
     return text + (f"; also there: {', '.join(report.bystanders)}" if report.bystanders else "")
 
 
 def _nodes(report: GraphReport) -> str:
-    return table(("node", "process", "state", "says"), [(one.name, one.process, one.state, one.says) for one in report.nodes])
+    return table(
+        ("node", "process", "state", "says"),
+        [(one.name, one.process, one.state, one.says) for one in report.nodes],
+    )
 
 
 def _topics(report: GraphReport) -> str:
     rows = [
-        (one.topic, f"{one.rate:.1f}", "none" if one.age is None else f"{one.age:.2f}", str(one.lost), ", ".join(one.publishers))
+        (
+            one.topic,
+            f"{one.rate:.1f}",
+            "none" if one.age is None else f"{one.age:.2f}",
+            str(one.lost),
+            ", ".join(one.publishers),
+        )
         for one in report.topics
     ]
-    return table(("topic", "per second", "newest [s]", "lost", "published by"), rows) if rows else ""
+    return (
+        table(("topic", "per second", "newest [s]", "lost", "published by"), rows) if rows else ""
+    )
 
 
 def _arm(report: GraphReport) -> str:
     commander, pushes = report.node("commander"), report.topic(GUIDING)
     lines = [f"commanded by   {', '.join(report.commanders) or 'nobody'}"]
     if commander is not None and "mode" in commander.values:
-        lines.append(f"commander      {commander.values['mode']}; last: {commander.values.get('last') or 'nothing'}")
-    lines.append(f"guided by      {', '.join(pushes.publishers) if pushes is not None and pushes.rate else 'nobody'}")
+        lines.append(
+            f"commander      {commander.values['mode']}; last:"
+            f" {commander.values.get('last') or 'nothing'}"
+        )
+    lines.append(
+        "guided by     "
+        f" {', '.join(pushes.publishers) if pushes is not None and pushes.rate else 'nobody'}"
+    )
     bridge = report.node("effort_bridge")
     if report.safety is not None:
-        lines.append(f"safety module  {report.safety[0]}{f': {report.safety[1]}' if report.safety[1] else ''}")
+        lines.append(
+            "safety module "
+            f" {report.safety[0]}{f': {report.safety[1]}' if report.safety[1] else ''}"
+        )
     elif bridge is not None:
         lines.append(f"effort bridge  {bridge.says}")
     else:
@@ -151,7 +199,12 @@ def _limits(report: GraphReport) -> str:
     if not report.limits:
         return ""
     name, limits = next(iter(report.limits.items()))
-    return "\n".join([f"limits, as {name} has them", *(f"  {limit:18s} {_number(value)}" for limit, value in limits.items())])
+    return "\n".join(
+        [
+            f"limits, as {name} has them",
+            *(f"  {limit:18s} {_number(value)}" for limit, value in limits.items()),
+        ]
+    )
 
 
 def _number(value) -> str:
@@ -159,7 +212,16 @@ def _number(value) -> str:
 
 
 def _refusals(report: GraphReport) -> str:
-    return "\n".join(["refused so far", *(f"  {place}: {count}" for place, count in report.refusals.items())]) if report.refusals else ""
+    return (
+        "\n".join(
+            [
+                "refused so far",
+                *(f"  {place}: {count}" for place, count in report.refusals.items()),
+            ]
+        )
+        if report.refusals
+        else ""
+    )
 
 
 def _problems(report: GraphReport) -> str:
@@ -170,4 +232,7 @@ def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Columns as wide as what stands in them, but for the last."""
     lines = [head, *rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip() for line in lines)
+    return "\n".join(
+        "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )

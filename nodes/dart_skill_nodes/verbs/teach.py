@@ -5,7 +5,15 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_namespace
 from dart_skill.common.world import THROW
-from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say, teach_by_hand
+from dart_skill_nodes.verbs._run import (
+    PATIENCE,
+    baskets,
+    on_running_graph,
+    place,
+    print_result,
+    say,
+    teach_by_hand,
+)
 from dart_skill_nodes.verbs._skill_run import drawn, show_all
 
 if TYPE_CHECKING:
@@ -17,8 +25,9 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = (
-        "Throws that a person guides, on a graph that runs (`dart-skill up`): a simulated one, at new baskets for those that miss; with a "
-        "real arm you, and the Enter key says when a throw begins and has ended."
+        "Throws that a person guides, on a graph that runs (`dart-skill up`): a simulated one, at"
+        " new baskets for those that miss; with a real arm you, and the Enter key says when a"
+        " throw begins and has ended."
     )
     add_baskets(parser, 13)
     add_namespace(parser)
@@ -52,21 +61,37 @@ def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict
     from dart_skill.skills.protocol import load_skill
 
     if options.at is not None:
-        raise ValueError(f"--at is for throws: the graph teaches '{name}', whose situations are drawn (--seed)")
+        raise ValueError(
+            f"--at is for throws: the graph teaches '{name}', whose situations are drawn (--seed)"
+        )
     attempts = show_all(client, load_skill(name), options.count, drawn(options.seed))
     text = f"{options.count} of {options.count} movements shown, in {attempts} attempts"
-    return {"text": text, "shown": options.count, "attempts": attempts, "ok": True, "next": "dart-skill learn"}
+    return {
+        "text": text,
+        "shown": options.count,
+        "attempts": attempts,
+        "ok": True,
+        "next": "dart-skill learn",
+    }
 
 
 def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
     from dart_skill.skills.protocol import load_skill
 
     if options.at is not None:
-        raise ValueError("--at puts a simulated basket there: put the real one where you like, and leave this out")
+        raise ValueError(
+            "--at puts a simulated basket there: put the real one where you like, and leave"
+            " this out"
+        )
     words = load_skill(skill).words
     shown = teach_by_hand(client, options.count, words)
     text = f"{shown} of {options.count} {words.trials} shown"
-    return {"text": text, "shown": shown, "ok": shown == options.count, "next": "dart-skill demonstrations"}
+    return {
+        "text": text,
+        "shown": shown,
+        "ok": shown == options.count,
+        "next": "dart-skill demonstrations",
+    }
 
 
 def _teach(client: "GraphClient", targets: "np.ndarray") -> dict:
@@ -75,7 +100,16 @@ def _teach(client: "GraphClient", targets: "np.ndarray") -> dict:
         result = client.teach(target)
         how = f"in after {result.attempts}" if result.success else f"given up: {result.message}"
         say(f"{place(target)}: {how}")
-        lessons.append({"target": target.tolist(), "success": bool(result.success), "attempts": int(result.attempts)})
+        lessons.append(
+            {
+                "target": target.tolist(),
+                "success": bool(result.success),
+                "attempts": int(result.attempts),
+            }
+        )
     shown = sum(lesson["success"] for lesson in lessons)
-    text, then = f"{shown} of {len(lessons)} throws shown", "dart-skill learn" if shown else "dart-skill status"
+    text, then = (
+        f"{shown} of {len(lessons)} throws shown",
+        "dart-skill learn" if shown else "dart-skill status",
+    )
     return {"text": text, "lessons": lessons, "ok": shown == len(lessons), "next": then}

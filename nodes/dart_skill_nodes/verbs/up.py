@@ -10,12 +10,29 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_arm, add_model, add_namespace, check_model, differences, folder, output_folder
+from dart_skill.cli.run_options import (
+    add_arm,
+    add_model,
+    add_namespace,
+    check_model,
+    differences,
+    folder,
+    output_folder,
+)
 from dart_skill.common.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
-from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, TOKEN, Graph, nodes_of, of_executables, parameters_of
+from dart_skill_nodes.process.graph_processes import (
+    LAYOUTS,
+    SIMULATED,
+    START,
+    TOKEN,
+    Graph,
+    nodes_of,
+    of_executables,
+    parameters_of,
+)
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._run import of_graph
 
@@ -33,16 +50,43 @@ NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": L
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.description = "The node graph, started, watched and ended in order; it stays until Ctrl-C."
-    parser.add_argument("--layout", choices=list(LAYOUTS), help="what is started (default composed; replay with --play)")
-    parser.add_argument("--skill", default="", metavar="NAME", help="throw, darts, place, reach, or one that is installed (default throw)")
-    parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
+    parser.description = (
+        "The node graph, started, watched and ended in order; it stays until Ctrl-C."
+    )
+    parser.add_argument(
+        "--layout",
+        choices=list(LAYOUTS),
+        help="what is started (default composed; replay with --play)",
+    )
+    parser.add_argument(
+        "--skill",
+        default="",
+        metavar="NAME",
+        help="throw, darts, place, reach, or one that is installed (default throw)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="everything random in the simulation comes from it (default 0)",
+    )
     parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
     parser.add_argument("--rate", type=float, help="of a replay; 0: as fast as can be (default 1)")
     parser.add_argument("--viewer", action="store_true", help="the live view, too")
-    parser.add_argument("--port", type=int, metavar="N", help="of the live view; 0: any free one (default: that of config/viewer.yaml)")
-    parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
-    parser.add_argument("--output", type=folder, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
+    parser.add_argument(
+        "--port",
+        type=int,
+        metavar="N",
+        help="of the live view; 0: any free one (default: that of config/viewer.yaml)",
+    )
+    parser.add_argument(
+        "--record", type=Path, metavar="FOLDER", help="every topic into a bag, too"
+    )
+    parser.add_argument(
+        "--output",
+        type=folder,
+        help="folder for logs and the bag of demonstrations (default output/up_<date>)",
+    )
     add_model(parser)
     add_arm(parser)
     add_namespace(parser)
@@ -55,12 +99,17 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if (options.layout == "replay") != bool(options.play):
         parser.error("the layout replay, and no other, needs --play BAG")
     if options.port is not None and not (options.viewer and 0 <= options.port <= 65535):
-        parser.error(f"--port is {options.port}: it is of the live view, from 0 to 65535: give --viewer, too")
+        parser.error(
+            f"--port is {options.port}: it is of the live view, from 0 to 65535: give"
+            " --viewer, too"
+        )
     if options.rate is not None and not options.play:
         parser.error(f"--rate {options.rate:g} is of a replay: give --play BAG, or leave it out")
     options.rate = 1.0 if options.rate is None else options.rate
     if options.seed < 0 or not 0.0 <= options.rate < float("inf"):
-        parser.error(f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite")
+        parser.error(
+            f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite"
+        )
     _check_skill(options, parser)
     check_model(parser, options)
     options.differs = differences(parser, options)
@@ -70,7 +119,9 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     interrupts = Interrupts()
-    rclpy.init(args=in_namespace(options.namespace), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(
+        args=in_namespace(options.namespace), signal_handler_options=SignalHandlerOptions.NO
+    )
     try:
         stay(options, interrupts, teller(options.json))
     except GraphFailure as failure:
@@ -93,12 +144,16 @@ def _check_skill(options: argparse.Namespace, parser: argparse.ArgumentParser) -
 
 
 def _run_already(nodes: set[str]) -> GraphFailure:
-    return GraphFailure(f"{', '.join(sorted(nodes))} run already: end them, set ROS_DOMAIN_ID to another number, or give a --namespace")
+    return GraphFailure(
+        f"{', '.join(sorted(nodes))} run already: end them, set ROS_DOMAIN_ID to another number,"
+        " or give a --namespace"
+    )
 
 
 class Status:
-    """What every node last said of itself on /diagnostics; `tell` is called with each change. strangers: nodes of the same names that
-    somebody else started; own: the processes that were not.
+    """What every node last said of itself on /diagnostics; `tell` is called with each change.
+    strangers: nodes of the same names that somebody else started; own: the processes that were
+    not.
     """
 
     def __init__(self, client: "GraphClient", nodes: list[str], tell):
@@ -118,12 +173,23 @@ class Status:
             elif name in self.silent or (name in self._said and self._said[name] != status.level):
                 self.silent.discard(name)
                 self._said[name] = status.level
-                message = page(status.message) if name == "viewer" and " " not in status.message else status.message
-                self._tell(LEVELS[status.level], node=name, message=message, seconds=round(time.monotonic() - self._begun, 1))
+                message = (
+                    page(status.message)
+                    if name == "viewer" and " " not in status.message
+                    else status.message
+                )
+                self._tell(
+                    LEVELS[status.level],
+                    node=name,
+                    message=message,
+                    seconds=round(time.monotonic() - self._begun, 1),
+                )
 
 
 def page(url: str) -> str:
-    """The whole address of the viewer's page: its status, which everybody hears, is without the token."""
+    """The whole address of the viewer's page: its status, which everybody hears, is without the
+    token.
+    """
     from dart_skill.view import with_token
 
     return with_token(url, os.environ[TOKEN])
@@ -133,13 +199,24 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
     """What is started, and with which parameters."""
     played = str(options.play.resolve()) if options.play else ""
     wanted = {
-        name: parameters_of(name, options.layout, options.seed, str(options.output / "bag"), played, options.rate, skill=options.skill)
+        name: parameters_of(
+            name,
+            options.layout,
+            options.seed,
+            str(options.output / "bag"),
+            played,
+            options.rate,
+            skill=options.skill,
+        )
         for name in LAYOUTS[options.layout]
     }
     for name, parameters in of_executables(options.layout, options.differs).items():
         wanted[name] |= parameters
     if options.record:
-        wanted["recorder"] = {"bag": str(options.record.resolve()), "use_sim_time": options.layout in SIMULATED}
+        wanted["recorder"] = {
+            "bag": str(options.record.resolve()),
+            "use_sim_time": options.layout in SIMULATED,
+        }
     if options.viewer:
         from dart_skill.view import new_token
 
@@ -150,7 +227,9 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
 
 
 def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
-    """Start the graph, say which nodes are ready, and wait for the end; GraphFailure if a node ends by itself, or says nothing."""
+    """Start the graph, say which nodes are ready, and wait for the end; GraphFailure if a node
+    ends by itself, or says nothing.
+    """
     from dart_skill_nodes.client.graph_client import GraphClient
     from dart_skill_nodes.comms.running_nodes import ENDING
 
@@ -175,7 +254,9 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
             if status.strangers and not is_up:
                 raise _run_already(status.strangers)
             if status.silent and time.monotonic() > until:
-                raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s")
+                raise GraphFailure(
+                    f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s"
+                )
             if not (status.silent or is_up):
                 is_up = True
                 _tell_up(client, options, graph, tell)
@@ -183,13 +264,19 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
 
 
 def _tell_up(client: "GraphClient", options: argparse.Namespace, graph: Graph, tell) -> None:
-    """All nodes are ready; the learner has the model that was asked for. GraphFailure where it refuses that."""
+    """All nodes are ready; the learner has the model that was asked for. GraphFailure where it
+    refuses that.
+    """
     model = f"model {client.load(options.model)}; " if options.model else ""
     then = NEXT[options.layout]
     if options.model and options.layout in SIMULATED:
         then = "dart-skill execute" if options.skill not in ("", THROW) else "dart-skill throw"
     then = of_graph(then, options.namespace)
-    tell("up", message=f"all nodes are ready; {model}logs in {graph.logs}; Ctrl-C ends them", next=then)
+    tell(
+        "up",
+        message=f"all nodes are ready; {model}logs in {graph.logs}; Ctrl-C ends them",
+        next=then,
+    )
 
 
 def dead(graph: Graph, tell) -> str:

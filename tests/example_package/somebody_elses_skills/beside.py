@@ -1,4 +1,6 @@
-"""Stand a part beside a holder: a skill for the whole graph. A person shows it, the arm learns it, and the cameras say what came of it."""
+"""Stand a part beside a holder: a skill for the whole graph. A person shows it, the arm learns it,
+and the cameras say what came of it.
+"""
 
 import numpy as np
 
@@ -22,7 +24,11 @@ class Beside(Skill):
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         holder = Place.configured().draw(rng, wide=False).pose("holder")
-        level = holder.position * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.1603]  # it stands on the table itself
+        level = holder.position * [1.0, 1.0, 0.0] + [
+            0.0,
+            0.0,
+            1.1603,
+        ]  # it stands on the table itself
         return Situation({"holder": Pose(level, holder.quaternion)})
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
@@ -30,4 +36,9 @@ class Beside(Skill):
         stands = situation.pose("holder").sees(part.pose_at(part.time[-1])).position
         miss = (stands - STANDS.position) * [1.0, 1.0, 0.0]
         error = float(np.linalg.norm(miss))
-        return TaskOutcome(error < NEAR, error, "" if error < NEAR else f"the part stands {1e3 * error:.0f} mm from there", miss)
+        return TaskOutcome(
+            error < NEAR,
+            error,
+            "" if error < NEAR else f"the part stands {1e3 * error:.0f} mm from there",
+            miss,
+        )

@@ -1,4 +1,6 @@
-"""Press a button: the smallest skill. Between bodies everything has a default; only what counts as pressed must be said."""
+"""Press a button: the smallest skill. Between bodies everything has a default; only what counts as
+pressed must be said.
+"""
 
 from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration, TaskOutcome
 
@@ -13,4 +15,8 @@ class Press(Skill):
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
         last = seen.track(HAND).pose_at(seen.hand_time[-1])
         error = float(abs(situation.pose("button").sees(last).position).max())
-        return TaskOutcome(error < NEAR, error, "" if error < NEAR else f"the hand ended {1e3 * error:.0f} mm from the button")
+        return TaskOutcome(
+            error < NEAR,
+            error,
+            "" if error < NEAR else f"the hand ended {1e3 * error:.0f} mm from the button",
+        )

@@ -1,4 +1,6 @@
-"""Motors and friction: limits per motor written out, and friction as closed forms of a single joint."""
+"""Motors and friction: limits per motor written out, and friction as closed forms of a single
+joint.
+"""
 
 import numpy as np
 import pytest
@@ -39,7 +41,9 @@ def run(actuation, inertia, torque, velocity, duration):
     """Joint velocities (n + 1, 7) under constant torque and inertia."""
     velocities = [np.array(velocity, dtype=float)]
     for _ in range(round(duration / STEP)):
-        velocities.append(velocities[-1] + STEP * actuation.acceleration(inertia, torque, velocities[-1], STEP))
+        velocities.append(
+            velocities[-1] + STEP * actuation.acceleration(inertia, torque, velocities[-1], STEP)
+        )
     return np.array(velocities)
 
 
@@ -51,17 +55,25 @@ def test_a_torque_within_all_limits_arrives(actuation):
 @pytest.mark.parametrize("joint", range(7))
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_no_more_than_the_peak_torque_arrives(actuation, joint, sign):
-    np.testing.assert_allclose(actuation.deliverable(one(joint, sign * 1e4), np.zeros(7)), one(joint, sign * PEAK[joint]), atol=1e-9)
+    np.testing.assert_allclose(
+        actuation.deliverable(one(joint, sign * 1e4), np.zeros(7)),
+        one(joint, sign * PEAK[joint]),
+        atol=1e-9,
+    )
 
 
 @pytest.mark.parametrize("joint", range(7))
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_no_torque_is_left_at_the_no_load_speed_and_braking_beyond(actuation, joint, sign):
     asked, velocity = one(joint, sign * PEAK[joint]), one(joint, sign * alone(joint))
-    np.testing.assert_allclose(actuation.deliverable(asked, velocity), 0.0, atol=1e-2 * PEAK[joint])
+    np.testing.assert_allclose(
+        actuation.deliverable(asked, velocity), 0.0, atol=1e-2 * PEAK[joint]
+    )
     beyond = actuation.deliverable(asked, 1.1 * velocity)
     stall = np.abs(MOTORS.joint_to_motor[:, joint]) @ MOTORS.stall_torque
-    assert sign * beyond[joint] == pytest.approx(-0.1 * stall, rel=0.02), "the line of torque over speed goes on"
+    assert sign * beyond[joint] == pytest.approx(-0.1 * stall, rel=0.02), (
+        "the line of torque over speed goes on"
+    )
 
 
 @pytest.mark.parametrize("joint", range(7))
@@ -75,11 +87,15 @@ def test_torque_falls_linearly_to_the_no_load_speed(actuation, share):
     """J1 has a motor of its own: N tau_stall (1 - v / v0), where that is below the peak."""
     line = 42.0 * MOTORS.stall_torque[0] * (1 - share)
     expected = min(PEAK[0], line)
-    assert actuation.deliverable(one(0, 1e3), one(0, share * alone(0)))[0] == pytest.approx(expected, rel=1e-6)
+    assert actuation.deliverable(one(0, 1e3), one(0, share * alone(0)))[0] == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 def test_shared_motors_are_limited_by_the_speeds_of_both_joints(actuation):
-    """J2 at 2 rad/s alone keeps its torque; with J3 turning at -4 rad/s one of the two motors runs beyond its no-load speed."""
+    """J2 at 2 rad/s alone keeps its torque; with J3 turning at -4 rad/s one of the two motors runs
+    beyond its no-load speed.
+    """
     alone_fast = actuation.deliverable(one(1, 100.0), one(1, 2.0))
     np.testing.assert_allclose(alone_fast, one(1, 100.0), atol=1e-9)
     velocity = one(1, 2.0) + one(2, -4.0)
@@ -87,11 +103,17 @@ def test_shared_motors_are_limited_by_the_speeds_of_both_joints(actuation):
     assert first > MOTORS.no_load_speed[1] > abs(second)
     stall, slope = MOTORS.stall_torque[1], MOTORS.stall_torque[1] / MOTORS.no_load_speed[1]
     share = 100.0 / 28.25 / 2  # of either motor, one forwards and one backwards
-    motor = np.clip([share, -share], -stall - slope * np.array([first, second]), stall - slope * np.array([first, second]))
+    motor = np.clip(
+        [share, -share],
+        -stall - slope * np.array([first, second]),
+        stall - slope * np.array([first, second]),
+    )
     expected = one(1, 28.25 * (motor[0] - motor[1])) + one(2, -16.8155 * (motor[0] + motor[1]))
     delivered = actuation.deliverable(one(1, 100.0), velocity)
     np.testing.assert_allclose(delivered, expected, atol=1e-9)
-    assert delivered[1] < 99.0 and abs(delivered[2]) > 1.0, "the limit of one motor shows at both joints"
+    assert delivered[1] < 99.0 and abs(delivered[2]) > 1.0, (
+        "the limit of one motor shows at both joints"
+    )
 
 
 def test_joints_with_motors_of_their_own_do_not_feel_each_other(actuation):
@@ -167,7 +189,9 @@ def test_without_friction_acceleration_is_that_of_the_torque(inertia):
     rng = np.random.default_rng(4)
     torque, velocity = rng.normal(size=7), rng.normal(size=7)
     acceleration = Actuation(WAM, friction_scale=0.0).acceleration(inertia, torque, velocity, STEP)
-    np.testing.assert_allclose(acceleration, np.linalg.solve(inertia, torque), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        acceleration, np.linalg.solve(inertia, torque), rtol=1e-9, atol=1e-9
+    )
 
 
 def test_friction_scale_multiplies_both_kinds():
@@ -179,12 +203,19 @@ def test_friction_scale_multiplies_both_kinds():
 def test_compiled_and_interpreted_have_the_same_bits():
     plain, rng = interpreted("dart_skill.arm._actuation"), np.random.default_rng(0)
     for stiction in (0.0, 0.3):
-        pair = [kind(WAM, friction_scale=1.3, motor_scale=0.8, stiction=stiction) for kind in (Actuation, plain.Actuation)]
+        pair = [
+            kind(WAM, friction_scale=1.3, motor_scale=0.8, stiction=stiction)
+            for kind in (Actuation, plain.Actuation)
+        ]
         for _ in range(20):
             torque, velocity = 80.0 * rng.standard_normal(7), 3.0 * rng.standard_normal(7)
             inertia = ArmModel(WAM).mass_matrix(rng.standard_normal(7))
-            ours, theirs = ([one.deliverable(torque, velocity), one.braking(velocity), one.damping(velocity)] for one in pair)
             ours, theirs = (
-                [*done, one.acceleration(inertia, torque, velocity, STEP)] for done, one in zip((ours, theirs), pair, strict=True)
+                [one.deliverable(torque, velocity), one.braking(velocity), one.damping(velocity)]
+                for one in pair
+            )
+            ours, theirs = (
+                [*done, one.acceleration(inertia, torque, velocity, STEP)]
+                for done, one in zip((ours, theirs), pair, strict=True)
             )
             np.testing.assert_array_equal(ours, theirs)

@@ -1,4 +1,6 @@
-"""What is kept of one state of the arm, beside what Pinocchio says of it when it is asked for each thing by itself."""
+"""What is kept of one state of the arm, beside what Pinocchio says of it when it is asked for each
+thing by itself.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -7,7 +9,10 @@ import pytest
 from dart_skill.arm import ArmModel
 from tests.interpreted import interpreted
 
-NAMES = "q qd position rotation jacobian velocity hand_speed elbow_speed gravity inertia coriolis drift".split()
+NAMES = (
+    "q qd position rotation jacobian velocity hand_speed elbow_speed gravity inertia coriolis"
+    " drift".split()
+)
 
 
 def states(n=20, seed=0):
@@ -36,26 +41,36 @@ def test_the_terms_are_those_that_pinocchio_says_one_by_one(ball_in_hand):
             "coriolis": other.coriolis_torque(q, qd), "drift": other.jacobian_drift(q, qd),
         }  # fmt: skip
         for name in NAMES:
-            np.testing.assert_allclose(found[name], expected[name], rtol=1e-11, atol=1e-12, err_msg=name)
-        np.testing.assert_allclose(model.at(q, qd).inertial_torque(qd), other.mass_matrix(q) @ qd, rtol=1e-11, atol=1e-12)
+            np.testing.assert_allclose(
+                found[name], expected[name], rtol=1e-11, atol=1e-12, err_msg=name
+            )
+        np.testing.assert_allclose(
+            model.at(q, qd).inertial_torque(qd), other.mass_matrix(q) @ qd, rtol=1e-11, atol=1e-12
+        )
 
 
 def test_whatever_was_asked_before_the_terms_are_those_of_the_state():
     """Other speeds at the same angles, angles without speeds, and the questions in any order."""
     model, rng = ArmModel(), np.random.default_rng(1)
     (q, qd), (other, faster) = states(2, seed=2)
-    expected = {(id(a), id(b)): all_of(ArmModel().at(a, b)) for a in (q, other) for b in (qd, faster)}
+    expected = {
+        (id(a), id(b)): all_of(ArmModel().at(a, b)) for a in (q, other) for b in (qd, faster)
+    }
     for _ in range(200):
         a, b = (q, other)[rng.integers(2)], (qd, faster)[rng.integers(2)]
         if rng.random() < 0.3:
             model.at(a).find_gravity()
         terms = model.at(a, b)
-        for question in rng.permutation(["find_gravity", "find_inertia", "find_coriolis"])[: rng.integers(4)]:
+        for question in rng.permutation(["find_gravity", "find_inertia", "find_coriolis"])[
+            : rng.integers(4)
+        ]:
             getattr(terms, question)()
         if rng.random() < 0.5:
             found = all_of(terms)
             for name in NAMES:
-                np.testing.assert_array_equal(found[name], expected[id(a), id(b)][name], err_msg=name)
+                np.testing.assert_array_equal(
+                    found[name], expected[id(a), id(b)][name], err_msg=name
+                )
 
 
 def test_an_array_that_was_changed_in_place_is_another_state():
@@ -64,7 +79,9 @@ def test_an_array_that_was_changed_in_place_is_another_state():
     q[1] += 0.2
     after = model.hand_state(q, qd)
     np.testing.assert_allclose(after.position, model.hand_pose(q)[0], atol=1e-12)
-    assert np.linalg.norm(after.position - before.position) > 0.1, "what was said of the first state stays"
+    assert np.linalg.norm(after.position - before.position) > 0.1, (
+        "what was said of the first state stays"
+    )
 
 
 @pytest.mark.parametrize(("q", "qd"), [(6, 7), (7, 8), (0, 0), (8, None)])
@@ -77,12 +94,21 @@ def test_a_state_of_another_arm_is_refused(q, qd):
 def test_a_number_that_is_not_finite_is_found(odd):
     model, still, strange = ArmModel(), np.zeros(7), np.where(np.arange(7) == 3, odd, 0.0)
     assert model.at(still, still).are_finite
-    assert not model.at(still, strange).are_finite and not model.at(strange, still).are_finite and not model.at(strange, strange).are_finite
+    assert (
+        not model.at(still, strange).are_finite
+        and not model.at(strange, still).are_finite
+        and not model.at(strange, strange).are_finite
+    )
 
 
 def test_compiled_and_interpreted_have_the_same_bits():
     plain, model = interpreted("dart_skill.arm._arm_terms"), ArmModel(ball_in_hand=True)
-    theirs = plain.ArmTerms(pin, model._model, model._model.frames[model._hand].placement, model.description.motors.reflected_inertia)
+    theirs = plain.ArmTerms(
+        pin,
+        model._model,
+        model._model.frames[model._hand].placement,
+        model.description.motors.reflected_inertia,
+    )
     for q, qd in states():
         ours = model.at(q, qd)
         theirs.take(q, qd)
@@ -102,4 +128,6 @@ def test_the_elbow_is_where_pinocchio_has_it_and_stays_what_it_was():
     for position, jacobian, q in kept:
         pin.computeJointJacobians(model._model, data, q)
         np.testing.assert_array_equal(position, data.oMi[4].translation)
-        np.testing.assert_array_equal(jacobian, pin.getJointJacobian(model._model, data, 4, pin.LOCAL_WORLD_ALIGNED)[:3])
+        np.testing.assert_array_equal(
+            jacobian, pin.getJointJacobian(model._model, data, 4, pin.LOCAL_WORLD_ALIGNED)[:3]
+        )

@@ -1,4 +1,6 @@
-"""The commander: its modes in order, its limits, what it does when something is wrong, and how well a plan is followed on the plant."""
+"""The commander: its modes in order, its limits, what it does when something is wrong, and how
+well a plan is followed on the plant.
+"""
 
 from dataclasses import fields, replace
 
@@ -28,12 +30,23 @@ from dart_skill.common.configuration import node_parameters
 REST = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 MS = 1_000_000
 PERIOD = 2 * MS
-ORDER = [Mode.HOLDING, Mode.APPROACHING, Mode.SETTLING, Mode.EXECUTING, Mode.FOLLOWING_THROUGH, Mode.HOLDING]
+ORDER = [
+    Mode.HOLDING,
+    Mode.APPROACHING,
+    Mode.SETTLING,
+    Mode.EXECUTING,
+    Mode.FOLLOWING_THROUGH,
+    Mode.HOLDING,
+]
 MODEL = ArmModel()
 
 
 def at(stamp_ns, position=REST, velocity=None):
-    return ArmState(stamp_ns, np.array(position, dtype=float), np.zeros(7) if velocity is None else np.array(velocity, dtype=float))
+    return ArmState(
+        stamp_ns,
+        np.array(position, dtype=float),
+        np.zeros(7) if velocity is None else np.array(velocity, dtype=float),
+    )
 
 
 class Run:
@@ -57,7 +70,10 @@ class Run:
             self.step()
             if done():
                 return self
-        raise AssertionError(f"nothing came of it in {longest} steps: {self.commander.mode}, {self.commander.message}")
+        raise AssertionError(
+            f"nothing came of it in {longest} steps: {self.commander.mode},"
+            f" {self.commander.message}"
+        )
 
     @property
     def sequence(self):
@@ -96,9 +112,15 @@ def test_every_state_is_answered_with_its_stamp_in_every_mode(begin, plan):
     run.step()
     run.commander.stop("enough")
     run.step()
-    assert all(command.stamp_ns == state.stamp_ns for command, state in zip(run.commands, run.states, strict=True))
+    assert all(
+        command.stamp_ns == state.stamp_ns
+        for command, state in zip(run.commands, run.states, strict=True)
+    )
     assert set(run.modes) == set(Mode) - {Mode.STOPPING}
-    assert all(np.isfinite(command.wrench).all() and np.isfinite(command.joint_torque).all() for command in run.commands)
+    assert all(
+        np.isfinite(command.wrench).all() and np.isfinite(command.joint_torque).all()
+        for command in run.commands
+    )
 
 
 def test_at_first_the_arm_is_held_where_it_is_found():
@@ -114,9 +136,14 @@ def test_the_arm_moves_to_a_posture_slowly_and_is_held_there(begin, plan):
     takes = run.commander.move_to(REST, run.plant.arm_state)
     begun = len(run.states)
     run.until(lambda: not run.commander.moving)
-    assert run.sequence[-2:] == [Mode.MOVING, Mode.HOLDING] and takes == pytest.approx(1.875 * way / run.commander.settings.approach_speed)
+    assert run.sequence[-2:] == [Mode.MOVING, Mode.HOLDING] and takes == pytest.approx(
+        1.875 * way / run.commander.settings.approach_speed
+    )
     assert len(run.states) - begun == pytest.approx(takes * 500, abs=2)
-    assert max(np.abs(state.velocity).max() for state in run.states[begun:]) < 1.1 * run.commander.settings.approach_speed
+    assert (
+        max(np.abs(state.velocity).max() for state in run.states[begun:])
+        < 1.1 * run.commander.settings.approach_speed
+    )
     for _ in range(250):
         run.step()
     assert run.plant.arm_state.position == pytest.approx(REST, abs=0.02)
@@ -140,7 +167,11 @@ def test_a_way_to_a_posture_is_stopped_and_nothing_else_begins_on_it(begin, plan
 
 @pytest.mark.parametrize(
     ("posture", "why"),
-    [([0.0, -2.3, 0, 0, 0, 0, 0], "j2 at -2.30 rad"), ([np.nan] * 7, "finite"), ([0.0] * 6, "7 finite joint angles")],
+    [
+        ([0.0, -2.3, 0, 0, 0, 0, 0], "j2 at -2.30 rad"),
+        ([np.nan] * 7, "finite"),
+        ([0.0] * 6, "7 finite joint angles"),
+    ],
 )
 def test_a_posture_that_cannot_be_is_refused(posture, why):
     commander = Commander()
@@ -165,7 +196,10 @@ def test_an_arm_that_is_stopped_until_a_reset_does_nothing_before_it():
         commander.reset()
     commander.step(at(PERIOD))
     assert commander.mode == Mode.HOLDING
-    for moving in (lambda: commander.move_to(REST, at(PERIOD)), lambda: commander.release_arm(True)):
+    for moving in (
+        lambda: commander.move_to(REST, at(PERIOD)),
+        lambda: commander.release_arm(True),
+    ):
         with pytest.raises(PlanRefused, match="stopped by hand, and stays so until it is reset"):
             moving()
     commander.stop("another reason", until_reset=True)
@@ -200,7 +234,9 @@ def test_a_free_arm_is_left_to_gravity_compensation():
     np.testing.assert_array_equal(command.joint_torque, 0.0)
     commander.release_arm(False)
     np.testing.assert_array_equal(commander.step(at(2 * PERIOD, REST + 0.2)).joint_torque, 0.0)
-    assert (commander.step(at(3 * PERIOD, REST + 0.201)).joint_torque < 0).all(), "held where it is now, not where it was before"
+    assert (commander.step(at(3 * PERIOD, REST + 0.201)).joint_torque < 0).all(), (
+        "held where it is now, not where it was before"
+    )
 
 
 def test_an_arm_that_is_held_does_not_sag(make_plant):
@@ -225,10 +261,15 @@ def test_the_arm_follows_through_to_rest_soon_after_the_release(begin, make_plan
     whole = make_plan()
     n = int(np.searchsorted(whole.path.time, end)) + 1
     cut = HandPath(*(getattr(whole.path, f.name)[:n] for f in fields(HandPath)))
-    attractor = {name: getattr(whole, name)[:n] for name in ("attractor_position", "attractor_quaternion")}
+    attractor = {
+        name: getattr(whole, name)[:n] for name in ("attractor_position", "attractor_quaternion")
+    }
     run = finish(begin(replace(whole, path=cut, **attractor)))
     assert run.sequence == ORDER
-    thrown, through = (2e-3 * len(run.during(mode, run.states)) for mode in (Mode.EXECUTING, Mode.FOLLOWING_THROUGH))
+    thrown, through = (
+        2e-3 * len(run.during(mode, run.states))
+        for mode in (Mode.EXECUTING, Mode.FOLLOWING_THROUGH)
+    )
     expected = min(cut.duration, whole.release + CommanderSettings.configured().follow_time)
     assert thrown == pytest.approx(expected, abs=5e-3)
     assert 0.05 < through < 0.8, through
@@ -256,7 +297,10 @@ def test_a_throw_waits_until_the_arm_is_quiet_but_not_for_ever(plan, speed, sett
     for k in range(1, 1000):
         commander.step(at(k * PERIOD, plan.start_posture, np.full(7, speed)))
         modes.append(commander.mode)
-    assert modes.count(Mode.SETTLING) * 2e-3 == pytest.approx(settling, abs=3e-3) and Mode.EXECUTING in modes
+    assert (
+        modes.count(Mode.SETTLING) * 2e-3 == pytest.approx(settling, abs=3e-3)
+        and Mode.EXECUTING in modes
+    )
 
 
 def test_a_feasible_plan_is_followed_to_three_millimetres_until_the_release(begin, plan):
@@ -268,9 +312,13 @@ def test_a_feasible_plan_is_followed_to_three_millimetres_until_the_release(begi
 
 
 def test_the_ball_lands_where_the_plan_says(begin, plan):
-    """The commander, the plant and the plan's own prediction agree to a few centimetres where the hand has no spread."""
+    """The commander, the plant and the plan's own prediction agree to a few centimetres where the
+    hand has no spread.
+    """
     run = begin(plan, hand_spread=0.0)
-    run.until(lambda: run.plant.state.ball_position[2] < plan.target[2] and not run.plant.state.ball_held)
+    run.until(
+        lambda: run.plant.state.ball_position[2] < plan.target[2] and not run.plant.state.ball_held
+    )
     miss = run.plant.state.ball_position - plan.predicted_landing
     assert np.linalg.norm(miss) < 0.05, miss
 
@@ -280,9 +328,13 @@ def test_the_hand_is_told_to_open_in_time_and_until_the_arm_rests(begin, plan):
     run = finish(begin(plan))
     told = [k for k, command in enumerate(run.commands) if command.grip != Grip.UNSPECIFIED]
     assert all(run.commands[k].grip == Grip.OPEN for k in told)
-    assert told == list(range(told[0], len(run.commands) - run.modes[::-1].index(Mode.FOLLOWING_THROUGH)))
+    assert told == list(
+        range(told[0], len(run.commands) - run.modes[::-1].index(Mode.FOLLOWING_THROUGH))
+    )
     begun = run.modes.index(Mode.EXECUTING)
-    assert (run.states[told[0]].stamp_ns - run.states[begun].stamp_ns) * 1e-9 == pytest.approx(plan.open_hand, abs=2.1e-3)
+    assert (run.states[told[0]].stamp_ns - run.states[begun].stamp_ns) * 1e-9 == pytest.approx(
+        plan.open_hand, abs=2.1e-3
+    )
     assert run.commander.opened_ns == run.states[told[0]].stamp_ns
 
 
@@ -294,17 +346,26 @@ def test_two_throws_one_after_the_other(begin, plan):
     finish(run)
     assert run.sequence == ORDER + ORDER[1:]
     told = [command.grip == Grip.OPEN for command in run.commands]
-    assert np.count_nonzero(np.diff(told, prepend=False, append=False)) == 4, "told twice, each time for a while"
+    assert np.count_nonzero(np.diff(told, prepend=False, append=False)) == 4, (
+        "told twice, each time for a while"
+    )
 
 
 def test_the_wrench_is_cut_at_its_limits(begin, plan):
-    weak = CommanderSettings.configured(strongest_force=20.0, strongest_moment=0.5, farthest_error=10.0)
+    weak = CommanderSettings.configured(
+        strongest_force=20.0, strongest_moment=0.5, farthest_error=10.0
+    )
     run = finish(begin(plan, weak))
     wrenches = np.array([command.wrench for command in run.commands])
-    force, moment = np.linalg.norm(wrenches[:, :3], axis=1), np.linalg.norm(wrenches[:, 3:], axis=1)
+    force, moment = (
+        np.linalg.norm(wrenches[:, :3], axis=1),
+        np.linalg.norm(wrenches[:, 3:], axis=1),
+    )
     assert force.max() == pytest.approx(20.0) and moment.max() == pytest.approx(0.5)
     free = finish(begin(plan))
-    assert max(np.linalg.norm(command.wrench[:3]) for command in free.commands) > 20.0, "the limit mattered"
+    assert max(np.linalg.norm(command.wrench[:3]) for command in free.commands) > 20.0, (
+        "the limit mattered"
+    )
 
 
 # stopping
@@ -318,12 +379,19 @@ def test_a_throw_that_is_cancelled_comes_to_rest_within_a_second(begin, plan, in
     assert not run.commander.executing
     stopped = len(run.states)
     run.until(lambda: run.commander.mode == Mode.HOLDING)
-    assert run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING] and run.commander.message == "cancelled"
+    assert (
+        run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING] and run.commander.message == "cancelled"
+    )
     assert (len(run.states) - stopped) * 2e-3 < 1.0
     for _ in range(100):
         run.step()
     assert np.abs(run.states[-1].velocity).max() < 0.01
-    energy = np.array([0.5 * s.velocity @ MODEL.mass_matrix(s.position) @ s.velocity for s in run.states[stopped:]])
+    energy = np.array(
+        [
+            0.5 * s.velocity @ MODEL.mass_matrix(s.position) @ s.velocity
+            for s in run.states[stopped:]
+        ]
+    )
     assert energy.max() < 1.05 * energy[0], "a damped stop does not speed up"
     if instant < plan.open_hand:
         assert run.plant.state.ball_held
@@ -334,7 +402,10 @@ def test_an_arm_that_creeps_on_is_held_in_the_end():
     commander.step(at(0))
     commander.stop("enough")
     stamps = PERIOD * np.arange(1, 1500)
-    modes = [(commander.step(at(int(ns), velocity=np.full(7, 0.06))), commander.mode)[1] for ns in stamps]
+    modes = [
+        (commander.step(at(int(ns), velocity=np.full(7, 0.06))), commander.mode)[1]
+        for ns in stamps
+    ]
     assert modes[0] == Mode.STOPPING and modes[-1] == Mode.HOLDING
 
 
@@ -344,7 +415,9 @@ def test_a_throw_can_be_stopped_before_it_begins(begin, plan, mode):
     run.until(lambda: run.commander.mode == mode)
     run.commander.stop("changed my mind")
     run.until(lambda: run.commander.mode == Mode.HOLDING)
-    assert Mode.EXECUTING not in run.modes and all(command.grip == Grip.UNSPECIFIED for command in run.commands)
+    assert Mode.EXECUTING not in run.modes and all(
+        command.grip == Grip.UNSPECIFIED for command in run.commands
+    )
 
 
 def test_a_stop_right_after_the_request_wins(begin, plan):
@@ -352,21 +425,34 @@ def test_a_stop_right_after_the_request_wins(begin, plan):
     run.commander.stop("never mind")
     for _ in range(50):
         run.step()
-    assert set(run.modes) <= {Mode.HOLDING, Mode.STOPPING} and run.commander.message == "never mind"
+    assert (
+        set(run.modes) <= {Mode.HOLDING, Mode.STOPPING} and run.commander.message == "never mind"
+    )
 
 
 def test_an_arm_that_strays_from_the_plan_is_stopped_with_the_distance(begin, plan):
-    run = begin(plan, CommanderSettings.configured(strongest_force=1.0, tracking_stiffness=0.0, tracking_damping=0.0))
+    run = begin(
+        plan,
+        CommanderSettings.configured(
+            strongest_force=1.0, tracking_stiffness=0.0, tracking_damping=0.0
+        ),
+    )
     run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.executing)
     assert run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING]
-    assert "m from the plan, farther than the limit of 0.15 m" in run.commander.message, run.commander.message
+    assert "m from the plan, farther than the limit of 0.15 m" in run.commander.message, (
+        run.commander.message
+    )
 
 
 def test_a_hand_that_is_too_fast_is_stopped_with_its_speed(plan):
     commander = Commander()
     stamp = throwing(commander, plan)
     command = commander.step(at(stamp + PERIOD, plan.start_posture, [0.0, 8.0, 0, 0, 0, 0, 0]))
-    assert commander.mode == Mode.STOPPING and "moves at" in commander.message and "the limit of a throw is" in commander.message
+    assert (
+        commander.mode == Mode.STOPPING
+        and "moves at" in commander.message
+        and "the limit of a throw is" in commander.message
+    )
     assert command.joint_torque[1] < 0
 
 
@@ -376,23 +462,35 @@ def test_an_arm_that_passed_a_limit_moves_no_more_until_it_is_reset(plan):
     fast = [0.0, 2.0, 0, 0, 0, 0, 0]
     commander.step(at(0, plan.start_posture, np.zeros(7)))
     commander.release_arm(True)
-    assert commander.step(at(PERIOD, plan.start_posture, fast)).speed is Speed.THROW and not commander.stopped_by
+    assert (
+        commander.step(at(PERIOD, plan.start_posture, fast)).speed is Speed.THROW
+        and not commander.stopped_by
+    )
     commander.release_arm(False)
     commander.step(at(2 * PERIOD, plan.start_posture, np.zeros(7)))
     commander.step(at(3 * PERIOD, plan.start_posture, fast))
     assert "the limit of an arm that does not throw is 1" in commander.stopped_by
     for step in range(4, 20):
         commander.step(at(step * PERIOD, plan.start_posture, np.zeros(7)))
-    with pytest.raises(PlanRefused, match="the arm is stopped: the (hand|elbow) moves at .* and stays so until it is reset"):
+    with pytest.raises(
+        PlanRefused,
+        match="the arm is stopped: the (hand|elbow) moves at .* and stays so until it is reset",
+    ):
         commander.execute(plan.motion)
     commander.reset()
     commander.execute(plan.motion)
 
 
 def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
-    """With a pull towards a hand that is far away: the whole command is weakened, so that it pulls where it did."""
+    """With a pull towards a hand that is far away: the whole command is weakened, so that it pulls
+    where it did.
+    """
     limits = CommanderSettings.configured(torque_share=0.45, farthest_error=10.0)
-    commander, model, peak = Commander(limits), ArmModel(), wam_description().of_joints("peak_torque")
+    commander, model, peak = (
+        Commander(limits),
+        ArmModel(),
+        wam_description().of_joints("peak_torque"),
+    )
     stamp = throwing(commander, plan)
     position = plan.start_posture + 0.3
     commander.step(at(stamp + PERIOD, plan.start_posture + 0.15, np.zeros(7)))
@@ -417,10 +515,18 @@ def test_a_state_to_which_the_arm_cannot_have_come_is_refused_and_changes_nothin
     commander = Commander()
     before = commander.step(at(PERIOD))
     for wrong in (REST[::-1], REST + 0.3, REST + 1e300):
-        with pytest.raises(ValueError, match=r"jumped by \S+ rad within 0.002 s: that is another arm, or the message is damaged"):
+        with pytest.raises(
+            ValueError,
+            match=(
+                r"jumped by \S+ rad within 0.002 s: that is another arm, or the message is damaged"
+            ),
+        ):
             commander.step(at(2 * PERIOD, wrong))
     after = commander.step(at(2 * PERIOD, REST + 0.03))
-    assert commander.mode == Mode.HOLDING and np.abs(after.joint_torque - before.joint_torque).max() > 0.0
+    assert (
+        commander.mode == Mode.HOLDING
+        and np.abs(after.joint_torque - before.joint_torque).max() > 0.0
+    )
     commander.step(at(2 * PERIOD + 1000 * MS, REST[::-1]))  # after a gap it may be anywhere
 
 
@@ -484,25 +590,42 @@ def refused(plan, pattern, settings=None):
 
 
 def test_a_plan_that_starts_outside_the_joint_limits_is_refused(plan):
-    refused(replace(plan, start_posture=np.array([0.0, -2.3, 0, 0, 0, 0, 0])), r"j2 at -2\.30 rad, outside -2\.00 to 2\.00")
+    refused(
+        replace(plan, start_posture=np.array([0.0, -2.3, 0, 0, 0, 0, 0])),
+        r"j2 at -2\.30 rad, outside -2\.00 to 2\.00",
+    )
 
 
 def test_a_plan_that_is_too_fast_is_refused(plan):
     speed = np.linalg.norm(plan.path.velocity[:, :3], axis=1).max()
-    refused(plan, rf"{speed:.2f} m/s; the limit of a throw is 2\.0 m/s", CommanderSettings.configured(fastest_hand=2.0))
+    refused(
+        plan,
+        rf"{speed:.2f} m/s; the limit of a throw is 2\.0 m/s",
+        CommanderSettings.configured(fastest_hand=2.0),
+    )
 
 
 def test_a_plan_whose_path_does_not_begin_at_the_start_posture_is_refused(plan):
-    refused(replace(plan, start_posture=plan.start_posture + [0.2, 0, 0, 0, 0, 0, 0]), r"holds the hand 0\.\d+ m and 0\.20 rad from")
+    refused(
+        replace(plan, start_posture=plan.start_posture + [0.2, 0, 0, 0, 0, 0, 0]),
+        r"holds the hand 0\.\d+ m and 0\.20 rad from",
+    )
     twisted = plan.start_posture + [0, 0, 0, 0, 0, 0, 0.5]
-    refused(replace(plan, start_posture=twisted), r"holds the hand 0\.000 m and 0\.50 rad from where the path begins")
+    refused(
+        replace(plan, start_posture=twisted),
+        r"holds the hand 0\.000 m and 0\.50 rad from where the path begins",
+    )
 
 
 def test_a_plan_beyond_the_reach_of_the_arm_is_refused(plan):
-    """The path leaves the arm's sphere before the release; afterwards nobody has to follow it so exactly."""
+    """The path leaves the arm's sphere before the release; afterwards nobody has to follow it so
+    exactly.
+    """
     outwards = np.sin(np.pi * plan.path.time / plan.path.duration)[:, None] ** 2 * [0.0, 0.0, 0.5]
     far = replace(plan.path, position=plan.path.position + outwards)
-    refused(replace(plan, path=far), r"takes the hand 1\.\d+ m from the shoulder; the arm .* 0\.9\d+ m")
+    refused(
+        replace(plan, path=far), r"takes the hand 1\.\d+ m from the shoulder; the arm .* 0\.9\d+ m"
+    )
 
 
 def test_a_joint_that_comes_to_the_end_of_its_range_stops_the_throw(plan):
@@ -511,7 +634,10 @@ def test_a_joint_that_comes_to_the_end_of_its_range_stops_the_throw(plan):
     at_its_end = plan.start_posture.copy()
     at_its_end[3] = -0.89
     commander.step(at(stamp + PERIOD, at_its_end, np.full(7, 0.2)))
-    assert commander.mode == Mode.STOPPING and "j4 is at -0.890 rad, closer than 0.02 rad" in commander.message
+    assert (
+        commander.mode == Mode.STOPPING
+        and "j4 is at -0.890 rad, closer than 0.02 rad" in commander.message
+    )
 
 
 def test_only_one_throw_at_a_time(begin, plan):
@@ -552,7 +678,12 @@ def test_quaternions_of_a_plan_are_of_unit_length(plan):
 
 @pytest.mark.parametrize(
     "time",
-    [lambda t: t[::-1], lambda t: t * 0, lambda t: np.where(t > 0.5, np.nan, t), lambda t: t + 1.0],
+    [
+        lambda t: t[::-1],
+        lambda t: t * 0,
+        lambda t: np.where(t > 0.5, np.nan, t),
+        lambda t: t + 1.0,
+    ],
     ids=["falls", "stands", "nan", "late"],
 )
 def test_the_clock_of_a_path_starts_at_zero_and_runs(plan, time):
@@ -581,7 +712,10 @@ def test_settings_come_from_the_parameters_of_the_node():
     assert CommanderSettings.from_parameters(parameters) == CommanderSettings.configured()
     with pytest.raises(KeyError, match="fastest_foot"):
         CommanderSettings.configured(fastest_foot=1.0)
-    assert CommanderSettings.from_parameters({**parameters, "fastest_hand": 2.0}).limits.fastest_hand == 2.0
+    assert (
+        CommanderSettings.from_parameters({**parameters, "fastest_hand": 2.0}).limits.fastest_hand
+        == 2.0
+    )
 
 
 def test_a_held_command_does_not_open_the_hand_again():
@@ -592,31 +726,50 @@ def test_a_held_command_does_not_open_the_hand_again():
 
 
 def test_what_the_hand_is_told_acts_once_also_where_a_newer_command_overtakes_it():
-    """In real time the hand never opened: each command was held, and a held one does not tell the hand anything."""
+    """In real time the hand never opened: each command was held, and a held one does not tell the
+    hand anything.
+    """
     held = HeldCommand(0.05)
     assert held.answer_to(0) is None and not held.has_come
     held.take(Command(2, np.arange(6.0), grip=Grip.OPEN))
     held.take(Command(4, np.ones(6)))
     first, second = held.answer_to(6), held.answer_to(8)
-    assert (first.grip, second.grip) == (Grip.OPEN, Grip.UNSPECIFIED) and (first.stamp_ns, second.stamp_ns) == (6, 8)
+    assert (first.grip, second.grip) == (Grip.OPEN, Grip.UNSPECIFIED) and (
+        first.stamp_ns,
+        second.stamp_ns,
+    ) == (6, 8)
     np.testing.assert_array_equal([first.wrench, second.wrench], np.ones((2, 6)))
 
 
 def test_a_command_that_is_too_old_or_out_of_order_is_not_held():
     held = HeldCommand(0.05)
     held.take(Command(10_000_000, grip=Grip.OPEN))
-    with pytest.raises(ValueError, match="before the one of 10000000 ns that is obeyed: out of order"):
+    with pytest.raises(
+        ValueError, match="before the one of 10000000 ns that is obeyed: out of order"
+    ):
         held.take(Command(8_000_000))
     assert held.answer_to(60_000_001) is None
-    assert held.answer_to(60_000_000).grip == Grip.UNSPECIFIED, "what came too late for its state does not open the hand later"
+    assert held.answer_to(60_000_000).grip == Grip.UNSPECIFIED, (
+        "what came too late for its state does not open the hand later"
+    )
 
 
-@pytest.mark.parametrize("law", [{"tracking": "hand"}, {"tracking": "joints", "friction_compensation": 1.0}])
+@pytest.mark.parametrize(
+    "law", [{"tracking": "hand"}, {"tracking": "joints", "friction_compensation": 1.0}]
+)
 def test_the_arm_does_what_cameras_of_another_world_shall_see(begin, plan, law):
-    """Seen 2 cm too high and turned by 1 degree, the hand goes where the plan says it is seen, and not where it says it is."""
+    """Seen 2 cm too high and turned by 1 degree, the hand goes where the plan says it is seen, and
+    not where it says it is.
+    """
     turn = Rotation.from_euler("z", 1.0, degrees=True)
     seen = Registration(turn=turn.as_quat(), shift=(0.0, 0.0, 0.02))
-    run = finish(begin(replace(plan, registration=seen), CommanderSettings.configured(**law), gravity_error=0.0))
+    run = finish(
+        begin(
+            replace(plan, registration=seen),
+            CommanderSettings.configured(**law),
+            gravity_error=0.0,
+        )
+    )
     begun = run.modes.index(Mode.EXECUTING)
     k = begun + round(plan.release * 1e9) // PERIOD
     released = MODEL.hand_pose(run.states[k].position)[0]

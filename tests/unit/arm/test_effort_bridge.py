@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.arm import ArmModel, ArmState, BridgePhase, BridgeSettings, Command, EffortBridge, Grip
+from dart_skill.arm import (
+    ArmModel,
+    ArmState,
+    BridgePhase,
+    BridgeSettings,
+    Command,
+    EffortBridge,
+    Grip,
+)
 from dart_skill.common.configuration import node_parameters
 
 SETTINGS = BridgeSettings.from_parameters(node_parameters("effort_bridge.yaml", "effort_bridge"))
@@ -26,7 +34,9 @@ class Arm:
         self.ns += PERIOD
         self.now += 0.002
         qd = np.zeros(7) if qd is None else np.array(qd, dtype=float)
-        self.efforts.append(self.bridge.on_state(ArmState(self.ns, np.array(q, dtype=float), qd), self.now))
+        self.efforts.append(
+            self.bridge.on_state(ArmState(self.ns, np.array(q, dtype=float), qd), self.now)
+        )
         return self.efforts[-1]
 
     def command(self, frame="world", age_ns=0, **fields):
@@ -60,7 +70,10 @@ def active(arm):
 
 
 def test_efforts_are_wrench_joint_torque_and_gravity():
-    wrench, torque = np.array([5.0, -3.0, 4.0, 0.3, 0.2, -0.1]), np.array([1.0, 2.0, -1.0, 0.5, 0.2, -0.2, 0.05])
+    wrench, torque = (
+        np.array([5.0, -3.0, 4.0, 0.3, 0.2, -0.1]),
+        np.array([1.0, 2.0, -1.0, 0.5, 0.2, -0.2, 0.05]),
+    )
     for gravity in (True, False):
         efforts = Arm(gravity_compensation=gravity).rest(wrench=wrench, joint_torque=torque)
         expected = MODEL.jacobian(Q).T @ wrench + torque + gravity * MODEL.gravity_torque(Q)
@@ -69,7 +82,9 @@ def test_efforts_are_wrench_joint_torque_and_gravity():
 
 def test_efforts_are_cut_to_the_limits_of_the_joints_and_it_is_counted(arm):
     efforts = arm.rest(joint_torque=np.array([500.0, -500.0, 0.0, 0.0, 0.0, 0.0, 500.0]))
-    np.testing.assert_allclose(efforts[[0, 1, 6]], SETTINGS.torque_limit[[0, 1, 6]] * [1.0, -1.0, 1.0])
+    np.testing.assert_allclose(
+        efforts[[0, 1, 6]], SETTINGS.torque_limit[[0, 1, 6]] * [1.0, -1.0, 1.0]
+    )
     assert arm.bridge.clipped > 100
 
 
@@ -96,7 +111,9 @@ def test_before_the_first_state_no_command_is_taken(arm):
 def test_while_it_waits_the_joints_are_damped_and_held_against_gravity(arm):
     for _ in range(200):
         efforts = arm.state(qd=[0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(efforts, MODEL.gravity_torque(Q) - [10.0, 0, 0, 0, 0, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(
+        efforts, MODEL.gravity_torque(Q) - [10.0, 0, 0, 0, 0, 0, 0], atol=1e-9
+    )
 
 
 FAULTS = {
@@ -131,14 +148,20 @@ def gap(arm, ns):
 def test_a_fault_damps_the_joints_says_why_and_stays_until_it_is_reset(active, fault):
     cause, reason = FAULTS[fault]
     cause(active)
-    assert active.phase is BridgePhase.STOPPED and reason in active.bridge.message, active.bridge.message
+    assert active.phase is BridgePhase.STOPPED and reason in active.bridge.message, (
+        active.bridge.message
+    )
     told = active.bridge.message
     active.bridge.on_publishers(1)
     for _ in range(100):
         efforts = active.state(qd=[0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
         active.command(joint_torque=np.full(7, 2.0))
-    np.testing.assert_allclose(efforts, MODEL.gravity_torque(Q) - [0.0, 20.0, 0, 0, 0, 0, 0], atol=1e-9)
-    assert active.phase is BridgePhase.STOPPED and active.bridge.message == told, "good commands do not start the arm again"
+    np.testing.assert_allclose(
+        efforts, MODEL.gravity_torque(Q) - [0.0, 20.0, 0, 0, 0, 0, 0], atol=1e-9
+    )
+    assert active.phase is BridgePhase.STOPPED and active.bridge.message == told, (
+        "good commands do not start the arm again"
+    )
     assert active.bridge.reset(active.now) == "" and active.phase is BridgePhase.WAITING
     active.state()
     active.command()
@@ -156,7 +179,11 @@ def test_damping_has_a_limit(active):
     active.bridge.stop("a test")
     for _ in range(200):
         efforts = active.state(qd=np.full(7, 100.0))
-    expected = np.clip(MODEL.gravity_torque(Q) - SETTINGS.damping_limit, -SETTINGS.torque_limit, SETTINGS.torque_limit)
+    expected = np.clip(
+        MODEL.gravity_torque(Q) - SETTINGS.damping_limit,
+        -SETTINGS.torque_limit,
+        SETTINGS.torque_limit,
+    )
     np.testing.assert_allclose(efforts, expected, atol=1e-9)
 
 
@@ -189,7 +216,17 @@ def test_two_publishers_never_get_it_started(arm):
 
 
 def test_the_hand_is_told_once_to_open_and_again_in_the_next_throw(active):
-    said = [active.command(grip=grip) for grip in (Grip.UNSPECIFIED, Grip.OPEN, Grip.OPEN, Grip.UNSPECIFIED, Grip.OPEN, Grip.CLOSE)]
+    said = [
+        active.command(grip=grip)
+        for grip in (
+            Grip.UNSPECIFIED,
+            Grip.OPEN,
+            Grip.OPEN,
+            Grip.UNSPECIFIED,
+            Grip.OPEN,
+            Grip.CLOSE,
+        )
+    ]
     assert said == [None, True, None, None, True, False]
     active.bridge.stop("a test")
     assert active.command(grip=Grip.OPEN) is None
@@ -197,7 +234,11 @@ def test_the_hand_is_told_once_to_open_and_again_in_the_next_throw(active):
 
 @pytest.mark.parametrize(
     ("change", "said"),
-    [({"torque_limit": [1.0] * 6}, "torque_limit"), ({"damping": [0.0] * 7}, "damping"), ({"command_timeout": 0.0}, "command_timeout")],
+    [
+        ({"torque_limit": [1.0] * 6}, "torque_limit"),
+        ({"damping": [0.0] * 7}, "damping"),
+        ({"command_timeout": 0.0}, "command_timeout"),
+    ],
 )
 def test_settings_that_cannot_be_are_refused_by_name(change, said):
     with pytest.raises(ValueError, match=said):
@@ -205,17 +246,26 @@ def test_settings_that_cannot_be_are_refused_by_name(change, said):
 
 
 def test_a_throw_is_the_same_through_the_bridge_as_without(make_plant, plan):
-    """Limits and rates of config/ leave a throw as it is, but for its first instants and those of the braking."""
+    """Limits and rates of config/ leave a throw as it is, but for its first instants and those of
+    the braking.
+    """
     from dart_skill.arm import Commander, CommanderSettings, Mode
 
-    commander, plant = Commander(CommanderSettings.configured(tracking="joints", friction_compensation=1.0)), make_plant()
+    commander, plant = (
+        Commander(CommanderSettings.configured(tracking="joints", friction_compensation=1.0)),
+        make_plant(),
+    )
     commander.execute(plan.motion)
     bridge, worst = EffortBridge(SETTINGS), 0.0
     for step in range(900):
         state, now = plant.arm_state, 0.002 * step
         command = commander.step(state)
         bridge.on_state(state, now)
-        wanted = MODEL.jacobian(state.position).T @ command.wrench + command.joint_torque + MODEL.gravity_torque(state.position)
+        wanted = (
+            MODEL.jacobian(state.position).T @ command.wrench
+            + command.joint_torque
+            + MODEL.gravity_torque(state.position)
+        )
         bridge.on_command(command, "world", now)
         efforts = bridge.efforts()
         if commander.mode is Mode.EXECUTING and commander.time > 0.02:

@@ -1,4 +1,6 @@
-"""What the hand is told at each instant: plans whose clock is time or the state of the arm, events of the fingers, gains that change."""
+"""What the hand is told at each instant: plans whose clock is time or the state of the arm, events
+of the fingers, gains that change.
+"""
 
 from dataclasses import replace
 
@@ -54,7 +56,9 @@ def by_place(**rule):
 
 
 def hand_at(x, speed=SPEED, aside=0.0):
-    return HandState(np.array([x, aside, 1.0]), np.eye(3), np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    return HandState(
+        np.array([x, aside, 1.0]), np.eye(3), np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+    )
 
 
 def looks(guide, places, step=STEP):
@@ -70,7 +74,13 @@ def test_the_fingers_are_told_again_and_again_and_what_they_hold_is_known_when_t
     said = looks(PlanGuide(along_x(pace=pace), 0.05), SPEED * TIME)
     for k, now in enumerate(said):
         time = STEP * k
-        told = Grip.UNSPECIFIED if time < 0.5 - 1e-6 else Grip.CLOSE if time < 1.5 - 1e-6 else Grip.OPEN
+        told = (
+            Grip.UNSPECIFIED
+            if time < 0.5 - 1e-6
+            else Grip.CLOSE
+            if time < 1.5 - 1e-6
+            else Grip.OPEN
+        )
         assert now.grip == told, time
         assert now.carries == (0.6 + 1e-6 < time < 1.55 + 1e-6), time
 
@@ -89,7 +99,9 @@ def test_time_goes_on_whatever_the_hand_does_and_ends_a_little_after_the_end():
     said = looks(guide, np.zeros(len(TIME)))
     assert [now.time for now in said] == pytest.approx(STEP * np.arange(len(TIME)))
     assert [now.over for now in said] == [STEP * k > 1.95 + 1e-9 for k in range(len(TIME))]
-    assert said[100].off == pytest.approx(0.5) and said[191].off == 0.0, "after the end the hand may be anywhere"
+    assert said[100].off == pytest.approx(0.5) and said[191].off == 0.0, (
+        "after the end the hand may be anywhere"
+    )
 
 
 # a clock that the hand drives
@@ -102,21 +114,30 @@ def test_a_hand_that_does_what_is_planned_makes_the_clock_that_of_time():
         np.testing.assert_allclose(driven.reference.velocity, timed.reference.velocity, atol=1e-9)
 
 
-@pytest.mark.parametrize(("late", "rate"), [(0.009, 1.0), (0.020, 0.5), (0.5, 0.01), (-0.012, 1.1), (-0.5, 1.5)])
+@pytest.mark.parametrize(
+    ("late", "rate"), [(0.009, 1.0), (0.020, 0.5), (0.5, 0.01), (-0.012, 1.1), (-0.5, 1.5)]
+)
 def test_the_rate_is_that_of_the_rule(late, rate):
     """1 + (ahead less 0.01 s) / 0.02 s, between 0.01 and 1.5."""
     guide = PlanGuide(along_x(pace=by_place()), 0.05)
     looks(guide, SPEED * TIME[:31])
-    before, now = guide.look(0.30, hand_at(SPEED * 0.30), 0), guide.look(0.31, hand_at(SPEED * (0.30 - late)), 0)
+    before, now = (
+        guide.look(0.30, hand_at(SPEED * 0.30), 0),
+        guide.look(0.31, hand_at(SPEED * (0.30 - late)), 0),
+    )
     assert now.time - before.time == pytest.approx(0.01 * rate)
     assert now.reference.velocity[0] == pytest.approx(SPEED * rate)
 
 
 def test_a_hand_that_is_held_is_waited_for_and_goes_on_when_it_is_let_go():
-    """For one second: the attractor stays, and the fingers do nothing, though time is far beyond the event."""
+    """For one second: the attractor stays, and the fingers do nothing, though time is far beyond
+    the event.
+    """
     guide = PlanGuide(along_x(pace=by_place()), 0.05)
     held = SPEED * 0.45
-    places = np.concatenate([SPEED * TIME[:46], np.full(100, held), np.linspace(held, SPEED * END, 180)])
+    places = np.concatenate(
+        [SPEED * TIME[:46], np.full(100, held), np.linspace(held, SPEED * END, 180)]
+    )
     said = looks(guide, places)
     waiting = said[50:146]
     assert all(now.grip == Grip.UNSPECIFIED for now in waiting)
@@ -137,9 +158,14 @@ def test_the_fingers_do_nothing_as_long_as_the_hand_is_held_before_an_event():
 
 
 def test_a_hand_that_is_held_for_too_long_is_given_up():
-    said = looks(PlanGuide(along_x(pace=by_place()), 0.05), np.full(round(1.1 * HELD_BACK / STEP), 0.1))
+    said = looks(
+        PlanGuide(along_x(pace=by_place()), 0.05), np.full(round(1.1 * HELD_BACK / STEP), 0.1)
+    )
     first = next(k for k, now in enumerate(said) if now.fault)
-    assert first * STEP == pytest.approx(HELD_BACK, abs=0.3) and said[first].fault == "the hand was held back for 5 s"
+    assert (
+        first * STEP == pytest.approx(HELD_BACK, abs=0.3)
+        and said[first].fault == "the hand was held back for 5 s"
+    )
 
 
 def test_late_is_not_off_but_aside_is():
@@ -147,7 +173,9 @@ def test_late_is_not_off_but_aside_is():
         guide = PlanGuide(along_x(pace=pace), 0.05)
         looks(guide, SPEED * TIME[:61])
         assert guide.look(0.61, hand_at(SPEED * 0.61 - 0.3), 0).off == pytest.approx(off, abs=2e-3)
-        assert guide.look(0.62, hand_at(SPEED * 0.61, aside=0.2), 0).off == pytest.approx(0.2, abs=5e-3)
+        assert guide.look(0.62, hand_at(SPEED * 0.61, aside=0.2), 0).off == pytest.approx(
+            0.2, abs=5e-3
+        )
 
 
 # gains that change
@@ -170,8 +198,12 @@ def test_round_matrices_pull_as_numbers_do():
     numbers = PoseGains.of((400.0, 40.0), (300.0, 30.0))
     matrices = PoseGains(np.diag(numbers.stiffness), np.diag(numbers.damping))
     turned = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
-    reference = Reference(np.array([0.1, 0.2, 1.3]), turned, np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6))
-    for_numbers, for_matrices = (attractor_acceleration(reference, hand_at(0.3), gains) for gains in (numbers, matrices))
+    reference = Reference(
+        np.array([0.1, 0.2, 1.3]), turned, np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6)
+    )
+    for_numbers, for_matrices = (
+        attractor_acceleration(reference, hand_at(0.3), gains) for gains in (numbers, matrices)
+    )
     np.testing.assert_allclose(for_matrices, for_numbers)
 
 
@@ -188,20 +220,40 @@ SOLID = np.tile(100.0 * np.eye(3), (len(TIME), 1, 1))
         (lambda: GripEvent(0.5, Grip.OPEN, 0.4), "in order"),
         (lambda: GripEvent(-0.1, Grip.OPEN, 0.4), "in order"),
         (lambda: GripEvent(0.1, Grip.OPEN, np.inf), "in order"),
-        (lambda: along_x(events=(GripEvent(0.5, Grip.CLOSE, 0.6), GripEvent(0.4, Grip.OPEN, 0.6))), r"at \[0.5, 0.4\] s"),
+        (
+            lambda: along_x(
+                events=(GripEvent(0.5, Grip.CLOSE, 0.6), GripEvent(0.4, Grip.OPEN, 0.6))
+            ),
+            r"at \[0.5, 0.4\] s",
+        ),
         (lambda: along_x(events=(GripEvent(0.5, Grip.CLOSE, 9.0),)), "within the path"),
         (lambda: along_x(end=0.0), "plan.end is 0.0 s"),
         (lambda: along_x(end=9.0), "plan.end is 9.0 s"),
         (lambda: along_x(start_posture=np.zeros(6)), "plan.start_posture"),
         (lambda: along_x(attractor_quaternion=np.ones((len(TIME), 4))), "unit length"),
-        (lambda: along_x(attractor_position=np.full((len(TIME), 3), np.nan)), "plan.attractor_position"),
-        (lambda: along_x(pace=Pace(np.zeros((5, 12)))), "plan.pace.gain has 5 entries, the path 201 instants"),
+        (
+            lambda: along_x(attractor_position=np.full((len(TIME), 3), np.nan)),
+            "plan.attractor_position",
+        ),
+        (
+            lambda: along_x(pace=Pace(np.zeros((5, 12)))),
+            "plan.pace.gain has 5 entries, the path 201 instants",
+        ),
         (lambda: Pace(np.zeros((5, 11))), r"must be \(n, 12\)"),
         (lambda: Pace(np.full((5, 12), np.inf)), "not finite"),
-        (lambda: along_x(position_gains=GainsOverTime(SOLID[:7], SOLID[:7])), "plan.position_gains has 7 entries"),
-        (lambda: along_x(orientation_gains=GainsOverTime(SOLID, SOLID[:7])), r"orientation_gains \(damping\) has 7 entries"),
+        (
+            lambda: along_x(position_gains=GainsOverTime(SOLID[:7], SOLID[:7])),
+            "plan.position_gains has 7 entries",
+        ),
+        (
+            lambda: along_x(orientation_gains=GainsOverTime(SOLID, SOLID[:7])),
+            r"orientation_gains \(damping\) has 7 entries",
+        ),
         (lambda: GainsOverTime(-SOLID, SOLID), "eigenvalue -100"),
-        (lambda: GainsOverTime(SOLID + np.eye(3)[0] * np.ones((3, 1)) * 50, SOLID), "not symmetric"),
+        (
+            lambda: GainsOverTime(SOLID + np.eye(3)[0] * np.ones((3, 1)) * 50, SOLID),
+            "not symmetric",
+        ),
         (lambda: GainsOverTime(SOLID[:, :2, :2], SOLID), r"must be \(n, 3, 3\)"),
         (lambda: PhaseRule(ignored=-0.1), "ignored"),
     ],
@@ -213,7 +265,9 @@ def test_what_cannot_be_is_refused_by_name(make, why):
 
 def test_a_motion_needs_the_careful_level_unless_it_says_otherwise(plan):
     assert along_x().speed == Speed.CAREFUL and plan.motion.speed == Speed.THROW
-    assert [(event.grip, event.time, event.done) for event in plan.motion.events] == [(Grip.OPEN, plan.open_hand, plan.release)]
+    assert [(event.grip, event.time, event.done) for event in plan.motion.events] == [
+        (Grip.OPEN, plan.open_hand, plan.release)
+    ]
 
 
 # the posture that the hand leaves open
@@ -222,7 +276,9 @@ def test_a_motion_needs_the_careful_level_unless_it_says_otherwise(plan):
 def test_the_posture_of_a_plan_is_linear_between_its_instants():
     posture = np.outer(TIME, np.arange(7.0))
     guide = PlanGuide(along_x(posture=posture), 0.05)
-    assert guide.look(0.333, hand_at(SPEED * 0.333), 0).posture == pytest.approx(0.333 * np.arange(7.0))
+    assert guide.look(0.333, hand_at(SPEED * 0.333), 0).posture == pytest.approx(
+        0.333 * np.arange(7.0)
+    )
     assert PlanGuide(along_x(), 0.05).look(0.3, hand_at(0.15), 0).posture is None
 
 

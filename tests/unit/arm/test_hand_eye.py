@@ -1,4 +1,6 @@
-"""Where cameras and arm stand to each other is found from what both say of the hand, in any unit and axes."""
+"""Where cameras and arm stand to each other is found from what both say of the hand, in any unit
+and axes.
+"""
 
 import numpy as np
 import pytest
@@ -36,7 +38,9 @@ def test_one_of_many_sets_of_points_is_the_one_that_was_moved():
     sets = np.random.default_rng(3).standard_normal((5, N, 3))
     seen = 2.0 * sets[3] @ WORLD.T + SHIFT
     scale, world, shift = similarity(seen, sets)
-    left = seen[None] - scale[:, None, None] * np.einsum("mde,mne->mnd", world, sets) - shift[:, None]
+    left = (
+        seen[None] - scale[:, None, None] * np.einsum("mde,mne->mnd", world, sets) - shift[:, None]
+    )
     misfit = np.linalg.norm(left, axis=(1, 2))
     assert np.argmin(misfit) == 3 and misfit[3] < 1e-12 < np.delete(misfit, 3).min()
     np.testing.assert_allclose(world[3], WORLD, atol=1e-12)
@@ -60,4 +64,8 @@ def test_orientations_that_leap_do_not_spoil_the_others():
 
 def test_angles_are_those_of_rotation_vectors():
     vectors = Rotation.random(20, random_state=4).as_rotvec()
-    np.testing.assert_allclose(turn_angles(Rotation.from_rotvec(vectors).as_matrix()), np.linalg.norm(vectors, axis=1), atol=1e-12)
+    np.testing.assert_allclose(
+        turn_angles(Rotation.from_rotvec(vectors).as_matrix()),
+        np.linalg.norm(vectors, axis=1),
+        atol=1e-12,
+    )

@@ -1,11 +1,27 @@
-"""The impedance law on an arm that is integrated with Pinocchio's model: the hand moves as (7.19) says, in closed form."""
+"""The impedance law on an arm that is integrated with Pinocchio's model: the hand moves as (7.19)
+says, in closed form.
+"""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import Actuation, ArmModel, ArmState, minimum_jerk, rotation_error, wam_description
-from dart_skill.arm._impedance import Impedance, JointServo, PoseGains, Reference, attractor_acceleration, tracking_acceleration
+from dart_skill.arm import (
+    Actuation,
+    ArmModel,
+    ArmState,
+    minimum_jerk,
+    rotation_error,
+    wam_description,
+)
+from dart_skill.arm._impedance import (
+    Impedance,
+    JointServo,
+    PoseGains,
+    Reference,
+    attractor_acceleration,
+    tracking_acceleration,
+)
 from dart_skill.arm._model import HandState
 
 WAM = wam_description()
@@ -22,7 +38,9 @@ def bent_postures(n=20, seed=0):
 def hand_acceleration(model, q, qd, wrench, torque):
     """Acceleration (6,) of the hand of an arm without friction, gravity compensated."""
     jacobian = model.jacobian(q)
-    qdd = np.linalg.solve(model.mass_matrix(q), jacobian.T @ wrench + torque - model.coriolis_torque(q, qd))
+    qdd = np.linalg.solve(
+        model.mass_matrix(q), jacobian.T @ wrench + torque - model.coriolis_torque(q, qd)
+    )
     return jacobian @ qdd + model.jacobian_drift(q, qd), qdd
 
 
@@ -33,7 +51,10 @@ def model():
 
 def test_the_hand_accelerates_exactly_as_commanded(model):
     """Whatever the posture, the velocity and the pull of the posture in the null space."""
-    impedance, rng = Impedance(model, friction_compensation=0.0, least_mobility=1e-12), np.random.default_rng(1)
+    impedance, rng = (
+        Impedance(model, friction_compensation=0.0, least_mobility=1e-12),
+        np.random.default_rng(1),
+    )
     for q, qd in zip(*bent_postures(), strict=True):
         wanted = rng.normal(0.0, [5.0] * 3 + [10.0] * 3)
         wrench, torque = impedance.act(q, qd, wanted, posture=q + rng.normal(0.0, 0.5, 7))
@@ -42,13 +63,21 @@ def test_the_hand_accelerates_exactly_as_commanded(model):
 
 
 def hand_mobility(model, q):
-    """Eigenvalues (6,) and directions (6, 6) of the hand's mobility [1/kg], a radian counting for 0.18 m."""
+    """Eigenvalues (6,) and directions (6, 6) of the hand's mobility [1/kg], a radian counting for
+    0.18 m.
+    """
     scaled = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])[:, None] * model.jacobian(q)
     return np.linalg.eigh(scaled @ np.linalg.solve(model.mass_matrix(q), scaled.T))
 
 
-def test_a_hand_that_is_mobile_in_every_direction_accelerates_exactly_as_commanded_by_default_too(model):
-    impedance, rng, mobile = Impedance(model, friction_compensation=0.0), np.random.default_rng(2), 0
+def test_a_hand_that_is_mobile_in_every_direction_accelerates_exactly_as_commanded_by_default_too(
+    model,
+):
+    impedance, rng, mobile = (
+        Impedance(model, friction_compensation=0.0),
+        np.random.default_rng(2),
+        0,
+    )
     for q, qd in zip(*bent_postures(), strict=True):
         if hand_mobility(model, q)[0].min() < 0.08:
             continue
@@ -67,9 +96,12 @@ def test_the_wrench_stays_bounded_where_the_arm_is_stretched(model):
 
 
 @pytest.mark.parametrize("bend", [1e-3, 0.02, 0.05, 0.1])
-def test_with_shoulder_and_wrist_straight_the_arm_is_not_driven_hard_whatever_is_asked_of_the_hand(model, bend):
-    """The throw passes through q2 = q6 = 0, where the axes of J1 and J3, J5 and J7 are in line: there the hand hardly moves in one
-    direction. Driven all the same, the wrist span at 12 rad/s and the ball came down half a metre to the side.
+def test_with_shoulder_and_wrist_straight_the_arm_is_not_driven_hard_whatever_is_asked_of_the_hand(
+    model, bend
+):
+    """The throw passes through q2 = q6 = 0, where the axes of J1 and J3, J5 and J7 are in line:
+    there the hand hardly moves in one direction. Driven all the same, the wrist span at 12 rad/s
+    and the ball came down half a metre to the side.
     """
     q = np.array([0.1, bend, -0.05, -0.6, 0.1, bend, -0.05])
     mobility, directions = hand_mobility(model, q)
@@ -77,19 +109,28 @@ def test_with_shoulder_and_wrist_straight_the_arm_is_not_driven_hard_whatever_is
 
     def effort(least):
         """Root of qdd' M qdd, which is |a| share / sqrt(mobility) in a direction of the mobility."""
-        wrench, torque = Impedance(model, friction_compensation=0.0, least_mobility=least).act(q, np.zeros(7), wanted, q)
+        wrench, torque = Impedance(model, friction_compensation=0.0, least_mobility=least).act(
+            q, np.zeros(7), wanted, q
+        )
         qdd = np.linalg.solve(model.mass_matrix(q), model.jacobian(q).T @ wrench + torque)
         return np.sqrt(qdd @ model.mass_matrix(q) @ qdd)
 
     assert effort(1e-12) == pytest.approx(30.0 / np.sqrt(mobility[0]), rel=1e-6)
-    assert effort(0.08) == pytest.approx(30.0 / np.sqrt(mobility[0]) * min(mobility[0] / 0.08, 1.0) ** 2, rel=1e-6)
+    assert effort(0.08) == pytest.approx(
+        30.0 / np.sqrt(mobility[0]) * min(mobility[0] / 0.08, 1.0) ** 2, rel=1e-6
+    )
     assert effort(0.08) <= 30.0 / np.sqrt(0.08)
 
 
 def test_the_posture_is_pulled_in_the_null_space_only(model):
-    impedance, zero = Impedance(model, friction_compensation=0.0, least_mobility=1e-12), np.zeros(7)
+    impedance, zero = (
+        Impedance(model, friction_compensation=0.0, least_mobility=1e-12),
+        np.zeros(7),
+    )
     other = POSTURE + 0.3 * np.linalg.svd(model.jacobian(POSTURE))[2][-1]
-    actual, qdd = hand_acceleration(model, POSTURE, zero, *impedance.act(POSTURE, zero, np.zeros(6), other))
+    actual, qdd = hand_acceleration(
+        model, POSTURE, zero, *impedance.act(POSTURE, zero, np.zeros(6), other)
+    )
     np.testing.assert_allclose(actual, 0.0, atol=1e-8)
     assert qdd @ (other - POSTURE) > 0.5, "the arm moves towards the posture"
 
@@ -120,7 +161,9 @@ def test_the_hand_is_drawn_to_the_attractor_as_a_critically_damped_mass(model):
 
     def law(q, qd):
         hand = model.hand_state(q, qd)
-        return impedance.act(q, qd, attractor_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), POSTURE)
+        return impedance.act(
+            q, qd, attractor_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), POSTURE
+        )
 
     h, duration, w = 5e-4, 0.4, np.sqrt(GAINS[0])
     path = integrate(model, law, start, rate, duration, h)
@@ -133,7 +176,9 @@ def test_the_hand_is_drawn_to_the_attractor_as_a_critically_damped_mass(model):
 
 
 def test_the_orientation_is_drawn_to_its_attractor(model):
-    """A pure rotation about one axis at rest: the angle is critically damped, too, and the hand's origin stays."""
+    """A pure rotation about one axis at rest: the angle is critically damped, too, and the hand's
+    origin stays.
+    """
     impedance = Impedance(model, friction_compensation=0.0, least_mobility=1e-12)
     position, rotation = model.hand_pose(POSTURE)
     axis, angle, w, h = np.array([0.6, 0.0, 0.8]), 0.2, np.sqrt(GAINS[0]), 5e-4
@@ -141,18 +186,30 @@ def test_the_orientation_is_drawn_to_its_attractor(model):
 
     def law(q, qd):
         hand = model.hand_state(q, qd)
-        return impedance.act(q, qd, attractor_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), POSTURE)
+        return impedance.act(
+            q, qd, attractor_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), POSTURE
+        )
 
     path = integrate(model, law, POSTURE, np.zeros(7), 0.3, h)
-    turned = [Rotation.from_matrix(model.hand_pose(q)[1] @ rotation.T).as_rotvec() for q in path[::20, 0]]
+    turned = [
+        Rotation.from_matrix(model.hand_pose(q)[1] @ rotation.T).as_rotvec() for q in path[::20, 0]
+    ]
     time = 20 * h * np.arange(len(turned))
-    np.testing.assert_allclose(turned, np.outer(angle - angle * (1 + w * time) * np.exp(-w * time), axis), atol=2e-4)
-    np.testing.assert_allclose([model.hand_pose(q)[0] for q in path[::20, 0]], np.tile(position, (len(turned), 1)), atol=1e-4)
+    np.testing.assert_allclose(
+        turned, np.outer(angle - angle * (1 + w * time) * np.exp(-w * time), axis), atol=2e-4
+    )
+    np.testing.assert_allclose(
+        [model.hand_pose(q)[0] for q in path[::20, 0]],
+        np.tile(position, (len(turned), 1)),
+        atol=1e-4,
+    )
 
 
 def some_hand(seed=0):
     rng = np.random.default_rng(seed)
-    return HandState(rng.normal(size=3), Rotation.random(random_state=seed).as_matrix(), rng.normal(size=6))
+    return HandState(
+        rng.normal(size=3), Rotation.random(random_state=seed).as_matrix(), rng.normal(size=6)
+    )
 
 
 def test_attractor_acceleration_is_the_spring_and_the_damper():
@@ -167,11 +224,24 @@ def test_attractor_acceleration_is_the_spring_and_the_damper():
 def test_tracking_acceleration_is_zero_where_the_arm_does_what_was_predicted():
     hand = some_hand(1)
     velocity = np.concatenate([hand.linear, hand.angular])
-    reference = Reference(np.zeros(3), np.eye(3), hand.position, hand.rotation, velocity, np.zeros(6))
-    np.testing.assert_allclose(tracking_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), 0.0, atol=1e-12)
-    ahead = Reference(np.zeros(3), np.eye(3), hand.position + [0.0, 0.1, 0.0], hand.rotation, velocity + [1, 0, 0, 0, 0, 2], np.zeros(6))
+    reference = Reference(
+        np.zeros(3), np.eye(3), hand.position, hand.rotation, velocity, np.zeros(6)
+    )
     np.testing.assert_allclose(
-        tracking_acceleration(ahead, hand, PoseGains.of((10.0, 2.0), (30.0, 4.0))), [2.0, 1.0, 0, 0, 0, 8.0], atol=1e-12
+        tracking_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), 0.0, atol=1e-12
+    )
+    ahead = Reference(
+        np.zeros(3),
+        np.eye(3),
+        hand.position + [0.0, 0.1, 0.0],
+        hand.rotation,
+        velocity + [1, 0, 0, 0, 0, 2],
+        np.zeros(6),
+    )
+    np.testing.assert_allclose(
+        tracking_acceleration(ahead, hand, PoseGains.of((10.0, 2.0), (30.0, 4.0))),
+        [2.0, 1.0, 0, 0, 0, 8.0],
+        atol=1e-12,
     )
 
 
@@ -187,21 +257,30 @@ def test_rotation_error_is_the_rotation_vector_between_two_rotations(angle):
     for seed in range(5):
         rotation = Rotation.random(random_state=seed)
         target = Rotation.from_rotvec(angle * axis) * rotation
-        np.testing.assert_allclose(rotation_error(target.as_matrix(), rotation.as_matrix()), angle * axis, atol=1e-8)
+        np.testing.assert_allclose(
+            rotation_error(target.as_matrix(), rotation.as_matrix()), angle * axis, atol=1e-8
+        )
 
 
 def test_a_share_of_the_identified_friction_is_compensated(model):
     impedance = Impedance(model, friction_compensation=0.8)
     fast = np.array([1.0, -1.0, 2.0, -2.0, 3.0, 1.0, -1.0])
-    friction = WAM.of_joints("coulomb_friction") * np.sign(fast) + WAM.of_joints("viscous_friction") * fast
+    friction = (
+        WAM.of_joints("coulomb_friction") * np.sign(fast)
+        + WAM.of_joints("viscous_friction") * fast
+    )
     np.testing.assert_allclose(impedance.friction_torque(fast), 0.8 * friction, rtol=1e-9)
     np.testing.assert_array_equal(impedance.friction_torque(np.zeros(7)), 0.0)
     slow = impedance.friction_torque(np.full(7, 1e-4))
-    assert (slow < 0.01 * WAM.of_joints("coulomb_friction")).all(), "smooth through zero: no chatter"
+    assert (slow < 0.01 * WAM.of_joints("coulomb_friction")).all(), (
+        "smooth through zero: no chatter"
+    )
 
 
 @pytest.mark.parametrize("share", [0.0, 0.8])
-def test_a_joint_that_stands_still_is_helped_where_it_is_driven_and_never_beyond_its_friction(model, share):
+def test_a_joint_that_stands_still_is_helped_where_it_is_driven_and_never_beyond_its_friction(
+    model, share
+):
     impedance, still = Impedance(model, friction_compensation=share), np.zeros(7)
     coulomb = WAM.of_joints("coulomb_friction")
     drives = np.linspace(-3.0, 3.0, 13)[:, None] * coulomb
@@ -210,11 +289,17 @@ def test_a_joint_that_stands_still_is_helped_where_it_is_driven_and_never_beyond
     np.testing.assert_allclose(helped, -helped[::-1])
     np.testing.assert_allclose(helped[[0, -1]], share * np.array([-coulomb, coulomb]), rtol=1e-6)
     fast = np.full(7, 0.5)
-    np.testing.assert_allclose(impedance.friction_torque(fast, -drives[-1] / 10), impedance.friction_torque(fast), rtol=1e-6)
+    np.testing.assert_allclose(
+        impedance.friction_torque(fast, -drives[-1] / 10),
+        impedance.friction_torque(fast),
+        rtol=1e-6,
+    )
 
 
 @pytest.mark.parametrize(("roll", "offset"), [(2, 0.01), (4, 0.03)])
-def test_a_roll_that_friction_holds_in_spite_of_compensation_by_its_speed_follows_with_the_help_of_its_drive(model, roll, offset):
+def test_a_roll_that_friction_holds_in_spite_of_compensation_by_its_speed_follows_with_the_help_of_its_drive(
+    model, roll, offset
+):
     left = []
     for settings in ({"weak_drive": np.inf}, {}):
         impedance, actuation = Impedance(model, **settings), Actuation(WAM)
@@ -222,7 +307,9 @@ def test_a_roll_that_friction_holds_in_spite_of_compensation_by_its_speed_follow
         wanted = POSTURE + offset * np.eye(7)[roll]
         for _ in range(300):
             jacobian = model.jacobian(q)
-            wrench, torque = impedance.act(q, qd, jacobian @ (400.0 * (wanted - q) - 40.0 * qd), wanted)
+            wrench, torque = impedance.act(
+                q, qd, jacobian @ (400.0 * (wanted - q) - 40.0 * qd), wanted
+            )
             net = jacobian.T @ wrench + torque - model.coriolis_torque(q, qd)
             qd = qd + 0.002 * actuation.acceleration(model.mass_matrix(q), net, qd, 0.002)
             q = q + 0.002 * qd
@@ -235,10 +322,14 @@ def test_the_joint_servo_pulls_towards_the_wanted_motion_within_its_limits(model
     servo, zero = JointServo(Impedance(model, friction_compensation=0.0)), np.zeros(7)
     near = servo.torque(POSTURE, zero, POSTURE + 1e-3, zero, zero)
     np.testing.assert_allclose(near, JointServo.STIFFNESS * 1e-3)
-    np.testing.assert_allclose(servo.torque(POSTURE, zero, POSTURE - 1.0, zero, zero), -JointServo.LIMIT)
+    np.testing.assert_allclose(
+        servo.torque(POSTURE, zero, POSTURE - 1.0, zero, zero), -JointServo.LIMIT
+    )
     acceleration = np.array([1.0, -2.0, 0.5, 1.0, 0.0, 3.0, -1.0])
     inertia = model.mass_matrix(POSTURE)
-    np.testing.assert_allclose(servo.torque(POSTURE, zero, POSTURE, zero, acceleration), inertia @ acceleration, atol=1e-9)
+    np.testing.assert_allclose(
+        servo.torque(POSTURE, zero, POSTURE, zero, acceleration), inertia @ acceleration, atol=1e-9
+    )
 
 
 def test_the_damped_stop_only_brakes(model):
@@ -259,8 +350,12 @@ def test_minimum_jerk_begins_and_ends_at_rest_and_is_its_own_derivative(duration
         position, velocity, acceleration = minimum_jerk(start, end, duration, time)
         before, after = (minimum_jerk(start, end, duration, t)[0] for t in (time - h, time + h))
         np.testing.assert_allclose(velocity, (after - before) / (2 * h), rtol=1e-6)
-        np.testing.assert_allclose(acceleration, (after - 2 * position + before) / h**2, rtol=1e-3, atol=1e-3)
-    np.testing.assert_allclose(minimum_jerk(start, end, duration, duration / 2)[1], 1.875 * (end - start) / duration)
+        np.testing.assert_allclose(
+            acceleration, (after - 2 * position + before) / h**2, rtol=1e-3, atol=1e-3
+        )
+    np.testing.assert_allclose(
+        minimum_jerk(start, end, duration, duration / 2)[1], 1.875 * (end - start) / duration
+    )
 
 
 def test_arm_state_is_what_the_sensors_tell():

@@ -1,4 +1,6 @@
-"""The controller's model (Pinocchio, from the DH table) against PyBullet (from the URDF), against DH products and finite differences."""
+"""The controller's model (Pinocchio, from the DH table) against PyBullet (from the URDF), against
+DH products and finite differences.
+"""
 
 import numpy as np
 import pybullet
@@ -23,7 +25,9 @@ class BulletArm:
         self.client = BulletClient(pybullet.DIRECT)
         self.client.setGravity(0, 0, -WAM.gravity)
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-        self.body = self.client.loadURDF(str(path), [0, 0, WAM.mount_height], useFixedBase=True, flags=flags)
+        self.body = self.client.loadURDF(
+            str(path), [0, 0, WAM.mount_height], useFixedBase=True, flags=flags
+        )
 
     def hand(self, q):
         for joint, angle in enumerate(q):
@@ -32,7 +36,9 @@ class BulletArm:
         return np.array(state[4]), Rotation.from_quat(state[5]).as_matrix()
 
     def torque(self, q, qd):
-        return np.array(self.client.calculateInverseDynamics(self.body, q.tolist(), qd.tolist(), [0.0] * 7))
+        return np.array(
+            self.client.calculateInverseDynamics(self.body, q.tolist(), qd.tolist(), [0.0] * 7)
+        )
 
     def inertia(self, q):
         return np.array(self.client.calculateMassMatrix(self.body, q.tolist()))
@@ -81,7 +87,9 @@ def test_the_hand_is_where_pybullet_has_it(pair):
 def test_gravity_torque_is_that_of_pybullet(pair):
     bullet, model = pair
     for q in postures()[0]:
-        np.testing.assert_allclose(model.gravity_torque(q), bullet.torque(q, np.zeros(7)), atol=1e-4)
+        np.testing.assert_allclose(
+            model.gravity_torque(q), bullet.torque(q, np.zeros(7)), atol=1e-4
+        )
 
 
 def test_mass_matrix_without_rotors_is_that_of_pybullet(pair):
@@ -103,7 +111,9 @@ def test_rotors_add_their_reflected_inertia_to_the_mass_matrix():
     model, q = ArmModel(), postures()[0][0]
     to_motor, rotors = WAM.motors.joint_to_motor, WAM.motors.rotor_inertia
     expected = sum(rotors[m] * np.outer(to_motor[m], to_motor[m]) for m in range(7))
-    np.testing.assert_allclose(model.mass_matrix(q) - model.mass_matrix(q, rotors=False), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        model.mass_matrix(q) - model.mass_matrix(q, rotors=False), expected, atol=1e-12
+    )
 
 
 def test_the_hand_is_where_the_dh_table_puts_it():
@@ -131,11 +141,20 @@ def test_published_poses_of_the_tool_plate(posture, tool_plate):
 
 
 def test_largest_static_torques_with_hand_and_ball_are_the_published_ones():
-    """J2 40.2, J3 12.3, J4 10.5, J5 1.73, J6 1.74 Nm (libbarrett, wam7w.conf), as maxima over all postures."""
+    """J2 40.2, J3 12.3, J4 10.5, J5 1.73, J6 1.74 Nm (libbarrett, wam7w.conf), as maxima over all
+    postures.
+    """
     model = ArmModel(ball_in_hand=True)
-    torques = np.abs([model.gravity_torque(q) for q in np.random.default_rng(2).uniform(LOWER, UPPER, (6000, 7))]).max(axis=0)
+    torques = np.abs(
+        [
+            model.gravity_torque(q)
+            for q in np.random.default_rng(2).uniform(LOWER, UPPER, (6000, 7))
+        ]
+    ).max(axis=0)
     published = np.array([40.2, 12.3, 10.5, 1.73, 1.74])
-    assert (torques[1:6] < 1.01 * published).all() and (torques[1:6] > 0.9 * published).all(), torques
+    assert (torques[1:6] < 1.01 * published).all() and (torques[1:6] > 0.9 * published).all(), (
+        torques
+    )
     assert torques[0] < 1e-9, "the base axis is vertical"
 
 
@@ -143,26 +162,38 @@ def test_the_hand_at_several_instants_is_the_hand_at_each():
     model, rng = ArmModel(), np.random.default_rng(4)
     joints, speeds = rng.uniform(LOWER, UPPER, (5, 7)), rng.normal(size=(5, 7))
     states = [model.hand_state(q, qd) for q, qd in zip(joints, speeds, strict=True)]
-    for name, found in zip(("position", "rotation", "velocity"), model.hand_states(joints, speeds), strict=True):
+    for name, found in zip(
+        ("position", "rotation", "velocity"), model.hand_states(joints, speeds), strict=True
+    ):
         np.testing.assert_array_equal(found, [getattr(state, name) for state in states])
-    assert [part.shape for part in model.hand_states(joints[:0], speeds[:0])] == [(0, 3), (0, 3, 3), (0, 6)]
+    assert [part.shape for part in model.hand_states(joints[:0], speeds[:0])] == [
+        (0, 3),
+        (0, 3, 3),
+        (0, 6),
+    ]
 
 
 def test_jacobian_is_the_derivative_of_the_hand_pose():
     model = ArmModel()
     for q, qd in zip(*postures(3, 15), strict=True):
         velocity = model.jacobian(q) @ qd
-        np.testing.assert_allclose(velocity[:3], along(lambda q: model.hand_pose(q)[0], q, qd), atol=1e-7)
+        np.testing.assert_allclose(
+            velocity[:3], along(lambda q: model.hand_pose(q)[0], q, qd), atol=1e-7
+        )
         spin = along(lambda q: model.hand_pose(q)[1], q, qd) @ model.hand_pose(q)[1].T
         np.testing.assert_allclose(velocity[3:], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-7)
         state = model.hand_state(q, qd)
-        np.testing.assert_allclose(np.concatenate([state.linear, state.angular]), velocity, atol=1e-12)
+        np.testing.assert_allclose(
+            np.concatenate([state.linear, state.angular]), velocity, atol=1e-12
+        )
 
 
 def test_jacobian_drift_is_the_derivative_of_the_jacobian():
     model = ArmModel()
     for q, qd in zip(*postures(4, 15), strict=True):
-        np.testing.assert_allclose(model.jacobian_drift(q, qd), along(model.jacobian, q, qd) @ qd, atol=1e-6)
+        np.testing.assert_allclose(
+            model.jacobian_drift(q, qd), along(model.jacobian, q, qd) @ qd, atol=1e-6
+        )
 
 
 def test_the_elbow_and_its_jacobian():
@@ -170,7 +201,9 @@ def test_the_elbow_and_its_jacobian():
     for q, qd in zip(*postures(5, 15), strict=True):
         position, jacobian = model.elbow(q)
         np.testing.assert_allclose(position, dh_frames(q)[2][:3, 3], atol=1e-12)
-        np.testing.assert_allclose(jacobian @ qd, along(lambda q: model.elbow(q)[0], q, qd), atol=1e-7)
+        np.testing.assert_allclose(
+            jacobian @ qd, along(lambda q: model.elbow(q)[0], q, qd), atol=1e-7
+        )
 
 
 def test_gravity_torque_is_the_slope_of_the_potential_energy():
@@ -178,9 +211,15 @@ def test_gravity_torque_is_the_slope_of_the_potential_energy():
 
     def potential(q):
         frames = dh_frames(q)
-        height = sum(link.mass * (f[:3, :3] @ link.centre + f[:3, 3])[2] for link, f in zip(WAM.links_dh, frames, strict=True))
+        height = sum(
+            link.mass * (f[:3, :3] @ link.centre + f[:3, 3])[2]
+            for link, f in zip(WAM.links_dh, frames, strict=True)
+        )
         hand = frames[-1]
-        for body, centre in ((WAM.hand.inertial.mass, WAM.hand.inertial.centre), (WAM.ball.mass, WAM.hand.ball_centre)):
+        for body, centre in (
+            (WAM.hand.inertial.mass, WAM.hand.inertial.centre),
+            (WAM.ball.mass, WAM.hand.ball_centre),
+        ):
             height += body * (hand[:3, :3] @ centre + hand[:3, 3])[2]
         return WAM.gravity * height
 
@@ -214,8 +253,14 @@ def test_capsules_lie_along_the_arm():
     np.testing.assert_allclose(by_link["wam_base"][0], [0, 0, WAM.mount_height + 0.06], atol=1e-12)
     hand, rotation = model.hand_pose(q)
     np.testing.assert_allclose(by_link["bhand_base"][0], hand + 0.045 * rotation[:, 2], atol=1e-12)
-    upper_arm = next(pair for capsule, pair in zip(WAM.capsules, ends, strict=True) if capsule.link == "wam_link3")
+    upper_arm = next(
+        pair
+        for capsule, pair in zip(WAM.capsules, ends, strict=True)
+        if capsule.link == "wam_link3"
+    )
     direction = (upper_arm[1] - upper_arm[0]) / np.linalg.norm(upper_arm[1] - upper_arm[0])
     np.testing.assert_allclose(np.linalg.norm(upper_arm[0] - [0, 0, SHOULDER]), 0.05, atol=1e-12)
     elbow = dh_frames(q)[2]
-    np.testing.assert_allclose([0, 0, SHOULDER] + 0.55 * direction, elbow[:3, 3] - 0.045 * elbow[:3, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        [0, 0, SHOULDER] + 0.55 * direction, elbow[:3, 3] - 0.045 * elbow[:3, 0], atol=1e-12
+    )

@@ -14,7 +14,12 @@ TIME = np.array([0.0, 0.1, 0.15, 0.4, 1.0])
 
 def numbers(seed=0):
     rng, n = np.random.default_rng(seed), len(TIME)
-    return rng.normal(size=(n, 18)), rng.normal(size=(n, 2, 3, 3)), rng.normal(size=(n - 1, 2, 3, 3)), rng.normal(size=(n - 1, 2, 3, 3))
+    return (
+        rng.normal(size=(n, 18)),
+        rng.normal(size=(n, 2, 3, 3)),
+        rng.normal(size=(n - 1, 2, 3, 3)),
+        rng.normal(size=(n - 1, 2, 3, 3)),
+    )
 
 
 @pytest.mark.parametrize("module", MODULES)
@@ -34,7 +39,10 @@ def test_rows_are_linear_between_instants_and_go_on_beyond_the_ends(module):
 
 def test_a_plan_turns_its_hand_by_a_share_of_the_way_to_the_next_instant(plan):
     references, motion = References(plan.motion), plan.motion
-    slerps = [Slerp(motion.path.time, Rotation.from_quat(q)) for q in (motion.path.quaternion, motion.attractor_quaternion)]
+    slerps = [
+        Slerp(motion.path.time, Rotation.from_quat(q))
+        for q in (motion.path.quaternion, motion.attractor_quaternion)
+    ]
     for time in np.linspace(0.0, motion.path.duration, 50):
         now = references.at(time)
         for found, slerp in zip((now.rotation, now.attractor_rotation), slerps, strict=True):

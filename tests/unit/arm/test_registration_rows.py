@@ -9,17 +9,31 @@ RNG = np.random.default_rng(0)
 N = 12
 ARM = Rotation.from_rotvec(RNG.standard_normal((N, 3)))
 SEEN = Rotation.from_rotvec(0.1 * RNG.standard_normal((N, 3))) * ARM
-SIGHTINGS = (RNG.standard_normal((N, 3)), SEEN.as_quat(), RNG.standard_normal((N, 3)), ARM.as_quat(), RNG.standard_normal((N, 6)))
+SIGHTINGS = (
+    RNG.standard_normal((N, 3)),
+    SEEN.as_quat(),
+    RNG.standard_normal((N, 3)),
+    ARM.as_quat(),
+    RNG.standard_normal((N, 6)),
+)
 UNKNOWN = 0.05 * RNG.standard_normal(13)
 
 
 def left_by_scipy(unknown):
-    """Of positions and rotations, (n, 3) each: R = X A Y, p = X (a + A s) + t, with A and a a delay later."""
+    """Of positions and rotations, (n, 3) each: R = X A Y, p = X (a + A s) + t, with A and a a
+    delay later.
+    """
     position, quaternion, arm_position, arm_quaternion, velocity = SIGHTINGS
     base, hand = Rotation.from_rotvec(unknown[:3]), Rotation.from_rotvec(unknown[6:9])
     arm = Rotation.from_rotvec(-unknown[12] * velocity[:, 3:]) * Rotation.from_quat(arm_quaternion)
-    expected = base.apply(arm_position - unknown[12] * velocity[:, :3] + arm.apply(unknown[9:12])) + unknown[3:6]
-    return position - expected, (Rotation.from_quat(quaternion) * (base * arm * hand).inv()).as_rotvec()
+    expected = (
+        base.apply(arm_position - unknown[12] * velocity[:, :3] + arm.apply(unknown[9:12]))
+        + unknown[3:6]
+    )
+    return (
+        position - expected,
+        (Rotation.from_quat(quaternion) * (base * arm * hand).inv()).as_rotvec(),
+    )
 
 
 def test_what_is_left_is_that_of_scipys_rotations():

@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.arm import ArmModel, Command, SafetyLimits, SafetyModule, Speed, check_push, wam_description
+from dart_skill.arm import (
+    ArmModel,
+    Command,
+    SafetyLimits,
+    SafetyModule,
+    Speed,
+    check_push,
+    wam_description,
+)
 
 LIMITS = SafetyLimits.configured()
 RESTING = np.array([0.0, -1.0, 0.0, 0.75, 0.0, -0.6, 0.0])
@@ -13,15 +21,26 @@ STILL = np.zeros(7)
 MODEL = ArmModel()
 
 
-def looked(position=RESTING, velocity=STILL, torque=STILL, speed=Speed.CAREFUL, limits=LIMITS, patience=1.0):
+def looked(
+    position=RESTING,
+    velocity=STILL,
+    torque=STILL,
+    speed=Speed.CAREFUL,
+    limits=LIMITS,
+    patience=1.0,
+):
     """A module that has looked once."""
     module = SafetyModule(limits, patience=patience)
-    module.look(np.asarray(position, float), np.asarray(velocity, float), np.asarray(torque, float), speed)
+    module.look(
+        np.asarray(position, float), np.asarray(velocity, float), np.asarray(torque, float), speed
+    )
     return module
 
 
 def turning(hand):
-    """Joint speeds (7,) with which the first joint moves the hand at a speed [m/s], and with it the elbow more slowly."""
+    """Joint speeds (7,) with which the first joint moves the hand at a speed [m/s], and with it
+    the elbow more slowly.
+    """
     velocity = np.zeros(7)
     velocity[0] = hand / np.linalg.norm(MODEL.jacobian(RESTING)[:3, 0])
     return velocity
@@ -40,11 +59,16 @@ def test_speeds_are_those_of_the_jacobians():
 def test_the_hand_may_be_as_fast_as_its_level_says():
     limits = replace(LIMITS, careful_elbow=10.0, fastest_elbow=10.0)
     for speed, most in ((Speed.CAREFUL, LIMITS.careful_hand), (Speed.THROW, LIMITS.fastest_hand)):
-        assert (quiet := looked(velocity=turning(0.85 * most), speed=speed, limits=limits)).fault == quiet.warning == ""
+        assert (
+            (quiet := looked(velocity=turning(0.85 * most), speed=speed, limits=limits)).fault
+            == quiet.warning
+            == ""
+        )
         near = looked(velocity=turning(0.95 * most), speed=speed, limits=limits)
         assert near.fault == "" and "the hand moves at" in near.warning
-        assert f"the limit of {'a throw' if speed else 'an arm that does not throw'} is {most:g} m/s" in (
-            looked(velocity=turning(1.05 * most), speed=speed, limits=limits).fault
+        assert (
+            f"the limit of {'a throw' if speed else 'an arm that does not throw'} is {most:g} m/s"
+            in (looked(velocity=turning(1.05 * most), speed=speed, limits=limits).fault)
         )
 
 
@@ -55,7 +79,10 @@ def test_the_elbow_has_a_limit_of_its_own():
 
 def test_the_arm_s_own_module_is_more_patient():
     velocity = turning(1.05 * LIMITS.careful_hand)
-    assert looked(velocity=velocity, limits=replace(LIMITS, careful_elbow=10.0), patience=1.1).fault == ""
+    assert (
+        looked(velocity=velocity, limits=replace(LIMITS, careful_elbow=10.0), patience=1.1).fault
+        == ""
+    )
     assert looked(velocity=velocity, limits=replace(LIMITS, careful_elbow=10.0)).fault
 
 
@@ -69,7 +96,10 @@ def test_each_joint_has_its_torque_and_its_range(joint):
     position[joint] = description.of_joints("upper")[joint] + 0.04
     assert looked(position, limits=wide).fault == ""
     position[joint] += 0.02
-    assert f"j{joint + 1} is at {position[joint]:.3f} rad, 0.060 rad beyond its range" in looked(position, limits=wide).fault
+    assert (
+        f"j{joint + 1} is at {position[joint]:.3f} rad, 0.060 rad beyond its range"
+        in looked(position, limits=wide).fault
+    )
 
 
 def test_the_hand_stays_in_its_box():
@@ -77,7 +107,10 @@ def test_the_hand_stays_in_its_box():
     for axis, at in zip("xyz", (x, y, z), strict=True):
         low = [-2.0, -2.0, -2.0]
         low["xyz".index(axis)] = at + 0.01
-        assert f"the hand is at {axis} {at:.2f} m, outside" in looked(limits=replace(LIMITS, workspace_low=tuple(low))).fault
+        assert (
+            f"the hand is at {axis} {at:.2f} m, outside"
+            in looked(limits=replace(LIMITS, workspace_low=tuple(low))).fault
+        )
 
 
 def test_a_fault_stays_until_it_is_reset():
@@ -103,9 +136,15 @@ def test_a_command_within_the_limits_is_left_alone():
 
 def test_nobody_pushes_harder_than_a_person():
     check_push(Command(0, np.array([150.0, 0, 0, 0, 0, 5.0])), LIMITS)
-    for wrench, torque in (([1e9, 0, 0, 0, 0, 0], 0.0), ([0, 0, 0, 0, 300.0, 0], 0.0), ([0, 0, 0, 0, 0, 0], 600.0)):
+    for wrench, torque in (
+        ([1e9, 0, 0, 0, 0, 0], 0.0),
+        ([0, 0, 0, 0, 300.0, 0], 0.0),
+        ([0, 0, 0, 0, 0, 0], 600.0),
+    ):
         with pytest.raises(ValueError, match="nobody pushes with"):
-            check_push(Command(0, np.array(wrench, float), np.array([torque, 0, 0, 0, 0, 0, 0])), LIMITS)
+            check_push(
+                Command(0, np.array(wrench, float), np.array([torque, 0, 0, 0, 0, 0, 0])), LIMITS
+            )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""The law for arms with elastic cables, filtered speeds and delay: margins of its loop, and throws on such an arm."""
+"""The law for arms with elastic cables, filtered speeds and delay: margins of its loop, and throws
+on such an arm.
+"""
 
 import numpy as np
 import pytest
@@ -11,16 +13,22 @@ from tests.unit.arm.test_commander import begin, finish  # noqa: F401
 
 REFLECTED = np.diag(wam_description().motors.reflected_inertia)
 STIFFNESS = np.array(load_yaml("fleet.yaml")["fleet"]["wam_simulator"]["joint_stiffness"]["times"])
-LINKS = np.array([[0.3, 3.5], [1.5, 4.0], [0.1, 1.0], [0.3, 0.9], [0.01, 0.08], [0.03, 0.08], [0.003, 0.01]])
+LINKS = np.array(
+    [[0.3, 3.5], [1.5, 4.0], [0.1, 1.0], [0.3, 0.9], [0.01, 0.08], [0.03, 0.08], [0.003, 0.01]]
+)
 """Smallest and largest inertia of the link side that a joint has in throws [kg m^2]."""
 LEAST_FRICTION = 0.7 * np.array([1.5, 0.9, 0.5, 0.25, 0.016, 0.1, 0.0027])
 PERIOD, FILTER = 0.002, 180.0
-REAL = dict(joint_stiffness=tuple(STIFFNESS), speed_filter=FILTER, encoder_step=9.6e-6, command_delay=1)
+REAL = dict(
+    joint_stiffness=tuple(STIFFNESS), speed_filter=FILTER, encoder_step=9.6e-6, command_delay=1
+)
 SLOW = dict(tracking="joints", friction_compensation=1.0)
 
 
 def loop(joint, link, stiffness, stiffness_gain, damping_gain, delay):
-    """Frequency response (n,) of the loop cut at the motor's torque: two masses and a spring, servo on the motor's side."""
+    """Frequency response (n,) of the loop cut at the motor's torque: two masses and a spring,
+    servo on the motor's side.
+    """
     s = 1j * np.logspace(-1, 3.3, 4000)
     motor = REFLECTED[joint]
     spring = stiffness + 2.0 * DAMPING_RATIO * np.sqrt(stiffness * motor) * s
@@ -30,7 +38,9 @@ def loop(joint, link, stiffness, stiffness_gain, damping_gain, delay):
 
 
 def encircles(response):
-    """Whether -1 is encircled: the phase of 1 + L must rise from -90 degrees (friction, one integrator) to 0, and not less."""
+    """Whether -1 is encircled: the phase of 1 + L must rise from -90 degrees (friction, one
+    integrator) to 0, and not less.
+    """
     phase = np.unwrap(np.angle(1.0 + response))
     return abs((phase[-1] - phase[0]) / np.pi - 0.5) > 0.3
 
@@ -42,13 +52,22 @@ def test_the_servo_of_a_motion_that_is_fed_forward_is_stable_with_margin(joint, 
     """A modulus margin of 0.25 up to a delay of one period, and stable with two."""
     gains = JointServo.FOLLOWING
     for link in LINKS[joint]:
-        response = loop(joint, link, share * STIFFNESS[joint], gains.stiffness[joint], gains.damping[joint], delay)
+        response = loop(
+            joint,
+            link,
+            share * STIFFNESS[joint],
+            gains.stiffness[joint],
+            gains.damping[joint],
+            delay,
+        )
         assert not encircles(response)
         assert np.abs(1.0 + response).min() > (0.25 if delay <= 1 else 0.0)
 
 
 def test_the_gains_of_the_second_pull_would_not_be():
-    """Damping of 88 per unit mass on a shoulder whose motor is a sixteenth of it: why such an arm needs the other law."""
+    """Damping of 88 per unit mass on a shoulder whose motor is a sixteenth of it: why such an arm
+    needs the other law.
+    """
     damping = 88.0 * LINKS[1, 1]
     assert encircles(loop(1, LINKS[1, 1], STIFFNESS[1], 12.5 * damping, damping, 1))
 
@@ -58,13 +77,18 @@ def test_a_real_arm_follows_quietly_what_makes_the_second_pull_swing(begin, plan
     errors = careful.during(Mode.EXECUTING, careful.errors)
     assert not careful.commander.message and max(errors) < 0.03
     firm = finish(begin(plan, None, **REAL))
-    shaken = [np.abs(np.diff([state.velocity[3] for state in run.states])).max() for run in (careful, firm)]
+    shaken = [
+        np.abs(np.diff([state.velocity[3] for state in run.states])).max()
+        for run in (careful, firm)
+    ]
     assert firm.commander.message or shaken[1] > 4 * shaken[0]
 
 
 def test_fed_forward_on_an_exact_arm_the_ball_lands_where_the_plan_says(begin, plan):  # noqa: F811
     run = begin(plan, CommanderSettings.configured(**SLOW), hand_spread=0.0, gravity_error=0.0)
-    run.until(lambda: run.plant.state.ball_position[2] < plan.target[2] and not run.plant.state.ball_held)
+    run.until(
+        lambda: run.plant.state.ball_position[2] < plan.target[2] and not run.plant.state.ball_held
+    )
     miss = run.plant.state.ball_position - plan.predicted_landing
     assert np.linalg.norm(miss[:2]) < 0.05, miss
 
@@ -88,7 +112,9 @@ def test_a_law_that_does_not_exist_is_named():
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0, 100.0])
 @pytest.mark.parametrize("delay", [0, 1])
 def test_what_takes_out_the_rest_costs_the_loop_little_of_its_margin(joint, share, delay):
-    """A little integral action leaves the loop stable; none up to that of careful motions brings it near to -1, so it stays so."""
+    """A little integral action leaves the loop stable; none up to that of careful motions brings
+    it near to -1, so it stays so.
+    """
     gains, s = JointServo.FOLLOWING, 1j * np.logspace(-1, 3.3, 4000)
     for link in LINKS[joint]:
         stiffness, damping = gains.stiffness[joint], gains.damping[joint]
@@ -99,7 +125,9 @@ def test_what_takes_out_the_rest_costs_the_loop_little_of_its_margin(joint, shar
 
 
 def test_the_rest_of_a_distance_is_taken_out_up_to_a_share_of_the_limits():
-    """A joint that a constant torque pushes aside (gravity that is compensated for wrongly): by the servo alone it stays there."""
+    """A joint that a constant torque pushes aside (gravity that is compensated for wrongly): by
+    the servo alone it stays there.
+    """
     servo, mass = JointServo(None), np.array([1.0, 1.0, 0.5, 0.5, 0.05, 0.05, 0.01])
     push = np.array([4.0, -4.0, 2.0, 1.0, 0.5, -0.5, 0.2])
     wanted = np.zeros(7)

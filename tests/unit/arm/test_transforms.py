@@ -14,7 +14,11 @@ def test_the_chain_from_the_world_to_the_hand_is_forward_kinematics():
         place, turn, frame = np.zeros(3), Rotation.identity(), "world"
         for step in (base, *joint_transforms(arm, q), mount):
             assert step.parent == frame
-            place, turn, frame = place + turn.apply(step.translation), turn * Rotation.from_quat(step.quaternion), step.child
+            place, turn, frame = (
+                place + turn.apply(step.translation),
+                turn * Rotation.from_quat(step.quaternion),
+                step.child,
+            )
         assert frame == "bhand_base"
         position, rotation = model.hand_pose(q)
         np.testing.assert_allclose(place, position, atol=1e-12)

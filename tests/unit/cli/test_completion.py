@@ -51,14 +51,22 @@ def folder(tmp_path):
 
 def tab(line, executable, folder=ROOT):
     """What bash offers after a line."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
+    }
     command = ["bash", "-c", PRESS_TAB, "bash", str(GLUE), line, str(executable)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=True)
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=folder, env=environment, check=True
+    )
     assert done.stderr == ""
     return done.stdout.splitlines()
 
 
-COMMANDS = "up status demo practice teach demonstrations check learn throw execute bag view report experiment darts security".split()
+COMMANDS = (
+    "up status demo practice teach demonstrations check learn throw execute bag view report"
+    " experiment darts security".split()
+)
 
 
 @needs_bash
@@ -75,7 +83,10 @@ COMMANDS = "up status demo practice teach demonstrations check learn throw execu
         ("dart-skill throw --c", ["--count"]),
         ("dart-skill bag play day --l", ["--loop"]),
         ("dart-skill learn --configuration thesis", ["thesis", "thesis_local"]),
-        ("dart-skill experiment throws --configurations default,th", ["default,thesis", "default,thesis_local"]),
+        (
+            "dart-skill experiment throws --configurations default,th",
+            ["default,thesis", "default,thesis_local"],
+        ),
         ("dart-skill experiment figure 8.1", ["8.1", "8.10", "8.11"]),
         ("dart-skill experiment throws --seeds ", []),
     ],
@@ -88,7 +99,10 @@ def test_bash_offers(line, offered, executable, folder):
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
-        ("dart-skill bag info d", ["day_1/", "day_2/", "day_3.mcap", "day_4.db3", "day\\ six.mcap"]),
+        (
+            "dart-skill bag info d",
+            ["day_1/", "day_2/", "day_3.mcap", "day_4.db3", "day\\ six.mcap"],
+        ),
         ("dart-skill up --play day_", ["day_1/", "day_2/", "day_3.mcap", "day_4.db3"]),
         ("dart-skill demo --output day", ["day_1/", "day_2/"]),
         ("dart-skill up --output day", ["day_1/", "day_2/"]),
@@ -131,8 +145,18 @@ def test_neither_ros_nor_numpy_is_imported_for_it():
         "list(_completion.commands_of(_main._parser()))\n"
         "print(json.dumps(sorted({name.split('.')[0] for name in sys.modules})))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True)
-    assert not set(json.loads(done.stdout)) & {"numpy", "scipy", "matplotlib", "yaml", "rclpy", "pybullet", "pinocchio"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert not set(json.loads(done.stdout)) & {
+        "numpy",
+        "scipy",
+        "matplotlib",
+        "yaml",
+        "rclpy",
+        "pybullet",
+        "pinocchio",
+    }
 
 
 def every_value():
@@ -152,7 +176,9 @@ def test_every_path_completes():
 
 
 def test_every_table_of_values_belongs_to_an_option():
-    there = {(command.removeprefix("dart-skill "), action.dest) for command, action in every_value()}
+    there = {
+        (command.removeprefix("dart-skill "), action.dest) for command, action in every_value()
+    }
     named = {(command, dest) for command, options in completion.LISTS.items() for dest in options}
     assert named <= there, f"no such options: {sorted(named - there)}"
     assert set(completion.WORDS) <= {dest for _, dest in there}

@@ -39,7 +39,9 @@ def test_aim_gives_the_best_aim_and_all_local_optima(run):
     keys = ("x_mm", "y_mm", "expected_score")
     assert status == 0
     assert [result[key] for key in keys] == [result["local_optima"][0][key] for key in keys]
-    assert [aim["expected_score"] for aim in result["local_optima"]] == pytest.approx([aim.expected_score for aim in optima])
+    assert [aim["expected_score"] for aim in result["local_optima"]] == pytest.approx(
+        [aim.expected_score for aim in optima]
+    )
     assert (result["x_mm"], result["y_mm"]) == pytest.approx((-1.80, 105.85), abs=0.05)
 
 
@@ -51,8 +53,14 @@ def test_sigma_comes_back_as_it_was_given(run, sigma):
 def test_aim_over_a_range_gives_the_jumps(run, tmp_path):
     status, result = run("aim", "--from", 16, "--to", 18, "--json", "--output", tmp_path)
     assert status == 0
-    assert [jump["sigma_mm"] for jump in result["jumps"]] == result["sigma_mm"] == pytest.approx([16.9069], abs=1e-3)
-    assert result["jumps"][0]["below"]["bed"] == "T20" and result["jumps"][0]["above"]["bed"] == "T19"
+    assert (
+        [jump["sigma_mm"] for jump in result["jumps"]]
+        == result["sigma_mm"]
+        == pytest.approx([16.9069], abs=1e-3)
+    )
+    assert (
+        result["jumps"][0]["below"]["bed"] == "T20" and result["jumps"][0]["above"]["bed"] == "T19"
+    )
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".png", ".svg"]
 
 
@@ -68,7 +76,10 @@ def test_fifty_scores_tell_where_to_aim(run, tmp_path):
     assert result["ci95_mm"] == pytest.approx(list(estimate.confidence_interval()))
     assert result["ci95_mm"][0] < result["sigma_mm"] < result["ci95_mm"][1]
     assert result["best_aim"]["bed"] == "T19"
-    assert all(tmp_path.joinpath(name).stat().st_size > 10_000 for name in ("estimate.svg", "estimate.png"))
+    assert all(
+        tmp_path.joinpath(name).stat().st_size > 10_000
+        for name in ("estimate.svg", "estimate.png")
+    )
 
 
 def test_an_estimate_reads_well_as_text(run):
@@ -91,7 +102,10 @@ def test_an_open_interval_is_null(run):
 
 
 def test_what_was_aimed_at_can_be_a_bed_or_a_point(run):
-    by_name, by_point = (run("estimate", *"20 60 5 20 1 20 12 20 18 7 20".split(), "--aim", aim, "--json")[1] for aim in ("T20", "0,103"))
+    by_name, by_point = (
+        run("estimate", *"20 60 5 20 1 20 12 20 18 7 20".split(), "--aim", aim, "--json")[1]
+        for aim in ("T20", "0,103")
+    )
     assert by_name["sigma_mm"] == pytest.approx(by_point["sigma_mm"])
 
 
@@ -128,9 +142,27 @@ def test_a_leg_as_a_table_and_a_picture(run, tmp_path):
 
 
 def test_one_state_of_a_leg(run):
-    _, result = run("501", "--sigma", 20, "--start", 45, "--remaining", 40, "--darts", 1, "--turn-start", 45, "--json")
+    _, result = run(
+        "501",
+        "--sigma",
+        20,
+        "--start",
+        45,
+        "--remaining",
+        40,
+        "--darts",
+        1,
+        "--turn-start",
+        45,
+        "--json",
+    )
     (row,) = result["aims"]
-    assert (row["remaining"], row["darts_left"], row["turn_start"], row["bed"]) == (40, 1, 45, "D20")
+    assert (row["remaining"], row["darts_left"], row["turn_start"], row["bed"]) == (
+        40,
+        1,
+        45,
+        "D20",
+    )
     assert 0.1 < row["best_chance_to_finish"] < 0.15
 
 
@@ -141,10 +173,27 @@ def match_from_11():
 
 @pytest.mark.slow
 def test_a_match_is_that_of_the_library(run, match_from_11):
-    status, result = run("match", "--sigma", 12, "--against", 15, "--start", 11, "--legs", 5, "--first", "them", "--json")
+    status, result = run(
+        "match",
+        "--sigma",
+        12,
+        "--against",
+        15,
+        "--start",
+        11,
+        "--legs",
+        5,
+        "--first",
+        "them",
+        "--json",
+    )
     leg = {"first": match_from_11.me.first[11, 11], "second": match_from_11.me.second[11, 11]}
     assert status == 0 and result["leg"] == pytest.approx(leg)
-    assert result["match"] == {"legs": 5, "first": "them", "chance": pytest.approx(match_chance(*leg.values(), 5, "them"))}
+    assert result["match"] == {
+        "legs": 5,
+        "first": "them",
+        "chance": pytest.approx(match_chance(*leg.values(), 5, "them")),
+    }
     assert result["aim"]["bed"] == match_from_11.me.target(11, 11)
     assert result["leg_against_fewest_turns"]["first"] >= result["leg_both_fewest_turns"]["first"]
 
@@ -152,17 +201,35 @@ def test_a_match_is_that_of_the_library(run, match_from_11):
 def test_a_match_reads_well_as_text(run, match_from_11):
     _, text = run("match", "--sigma", 12, "--against", 15, "--start", 11, "--legs", 3)
     first, second = 100 * match_from_11.me.first[11, 11], 100 * match_from_11.me.second[11, 11]
-    assert f"leg from 11, both play to win: you win {first:.2f} % if you begin, {second:.2f} % if they begin" in text
+    assert (
+        f"leg from 11, both play to win: you win {first:.2f} % if you begin, {second:.2f} % if"
+        " they begin" in text
+    )
     assert "best of 3, you begin the first leg: you win " in text and "first dart: " in text
     assert "no aim of a first dart depends on what they have left" in text or "left: " in text
 
 
 @pytest.mark.slow
 def test_each_player_of_a_match_has_a_spread_of_any_kind(run):
-    mine, theirs = ["--covariance", 400, -60, 200, "--bias", -3, 2], ["--against-professional", "Wade"]
+    mine, theirs = (
+        ["--covariance", 400, -60, 200, "--bias", -3, 2],
+        ["--against-professional", "Wade"],
+    )
     against = run("match", *mine, *theirs, "--start", 10, "--json")[1]["leg"]
-    swapped = ["--against-covariance", 400, -60, 200, "--against-bias", -3, 2, "--professional", "Wade"]
-    assert run("match", *swapped, "--start", 10, "--json")[1]["leg"]["first"] == pytest.approx(1.0 - against["second"], abs=1e-6)
+    swapped = [
+        "--against-covariance",
+        400,
+        -60,
+        200,
+        "--against-bias",
+        -3,
+        2,
+        "--professional",
+        "Wade",
+    ]
+    assert run("match", *swapped, "--start", 10, "--json")[1]["leg"]["first"] == pytest.approx(
+        1.0 - against["second"], abs=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -204,10 +271,22 @@ def test_wrong_usage_ends_with_status_two(run, arguments, capsys):
         (["501", "--sigma", "20", "--start", "4", "--remaining", "5"], "between 2 and 4"),
         (["501", "--professional", "Nobody"], "no professional is called"),
         (["match", "--sigma", "0", "--against", "9"], "you: sigma must lie between .* got 0"),
-        (["match", "--sigma", "9", "--against", "nan"], "opponent: sigma must lie between .* got nan"),
-        (["match", "--sigma", "9", "--against-professional", "Nobody"], "opponent: no professional is called"),
-        (["match", "--sigma", "9", "--against", "9", "--legs", "4"], "legs must be an odd number .* such as 5, got 4"),
-        (["match", "--sigma", "9", "--against", "9", "--start", "1"], "start must be an integer of at least 2, got 1"),
+        (
+            ["match", "--sigma", "9", "--against", "nan"],
+            "opponent: sigma must lie between .* got nan",
+        ),
+        (
+            ["match", "--sigma", "9", "--against-professional", "Nobody"],
+            "opponent: no professional is called",
+        ),
+        (
+            ["match", "--sigma", "9", "--against", "9", "--legs", "4"],
+            "legs must be an odd number .* such as 5, got 4",
+        ),
+        (
+            ["match", "--sigma", "9", "--against", "9", "--start", "1"],
+            "start must be an integer of at least 2, got 1",
+        ),
     ],
 )
 def test_bad_values_are_named(run, arguments, words):
@@ -222,7 +301,9 @@ def test_a_grid_that_cannot_be_is_refused(run, spacing):
         run("heatmap", "--sigma", 20, "--spacing", spacing)
 
 
-NUMBERS = st.sampled_from(["0", "-1", "1e-308", "1e308", "-1e308", "nan", "inf", "1e12", "20", "x", ""])
+NUMBERS = st.sampled_from(
+    ["0", "-1", "1e-308", "1e308", "-1e308", "nan", "inf", "1e12", "20", "x", ""]
+)
 OPTIONS = {
     "heatmap": (["--spacing"], ["--covariance", 3], ["--bias", 2]),
     "aim": (["--sigma"], ["--covariance", 3], ["--bias", 2]),
@@ -232,7 +313,10 @@ OPTIONS = {
 
 @pytest.mark.slow
 @given(st.sampled_from(sorted(OPTIONS)), st.data())
-@settings(max_examples=max(20, settings.default.max_examples // 4), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=max(20, settings.default.max_examples // 4),
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 def test_whatever_numbers_are_given_the_answer_is_one_line_or_a_result(tmp_path, verb, data):
     """With a spread of 20 mm where that is not what is tried, so that nothing here takes long."""
     option, *count = data.draw(st.sampled_from(OPTIONS[verb]))
@@ -241,7 +325,9 @@ def test_whatever_numbers_are_given_the_answer_is_one_line_or_a_result(tmp_path,
     out, said = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
         try:
-            status = main(["darts", verb, *spread, option, *values, "--output", str(tmp_path / "out")])
+            status = main(
+                ["darts", verb, *spread, option, *values, "--output", str(tmp_path / "out")]
+            )
         except SystemExit as usage:
             status = usage.code
     assert status in (0, 1, 2)

@@ -25,7 +25,8 @@ def run_without(modules, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("typed", "there_is"), [([], "practice"), (["bag"], "recover"), (["darts"], "heatmap"), (["experiment"], "figure")]
+    ("typed", "there_is"),
+    [([], "practice"), (["bag"], "recover"), (["darts"], "heatmap"), (["experiment"], "figure")],
 )
 def test_where_a_command_is_missing_those_that_there_are_are_listed(typed, there_is, capsys):
     with pytest.raises(SystemExit) as end:
@@ -36,10 +37,16 @@ def test_where_a_command_is_missing_those_that_there_are_are_listed(typed, there
 def test_an_unknown_option_is_told_with_the_usage_of_its_command(capsys):
     with pytest.raises(SystemExit) as end:
         main(["bag", "info", "somewhere", "--nope"])
-    assert end.value.code == 2 and "dart-skill bag info: error: unrecognized arguments: --nope" in capsys.readouterr().err
+    assert (
+        end.value.code == 2
+        and "dart-skill bag info: error: unrecognized arguments: --nope" in capsys.readouterr().err
+    )
 
 
-@pytest.mark.parametrize("command", ["throws --seeds", "basket --throws", "place --parts", "reach --cups", "practice --seeds"])
+@pytest.mark.parametrize(
+    "command",
+    ["throws --seeds", "basket --throws", "place --parts", "reach --cups", "practice --seeds"],
+)
 def test_an_experiment_without_a_run_is_refused(command, capsys):
     with pytest.raises(SystemExit) as end:
         main(["experiment", *command.split(), "0"])
@@ -63,25 +70,48 @@ def test_an_unknown_configuration_is_named_with_those_there_are(capsys):
 
 @pytest.mark.slow
 def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
-    arguments = ["--seeds", "1", "--demonstrations", "4", "--throws", "2", "--configurations", "default,thesis", "--json"]
+    arguments = [
+        "--seeds",
+        "1",
+        "--demonstrations",
+        "4",
+        "--throws",
+        "2",
+        "--configurations",
+        "default,thesis",
+        "--json",
+    ]
     assert main(["experiment", "throws", *arguments]) == 0
     result = json.loads(capfd.readouterr().out)
     assert [row["configuration"] for row in result["summary"]] == ["default", "thesis"]
     assert len(result["throws"]) == 4
     for throw in result["throws"]:
         assert (throw["along"] is None) == (throw["across"] is None)
-        assert throw["along"] is not None or throw["note"], f"neither a landing nor a reason: {throw}"
+        assert throw["along"] is not None or throw["note"], (
+            f"neither a landing nor a reason: {throw}"
+        )
 
 
 def test_the_ladder_stands_for_its_configurations(monkeypatch, capfd):
     asked = []
-    monkeypatch.setattr("dart_skill.experiments.throws.run", lambda seeds, names, *_, **__: asked.extend(names) or [])
-    assert main(["experiment", "throws", "--seeds", "1", "--configurations", "default,ladder"]) == 0
-    assert asked[:3] == ["default", "thesis", "+release_clock"] and {"+farthest_release", "without_overlap"} < set(asked)
+    monkeypatch.setattr(
+        "dart_skill.experiments.throws.run",
+        lambda seeds, names, *_, **__: asked.extend(names) or [],
+    )
+    assert (
+        main(["experiment", "throws", "--seeds", "1", "--configurations", "default,ladder"]) == 0
+    )
+    assert asked[:3] == ["default", "thesis", "+release_clock"] and {
+        "+farthest_release",
+        "without_overlap",
+    } < set(asked)
     assert capfd.readouterr().out.startswith("configuration ")
 
 
-@pytest.mark.parametrize("command", ["up", "demo", "practice", "teach", "throw", "execute", "learn", "bag play", "check arm"])
+@pytest.mark.parametrize(
+    "command",
+    ["up", "demo", "practice", "teach", "throw", "execute", "learn", "bag play", "check arm"],
+)
 def test_help_and_usage_errors_need_no_ros(command):
     told = run_without(["rclpy"], *command.split(), "--help")
     assert (told.returncode, told.stderr) == (0, "")
@@ -90,26 +120,51 @@ def test_help_and_usage_errors_need_no_ros(command):
     assert wrong.returncode == 2 and "usage: dart-skill" in wrong.stderr
 
 
-@pytest.mark.parametrize(("arguments", "status"), [(["--help"], 0), (["up"], 1), (["teach", "--count", "2"], 1), (["bag", "play", "x"], 1)])
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [(["--help"], 0), (["up"], 1), (["teach", "--count", "2"], 1), (["bag", "play", "x"], 1)],
+)
 def test_without_the_nodes_it_is_said_what_is_missing(arguments, status):
     told = run_without(["dart_skill_nodes"], *arguments)
     assert told.returncode == status and "Traceback" not in told.stderr
-    assert status == 0 or "needs the ROS 2 workspace: 'make setup', then 'source tools/env.sh'" in told.stderr
+    assert (
+        status == 0
+        or "needs the ROS 2 workspace: 'make setup', then 'source tools/env.sh'" in told.stderr
+    )
 
 
 def test_the_verbs_look_for_the_graph_where_up_starts_it():
-    """On the user's ROS domain; `demo` and `practice` choose one that is free, for a graph of their own, when they begin."""
+    """On the user's ROS domain; `demo` and `practice` choose one that is free, for a graph of
+    their own, when they begin.
+    """
     pytest.importorskip("rclpy")
-    verbs = ", ".join(f"dart_skill_nodes.verbs.{name}" for name in ("up", "teach", "learn", "throw", "demo", "practice"))
+    verbs = ", ".join(
+        f"dart_skill_nodes.verbs.{name}"
+        for name in ("up", "teach", "learn", "throw", "demo", "practice")
+    )
     script = f"import os, {verbs}; print(os.environ.get('ROS_DOMAIN_ID'))"
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True
+    )
     assert told.stdout.splitlines()[-1] == "None"
 
 
 @pytest.mark.slow
 def test_arms_of_the_throws_experiment_are_names_or_the_fleet(capfd):
-    arguments = ["--arms", "fleet", "--first-seed", "5", "--seeds", "1", "--demonstrations", "3", "--throws", "1", "--json"]
+    arguments = [
+        "--arms",
+        "fleet",
+        "--first-seed",
+        "5",
+        "--seeds",
+        "1",
+        "--demonstrations",
+        "3",
+        "--throws",
+        "1",
+        "--json",
+    ]
     assert main(["experiment", "throws", *arguments]) == 0
     told = json.loads(capfd.readouterr().out)
     assert told["thrown"] == 1 and {"in", "median_error_m", "p90_error_m"} <= set(told)
@@ -157,19 +212,35 @@ def test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes():
     pytest.importorskip("dart_skill_nodes")
     from dart_skill_nodes.process.graph_processes import of_executables
 
-    differs = {"mock_optitrack": {"noise": 0.001}, "skill_learner": {"practice_method": "none"}, "teacher": {"speed": 0.0}}
+    differs = {
+        "mock_optitrack": {"noise": 0.001},
+        "skill_learner": {"practice_method": "none"},
+        "teacher": {"speed": 0.0},
+    }
     assert of_executables("composed", differs) == {
         "composed": {"mock_optitrack:noise": 0.001, "teacher:speed": 0.0},
         "skill_learner": {"practice_method": "none"},
     }
 
 
-@pytest.mark.parametrize("words", ("experiment figure 5.1", "experiment darts", "darts heatmap --sigma 20", "darts aim --sigma 20", "demo"))
+@pytest.mark.parametrize(
+    "words",
+    (
+        "experiment figure 5.1",
+        "experiment darts",
+        "darts heatmap --sigma 20",
+        "darts aim --sigma 20",
+        "demo",
+    ),
+)
 def test_a_folder_that_is_filled_is_not_called_like_a_file(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main([*words.split(), "--output", "x.png"])
     assert ended.value.code == 2
-    assert "x.png: what is written fills a folder; this is the name of a file" in capsys.readouterr().err
+    assert (
+        "x.png: what is written fills a folder; this is the name of a file"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("words", ("practice", "up", "experiment soak", "experiment faults"))
@@ -179,13 +250,19 @@ def test_neither_is_that_of_a_verb_of_the_graph(words, capsys):
 
 
 def test_a_command_is_known_alone_as_it_is_known_among_all():
-    """Only the parser of the command that is asked for is made: the others took a third of the time of a short one."""
+    """Only the parser of the command that is asked for is made: the others took a third of the
+    time of a short one.
+    """
     among_all = _completion.verbs_of(_main._parser())
     assert tuple(among_all) == _main.COMMANDS
     for name in _main.COMMANDS:
         alone = _main._parser([name, "something"])
         assert list(_completion.verbs_of(alone)) == [name]
-        for one, other in zip(_completion.commands_of(alone), [alone, *_completion.commands_of(among_all[name])], strict=True):
+        for one, other in zip(
+            _completion.commands_of(alone),
+            [alone, *_completion.commands_of(among_all[name])],
+            strict=True,
+        ):
             assert one is alone or one.format_help() == other.format_help()
     for words in ([], ["--version"], ["nonsense"]):
         assert tuple(_completion.verbs_of(_main._parser(words))) == _main.COMMANDS
@@ -204,4 +281,9 @@ except SystemExit:
     pass
 print("as before" if gc.get_threshold() == before else "seldom" if gc.get_threshold()[0] > before[0] else "more often")
 """
-    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout.splitlines()[-1] == how
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True
+        ).stdout.splitlines()[-1]
+        == how
+    )

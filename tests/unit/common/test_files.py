@@ -42,7 +42,11 @@ def test_one_that_came_meanwhile_is_not_overwritten(tmp_path):
 
 def test_only_files_are_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    for path, what in ((tmp_path / "pipe", "a named pipe"), (tmp_path, "a folder"), ("/dev/null", "a device")):
+    for path, what in (
+        (tmp_path / "pipe", "a named pipe"),
+        (tmp_path, "a folder"),
+        ("/dev/null", "a device"),
+    ):
         with pytest.raises(NoFile, match=f"is {what}, and not a file"):
             open_file(path)
     with pytest.raises(FileNotFoundError):
@@ -52,7 +56,10 @@ def test_only_files_are_opened(tmp_path):
 
 
 def test_a_disk_that_is_full_is_told_with_the_file_that_was_to_be_written(tmp_path):
-    with pytest.raises(OSError, match=r"No space left on device: '.*page\.html'"), new_file(tmp_path / "page.html") as stream:
+    with (
+        pytest.raises(OSError, match=r"No space left on device: '.*page\.html'"),
+        new_file(tmp_path / "page.html") as stream,
+    ):
         with open("/dev/full", "wb", buffering=0) as full:
             full.write(stream.name.encode())
     assert not list(tmp_path.iterdir())

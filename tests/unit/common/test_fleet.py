@@ -17,7 +17,10 @@ def test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind(name):
         for parameter, value in parameters.items():
             assert type(value) is type(usual[parameter]), (node, parameter)
             assert np.shape(value) == np.shape(usual[parameter])
-    merged = {node: {**node_parameters(node_file(node), node), **arm_named(name).get(node, {})} for node in NODES}
+    merged = {
+        node: {**node_parameters(node_file(node), node), **arm_named(name).get(node, {})}
+        for node in NODES
+    }
     PlantSettings.from_parameters(merged["wam_simulator"])
     MotionCaptureConfig.from_parameters(merged["mock_optitrack"])
 
@@ -40,10 +43,17 @@ def test_members_stay_within_the_ranges_and_fill_them():
             elif "between" in rule:
                 share = values / np.array(rule.get("times", 1.0))
                 low, high = rule["between"]
-                assert low <= share.min() and share.max() <= high and np.ptp(share) > 0.9 * (high - low)
+                assert (
+                    low <= share.min()
+                    and share.max() <= high
+                    and np.ptp(share) > 0.9 * (high - low)
+                )
             elif "normal" in rule:
                 mean, deviation = rule["normal"]
-                assert values.std() == pytest.approx(deviation, rel=0.2) and abs(values.mean() - mean) < 0.3 * deviation
+                assert (
+                    values.std() == pytest.approx(deviation, rel=0.2)
+                    and abs(values.mean() - mean) < 0.3 * deviation
+                )
             else:
                 assert set(values.tolist()) == set(rule["choice"])
 
@@ -51,7 +61,10 @@ def test_members_stay_within_the_ranges_and_fill_them():
 def test_a_new_parameter_changes_none_of_the_others():
     rules = {"wam_simulator": {"hand_delay": {"between": [0.0, 1.0]}}}
     more = {"wam_simulator": {"another": {"normal": [0.0, 1.0]}, **rules["wam_simulator"]}}
-    assert drawn(more, 3)["wam_simulator"]["hand_delay"] == drawn(rules, 3)["wam_simulator"]["hand_delay"]
+    assert (
+        drawn(more, 3)["wam_simulator"]["hand_delay"]
+        == drawn(rules, 3)["wam_simulator"]["hand_delay"]
+    )
 
 
 @pytest.mark.parametrize("name", ["nobody", "fleet", "fleet:", "fleet:-1", "fleet:x"])
@@ -68,7 +81,10 @@ def test_a_rule_that_says_nothing_is_named():
 def test_an_arm_with_a_parameter_of_its_own():
     arm = arm_with("elastic", ["commander.tracking=none", "mock_optitrack.noise=1"])
     assert arm["commander"]["tracking"] == "none" and arm["mock_optitrack"]["noise"] == 1.0
-    assert arm["wam_simulator"] == arm_named("elastic")["wam_simulator"] and arm_named("elastic")["commander"]["tracking"] == "joints"
+    assert (
+        arm["wam_simulator"] == arm_named("elastic")["wam_simulator"]
+        and arm_named("elastic")["commander"]["tracking"] == "joints"
+    )
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,14 @@ def reference(position, velocity, ball, time):
 
     def rate(_, state):
         x_dot, y_dot, z_dot = state[3:]
-        k = 0.5 * ball.air_density * ball.drag_coefficient * np.pi * (ball.diameter / 2) ** 2 / ball.mass
+        k = (
+            0.5
+            * ball.air_density
+            * ball.drag_coefficient
+            * np.pi
+            * (ball.diameter / 2) ** 2
+            / ball.mass
+        )
         speed = np.sqrt(x_dot**2 + y_dot**2 + z_dot**2)
         return [
             x_dot,
@@ -29,12 +36,16 @@ def reference(position, velocity, ball, time):
             -k * speed * z_dot - ball.gravity,
         ]
 
-    solution = solve_ivp(rate, (0.0, time), np.concatenate([position, velocity]), rtol=1e-11, atol=1e-12)
+    solution = solve_ivp(
+        rate, (0.0, time), np.concatenate([position, velocity]), rtol=1e-11, atol=1e-12
+    )
     return solution.y[:3, -1], solution.y[3:, -1]
 
 
 @pytest.mark.parametrize("time", [1.0, 0.37, 0.004, -0.4])
-@pytest.mark.parametrize("ball", [TENNIS_BALL, VACUUM, replace(TENNIS_BALL, mass=0.01, drag_coefficient=0.7)])
+@pytest.mark.parametrize(
+    "ball", [TENNIS_BALL, VACUUM, replace(TENNIS_BALL, mass=0.01, drag_coefficient=0.7)]
+)
 def test_flight_equals_an_independent_integration(ball, time):
     position, velocity = flight(START, VELOCITY, np.array([0.1, time]), ball)
     expected_position, expected_velocity = reference(START, VELOCITY, ball, time)
@@ -57,14 +68,23 @@ def test_a_batch_of_throws_equals_single_throws():
     together, _ = flight(position, velocity, times)
     assert together.shape == (3, 2, 5, 3)
     for index in np.ndindex(2, 5):
-        np.testing.assert_allclose(together[(slice(None), *index)], flight(position[index], velocity[index], times)[0], atol=1e-9)
+        np.testing.assert_allclose(
+            together[(slice(None), *index)],
+            flight(position[index], velocity[index], times)[0],
+            atol=1e-9,
+        )
 
 
 def test_drag_shortfall_is_the_published_one():
-    """Drag coefficient 0.55 (docs/sources.md): 45 degrees, 0.6 m drop: 2 of 133 cm at 3 m/s, 5.5 of 210 at 4 m/s, 12 of 305 at 5 m/s."""
+    """Drag coefficient 0.55 (docs/sources.md): 45 degrees, 0.6 m drop: 2 of 133 cm at 3 m/s, 5.5
+    of 210 at 4 m/s, 12 of 305 at 5 m/s.
+    """
     for speed, shortfall in ((3.0, 0.02), (4.0, 0.055), (5.0, 0.12)):
         velocity = speed * np.array([1.0, 0.0, 1.0]) / np.sqrt(2)
-        reach = [landing(np.zeros(3), velocity, -0.6, ball).position[0] for ball in (VACUUM, TENNIS_BALL)]
+        reach = [
+            landing(np.zeros(3), velocity, -0.6, ball).position[0]
+            for ball in (VACUUM, TENNIS_BALL)
+        ]
         assert reach[0] - reach[1] == pytest.approx(shortfall, abs=0.006), reach
 
 
@@ -110,7 +130,9 @@ def test_fit_recovers_an_exact_flight_at_any_instant():
 
 def test_a_flight_to_begin_with_changes_only_the_work():
     times = 3.0 + 0.01 * np.arange(60)
-    samples = flight(START, VELOCITY, times - 3.0)[0] + np.random.default_rng(5).normal(0.0, 1e-3, (60, 3))
+    samples = flight(START, VELOCITY, times - 3.0)[0] + np.random.default_rng(5).normal(
+        0.0, 1e-3, (60, 3)
+    )
     shorter = fit_flight(times[10:30], samples[10:30])
     alone, helped = fit_flight(times, samples), fit_flight(times, samples, near=shorter)
     np.testing.assert_allclose(helped.position, alone.position, atol=1e-6)
@@ -120,16 +142,24 @@ def test_a_flight_to_begin_with_changes_only_the_work():
 @pytest.mark.parametrize("time", [0.0, 1e-3, 0.31, 0.9, -0.2])
 def test_one_ball_alone_flies_as_among_others(time):
     """To the last bit, though it is followed in plain numbers."""
-    alone, among = flight(START, VELOCITY, np.array([time])), flight(START, VELOCITY, np.array([time, time]))
+    alone, among = (
+        flight(START, VELOCITY, np.array([time])),
+        flight(START, VELOCITY, np.array([time, time])),
+    )
     for one, others in zip(alone, among, strict=True):
         np.testing.assert_array_equal(one[0], others[1])
-    landed, together = landing(START, VELOCITY, 0.4), landing(np.tile(START, (2, 1)), np.tile(VELOCITY, (2, 1)), 0.4)
+    landed, together = (
+        landing(START, VELOCITY, 0.4),
+        landing(np.tile(START, (2, 1)), np.tile(VELOCITY, (2, 1)), 0.4),
+    )
     for part in ("position", "velocity", "time"):
         np.testing.assert_array_equal(getattr(landed, part), getattr(together, part)[1])
 
 
 def windows_of_flights(n=4, samples=10):
-    """Noisy samples of flights of different speeds: times (n, samples) from 0, positions (n, samples, 3)."""
+    """Noisy samples of flights of different speeds: times (n, samples) from 0, positions (n,
+    samples, 3).
+    """
     rng = np.random.default_rng(2)
     time = np.sort(rng.uniform(0.0, 0.1, (n, samples)), axis=1)
     exact = [flight(START, VELOCITY * (0.5 + 0.3 * k), row)[0] for k, row in enumerate(time)]
@@ -137,7 +167,9 @@ def windows_of_flights(n=4, samples=10):
 
 
 def test_flights_fitted_together_are_those_fitted_one_by_one():
-    """Together by lines and repetition, one alone by its sensitivity: two ways to one least-squares flight, but for what drag bends."""
+    """Together by lines and repetition, one alone by its sensitivity: two ways to one
+    least-squares flight, but for what drag bends.
+    """
     time, position = windows_of_flights()
     start, velocity, misfit = fit_flights(time, position)
     for k in range(len(time)):
@@ -161,7 +193,10 @@ def test_in_vacuum_flights_are_lines_fitted_to_what_gravity_leaves():
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
 def test_a_rough_fit_is_off_by_less_than_it_says(accuracy):
     time, position = windows_of_flights()
-    exact, rough = fit_flights(time, position, accuracy=1e-12), fit_flights(time, position, accuracy=accuracy)
+    exact, rough = (
+        fit_flights(time, position, accuracy=1e-12),
+        fit_flights(time, position, accuracy=accuracy),
+    )
     for good, fast in zip(exact, rough, strict=True):
         np.testing.assert_allclose(fast, good, atol=accuracy)
 
@@ -170,7 +205,12 @@ def test_fit_errors_match_the_least_squares_theory():
     rng = np.random.default_rng(1)
     times, sigma = 0.01 * np.arange(50), 1e-4
     exact, _ = flight(START, VELOCITY, times)
-    errors = np.array([fit_flight(times, exact + sigma * rng.normal(size=exact.shape)).velocity - VELOCITY for _ in range(200)])
+    errors = np.array(
+        [
+            fit_flight(times, exact + sigma * rng.normal(size=exact.shape)).velocity - VELOCITY
+            for _ in range(200)
+        ]
+    )
     expected = sigma / np.sqrt(np.sum((times - times.mean()) ** 2))  # of the slope of a line
     assert np.std(errors) == pytest.approx(expected, rel=0.15)
     assert np.abs(errors.mean(axis=0)).max() < 4 * expected / np.sqrt(200)

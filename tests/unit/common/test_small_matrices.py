@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from dart_skill.common import small_matrices
-from dart_skill.common.small_matrices import factor_into, invert_into, solve_into, solve_positive_definite
+from dart_skill.common.small_matrices import (
+    factor_into,
+    invert_into,
+    solve_into,
+    solve_positive_definite,
+)
 from tests.interpreted import interpreted
 
 
@@ -17,7 +22,12 @@ def positive_definite(n, rng):
 def test_the_solution_is_that_of_lapack(n):
     rng = np.random.default_rng(n)
     matrix, right = positive_definite(n, rng), rng.standard_normal(n)
-    np.testing.assert_allclose(solve_positive_definite(matrix, right), np.linalg.solve(matrix, right), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        solve_positive_definite(matrix, right),
+        np.linalg.solve(matrix, right),
+        rtol=1e-9,
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize("n", [1, 3, 7])
@@ -32,7 +42,10 @@ def test_the_factor_is_that_of_lapack_and_may_take_the_matrix_s_place(n):
 
 @pytest.mark.parametrize("n", [1, 3, 7])
 def test_the_inverse_of_a_triangle_is_that_of_lapack(n):
-    lower, inverse = np.tril(np.random.default_rng(n).uniform(1.0, 2.0, (n, n))), np.full((n, n), np.nan)
+    lower, inverse = (
+        np.tril(np.random.default_rng(n).uniform(1.0, 2.0, (n, n))),
+        np.full((n, n), np.nan),
+    )
     invert_into(lower + np.triu(np.full((n, n), 9.0), 1), inverse)
     np.testing.assert_allclose(inverse, np.linalg.inv(lower), rtol=1e-9, atol=1e-12)
     plain = np.full((n, n), np.nan)
@@ -57,8 +70,12 @@ def test_the_solution_may_take_the_place_of_the_right_side():
     np.testing.assert_array_equal(right, expected)
 
 
-@pytest.mark.parametrize("module", [small_matrices, interpreted("dart_skill.common.small_matrices")])
-@pytest.mark.parametrize(("matrix", "pivot"), [([[1.0, 0.0], [2.0, 1.0]], 1), ([[0.0]], 0), ([[np.nan]], 0)])
+@pytest.mark.parametrize(
+    "module", [small_matrices, interpreted("dart_skill.common.small_matrices")]
+)
+@pytest.mark.parametrize(
+    ("matrix", "pivot"), [([[1.0, 0.0], [2.0, 1.0]], 1), ([[0.0]], 0), ([[np.nan]], 0)]
+)
 def test_a_matrix_that_is_not_positive_definite_is_refused(module, matrix, pivot):
     with pytest.raises(ValueError, match=f"not positive definite: its pivot {pivot} is"):
         module.solve_positive_definite(np.array(matrix), np.ones(len(matrix)))
@@ -68,4 +85,6 @@ def test_compiled_and_interpreted_have_the_same_bits():
     plain, rng = interpreted("dart_skill.common.small_matrices"), np.random.default_rng(2)
     for n in (1, 4, 7):
         matrix, right = positive_definite(n, rng), rng.standard_normal(n)
-        np.testing.assert_array_equal(solve_positive_definite(matrix, right), plain.solve_positive_definite(matrix, right))
+        np.testing.assert_array_equal(
+            solve_positive_definite(matrix, right), plain.solve_positive_definite(matrix, right)
+        )

@@ -1,5 +1,5 @@
-"""For tests: independent integration of Gaussians over the beds of the board, by products of Gauss-Legendre rules in radius and angle, and
-an independent solution of a leg, by bisection.
+"""For tests: independent integration of Gaussians over the beds of the board, by products of
+Gauss-Legendre rules in radius and angle, and an independent solution of a leg, by bisection.
 """
 
 from functools import lru_cache
@@ -14,11 +14,15 @@ NUMBERS = np.array([20, 1, 18, 4, 13, 6, 10, 15, 2, 17, 3, 19, 7, 16, 8, 11, 14,
 
 
 def nodes(finest):
-    """Points (n, 2), weights (n,) and scores (n,) of a rule on every ring and sector for Gaussians no narrower than `finest` [mm]."""
+    """Points (n, 2), weights (n,) and scores (n,) of a rule on every ring and sector for Gaussians
+    no narrower than `finest` [mm].
+    """
     parts = []
     for ring, (near, far) in enumerate(zip(EDGES[:-1], EDGES[1:], strict=True)):
         radius, radial_weight = _rule(near, far, 12 + int(5 * (far - near) / finest))
-        angle, angular_weight = _rule(-np.pi / 20, np.pi / 20, 12 + int(5 * far * np.pi / 10 / finest))
+        angle, angular_weight = _rule(
+            -np.pi / 20, np.pi / 20, 12 + int(5 * far * np.pi / 10 / finest)
+        )
         for sector, number in enumerate(NUMBERS):
             clockwise = angle + sector * np.pi / 10
             x, y = radius[:, None] * np.sin(clockwise), radius[:, None] * np.cos(clockwise)
@@ -32,7 +36,12 @@ def nodes(finest):
 def expected_score(aims, covariance, bias=(0.0, 0.0)):
     """Expected scores (n,) of aims (n, 2)."""
     points, weight, value = nodes(np.sqrt(np.linalg.eigvalsh(covariance)[0]))
-    return np.array([density(points, aim + np.asarray(bias), covariance) @ (weight * value) for aim in np.asarray(aims, dtype=float)])
+    return np.array(
+        [
+            density(points, aim + np.asarray(bias), covariance) @ (weight * value)
+            for aim in np.asarray(aims, dtype=float)
+        ]
+    )
 
 
 def score_probabilities(aim, covariance, scores):
@@ -43,7 +52,9 @@ def score_probabilities(aim, covariance, scores):
 
 
 def leg(sigma, highest, spacing, dart, turn):
-    """Expected cost (highest + 1,) to finish from each score, by bisection of V(s) = turn + W_3(s); spacing: of the aims [mm]."""
+    """Expected cost (highest + 1,) to finish from each score, by bisection of V(s) = turn +
+    W_3(s); spacing: of the aims [mm].
+    """
     scores, double, chance = _alike(_chances(sigma, spacing), highest)
     value = np.zeros(highest + 1)
 
@@ -60,13 +71,19 @@ def leg(sigma, highest, spacing, dart, turn):
         return turn + after[score]
 
     for score in range(2, highest + 1):
-        value[score] = brentq(lambda guess, score=score: turn_from(score, guess) - guess, 0.5, 1e5, rtol=1e-8)
+        value[score] = brentq(
+            lambda guess, score=score: turn_from(score, guess) - guess, 0.5, 1e5, rtol=1e-8
+        )
     return value
 
 
 def _alike(chances, highest):
-    """Scores (k,) and doubles (k,) of the kinds of beds that differ from so many remaining on, and the chance (k, n) of each kind."""
-    kinds, which = np.unique(np.stack([np.minimum(BED_SCORES, highest + 1), BED_IS_DOUBLE]), axis=1, return_inverse=True)
+    """Scores (k,) and doubles (k,) of the kinds of beds that differ from so many remaining on, and
+    the chance (k, n) of each kind.
+    """
+    kinds, which = np.unique(
+        np.stack([np.minimum(BED_SCORES, highest + 1), BED_IS_DOUBLE]), axis=1, return_inverse=True
+    )
     return kinds[0], kinds[1].astype(bool), np.eye(kinds.shape[1])[which.ravel()].T @ chances.T
 
 
@@ -75,7 +92,9 @@ def _chances(sigma, spacing):
     """Chance (n, 83) of each bed at aims that lie so far apart on and about the board."""
     steps = np.arange(-170.0 - 2.0 * sigma, 171.0 + 2.0 * sigma, spacing)
     aims = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    return bed_probabilities(np.concatenate([aims[np.hypot(*aims.T) < 170.0 + 2.0 * sigma], bed_centres()]), sigma)
+    return bed_probabilities(
+        np.concatenate([aims[np.hypot(*aims.T) < 170.0 + 2.0 * sigma], bed_centres()]), sigma
+    )
 
 
 def density(points, mean, covariance):

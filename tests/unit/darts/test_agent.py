@@ -1,19 +1,35 @@
-"""The agent that knows the board: it finds its own precision from its scores, and aims accordingly while that changes."""
+"""The agent that knows the board: it finds its own precision from its scores, and aims accordingly
+while that changes.
+"""
 
 import numpy as np
 import pytest
 
-from dart_skill.darts import ModelBasedAgent, best_aim, estimate_from_points, expected_score, name_at, score
+from dart_skill.darts import (
+    ModelBasedAgent,
+    best_aim,
+    estimate_from_points,
+    expected_score,
+    name_at,
+    score,
+)
 
 
 def play(sigmas, seed):
-    """The agent after throws with these sigmas (n,), its estimates of sigma and its regret [points] per throw."""
+    """The agent after throws with these sigmas (n,), its estimates of sigma and its regret
+    [points] per throw.
+    """
     rng, agent = np.random.default_rng(seed), ModelBasedAgent()
     believed, regret = np.empty(len(sigmas)), np.empty(len(sigmas))
-    best = {sigma: best_aim(sigma).expected_score for sigma in np.unique(sigmas)[:: max(1, len(sigmas) // 20)]}
+    best = {
+        sigma: best_aim(sigma).expected_score
+        for sigma in np.unique(sigmas)[:: max(1, len(sigmas) // 20)]
+    }
     for n, sigma in enumerate(sigmas):
         believed[n] = agent.sigma
-        regret[n] = best[sigma] - expected_score(agent.aim[None], sigma)[0] if sigma in best else np.nan
+        regret[n] = (
+            best[sigma] - expected_score(agent.aim[None], sigma)[0] if sigma in best else np.nan
+        )
         agent.tell(int(score(agent.aim + sigma * rng.standard_normal(2))))
     return agent, believed, regret
 
@@ -38,14 +54,18 @@ def test_a_precision_that_grows_is_followed_across_the_jump_of_the_best_aim():
 
 def test_before_the_first_throw_it_aims_where_a_thrower_of_unknown_precision_should():
     agent = ModelBasedAgent()
-    scores = [expected_score(np.array([agent.aim, [0.0, 103.0]]), sigma) for sigma in agent.sigmas[::20]]
+    scores = [
+        expected_score(np.array([agent.aim, [0.0, 103.0]]), sigma) for sigma in agent.sigmas[::20]
+    ]
     assert np.mean(scores, axis=0)[0] > np.mean(scores, axis=0)[1]
 
 
 def test_where_it_aims_has_a_name_and_a_worth():
     agent = ModelBasedAgent()
     assert agent.bed == name_at(agent.aim)
-    assert agent.expected_score == pytest.approx(agent.belief @ [expected_score(agent.aim, sigma) for sigma in agent.sigmas], rel=1e-9)
+    assert agent.expected_score == pytest.approx(
+        agent.belief @ [expected_score(agent.aim, sigma) for sigma in agent.sigmas], rel=1e-9
+    )
     assert agent.spread.is_isotropic and agent.spread.sigma == pytest.approx(agent.sigma)
 
 
@@ -73,7 +93,11 @@ def told(agent, n, sigmas, rng, bias=(0.0, 0.0)):
 def test_before_the_first_estimate_the_bull_is_aimed_at():
     agent = ModelBasedAgent("hits")
     beds = told(agent, 9, 3.0, np.random.default_rng(0))
-    assert set(beds) == {"DB"} and agent.spread is None and np.isnan([agent.sigma, agent.expected_score]).all()
+    assert (
+        set(beds) == {"DB"}
+        and agent.spread is None
+        and np.isnan([agent.sigma, agent.expected_score]).all()
+    )
     told(agent, 1, 3.0, np.random.default_rng(1))
     assert agent.bed == "T20" and agent.sigma == agent.spread.sigma
 
@@ -84,7 +108,9 @@ def test_the_aim_is_the_best_for_the_last_hits_and_chosen_anew_every_so_often():
     for hit in hits:
         aims.append(agent.aim)
         agent.tell(agent.aim + hit)
-    expected = estimate_from_points(np.add(aims, hits)[-20:], np.array(aims[-20:]), model="general").spread
+    expected = estimate_from_points(
+        np.add(aims, hits)[-20:], np.array(aims[-20:]), model="general"
+    ).spread
     np.testing.assert_array_equal(agent.spread.covariance, expected.covariance)
     np.testing.assert_array_equal(agent.aim, best_aim(expected).point)
     changes = [n for n in range(1, 24) if not np.array_equal(aims[n], aims[n - 1])]
@@ -94,7 +120,9 @@ def test_the_aim_is_the_best_for_the_last_hits_and_chosen_anew_every_so_often():
 def test_a_bias_counts_as_spread():
     agent = ModelBasedAgent("hits", least=50)
     told(agent, 50, [3.0, 8.0], np.random.default_rng(8), bias=[0.0, 5.0])
-    np.testing.assert_allclose(np.sqrt(np.diag(agent.spread.covariance)), [3.0, np.hypot(8.0, 5.0)], rtol=0.25)
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(agent.spread.covariance)), [3.0, np.hypot(8.0, 5.0)], rtol=0.25
+    )
 
 
 def test_old_hits_are_forgotten():

@@ -35,8 +35,21 @@ def test_the_board_has_twenty_up_six_right_three_down_and_eleven_left():
 
 def test_every_sector_has_its_number_and_every_ring_its_factor():
     for turn, number in enumerate(NUMBERS):
-        ring = [at(radius, 18.0 * turn + 8.9) for radius in (20.0, 98.9, 99.1, 106.9, 107.1, 161.9, 162.1, 169.9, 170.1)]
-        assert score(ring).tolist() == [number, number, 3 * number, 3 * number, number, number, 2 * number, 2 * number, 0]
+        ring = [
+            at(radius, 18.0 * turn + 8.9)
+            for radius in (20.0, 98.9, 99.1, 106.9, 107.1, 161.9, 162.1, 169.9, 170.1)
+        ]
+        assert score(ring).tolist() == [
+            number,
+            number,
+            3 * number,
+            3 * number,
+            number,
+            number,
+            2 * number,
+            2 * number,
+            0,
+        ]
 
 
 def test_the_bull_scores_the_same_all_round():
@@ -47,7 +60,14 @@ def test_the_bull_scores_the_same_all_round():
 
 def test_a_point_on_a_circle_belongs_to_the_ring_inside_it():
     assert score([[0.0, radius] for radius in RADII]).tolist() == [50, 25, 20, 60, 20, 40]
-    assert score([[0.0, np.nextafter(radius, 999.0)] for radius in RADII]).tolist() == [25, 20, 60, 20, 40, 0]
+    assert score([[0.0, np.nextafter(radius, 999.0)] for radius in RADII]).tolist() == [
+        25,
+        20,
+        60,
+        20,
+        40,
+        0,
+    ]
 
 
 def test_scores_keep_the_shape_of_the_points():
@@ -56,12 +76,18 @@ def test_scores_keep_the_shape_of_the_points():
 
 
 def test_mean_score_of_uniform_throws_is_the_published_one(rng):
-    """12.82 on average (Tibshirani, Price and Taylor, 2011); the exact value follows from the areas of the rings."""
+    """12.82 on average (Tibshirani, Price and Taylor, 2011); the exact value follows from the
+    areas of the rings.
+    """
     areas = np.diff(np.concatenate([[0.0], RADII**2])) / RADII[-1] ** 2
     exact = areas @ [50.0, 25.0, 10.5, 31.5, 10.5, 21.0]
     assert exact == pytest.approx(12.82, abs=0.005)
     n = 200_000
-    points = RADII[-1] * np.sqrt(rng.random(n))[:, None] * np.array([at(1.0, a) for a in 360.0 * rng.random(n)])
+    points = (
+        RADII[-1]
+        * np.sqrt(rng.random(n))[:, None]
+        * np.array([at(1.0, a) for a in 360.0 * rng.random(n)])
+    )
     assert score(points).mean() == pytest.approx(exact, abs=5 * score(points).std() / np.sqrt(n))
 
 
@@ -91,7 +117,9 @@ def test_bounce_outs_are_marked():
     assert masks.sum(axis=1).tolist() == [3, 0, 1, 0]
 
 
-@pytest.mark.parametrize("number", [-1, 23, 29, 31, 35, 37, 41, 43, 44, 46, 47, 49, 52, 53, 55, 56, 58, 59, 61, 180])
+@pytest.mark.parametrize(
+    "number", [-1, 23, 29, 31, 35, 37, 41, 43, 44, 46, 47, 49, 52, 53, 55, 56, 58, 59, 61, 180]
+)
 def test_scores_that_cannot_be_thrown_are_refused_with_their_place(number):
     with pytest.raises(ValueError, match=f"throw 2: score {number} cannot be thrown"):
         parse_score_list([20, number])
@@ -109,7 +137,9 @@ def test_what_is_no_list_of_scores_is_refused(bad):
         parse_score_list(bad)
 
 
-@pytest.mark.parametrize("bad", ["20", "25", "miss", "T25", "", [1.0], [[0.0, 0.0]], [0.0, np.inf]])
+@pytest.mark.parametrize(
+    "bad", ["20", "25", "miss", "T25", "", [1.0], [[0.0, 0.0]], [0.0, np.inf]]
+)
 def test_what_is_no_target_is_refused(bad):
     with pytest.raises(ValueError, match="aim"):
         as_target(bad)
@@ -157,7 +187,9 @@ def test_impacts_have_the_mean_and_covariance_of_the_spread(rng):
 
 
 def test_professionals_have_the_published_mean_spreads():
-    """Haugh and Wang: 7.69 mm at treble 20, 8.07 at the bull, 8.55 at doubles, over sixteen players."""
+    """Haugh and Wang: 7.69 mm at treble 20, 8.07 at the bull, 8.55 at doubles, over sixteen
+    players.
+    """
     players = [professional(name).all_spreads for name in PROFESSIONALS]
     means = np.mean([[spread.sigma for spread in player] for player in players], axis=0)
     typical = [spread.sigma for spread in professional().all_spreads]
@@ -168,7 +200,9 @@ def test_professionals_have_the_published_mean_spreads():
 
 def test_a_professional_has_the_spread_of_what_is_aimed_at():
     player = professional("van gerwen")
-    aims = np.array([as_target(name) for name in ("T20", "T19", "T18", "T17", "DB", "D16", "D20", "S20")])
+    aims = np.array(
+        [as_target(name) for name in ("T20", "T19", "T18", "T17", "DB", "D16", "D20", "S20")]
+    )
     assert player.which(aims).tolist() == [0, 1, 2, 3, 4, 5, 5, 0]
 
 

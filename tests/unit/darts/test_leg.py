@@ -1,4 +1,6 @@
-"""Finishing a leg: the table against simulated legs, hand calculation, the rules, and what a perfect thrower can do."""
+"""Finishing a leg: the table against simulated legs, hand calculation, the rules, and what a
+perfect thrower can do.
+"""
 
 import numpy as np
 import pytest
@@ -34,19 +36,43 @@ def perfect():
 def test_simulated_legs_take_the_turns_that_the_table_expects(policy):
     turns, darts = simulate_legs(policy, 6000, np.random.default_rng(3))
     error = turns.std() / np.sqrt(len(turns))
-    assert turns.mean() == pytest.approx(policy.expected[-1], abs=4 * error), (turns.mean(), policy.expected[-1], error)
+    assert turns.mean() == pytest.approx(policy.expected[-1], abs=4 * error), (
+        turns.mean(),
+        policy.expected[-1],
+        error,
+    )
     assert (darts >= turns).all() and (darts <= 3 * turns).all()
 
 
 @pytest.mark.parametrize("objective", ["turns", "darts"])
-@pytest.mark.parametrize("sigma", [0.5, 2.0, 7.0, 8.0, 100.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (1.0, 4.0, 40.0))])
+@pytest.mark.parametrize(
+    "sigma",
+    [
+        0.5,
+        2.0,
+        7.0,
+        8.0,
+        100.0,
+        *(pytest.param(one, marks=pytest.mark.slow) for one in (1.0, 4.0, 40.0)),
+    ],
+)
 def test_legs_take_what_is_expected_of_every_thrower(sigma, objective):
-    """A guess of V that is too low makes busting seem free, and from it there was no way to the solution for some sigmas."""
+    """A guess of V that is too low makes busting seem free, and from it there was no way to the
+    solution for some sigmas.
+    """
     policy = solve_leg(sigma, objective=objective)
-    played = dict(zip(("turns", "darts"), simulate_legs(policy, 800, np.random.default_rng(3)), strict=True))[objective]
+    played = dict(
+        zip(("turns", "darts"), simulate_legs(policy, 800, np.random.default_rng(3)), strict=True)
+    )[objective]
     error = max(played.std() / np.sqrt(len(played)), 0.02)
-    assert played.mean() == pytest.approx(policy.expected[-1], abs=4 * error), (played.mean(), policy.expected[-1], error)
-    assert policy.expected[-1] >= {"turns": 3.0, "darts": 9.0}[objective] - 1e-9, "faster than a perfect leg"
+    assert played.mean() == pytest.approx(policy.expected[-1], abs=4 * error), (
+        played.mean(),
+        policy.expected[-1],
+        error,
+    )
+    assert policy.expected[-1] >= {"turns": 3.0, "darts": 9.0}[objective] - 1e-9, (
+        "faster than a perfect leg"
+    )
     assert (policy.expected[2:] > 0.0).all() and policy.expected[-1] == policy.expected[501]
 
 
@@ -64,20 +90,28 @@ def test_no_aim_of_a_fine_grid_finishes_earlier(sigma, spacing, objective):
 def test_darts_are_counted_when_darts_are_to_be_few():
     policy = solve_leg(25.0, start=40, objective="darts")
     _, darts = simulate_legs(policy, 6000, np.random.default_rng(5))
-    assert darts.mean() == pytest.approx(policy.expected[-1], abs=4 * darts.std() / np.sqrt(len(darts)))
+    assert darts.mean() == pytest.approx(
+        policy.expected[-1], abs=4 * darts.std() / np.sqrt(len(darts))
+    )
 
 
 def test_a_professional_whose_spread_depends_on_the_target():
     policy = solve_leg(professional("Van Gerwen"), start=60)
     turns, _ = simulate_legs(policy, 6000, np.random.default_rng(8))
-    assert turns.mean() == pytest.approx(policy.expected[-1], abs=4 * turns.std() / np.sqrt(len(turns)))
+    assert turns.mean() == pytest.approx(
+        policy.expected[-1], abs=4 * turns.std() / np.sqrt(len(turns))
+    )
     assert policy.target(40) == "D20" and policy.target(32) == "D16"
 
 
 def test_two_remaining_by_hand(policy):
-    """Only double one finishes and only a miss does not bust: from the last dart back, the best of p + m times what comes then."""
+    """Only double one finishes and only a miss does not bust: from the last dart back, the best of
+    p + m times what comes then.
+    """
     steps = np.arange(-40.0, 61.0, 2.0)
-    beds = bed_probabilities(as_target("D1") + np.stack(np.meshgrid(steps, steps), axis=-1), policy.spreads[0])
+    beds = bed_probabilities(
+        as_target("D1") + np.stack(np.meshgrid(steps, steps), axis=-1), policy.spreads[0]
+    )
     finish, miss, chance = beds[..., BED_NAMES.index("D1")], beds[..., -1], 0.0
     for _ in range(3):
         chance = (finish + miss * chance).max()
@@ -86,14 +120,23 @@ def test_two_remaining_by_hand(policy):
 
 def test_the_policy_beats_the_rule_of_thumb(policy):
     """From 40: the double of what is left if it is even, single one if it is odd."""
-    aims = np.array([as_target(f"D{number}") for number in range(1, 21)] + [as_target("S1")]) - policy.spreads[0].bias
+    aims = (
+        np.array([as_target(f"D{number}") for number in range(1, 21)] + [as_target("S1")])
+        - policy.spreads[0].bias
+    )
     start = np.arange(41)[:, None]
     remaining = [np.maximum(start - np.arange(1 + 60 * used), 2) for used in range(3)]
     thumb = tuple(np.where(left % 2 == 0, left // 2 - 1, 20) for left in remaining)
-    simple = LegPolicy(aims, policy.expected[:41], thumb, policy.spreads, np.zeros(21, dtype=int), "turns")
+    simple = LegPolicy(
+        aims, policy.expected[:41], thumb, policy.spreads, np.zeros(21, dtype=int), "turns"
+    )
     turns, _ = simulate_legs(simple, 8000, np.random.default_rng(1))
     error = turns.std() / np.sqrt(len(turns))
-    assert policy.expected[40] < turns.mean() + 3 * error, (policy.expected[40], turns.mean(), error)
+    assert policy.expected[40] < turns.mean() + 3 * error, (
+        policy.expected[40],
+        turns.mean(),
+        error,
+    )
     assert turns.mean() < 2 * policy.expected[40]
 
 
@@ -163,7 +206,13 @@ def test_a_state_that_cannot_be_is_refused(policy, arguments, words):
 
 @pytest.mark.parametrize(
     "arguments, words",
-    [((16.0, 1), "start"), ((16.0, 10_000), "start"), ((16.0, 501, "points"), "objective"), ((-16.0,), "sigma"), ((np.nan,), "sigma")],
+    [
+        ((16.0, 1), "start"),
+        ((16.0, 10_000), "start"),
+        ((16.0, 501, "points"), "objective"),
+        ((-16.0,), "sigma"),
+        ((np.nan,), "sigma"),
+    ],
 )
 def test_a_leg_that_is_none_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
@@ -185,5 +234,7 @@ def test_all_ways_to_ask_for_the_means_of_a_state_say_the_same(everywhere, remai
     for darts, (row, mean, miss) in enumerate(zip(values, means, misses, strict=True), start=1):
         [expected] = choice.means(darts, remaining, row[None])
         np.testing.assert_allclose(mean, expected, rtol=1e-13)
-        np.testing.assert_allclose(choice.means_at(darts, remaining, values)[darts - 1], expected, rtol=1e-13)
+        np.testing.assert_allclose(
+            choice.means_at(darts, remaining, values)[darts - 1], expected, rtol=1e-13
+        )
         np.testing.assert_array_equal(miss, choice.means(darts, remaining, np.eye(1, 57))[0])

@@ -1,4 +1,6 @@
-"""A leg as it is played, against the rules, and against the simulation that the policies are checked with."""
+"""A leg as it is played, against the rules, and against the simulation that the policies are
+checked with.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +25,11 @@ def played(start, *beds):
         (32, ["S16", "S15"], [16, 32]),  # and so is 1
         (32, ["T20"], [32]),  # and less
         (60, ["S20", "S20", "S18", "D1"], [40, 20, 2, 0]),
-        (60, ["S20", "S20", "T20", "S20", "S20", "D10"], [40, 20, 60, 40, 20, 0]),  # a bust costs the whole turn
+        (
+            60,
+            ["S20", "S20", "T20", "S20", "S20", "D10"],
+            [40, 20, 60, 40, 20, 0],
+        ),  # a bust costs the whole turn
     ],
 )
 def test_what_is_left_is_what_the_rules_say(start, beds, left):
@@ -59,9 +65,13 @@ def test_a_leg_takes_as_many_darts_as_the_simulation_of_its_policy_says():
     for _ in range(300):
         leg = LegInPlay(101)
         while not leg.is_over:
-            choice = policy.choices[3 - leg.darts_left][leg.turn_start, leg.turn_start - leg.remaining]
+            choice = policy.choices[3 - leg.darts_left][
+                leg.turn_start, leg.turn_start - leg.remaining
+            ]
             leg.hit(impacts(policy.aims[[choice]], policy.which[[choice]], policy.spreads, rng)[0])
         counts.append(len(leg.darts))
     simulated = simulate_legs(policy, 3000, rng)[1]
-    standard_error = np.std(counts) / np.sqrt(len(counts)) + np.std(simulated) / np.sqrt(len(simulated))
+    standard_error = np.std(counts) / np.sqrt(len(counts)) + np.std(simulated) / np.sqrt(
+        len(simulated)
+    )
     assert abs(np.mean(counts) - simulated.mean()) < 4.0 * standard_error

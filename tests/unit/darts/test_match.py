@@ -1,4 +1,6 @@
-"""Two players: the game against a value iteration of every state, simulated legs, symmetry, and what more skill is worth."""
+"""Two players: the game against a value iteration of every state, simulated legs, symmetry, and
+what more skill is worth.
+"""
 
 import dataclasses
 import itertools
@@ -30,7 +32,9 @@ BEST, FEWEST = ("best", "best"), ("turns", "turns")
 
 @pytest.fixture(scope="module")
 def players():
-    return match_player(12.0, START), match_player(Spread([[500.0, 80.0], [80.0, 300.0]], [5.0, -6.0]), START)
+    return match_player(12.0, START), match_player(
+        Spread([[500.0, 80.0], [80.0, 300.0]], [5.0, -6.0]), START
+    )
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +43,8 @@ def solved(players):
 
 
 def chances_of_turn(chances, after, begun):
-    """The best chances (m,) to win at the start of a turn, if they are after (m, s) with s left at its end.
+    """The best chances (m,) to win at the start of a turn, if they are after (m, s) with s left at
+    its end.
 
     chances (n, 83): of the beds at each aim.
     """
@@ -57,13 +62,16 @@ def chances_of_turn(chances, after, begun):
 
 
 def iterated(mine, theirs, start):
-    """Chances (start + 1, start + 1) of both players to win at the start of their own turn, by what they and the other have left: all turns
-    are computed again until nothing changes. mine, theirs (n, 83): chances of the beds at each aim.
+    """Chances (start + 1, start + 1) of both players to win at the start of their own turn, by
+    what they and the other have left: all turns are computed again until nothing changes. mine,
+    theirs (n, 83): chances of the beds at each aim.
     """
     first = np.zeros((2, start + 1, start + 1))
     for _ in range(200):
         before = first.copy()
-        for own, (me, chances) in itertools.product(range(2, start + 1), enumerate((mine, theirs))):
+        for own, (me, chances) in itertools.product(
+            range(2, start + 1), enumerate((mine, theirs))
+        ):
             after = 1.0 - first[1 - me, 2:, : own + 1]
             after[:, 0] = 1.0
             first[me, own, 2:] = chances_of_turn(chances, after, own)
@@ -82,7 +90,9 @@ def with_aims(player, aims, spread):
 @pytest.mark.slow
 def test_a_small_game_has_the_chances_that_value_iteration_finds():
     start, sigmas, aims = 31, (11.0, 27.0), bed_centres()
-    found = solve_match(*(with_aims(match_player(sigma, start), aims, sigma) for sigma in sigmas), start)
+    found = solve_match(
+        *(with_aims(match_player(sigma, start), aims, sigma) for sigma in sigmas), start
+    )
     expected = iterated(*(bed_probabilities(aims, sigma) for sigma in sigmas), start)
     for side, chances in zip((found.me, found.them), expected, strict=True):
         np.testing.assert_allclose(side.first[2:, 2:], chances[2:, 2:], atol=1e-6)
@@ -91,7 +101,9 @@ def test_a_small_game_has_the_chances_that_value_iteration_finds():
 @pytest.mark.slow
 @pytest.mark.parametrize("plays", PLAYS)
 def test_no_turn_can_be_played_better_than_the_chances_say(solved, plays):
-    """Their own turn computed dart by dart from what the other player makes of it: the one fixed point is the solution."""
+    """Their own turn computed dart by dart from what the other player makes of it: the one fixed
+    point is the solution.
+    """
     for side in (solved[plays].me, solved[plays].them):
         results = candidates_at(side.aims, thrower_of(side.player.leg.spreads[0])).results
         for begun, against in np.random.default_rng(2).integers(2, START + 1, (30, 2)):
@@ -127,8 +139,13 @@ def test_simulated_legs_are_won_as_often_as_expected(solved, plays, begins):
 def test_simulated_matches_are_won_as_often_as_expected(solved):
     policy, rng, legs, n = solved[BEST], np.random.default_rng(6), 5, 2000
     sides = ["them" if leg % 2 == 0 else "me" for leg in range(legs)]
-    won = sum(simulate_match_legs(policy, n, rng, begins).astype(int) for begins in sides) > legs // 2
-    expected = match_chance(policy.me.first[START, START], policy.me.second[START, START], legs, "them")
+    won = (
+        sum(simulate_match_legs(policy, n, rng, begins).astype(int) for begins in sides)
+        > legs // 2
+    )
+    expected = match_chance(
+        policy.me.first[START, START], policy.me.second[START, START], legs, "them"
+    )
     error = np.sqrt(expected * (1.0 - expected) / n)
     assert won.mean() == pytest.approx(expected, abs=3 * error), (won.mean(), expected, error)
 
@@ -144,11 +161,15 @@ def test_the_turns_of_the_policy_come_to_its_expected_number(players):
 def test_one_turn_after_which_all_is_lost_finishes_as_often_as_it_can():
     thrower, lost = thrower_of(15.0), np.append(0.0, np.ones(200))
     _, turn = best_turn(thrower, lost, candidates_at(first_aims(thrower), thrower))
-    np.testing.assert_allclose(1.0 - turn.expected[2:], checkout_table(15.0, 200).probability[2:, 2], atol=2e-3)
+    np.testing.assert_allclose(
+        1.0 - turn.expected[2:], checkout_table(15.0, 200).probability[2:, 2], atol=2e-3
+    )
 
 
 def test_the_best_answer_wins_more_than_the_fewest_turns_in_every_state(solved):
-    fewest, answer, best = (solved[plays].me.first[2:, 2:] for plays in (FEWEST, ("best", "turns"), BEST))
+    fewest, answer, best = (
+        solved[plays].me.first[2:, 2:] for plays in (FEWEST, ("best", "turns"), BEST)
+    )
     assert (answer >= fewest - 1e-6).all() and (answer - fewest).max() > 1e-3
     assert (answer >= best - 1e-6).all(), "the other player's best answer must cost something"
     assert (best >= solved["turns", "best"].me.first[2:, 2:] - 1e-6).all()
@@ -162,9 +183,14 @@ def test_who_plays_which_part_makes_no_difference(players, solved):
 
 def test_of_equal_players_who_begins_wins_as_often_as_the_other_loses():
     start, player = 21, match_player(12.0, 21)
-    alone, twins = solve_match(player, player, start), solve_match(12.0, Spread.isotropic(12.0), start)
+    alone, twins = (
+        solve_match(player, player, start),
+        solve_match(12.0, Spread.isotropic(12.0), start),
+    )
     np.testing.assert_array_equal(alone.me.first, alone.them.first)
-    np.testing.assert_allclose(alone.me.first[2:, 2:] + alone.them.second[2:, 2:].T, 1.0, atol=1e-12)
+    np.testing.assert_allclose(
+        alone.me.first[2:, 2:] + alone.them.second[2:, 2:].T, 1.0, atol=1e-12
+    )
     np.testing.assert_allclose(twins.me.first, alone.me.first, atol=1e-6)
     assert alone.me.first[start, start] > 0.5 > alone.me.second[start, start]
 
@@ -173,7 +199,9 @@ def test_every_chance_is_one_and_beginning_helps(solved):
     for side in (solved[BEST].me, solved[BEST].them):
         first, second = side.first[2:, 2:], side.second[2:, 2:]
         assert (second >= 0.0).all() and (first <= 1.0).all() and (first > second).all()
-        assert side.first[0, 10] == 1.0 and side.second[10, 0] == 0.0 and np.isnan(side.first[1, 10])
+        assert (
+            side.first[0, 10] == 1.0 and side.second[10, 0] == 0.0 and np.isnan(side.first[1, 10])
+        )
 
 
 @pytest.mark.slow
@@ -191,12 +219,23 @@ def test_against_an_opponent_who_finishes_next_turn_it_is_now_or_never():
 
 @pytest.mark.slow
 def test_the_aim_depends_on_what_the_opponent_has_left():
-    """With 50 left and the last dart of a turn: the bull if they may finish now, single 18 to leave double 16 if they need another turn."""
+    """With 50 left and the last dart of a turn: the bull if they may finish now, single 18 to
+    leave double 16 if they need another turn.
+    """
     policy = solve_match(12.0, 15.0, 110)
-    assert [policy.me.target(50, against, 1, 110) for against in (2, 32, 40, 100)] == ["DB", "DB", "DB", "S18"]
+    assert [policy.me.target(50, against, 1, 110) for against in (2, 32, 40, 100)] == [
+        "DB",
+        "DB",
+        "DB",
+        "S18",
+    ]
     apart = aims_apart(policy.me, 40, 100)
-    assert apart.against == (40, 100) and apart.beds[0] != apart.beds[1] and min(apart.losses) > 0.003
-    np.testing.assert_array_equal(apart.aims, [policy.me.best_aim(apart.remaining, against) for against in apart.against])
+    assert (
+        apart.against == (40, 100) and apart.beds[0] != apart.beds[1] and min(apart.losses) > 0.003
+    )
+    np.testing.assert_array_equal(
+        apart.aims, [policy.me.best_aim(apart.remaining, against) for against in apart.against]
+    )
 
 
 def test_with_the_fewest_turns_no_aim_depends_on_the_opponent(solved):
@@ -213,7 +252,10 @@ def test_a_professional_against_a_good_amateur():
     assert policy.me.first[40, 40] > 0.75 and policy.me.target(40, 40) == "D20"
 
 
-@pytest.mark.parametrize(("first", "second", "legs"), [(0.7, 0.6, 1), (0.7, 0.6, 3), (0.55, 0.45, 11), (1.0, 0.0, 5), (0.8, 0.1, 21)])
+@pytest.mark.parametrize(
+    ("first", "second", "legs"),
+    [(0.7, 0.6, 1), (0.7, 0.6, 3), (0.55, 0.45, 11), (1.0, 0.0, 5), (0.8, 0.1, 21)],
+)
 @pytest.mark.parametrize("begins", ["me", "them"])
 def test_a_match_leg_by_leg(first, second, legs, begins):
     def chance(won, lost):
@@ -248,7 +290,9 @@ def test_a_game_that_is_none_is_refused(arguments, words):
 
 
 def test_a_player_of_other_legs_is_refused(players):
-    with pytest.raises(ValueError, match="made for legs from 31, not from 30: make another with match_player"):
+    with pytest.raises(
+        ValueError, match="made for legs from 31, not from 30: make another with match_player"
+    ):
         solve_match(players[0], 15.0, 30)
 
 

@@ -1,11 +1,20 @@
-"""The best aim, all local optima, and the jumps of the best aim over sigma, against brute force and independent quadrature."""
+"""The best aim, all local optima, and the jumps of the best aim over sigma, against brute force
+and independent quadrature.
+"""
 
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
-from dart_skill.darts import Spread, as_target, best_aim, expected_score, local_optima, optimum_path
+from dart_skill.darts import (
+    Spread,
+    as_target,
+    best_aim,
+    expected_score,
+    local_optima,
+    optimum_path,
+)
 from tests.unit.darts import reference
 
 SLANTED = Spread([[500.0, -160.0], [-160.0, 120.0]], [10.0, -20.0])
@@ -24,7 +33,10 @@ def highest_nodes(grid, values):
     """Nodes (n, 2) higher than their neighbours and than what round-off leaves off the board."""
     inner = values[1:-1, 1:-1]
     shifted = [
-        values[1 + i : values.shape[0] - 1 + i, 1 + j : values.shape[1] - 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)
+        values[1 + i : values.shape[0] - 1 + i, 1 + j : values.shape[1] - 1 + j]
+        for i in (-1, 0, 1)
+        for j in (-1, 0, 1)
+        if (i, j) != (0, 0)
     ]
     rows, columns = np.nonzero((inner > np.array(shifted)).all(axis=0) & (inner > 0.1))
     return np.column_stack([grid[1 + columns], grid[1 + rows]])
@@ -39,13 +51,17 @@ def test_the_best_aim_beats_every_node_of_a_grid(sigma):
     assert np.hypot(*(best.point - [grid[column], grid[row]])) < 2 * STEP
 
 
-@pytest.mark.parametrize("spread", [5.0, 16.0, 27.0, 64.6, SLANTED], ids=["5", "16", "27", "64.6", "slanted"])
+@pytest.mark.parametrize(
+    "spread", [5.0, 16.0, 27.0, 64.6, SLANTED], ids=["5", "16", "27", "64.6", "slanted"]
+)
 def test_a_tenth_of_a_millimetre_beside_the_best_aim_less_is_scored(spread):
     """By quadrature over the beds, which shares nothing with the search."""
     best = best_aim(spread)
     covariance = spread.covariance if isinstance(spread, Spread) else spread**2 * np.eye(2)
     bias = spread.bias if isinstance(spread, Spread) else np.zeros(2)
-    here, *around = reference.expected_score(np.vstack([best.point, best.point + 0.1 * COMPASS]), covariance, bias)
+    here, *around = reference.expected_score(
+        np.vstack([best.point, best.point + 0.1 * COMPASS]), covariance, bias
+    )
     assert here == pytest.approx(best.expected_score, abs=1e-9)
     assert max(around) < here, (best.point, np.array(around) - here)
 
@@ -66,12 +82,18 @@ def test_every_local_optimum_is_higher_than_what_is_round_it(spread):
     assert values == sorted(values, reverse=True)
     assert values[0] == pytest.approx(best_aim(spread).expected_score, abs=1e-10)
     for aim in optima:
-        assert expected_score(aim.point + 0.1 * COMPASS, spread).max() <= aim.expected_score + 1e-11, aim
+        assert (
+            expected_score(aim.point + 0.1 * COMPASS, spread).max() <= aim.expected_score + 1e-11
+        ), aim
 
 
 def test_a_precise_thrower_has_an_optimum_in_the_bull_and_each_treble_and_double_that_beats_its_neighbours():
     numbers = reference.NUMBERS
-    higher = [n for n, a, b in zip(numbers, np.roll(numbers, 1), np.roll(numbers, -1), strict=True) if n > a and n > b]
+    higher = [
+        n
+        for n, a, b in zip(numbers, np.roll(numbers, 1), np.roll(numbers, -1), strict=True)
+        if n > a and n > b
+    ]
     wanted = {"DB", *(f"{letter}{number}" for letter in "TD" for number in higher)}
     optima = local_optima(3.0)
     assert {aim.bed for aim in optima} == wanted and len(optima) == len(wanted)
@@ -85,12 +107,16 @@ def test_a_precise_thrower_aims_at_the_middle_of_treble_twenty():
 def test_a_bias_is_aimed_against():
     bias = np.array([14.0, -9.0])
     plain, biased = local_optima(16.0), local_optima(Spread.isotropic(16.0, bias))
-    assert np.array([aim.point for aim in biased]) + bias == pytest.approx(np.array([aim.point for aim in plain]), abs=1e-4)
+    assert np.array([aim.point for aim in biased]) + bias == pytest.approx(
+        np.array([aim.point for aim in plain]), abs=1e-4
+    )
 
 
 def test_a_mirrored_spread_does_not_have_mirrored_optima_on_an_unsymmetric_board():
     mirrored = Spread(SLANTED.covariance * [[1.0, -1.0], [-1.0, 1.0]])
-    assert best_aim(mirrored).point != pytest.approx(best_aim(Spread(SLANTED.covariance)).point * [-1.0, 1.0], abs=1.0)
+    assert best_aim(mirrored).point != pytest.approx(
+        best_aim(Spread(SLANTED.covariance)).point * [-1.0, 1.0], abs=1.0
+    )
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +133,9 @@ def test_the_best_aim_jumps_once_from_treble_twenty_to_treble_nineteen(path):
 
 def test_both_sides_of_the_jump_score_the_same_by_quadrature_and_nothing_scores_more(path):
     (jump,) = path.jumps
-    sides = reference.expected_score([jump.below.point, jump.above.point], jump.sigma**2 * np.eye(2))
+    sides = reference.expected_score(
+        [jump.below.point, jump.above.point], jump.sigma**2 * np.eye(2)
+    )
     assert sides[0] == pytest.approx(sides[1], abs=1e-6)
     assert brute_force(jump.sigma)[1].max() <= sides.max() + 1e-6
 
@@ -115,7 +143,9 @@ def test_both_sides_of_the_jump_score_the_same_by_quadrature_and_nothing_scores_
 @pytest.mark.parametrize("offset, bed", [(-0.02, "T20"), (0.02, "T19")])
 def test_beside_the_jump_the_optimum_is_on_its_side(path, offset, bed):
     sigma = path.jumps[0].sigma + offset
-    rivals = reference.expected_score([path.jumps[0].below.point, path.jumps[0].above.point], sigma**2 * np.eye(2))
+    rivals = reference.expected_score(
+        [path.jumps[0].below.point, path.jumps[0].above.point], sigma**2 * np.eye(2)
+    )
     assert ["T20", "T19"][int(rivals.argmax())] == bed == best_aim(sigma).bed
 
 
@@ -137,13 +167,17 @@ def test_between_neighbouring_sigmas_of_a_piece_no_other_aim_is_better(path):
     for index in range(2, len(path.sigmas) - 1, 9):
         if path.sigmas[index + 1] > path.sigmas[index]:
             best = best_aim(0.5 * (path.sigmas[index] + path.sigmas[index + 1])).point
-            assert np.hypot(*(best - path.aims[index : index + 2]).T).max() < 6.0, path.sigmas[index]
+            assert np.hypot(*(best - path.aims[index : index + 2]).T).max() < 6.0, path.sigmas[
+                index
+            ]
 
 
 def test_a_spread_of_another_shape_has_its_own_jumps():
     shape = Spread([[2.0, -1.0], [-1.0, 2.0]])
     (jump,) = optimum_path(15.5, 16.5, shape).jumps
-    sides = reference.expected_score([jump.below.point, jump.above.point], shape.scaled_to(jump.sigma).covariance)
+    sides = reference.expected_score(
+        [jump.below.point, jump.above.point], shape.scaled_to(jump.sigma).covariance
+    )
     assert (jump.below.bed, jump.above.bed) == ("T20", "T19")
     assert jump.sigma == pytest.approx(15.958, abs=1e-3)
     assert sides[0] == pytest.approx(sides[1], abs=1e-6)

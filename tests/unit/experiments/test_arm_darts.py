@@ -1,4 +1,6 @@
-"""Darts by the arm: the board's plane, darts that stick in it, a skill that hits where it aims, and what practice makes of it."""
+"""Darts by the arm: the board's plane, darts that stick in it, a skill that hits where it aims,
+and what practice makes of it.
+"""
 
 from dataclasses import replace
 
@@ -16,7 +18,14 @@ from dart_skill.figures import arm_darts_figure, draw_arm_darts, running
 from dart_skill.session import Dart, DartsRun, darts_table, summarise
 from dart_skill.simulation import Board, Teacher
 from dart_skill.skills.darts import Darts
-from dart_skill.skills.learning import DEFAULT, Unreachable, landing_if_late, learn_throwing, load_model, save_model
+from dart_skill.skills.learning import (
+    DEFAULT,
+    Unreachable,
+    landing_if_late,
+    learn_throwing,
+    load_model,
+    save_model,
+)
 from dart_skill.skills.observation import judge_flight
 from dart_skill.skills.practice import PractisingSkill
 from dart_skill.skills.practice._steadiness import Steadiness
@@ -36,7 +45,11 @@ def throws_at(face, n, seed=0):
     rng = np.random.default_rng(seed)
     position = np.column_stack([rng.uniform(-0.3, 0.3, (n, 2)), rng.uniform(1.8, 2.2, n)])
     ahead = face.normal * rng.uniform(3.0, 6.0, (n, 1))
-    return position, ahead + face.axes[:, 1] * rng.uniform(-0.3, 0.3, (n, 1)) + [0.0, 0.0, 1.0] * rng.uniform(-1.0, 2.0, (n, 1))
+    return position, ahead + face.axes[:, 1] * rng.uniform(-0.3, 0.3, (n, 1)) + [
+        0.0,
+        0.0,
+        1.0,
+    ] * rng.uniform(-1.0, 2.0, (n, 1))
 
 
 # where a flight meets a vertical plane
@@ -48,7 +61,11 @@ def test_in_vacuum_a_flight_meets_the_plane_where_the_parabola_does(face):
     meets = crossing(position, velocity, face.normal, face.distance, VACUUM)
     time = (face.distance - position @ face.normal) / (velocity @ face.normal)
     np.testing.assert_allclose(meets.time, time, atol=1e-9)
-    np.testing.assert_allclose(meets.position, position + time[:, None] * velocity - np.outer(time**2, [0, 0, 0.5 * 9.81]), atol=1e-9)
+    np.testing.assert_allclose(
+        meets.position,
+        position + time[:, None] * velocity - np.outer(time**2, [0, 0, 0.5 * 9.81]),
+        atol=1e-9,
+    )
     np.testing.assert_allclose(meets.velocity, velocity - np.outer(time, [0, 0, 9.81]), atol=1e-9)
 
 
@@ -66,17 +83,24 @@ def test_with_drag_a_flight_meets_the_plane_where_an_independent_integration_doe
 
     reached.terminal = True
     for k in range(4):
-        end = solve_ivp(rates, (0.0, 3.0), [*position[k], *velocity[k]], events=reached, rtol=1e-10, atol=1e-12)
+        end = solve_ivp(
+            rates, (0.0, 3.0), [*position[k], *velocity[k]], events=reached, rtol=1e-10, atol=1e-12
+        )
         np.testing.assert_allclose(meets.position[k], end.y_events[0][0][:3], atol=2e-6)
         assert meets.time[k] == pytest.approx(end.t_events[0][0], abs=1e-6)
 
 
 def test_a_flight_away_from_the_plane_or_beyond_it_never_meets_it():
-    position, velocity = np.array([[0.0, 0, 2], [3.0, 0, 2], [0.0, 0, 2]]), np.array([[-3.0, 0, 1], [3.0, 0, 1], [0.0, 3, 1]])
+    position, velocity = (
+        np.array([[0.0, 0, 2], [3.0, 0, 2], [0.0, 0, 2]]),
+        np.array([[-3.0, 0, 1], [3.0, 0, 1], [0.0, 3, 1]]),
+    )
     assert np.isnan(crossing(position, velocity, FACE.normal, FACE.distance).position).all()
 
 
-@pytest.mark.parametrize("normal", [[0.0, 0.0, 1.0], [2.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [1.0, 0.0]])
+@pytest.mark.parametrize(
+    "normal", [[0.0, 0.0, 1.0], [2.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [1.0, 0.0]]
+)
 def test_a_plane_that_is_not_vertical_is_refused(normal):
     with pytest.raises(ValueError, match="horizontal unit vector"):
         crossing(np.zeros(3), np.ones(3), np.array(normal), 1.0)
@@ -84,7 +108,10 @@ def test_a_plane_that_is_not_vertical_is_refused(normal):
 
 def test_a_dart_loses_a_seventh_of_the_speed_that_a_ball_loses():
     assert 5.0 < TENNIS_BALL.drag / DART.drag < 9.0
-    slow = [flight(np.zeros(3), np.array([4.0, 0, 0]), [0.5], ball)[1][0, 0] for ball in (DART, TENNIS_BALL)]
+    slow = [
+        flight(np.zeros(3), np.array([4.0, 0, 0]), [0.5], ball)[1][0, 0]
+        for ball in (DART, TENNIS_BALL)
+    ]
     assert 4.0 - slow[0] == pytest.approx(4.0 - 4.0 / (1.0 + DART.drag * 4.0 * 0.5), rel=0.3), slow
     assert slow[1] < slow[0] < 4.0
 
@@ -99,12 +126,16 @@ def test_points_of_the_board_are_where_the_thrower_sees_them(face):
     np.testing.assert_allclose(face.on_board(world), board, atol=1e-9)
     np.testing.assert_allclose(world @ face.normal, face.distance)
     right = np.cross(face.normal, [0.0, 0.0, 1.0])
-    np.testing.assert_allclose(world, np.array(face.bull) + 1e-3 * (board[:, :1] * right + board[:, 1:] * [0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(
+        world, np.array(face.bull) + 1e-3 * (board[:, :1] * right + board[:, 1:] * [0.0, 0.0, 1.0])
+    )
 
 
 def test_darts_find_the_beds_that_have_their_names():
     assert score(FACE.on_board(np.array(FACE.bull) + [0.0, 0.0, 0.103])) == 60
-    assert score(FACE.on_board(np.array(FACE.bull) + [0.0, -0.103, 0.0])) == 18, "right of the bull, as the arm sees it, is the 6"
+    assert score(FACE.on_board(np.array(FACE.bull) + [0.0, -0.103, 0.0])) == 18, (
+        "right of the bull, as the arm sees it, is the 6"
+    )
 
 
 @pytest.mark.parametrize("face", [FACE, ASIDE])
@@ -113,11 +144,18 @@ def test_coordinates_of_the_board_are_height_and_azimuth(face):
         point = in_world(face, board)
         height, azimuth = face.coordinates(point)
         assert (height, azimuth) == pytest.approx((point[2], np.arctan2(point[1], point[0])))
-        np.testing.assert_allclose(face.point(np.array([height, azimuth]), point), point, atol=1e-12)
+        np.testing.assert_allclose(
+            face.point(np.array([height, azimuth]), point), point, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize(
-    ("surface", "at"), [(RIMS, [1.6, 0.9, 0.4]), (FACE, in_world(FACE, [30.0, 50.0])), (ASIDE, in_world(ASIDE, [30, 50]))]
+    ("surface", "at"),
+    [
+        (RIMS, [1.6, 0.9, 0.4]),
+        (FACE, in_world(FACE, [30.0, 50.0])),
+        (ASIDE, in_world(ASIDE, [30, 50])),
+    ],
 )
 def test_misses_are_farther_or_higher_and_to_the_left(surface, at):
     at = np.array(at)
@@ -126,7 +164,9 @@ def test_misses_are_farther_or_higher_and_to_the_left(surface, at):
     assert surface.apart(moved, at) == pytest.approx(np.hypot(0.03, 0.02))
     reach, azimuth = surface.coordinates(moved) - surface.coordinates(at)
     assert reach == pytest.approx(0.03, abs=1e-3) and azimuth < 0.0
-    assert surface.seen_from(at, surface.coordinates(at), np.array([0.03, -0.02])) == pytest.approx((0.03, -0.02))
+    assert surface.seen_from(
+        at, surface.coordinates(at), np.array([0.03, -0.02])
+    ) == pytest.approx((0.03, -0.02))
 
 
 def test_what_is_thrown_at_what_follows_from_the_board():
@@ -173,7 +213,9 @@ def test_a_dart_sticks_where_its_flight_meets_the_board(make_plant, board):
         states = fly(plant)
         stuck = next(state for state in states if state.ball_in_basket)
         np.testing.assert_allclose(stuck.ball_position, expected.position, atol=2e-4)
-        assert (stuck.stamp_ns - states[0].stamp_ns) * 1e-9 == pytest.approx(expected.time, abs=2.1e-3)
+        assert (stuck.stamp_ns - states[0].stamp_ns) * 1e-9 == pytest.approx(
+            expected.time, abs=2.1e-3
+        )
         np.testing.assert_array_equal(states[-1].ball_position, stuck.ball_position)
         np.testing.assert_array_equal(states[-1].ball_velocity, np.zeros(3))
 
@@ -207,8 +249,12 @@ def test_rods_as_large_as_the_board_hide_what_is_behind_it():
     ends, radii = BOARD.capsules
     across = FACE.on_board(ends)
     assert across[..., 0].max() + 1e3 * radii[0] == pytest.approx(500 * BOARD_DIAMETER, rel=0.1)
-    assert np.abs(across[..., 1]).max() + 1e3 * radii[0] == pytest.approx(500 * BOARD_DIAMETER, rel=0.01)
-    assert (ends @ FACE.normal - radii[:, None] >= FACE.distance - 1e-9).all(), "nothing in front of the face"
+    assert np.abs(across[..., 1]).max() + 1e3 * radii[0] == pytest.approx(
+        500 * BOARD_DIAMETER, rel=0.01
+    )
+    assert (ends @ FACE.normal - radii[:, None] >= FACE.distance - 1e-9).all(), (
+        "nothing in front of the face"
+    )
 
 
 # what is seen of a dart
@@ -218,12 +264,16 @@ def test_the_outcome_is_where_the_seen_flight_meets_the_board():
     rng, time = np.random.default_rng(4), np.arange(0.0, 0.9, 0.01)
     position, velocity = np.array([0.1, 0.02, 2.1]), np.array([4.2, -0.1, 1.6])
     meets = crossing(position, velocity, FACE.normal, FACE.distance, DART)
-    path = np.where((time < meets.time)[:, None], flight(position, velocity, time, DART)[0], meets.position)
+    path = np.where(
+        (time < meets.time)[:, None], flight(position, velocity, time, DART)[0], meets.position
+    )
     seen = path + 1e-4 * rng.standard_normal(path.shape)
     target = in_world(FACE, [0.0, 0.0])
     outcome = judge_flight(time, seen, target, 0.15, DART, surface=FACE)
     np.testing.assert_allclose(outcome.landing, meets.position, atol=3e-4)
-    assert outcome.landing_error == pytest.approx(np.linalg.norm(meets.position - target), abs=3e-4)
+    assert outcome.landing_error == pytest.approx(
+        np.linalg.norm(meets.position - target), abs=3e-4
+    )
     assert outcome.in_basket == FACE.holds(meets.position)
 
 
@@ -233,7 +283,9 @@ def test_the_teacher_aims_at_heights_of_the_board():
         target = in_world(FACE, point)
         position, velocity = teacher._ball_at_release(teacher._speed_for(target[2], target))
         assert FACE.reached(position, velocity, target, DART) == pytest.approx(target[2], abs=2e-3)
-    with pytest.raises(ValueError, match="target at 4.00 m above the floor is out of the teacher's reach"):
+    with pytest.raises(
+        ValueError, match="target at 4.00 m above the floor is out of the teacher's reach"
+    ):
         teacher.check(np.array([2.37, 0.0, 4.0]))
 
 
@@ -242,9 +294,18 @@ def test_the_teacher_aims_at_heights_of_the_board():
 
 @pytest.fixture(scope="module")
 def arm():
-    """A session with a board, the demonstrations of four darts that hit it, and the skill that they teach."""
+    """A session with a board, the demonstrations of four darts that hit it, and the skill that
+    they teach.
+    """
     session = darts_session(seed=1)
-    shown, _ = teach(session, DARTS, [DARTS.aimed(point) for point in ([0.0, 60.0], [-80.0, -60.0], [70.0, 0.0], [20.0, -120.0])])
+    shown, _ = teach(
+        session,
+        DARTS,
+        [
+            DARTS.aimed(point)
+            for point in ([0.0, 60.0], [-80.0, -60.0], [70.0, 0.0], [20.0, -120.0])
+        ],
+    )
     yield session, shown, learn_throwing(shown, CONFIGURATION)
     session.close()
 
@@ -259,7 +320,9 @@ def test_after_four_demonstrations_a_dart_hits_near_its_aim(arm, bed):
     assert trial.outcome.in_basket == trial.ball_was_in
     at_rest = session.plant.state.ball_position
     np.testing.assert_allclose(trial.outcome.landing, at_rest, atol=1.5e-3)
-    away_from_wires = np.abs(FACE.on_board(at_rest) - FACE.on_board(trial.outcome.landing)).max() + 1.5
+    away_from_wires = (
+        np.abs(FACE.on_board(at_rest) - FACE.on_board(trial.outcome.landing)).max() + 1.5
+    )
     hit = FACE.on_board(trial.outcome.landing)
     around = hit + away_from_wires * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
     assert score(FACE.on_board(at_rest)) in score(around)
@@ -268,7 +331,9 @@ def test_after_four_demonstrations_a_dart_hits_near_its_aim(arm, bed):
 def test_a_plan_knows_where_its_own_dart_meets_the_board(arm):
     plan = arm[2].plan(in_world(FACE, [40.0, 80.0]))
     np.testing.assert_allclose(plan.predicted_landing, plan.target, atol=5e-3)
-    np.testing.assert_allclose(landing_if_late(plan, 0.0, game_at(BOARD.position)), plan.predicted_landing, atol=1e-4)
+    np.testing.assert_allclose(
+        landing_if_late(plan, 0.0, game_at(BOARD.position)), plan.predicted_landing, atol=1e-4
+    )
 
 
 def test_a_target_far_above_the_board_is_unreachable(arm):
@@ -315,7 +380,9 @@ def test_a_model_file_knows_that_it_is_about_darts(arm, tmp_path):
 def steadiness_of(lates, slope=(0.0, 0.0)):
     steadiness = Steadiness(game_at(BOARD.position))
     for k, late in enumerate(lates):
-        common = np.array([0.01, -0.02]) * (k % 2)  # two kinds of throws, each with its own repeatable miss
+        common = np.array([0.01, -0.02]) * (
+            k % 2
+        )  # two kinds of throws, each with its own repeatable miss
         steadiness.add(k % 2, late, common + late * np.array(slope))
     return steadiness
 
@@ -328,10 +395,14 @@ def test_the_slope_of_what_a_plan_does_not_explain_is_found_for_all_kinds_of_thr
 
 def test_scatter_is_that_of_hits_after_such_releases(arm):
     game, plan = game_at(BOARD.position), arm[2].plan(in_world(FACE, [0.0, 0.0]))
-    lates = np.random.default_rng(6).normal(0.001, 0.004, 80).round(3)  # between whole milliseconds the scatter is interpolated
+    lates = (
+        np.random.default_rng(6).normal(0.001, 0.004, 80).round(3)
+    )  # between whole milliseconds the scatter is interpolated
     rms, middle = steadiness_of(lates).scatter(plan, np.array([-0.004, 0.0]))
     for k, shift in enumerate((-0.004, 0.0)):
-        hits = np.array([landing_if_late(plan, shift + late, game) for late in lates]) - landing_if_late(plan, 0.0, game)
+        hits = np.array(
+            [landing_if_late(plan, shift + late, game) for late in lates]
+        ) - landing_if_late(plan, 0.0, game)
         assert rms[k] == pytest.approx(np.sqrt(hits.var(axis=0).sum()), rel=0.02)
         np.testing.assert_allclose(middle[k], np.median(hits @ FACE.axes, axis=0), atol=5e-4)
 
@@ -343,7 +414,10 @@ def test_the_steadiest_release_scatters_less_than_the_demonstrated_one(arm):
     def plan_for(shift):
         return skill.releasing(shift).plan(target)
 
-    rms = {shift: steadiness.scatter(plan_for(shift), np.zeros(1))[0][0] for shift in np.arange(-20, 6) * 1e-3}
+    rms = {
+        shift: steadiness.scatter(plan_for(shift), np.zeros(1))[0][0]
+        for shift in np.arange(-20, 6) * 1e-3
+    }
     shift, _ = steadiness.steadiest(plan_for, 0.0, 0.02)
     best = min(rms.values())
     assert steadiness.scatter(plan_for(shift), np.zeros(1))[0][0] < 1.1 * best, (shift, rms)
@@ -364,13 +438,26 @@ def test_a_release_that_nobody_saw_tells_nothing():
 def dart(k, spread=5.0, shift=0.0):
     hit = (float(spread * np.sin(k)), float(103.0 + 2 * spread * np.cos(2 * k)))
     covariance = ((spread**2, 0.0), (0.0, 4 * spread**2)) if k > 9 else ((0.0, 0.0), (0.0, 0.0))
-    return Dart((0.0, 103.0), hit, int(score(np.array(hit))), covariance, 30.0 if k > 9 else float("nan"), shift)
+    return Dart(
+        (0.0, 103.0),
+        hit,
+        int(score(np.array(hit))),
+        covariance,
+        30.0 if k > 9 else float("nan"),
+        shift,
+    )
 
 
 @pytest.fixture
 def faked():
     darts = tuple(dart(k, 8.0 if k < 25 else 3.0, 0.0 if k < 25 else -0.005) for k in range(60))
-    return DartsRun(0, "both", BOARD.position, ((0.0, 1.0),), (*darts, replace(darts[-1], hit=(np.nan, np.nan), score=0, note="lost")))
+    return DartsRun(
+        0,
+        "both",
+        BOARD.position,
+        ((0.0, 1.0),),
+        (*darts, replace(darts[-1], hit=(np.nan, np.nan), score=0, note="lost")),
+    )
 
 
 def test_blocks_say_what_the_darts_say(faked):
@@ -390,7 +477,13 @@ def test_the_figure_is_written_twice_and_always_alike(faked, tmp_path):
     again, _ = draw_arm_darts(faked, tmp_path / "b")
     assert svg.read_bytes() == again.read_bytes() and png.stat().st_size > 10_000
     text = svg.read_text()
-    for words in ("spread [mm]", "bed aimed at", "score of a dart", "T20", "release moved by [ms]"):
+    for words in (
+        "spread [mm]",
+        "bed aimed at",
+        "score of a dart",
+        "T20",
+        "release moved by [ms]",
+    ):
         assert words in text, words
     with pytest.raises(ValueError, match="nothing to draw"):
         draw_arm_darts(replace(faked, darts=()), tmp_path)
@@ -398,22 +491,36 @@ def test_the_figure_is_written_twice_and_always_alike(faked, tmp_path):
 
 @pytest.mark.parametrize("narrow", (False, True))
 def test_the_figure_of_few_darts_shows_what_there_is(narrow):
-    """Three darts near the bull were a blob of specks, beside a legend of lines that were not drawn, over parts of a throw."""
+    """Three darts near the bull were a blob of specks, beside a legend of lines that were not
+    drawn, over parts of a throw.
+    """
     hits = ((-1.7, 2.4), (-0.6, -7.0), (-2.8, -14.0))
-    darts = tuple(replace(dart(0), aim=(0.0, 0.0), hit=hit, release_shift=float("nan")) for hit in hits)
+    darts = tuple(
+        replace(dart(0), aim=(0.0, 0.0), hit=hit, release_shift=float("nan")) for hit in hits
+    )
     figure = arm_darts_figure(DartsRun(0, "both", BOARD.position, ((0.0, 1.0),), darts), narrow)
     figure.draw_without_rendering()
     spread, aim, scores, board = figure.axes[:4]
-    assert [text.get_text() for text in spread.get_legend().get_texts()] == ["miss across", "miss up and down"]
+    assert [text.get_text() for text in spread.get_legend().get_texts()] == [
+        "miss across",
+        "miss up and down",
+    ]
     assert [text.get_text() for text in scores.get_legend().get_texts()] == ["each dart"]
     assert all(tick == round(tick) for tick in spread.get_xticks())
     (inset,) = board.child_axes
     assert inset.get_xlim() == (-20.0, 20.0) and "mm" in inset.get_title()
-    titles = [axes.title if axes is inset else axes._left_title for axes in (spread, aim, scores, board, inset)]
-    boxes = [title.get_window_extent() for title in titles] + [one.get_legend().get_window_extent() for one in (spread, scores)]
+    titles = [
+        axes.title if axes is inset else axes._left_title
+        for axes in (spread, aim, scores, board, inset)
+    ]
+    boxes = [title.get_window_extent() for title in titles] + [
+        one.get_legend().get_window_extent() for one in (spread, scores)
+    ]
     for number, box in enumerate(boxes):
         assert box.x1 <= figure.bbox.x1, f"{number}: beyond the edge"
-        assert not any(box.overlaps(other) for other in boxes[number + 1 :]), f"{number}: over another text"
+        assert not any(box.overlaps(other) for other in boxes[number + 1 :]), (
+            f"{number}: over another text"
+        )
 
 
 def test_hits_about_another_bed_have_no_picture_of_the_middle(faked):
@@ -451,22 +558,40 @@ def test_the_command_says_what_is_wrong(arguments, says, capsys):
 def test_the_rims_are_what_they_were():
     rng = np.random.default_rng(9)
     for _ in range(20):
-        position, velocity = rng.uniform([-0.3, -0.3, 1.8], [0.3, 0.3, 2.2]), rng.uniform([2, -1, 0], [4, 1, 2])
+        position, velocity = (
+            rng.uniform([-0.3, -0.3, 1.8], [0.3, 0.3, 2.2]),
+            rng.uniform([2, -1, 0], [4, 1, 2]),
+        )
         target = np.array([2.0, 0.3, 0.4])
-        np.testing.assert_array_equal(RIMS.crossing(position, velocity, target).position, landing(position, velocity, 0.4).position)
+        np.testing.assert_array_equal(
+            RIMS.crossing(position, velocity, target).position,
+            landing(position, velocity, 0.4).position,
+        )
 
 
 def test_several_seeds_are_a_line_each(faked, capsys, monkeypatch):
-    monkeypatch.setattr("dart_skill.experiments.arm_darts.over_seeds", lambda seeds, *_: [replace(faked, seed=seed) for seed in seeds])
+    monkeypatch.setattr(
+        "dart_skill.experiments.arm_darts.over_seeds",
+        lambda seeds, *_: [replace(faked, seed=seed) for seed in seeds],
+    )
     assert main(["experiment", "darts", "--seeds", "2"]) == 0
     lines = capsys.readouterr().out.splitlines()
     on = sum(np.hypot(*dart.hit) < 225.5 for dart in faked.darts)
-    assert [line.split()[0] for line in lines[2:]] == ["0", "1", "median"] and f"{on} of {len(faked.darts)}" in lines[2]
+    assert [line.split()[0] for line in lines[2:]] == [
+        "0",
+        "1",
+        "median",
+    ] and f"{on} of {len(faked.darts)}" in lines[2]
     scores = [dart.score for dart in faked.darts]
-    assert [float(word) for word in lines[2].split()[1:3]] == pytest.approx([np.mean(scores[:25]), np.mean(scores[-25:])], abs=0.06)
+    assert [float(word) for word in lines[2].split()[1:3]] == pytest.approx(
+        [np.mean(scores[:25]), np.mean(scores[-25:])], abs=0.06
+    )
 
 
-@pytest.mark.parametrize("options", [["--seeds", "0"], ["--seeds", "2", "--board", "2.0,1.7"], ["--seeds", "2", "--output", "x"]])
+@pytest.mark.parametrize(
+    "options",
+    [["--seeds", "0"], ["--seeds", "2", "--board", "2.0,1.7"], ["--seeds", "2", "--output", "x"]],
+)
 def test_several_seeds_are_at_one_board_and_without_a_figure(options, capsys):
     assert main(["experiment", "darts", *options]) == 1
     assert "neither --board nor --output" in capsys.readouterr().err

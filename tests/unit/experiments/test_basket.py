@@ -8,14 +8,27 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.common.regions import REGION
 from dart_skill.experiments import basket
-from dart_skill.experiments.basket import ASKED, PLACES, Run, Task, place_of, summarise, table, throws_of
+from dart_skill.experiments.basket import (
+    ASKED,
+    PLACES,
+    Run,
+    Task,
+    place_of,
+    summarise,
+    table,
+    throws_of,
+)
 
 NAN = float("nan")
 
 
 def at(distance, degrees):
     """A basket at a distance [m] and an azimuth."""
-    return (float(distance * np.cos(np.deg2rad(degrees))), float(distance * np.sin(np.deg2rad(degrees))), 0.4)
+    return (
+        float(distance * np.cos(np.deg2rad(degrees))),
+        float(distance * np.sin(np.deg2rad(degrees))),
+        0.4,
+    )
 
 
 def made(seed=0, models=("default", "thesis"), demonstrations=13):
@@ -23,14 +36,26 @@ def made(seed=0, models=("default", "thesis"), demonstrations=13):
     targets = (at(2.0, 0), at(1.6, -44), at(2.0, 50), at(2.9, 0), at(1.3, 55))
     along = {"default": (0.03, -0.01, 0.04, NAN, 0.0), "thesis": (0.3, NAN, NAN, NAN, -0.6)}
     across = {"default": (0.04, 0.0, -0.03, NAN, 0.02), "thesis": (0.4, NAN, NAN, NAN, 0.0)}
-    refused = {"default": (False, False, False, True, False), "thesis": (False, True, False, True, False)}
+    refused = {
+        "default": (False, False, False, True, False),
+        "thesis": (False, True, False, True, False),
+    }
     inside = {"default": (True, True, True, False, True), "thesis": (False,) * 5}
     columns = [tuple(part[model] for model in models) for part in (along, across, inside, refused)]
-    return Run(Task(seed, models, demonstrations, 5), targets, *columns, tuple(at(2.0, 3.0 * k) for k in range(demonstrations)))
+    return Run(
+        Task(seed, models, demonstrations, 5),
+        targets,
+        *columns,
+        tuple(at(2.0, 3.0 * k) for k in range(demonstrations)),
+    )
 
 
 def row_of(rows, model, place, demonstrations=13):
-    return next(row for row in rows if (row["model"], row["place"], row["demonstrations"]) == (model, place, demonstrations))
+    return next(
+        row
+        for row in rows
+        if (row["model"], row["place"], row["demonstrations"]) == (model, place, demonstrations)
+    )
 
 
 @pytest.mark.parametrize(
@@ -61,12 +86,26 @@ def test_rows_count_throws_hits_and_refusals_by_place():
     assert len(rows) == 2 * 3
     default, thesis = row_of(rows, "default", "as shown"), row_of(rows, "thesis", "as shown")
     assert (default["throws"], default["in"], default["refused"]) == (2, 2, 0)
-    assert default["median_cm"] == pytest.approx((5.0 + 1.0) / 2) and default["p90_cm"] == pytest.approx(1.0 + 0.9 * 4.0)
-    assert (thesis["throws"], thesis["in"], thesis["refused"], thesis["median_cm"]) == (2, 0, 1, 50.0), "only one landing was seen"
+    assert default["median_cm"] == pytest.approx((5.0 + 1.0) / 2) and default[
+        "p90_cm"
+    ] == pytest.approx(1.0 + 0.9 * 4.0)
+    assert (thesis["throws"], thesis["in"], thesis["refused"], thesis["median_cm"]) == (
+        2,
+        0,
+        1,
+        50.0,
+    ), "only one landing was seen"
     side = row_of(rows, "thesis", "to the side")
-    assert side["median_cm"] is None and side["p90_cm"] is None and side["refused"] == 0, "a throw whose landing nobody saw has no error"
+    assert side["median_cm"] is None and side["p90_cm"] is None and side["refused"] == 0, (
+        "a throw whose landing nobody saw has no error"
+    )
     beyond = row_of(rows, "default", "beyond")
-    assert (beyond["throws"], beyond["in"], beyond["refused"], beyond["median_cm"]) == (2, 1, 1, 2.0)
+    assert (beyond["throws"], beyond["in"], beyond["refused"], beyond["median_cm"]) == (
+        2,
+        1,
+        1,
+        2.0,
+    )
 
 
 def test_runs_with_other_numbers_of_demonstrations_are_not_mixed():
@@ -83,7 +122,9 @@ def test_models_of_different_runs_are_told_apart():
 
 
 def test_a_model_that_nobody_ran_is_an_error():
-    with pytest.raises(ValueError, match="no run has the model 'weighted' after 13 demonstrations"):
+    with pytest.raises(
+        ValueError, match="no run has the model 'weighted' after 13 demonstrations"
+    ):
         throws_of([made()], "weighted", 13)
 
 
@@ -96,7 +137,11 @@ def test_the_table_has_a_line_per_model_and_says_what_was_refused():
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
-    [({"models": ("nonsense",)}, "nonsense"), ({"demonstrations": 1}, "at least 2"), ({"throws": 0}, "at least 2 and 1")],
+    [
+        ({"models": ("nonsense",)}, "nonsense"),
+        ({"demonstrations": 1}, "at least 2"),
+        ({"throws": 0}, "at least 2 and 1"),
+    ],
 )
 def test_a_task_that_cannot_be_run_is_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
@@ -115,14 +160,32 @@ def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkey
 
 @pytest.mark.slow
 def test_the_command_prints_the_table_and_draws_maps_and_the_curve(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(basket, "run", lambda task: made(task.seed, task.models, task.demonstrations))
-    options = ["--models", "default", "--demonstrations", "5,13", "--seeds", "2", "--throws", "5", "--jobs", "1"]
+    monkeypatch.setattr(
+        basket, "run", lambda task: made(task.seed, task.models, task.demonstrations)
+    )
+    options = [
+        "--models",
+        "default",
+        "--demonstrations",
+        "5,13",
+        "--seeds",
+        "2",
+        "--throws",
+        "5",
+        "--jobs",
+        "1",
+    ]
     assert main(["experiment", "basket", *options, "--figure", str(tmp_path), "--json"]) == 0
     printed = capsys.readouterr()
     rows = json.loads(printed.out)
-    assert {(row["model"], row["demonstrations"]) for row in rows} == {("default", 5), ("default", 13)}
+    assert {(row["model"], row["demonstrations"]) for row in rows} == {
+        ("default", 5),
+        ("default", 13),
+    }
     names = {"map_default_5", "map_default_13", "curve"}
-    assert {path.name for path in tmp_path.iterdir()} == {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}.{kind}" for name in names for kind in ("svg", "png")
+    }
     assert str(tmp_path / "curve.svg") in printed.err
     assert main(["experiment", "basket", "--models", "nonsense"]) == 1
     assert "no configuration 'nonsense'" in capsys.readouterr().err
@@ -131,11 +194,19 @@ def test_the_command_prints_the_table_and_draws_maps_and_the_curve(tmp_path, mon
 @pytest.mark.slow
 def test_a_tiny_run_throws_every_model_at_the_same_baskets():
     one = basket.run(Task(0, ("default", "thesis"), 4, 3))
-    assert np.shape(one.targets) == (3, 3) and np.shape(one.along) == np.shape(one.in_basket) == (2, 3)
+    assert np.shape(one.targets) == (3, 3) and np.shape(one.along) == np.shape(one.in_basket) == (
+        2,
+        3,
+    )
     shown = np.array(one.shown)
-    assert shown.shape == (4, 3) and (place_of(shown) == 0).all(), f"demonstrated where nobody should: {shown}"
+    assert shown.shape == (4, 3) and (place_of(shown) == 0).all(), (
+        f"demonstrated where nobody should: {shown}"
+    )
     default, thesis = (throws_of([one], model, 4) for model in ("default", "thesis"))
     for throws in (default, thesis):
         assert (np.isnan(throws.error) | (throws.in_basket == (throws.error < 0.15))).all(), throws
-        assert np.isnan(throws.error[throws.refused]).all() and not throws.in_basket[throws.refused].any()
+        assert (
+            np.isnan(throws.error[throws.refused]).all()
+            and not throws.in_basket[throws.refused].any()
+        )
     assert np.nanmedian(default.error) < 0.1, f"default after 4 demonstrations: {default.error}"

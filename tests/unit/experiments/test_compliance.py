@@ -1,4 +1,6 @@
-"""How hard the arm resists a person, and how well it keeps to its path, by the stiffness of its plans."""
+"""How hard the arm resists a person, and how well it keeps to its path, by the stiffness of its
+plans.
+"""
 
 from dataclasses import replace
 
@@ -13,7 +15,10 @@ from dart_skill.skills.learning import DEFAULT, learn_throwing
 
 @pytest.fixture(scope="module")
 def skills(demonstrations):
-    return {kind: learn_throwing(demonstrations, replace(DEFAULT, **stiffness)) for kind, stiffness in KINDS.items()}
+    return {
+        kind: learn_throwing(demonstrations, replace(DEFAULT, **stiffness))
+        for kind, stiffness in KINDS.items()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -28,15 +33,21 @@ class State:
 
 
 def resistance(plan, time, axis):
-    return _resistance(Impedance(ArmModel(ball_in_hand=True)), References(plan.motion).gains_at(time), State, axis)
+    return _resistance(
+        Impedance(ArmModel(ball_in_hand=True)), References(plan.motion).gains_at(time), State, axis
+    )
 
 
 @pytest.mark.slow
 def test_the_force_is_the_inertia_of_the_hand_times_stiffness_times_way(plans):
-    """Khatib's inertia in task space, (J M^-1 J')^-1, computed here without the law's shares for directions that hardly move."""
+    """Khatib's inertia in task space, (J M^-1 J')^-1, computed here without the law's shares for
+    directions that hardly move.
+    """
     model = ArmModel(ball_in_hand=True)
     jacobian = model.jacobian(State.position)
-    inertia = np.linalg.inv(jacobian @ np.linalg.solve(model.mass_matrix(State.position), jacobian.T))
+    inertia = np.linalg.inv(
+        jacobian @ np.linalg.solve(model.mass_matrix(State.position), jacobian.T)
+    )
     for axis in np.eye(3):
         expected = np.linalg.norm((inertia @ np.append(-GRABBED * 200.0 * axis, np.zeros(3)))[:3])
         assert resistance(plans["200"], 0.3, axis) == pytest.approx(expected, rel=1e-6)
@@ -46,9 +57,18 @@ def test_the_force_is_the_inertia_of_the_hand_times_stiffness_times_way(plans):
 def test_the_force_grows_with_the_stiffness_and_changes_with_it(plans):
     along = np.array([1.0, 0.0, 0.0])
     force = {kind: resistance(plan, 0.3, along) for kind, plan in plans.items()}
-    assert force["800"] == pytest.approx(4.0 * force["200"]) and force["200"] == pytest.approx(4.0 * force["50"])
-    changing = [resistance(plans["50 to 800"], time, along) for time in np.arange(0.0, plans["200"].release, 0.02)]
-    assert max(changing) > 1.5 * min(changing) and 0.9 * force["50"] < min(changing) and max(changing) < 1.1 * force["800"]
+    assert force["800"] == pytest.approx(4.0 * force["200"]) and force["200"] == pytest.approx(
+        4.0 * force["50"]
+    )
+    changing = [
+        resistance(plans["50 to 800"], time, along)
+        for time in np.arange(0.0, plans["200"].release, 0.02)
+    ]
+    assert (
+        max(changing) > 1.5 * min(changing)
+        and 0.9 * force["50"] < min(changing)
+        and max(changing) < 1.1 * force["800"]
+    )
 
 
 def test_a_throw_is_measured_on_the_clock_of_its_plan(plans, skills):

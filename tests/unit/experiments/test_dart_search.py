@@ -1,4 +1,6 @@
-"""Experiments on learning where to aim: regrets against the exact best aim, runs that can be continued, processes that change nothing."""
+"""Experiments on learning where to aim: regrets against the exact best aim, runs that can be
+continued, processes that change nothing.
+"""
 
 import json
 import sys
@@ -9,7 +11,17 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.darts import best_aim
 from dart_skill.experiments import dart_search
-from dart_skill.experiments.dart_search import SCHEDULES, Schedule, Task, best_scores, read, run, run_tasks, summarise, table
+from dart_skill.experiments.dart_search import (
+    SCHEDULES,
+    Schedule,
+    Task,
+    best_scores,
+    read,
+    run,
+    run_tasks,
+    summarise,
+    table,
+)
 from dart_skill.experiments.parallel import run_all
 
 
@@ -38,7 +50,9 @@ def square(number):
 def test_the_best_score_of_every_throw_is_that_of_the_best_aim():
     best, sigmas = best_scores("extended"), SCHEDULES["extended"].sigmas
     chosen = np.linspace(0, len(sigmas) - 1, 9).astype(int)
-    np.testing.assert_allclose(best[chosen], [best_aim(sigmas[n]).expected_score for n in chosen], atol=1e-4)
+    np.testing.assert_allclose(
+        best[chosen], [best_aim(sigmas[n]).expected_score for n in chosen], atol=1e-4
+    )
     assert (np.diff(best) > 0.0).all(), "a better thrower scores more"
 
 
@@ -64,7 +78,10 @@ def test_every_method_runs_and_regret_is_never_negative(short, method):
 
 def test_after_the_stop_only_the_best_known_aim_is_thrown_at(short):
     one = run(Task("power", "thesis", 0, "expected", 100))
-    assert one.throw_regrets[10:] == one.best_regrets[10:] and one.throw_regrets[:10] != one.best_regrets[:10]
+    assert (
+        one.throw_regrets[10:] == one.best_regrets[10:]
+        and one.throw_regrets[:10] != one.best_regrets[:10]
+    )
 
 
 def test_the_model_based_agent_needs_the_scores_of_darts(short):
@@ -73,8 +90,13 @@ def test_the_model_based_agent_needs_the_scores_of_darts(short):
     assert run(Task("model_based", "thesis", 0, "thrown")).throw_regret < 1.0
 
 
-def test_a_file_of_results_is_continued_and_a_line_that_was_cut_off_is_run_again(short, tmp_path, monkeypatch):
-    results, tasks = tmp_path / "results.jsonl", [Task("power", "thesis", seed) for seed in range(3)]
+def test_a_file_of_results_is_continued_and_a_line_that_was_cut_off_is_run_again(
+    short, tmp_path, monkeypatch
+):
+    results, tasks = (
+        tmp_path / "results.jsonl",
+        [Task("power", "thesis", seed) for seed in range(3)],
+    )
     first = run_tasks(tasks[:2], results, jobs=1)
     text = results.read_text()
     results.write_text(text[:-200])
@@ -100,12 +122,19 @@ def test_processes_give_the_same_runs_as_one_process(short):
 
 def test_a_scheduler_without_dask_here_is_answered_with_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ValueError, match=r"tcp://127.0.0.1:8786 needs Dask here too: pip install -r requirements/optional.txt"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"tcp://127.0.0.1:8786 needs Dask here too: pip install -r requirements/optional.txt"
+        ),
+    ):
         dict(run_all(square, [1], scheduler="tcp://127.0.0.1:8786"))
 
 
 def test_a_process_is_no_copy_of_the_one_that_asks():
-    """A copy ends nodes of ROS and threads that are not its own, when it collects garbage: that once was a segmentation fault."""
+    """A copy ends nodes of ROS and threads that are not its own, when it collects garbage: that
+    once was a segmentation fault.
+    """
     OPEN.append("a node")
     try:
         assert dict(run_all(what_is_open, [0, 0], jobs=2)) == {0: (), 1: ()}
@@ -121,14 +150,33 @@ def test_an_error_in_a_process_comes_out():
 def test_the_table_has_quartiles_over_seeds(short):
     runs = run_tasks([Task("power", "thesis", seed) for seed in range(4)], jobs=1)
     row = summarise(runs)[0]
-    assert row["runs"] == 4 and row["throw_regret"] == np.percentile([one.throw_regret for one in runs], [25, 50, 75]).round(4).tolist()
+    assert (
+        row["runs"] == 4
+        and row["throw_regret"]
+        == np.percentile([one.throw_regret for one in runs], [25, 50, 75]).round(4).tolist()
+    )
     assert "power" in table(runs) and f"{row['throw_regret'][1]:.3f}" in table(runs)
 
 
 def test_search_on_the_command_line(short, tmp_path, capsys):
-    arguments = ["darts", "search", "--methods", "power", "--seeds", "2", "--jobs", "1", "--results", str(tmp_path / "r.jsonl"), "--json"]
+    arguments = [
+        "darts",
+        "search",
+        "--methods",
+        "power",
+        "--seeds",
+        "2",
+        "--jobs",
+        "1",
+        "--results",
+        str(tmp_path / "r.jsonl"),
+        "--json",
+    ]
     assert main(arguments) == 0
     assert json.loads(capsys.readouterr().out)[0]["runs"] == 2
     assert main(["darts", "search", "--methods", "psychic"]) == 1
-    assert "there is no method 'psychic': choose one of mixture, mixture_daspec, mixture_automatic" in capsys.readouterr().err
+    assert (
+        "there is no method 'psychic': choose one of mixture, mixture_daspec, mixture_automatic"
+        in capsys.readouterr().err
+    )
     assert main(["darts", "search", "--seeds", "0"]) == 1

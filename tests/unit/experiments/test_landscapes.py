@@ -1,4 +1,6 @@
-"""Landscapes that change: highest rewards against independent searches, what changes and what stays, and the searches that run on them."""
+"""Landscapes that change: highest rewards against independent searches, what changes and what
+stays, and the searches that run on them.
+"""
 
 import json
 
@@ -43,7 +45,12 @@ from dart_skill.experiments.landscapes import (
     reflected,
 )
 
-BOUNDS = {"moving_peaks_2": BOX, "moving_peaks_5": BOX, "vanishing_peak": (-4.0, 4.0), "half_range": (-RANGE, RANGE)}
+BOUNDS = {
+    "moving_peaks_2": BOX,
+    "moving_peaks_5": BOX,
+    "vanishing_peak": (-4.0, 4.0),
+    "half_range": (-RANGE, RANGE),
+}
 BOUNDS["stuck_joint"] = BOUNDS["half_range"]
 OTHERS = [method for method in METHODS if method != "model_based"]
 
@@ -52,23 +59,42 @@ def drawn(name: str, seed: int = 0) -> StagedLandscape:
     return LANDSCAPES[name](np.random.default_rng(seed))
 
 
-def evolved(landscape: StagedLandscape, trial: int, bounds: tuple[float, float], n_runs: int = 6) -> float:
-    """Highest reward that differential evolution finds in so many runs, each of which may end on a lower hill."""
-    look = {"popsize": 15, "tol": 1e-9, "maxiter": 300, "vectorized": True, "updating": "deferred", "polish": False}
+def evolved(
+    landscape: StagedLandscape, trial: int, bounds: tuple[float, float], n_runs: int = 6
+) -> float:
+    """Highest reward that differential evolution finds in so many runs, each of which may end on a
+    lower hill.
+    """
+    look = {
+        "popsize": 15,
+        "tol": 1e-9,
+        "maxiter": 300,
+        "vectorized": True,
+        "updating": "deferred",
+        "polish": False,
+    }
     everywhere = [bounds] * landscape.start.size
 
     def loss(points: np.ndarray) -> np.ndarray:
         return -landscape.rewards(points.T, trial)
 
-    return max(-differential_evolution(loss, everywhere, seed=seed, **look).fun for seed in range(n_runs))
+    return max(
+        -differential_evolution(loss, everywhere, seed=seed, **look).fun for seed in range(n_runs)
+    )
 
 
 @pytest.fixture
 def short(monkeypatch):
-    """Two hills for 200 trials, the better one blocked half-way, under the name of the vanishing peak."""
+    """Two hills for 200 trials, the better one blocked half-way, under the name of the vanishing
+    peak.
+    """
     hills = Hills(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 0.8]))
     blocked = Hills(hills.tops, hills.heights, OBSTACLE)
-    monkeypatch.setitem(LANDSCAPES, "vanishing_peak", lambda rng: StagedLandscape(np.zeros(2), 1.0, (hills, blocked), (100,), 200))
+    monkeypatch.setitem(
+        LANDSCAPES,
+        "vanishing_peak",
+        lambda rng: StagedLandscape(np.zeros(2), 1.0, (hills, blocked), (100,), 200),
+    )
 
 
 @pytest.mark.parametrize("name", LANDSCAPES)
@@ -85,7 +111,9 @@ def test_the_best_and_the_rewards_change_together_and_at_no_other_trial(name):
     landscape = drawn(name, 1)
     places = np.random.default_rng(0).uniform(*BOUNDS[name], (50, landscape.start.size))
     for change in landscape.changes:
-        before, after, later = (landscape.rewards(places, trial) for trial in (change - 1, change, change + 1))
+        before, after, later = (
+            landscape.rewards(places, trial) for trial in (change - 1, change, change + 1)
+        )
         assert not np.array_equal(before, after) and np.array_equal(after, later)
     assert set(np.flatnonzero(np.diff(landscape.best)) + 1) <= set(landscape.changes)
     assert landscape.best.shape == (N_TRIALS,)
@@ -103,13 +131,17 @@ def test_the_same_generator_draws_the_same_landscape_and_another_a_different_one
 @pytest.mark.parametrize("name", LANDSCAPES)
 def test_rewards_are_never_negative_as_the_mixture_needs_it(name):
     landscape = drawn(name, 2)
-    places = landscape.start + 50 * landscape.spread * np.random.default_rng(0).standard_normal((200, landscape.start.size))
+    places = landscape.start + 50 * landscape.spread * np.random.default_rng(0).standard_normal(
+        (200, landscape.start.size)
+    )
     assert all(landscape.rewards(places, trial).min() >= 0.0 for trial in (0, N_TRIALS - 1))
 
 
 def test_a_peak_is_half_as_high_at_its_radius():
     peak = Peaks(np.array([60.0]), np.array([7.0]), np.array([[20.0, 30.0]]))
-    np.testing.assert_allclose(peak.rewards(np.array([[20.0, 30.0], [27.0, 30.0], [20.0, 9.0]])), [60.0, 30.0, 6.0])
+    np.testing.assert_allclose(
+        peak.rewards(np.array([[20.0, 30.0], [27.0, 30.0], [20.0, 9.0]])), [60.0, 30.0, 6.0]
+    )
 
 
 def test_peaks_move_by_the_shift_and_stay_within_their_bounds():
@@ -120,12 +152,18 @@ def test_peaks_move_by_the_shift_and_stay_within_their_bounds():
         moved = np.linalg.norm(peaks.centres - before.centres, axis=1)
         inside = np.all((before.centres > SHIFT) & (before.centres < BOX[1] - SHIFT), axis=1)
         np.testing.assert_allclose(moved[inside], SHIFT)
-        for values, (low, high) in ((peaks.heights, HEIGHTS), (peaks.radii, RADII), (peaks.centres, BOX)):
+        for values, (low, high) in (
+            (peaks.heights, HEIGHTS),
+            (peaks.radii, RADII),
+            (peaks.centres, BOX),
+        ):
             assert low <= values.min() <= values.max() <= high
 
 
 def test_reflection_at_the_bounds_goes_back_and_forth():
-    np.testing.assert_allclose(reflected(np.array([3.0, 11.0, -2.0, 23.0, 10.0]), 0.0, 10.0), [3.0, 9.0, 2.0, 3.0, 10.0])
+    np.testing.assert_allclose(
+        reflected(np.array([3.0, 11.0, -2.0, 23.0, 10.0]), 0.0, 10.0), [3.0, 9.0, 2.0, 3.0, 10.0]
+    )
 
 
 def test_under_the_obstacle_is_nothing_and_beside_it_all_is_as_before():
@@ -142,7 +180,9 @@ def test_a_low_second_hill_leaves_what_sticks_out_beside_the_obstacle():
     hills = Hills(np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([1.0, 0.1]), obstacle=0.5)
     assert hills.best == pytest.approx(np.exp(-0.5 * (0.5 / HILL) ** 2))
     assert hills.rewards(np.array([[0.5, 0.0]]))[0] == pytest.approx(hills.best)
-    assert Hills(hills.tops, hills.heights, obstacle=3.1).best < 0.1, "the second top is covered too"
+    assert Hills(hills.tops, hills.heights, obstacle=3.1).best < 0.1, (
+        "the second top is covered too"
+    )
 
 
 def test_the_reward_of_the_arm_is_that_of_its_formula():
@@ -162,7 +202,9 @@ def test_a_joint_stops_at_its_limits_and_a_stuck_one_moves_no_more():
     stuck, half = arm.limited(ELBOW, 0.4, 0.4), arm.limited(ELBOW, -RANGE, 0.0)
     np.testing.assert_allclose(stuck.rewards(commanded), np.full(3, arm.rewards(commanded)[1]))
     straight = commanded * [1.0, 0.0, 1.0, 1.0]
-    np.testing.assert_allclose(half.rewards(commanded), [arm.rewards(commanded)[0], *arm.rewards(straight)[1:]])
+    np.testing.assert_allclose(
+        half.rewards(commanded), [arm.rewards(commanded)[0], *arm.rewards(straight)[1:]]
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -170,13 +212,19 @@ def test_without_half_its_range_the_arm_has_to_bend_to_the_other_side(seed):
     """The former optimum is gone, and what it can be bent into is worth less than the other one."""
     landscape = drawn("half_range", seed)
     whole, broken = landscape.stages
-    same_side = PlanarArm(whole.target, broken.low, broken.high).limited(2, 0.0, RANGE).limited(ELBOW, -0.1, 0.0)
+    same_side = (
+        PlanarArm(whole.target, broken.low, broken.high)
+        .limited(2, 0.0, RANGE)
+        .limited(ELBOW, -0.1, 0.0)
+    )
     assert same_side.best < 0.7 * broken.best < 0.7 * whole.best
 
 
 def test_stages_and_changes_that_do_not_fit_are_refused():
     hills = Hills(np.zeros((1, 2)), np.ones(1))
-    with pytest.raises(ValueError, match=r"2 stages need 1 changes that rise within 1 to 2999, got \(\)"):
+    with pytest.raises(
+        ValueError, match=r"2 stages need 1 changes that rise within 1 to 2999, got \(\)"
+    ):
         StagedLandscape(np.zeros(2), 1.0, (hills, hills), ())
     with pytest.raises(ValueError, match=r"got \(5, 5\)"):
         StagedLandscape(np.zeros(2), 1.0, (hills, hills, hills), (5, 5))
@@ -185,7 +233,11 @@ def test_stages_and_changes_that_do_not_fit_are_refused():
 @pytest.mark.parametrize("method", OTHERS)
 def test_every_method_but_the_model_based_one_runs_and_regret_is_never_negative(short, method):
     one = run(Task(method, "vanishing_peak", 1))
-    assert len(one.throw_regrets) == 20 and min(one.throw_regrets) >= 0.0 and min(one.best_regrets) >= 0.0
+    assert (
+        len(one.throw_regrets) == 20
+        and min(one.throw_regrets) >= 0.0
+        and min(one.best_regrets) >= 0.0
+    )
     assert 0.0 <= one.offline_error <= one.throw_regret
 
 
@@ -203,16 +255,27 @@ def test_methods_count_in_units_of_the_spread(monkeypatch):
     regrets = {}
     for stage, spread in ((hills, 1.0), (Wide(), 8.0)):
         monkeypatch.setitem(
-            LANDSCAPES, "vanishing_peak", lambda rng, stage=stage, spread=spread: StagedLandscape(np.zeros(2), spread, (stage,), (), 200)
+            LANDSCAPES,
+            "vanishing_peak",
+            lambda rng, stage=stage, spread=spread: StagedLandscape(
+                np.zeros(2), spread, (stage,), (), 200
+            ),
         )
-        regrets[spread] = {method: run(Task(method, "vanishing_peak", 0)).throw_regrets for method in OTHERS}
+        regrets[spread] = {
+            method: run(Task(method, "vanishing_peak", 0)).throw_regrets for method in OTHERS
+        }
     for method in OTHERS:
-        np.testing.assert_allclose(regrets[8.0][method], regrets[1.0][method], atol=1e-3, err_msg=method)
+        np.testing.assert_allclose(
+            regrets[8.0][method], regrets[1.0][method], atol=1e-3, err_msg=method
+        )
 
 
 def test_the_offline_error_is_that_of_the_best_trial_since_the_last_change(short):
     """One trial at a time, as Branke defines it."""
-    landscape, search = LANDSCAPES["vanishing_peak"](None), METHODS["cem"](np.zeros(2), 1.0, rng=np.random.default_rng([2, 0]))
+    landscape, search = (
+        LANDSCAPES["vanishing_peak"](None),
+        METHODS["cem"](np.zeros(2), 1.0, rng=np.random.default_rng([2, 0])),
+    )
     errors, least = [], np.inf
     for n in range(200):
         trial = search.ask()
@@ -220,19 +283,28 @@ def test_the_offline_error_is_that_of_the_best_trial_since_the_last_change(short
         least = min(np.inf if n == 100 else least, landscape.best[n] - earned)
         errors.append(least)
         search.tell(trial, earned)
-    assert run(Task("cem", "vanishing_peak", 2)).offline_error == pytest.approx(np.mean(errors), rel=1e-12)
+    assert run(Task("cem", "vanishing_peak", 2)).offline_error == pytest.approx(
+        np.mean(errors), rel=1e-12
+    )
 
 
 def test_darts_are_a_landscape_whose_change_has_no_moments(monkeypatch):
     monkeypatch.setitem(SCHEDULES, "thesis", Schedule(75.0, 60.0, 200))
     best_scores.cache_clear()
     darts = Darts("thesis")
-    assert len(darts.best) == 200 and darts.changes == () and darts.rewards(np.zeros((1, 2)), 199)[0] < darts.best[199]
+    assert (
+        len(darts.best) == 200
+        and darts.changes == ()
+        and darts.rewards(np.zeros((1, 2)), 199)[0] < darts.best[199]
+    )
     assert run(Task("cem", "thesis", 0)).offline_error is None
     best_scores.cache_clear()
 
 
-@pytest.mark.parametrize(("method", "reward"), [("model_based", "thrown"), ("power", "thrown"), ("model_based", "expected")])
+@pytest.mark.parametrize(
+    ("method", "reward"),
+    [("model_based", "thrown"), ("power", "thrown"), ("model_based", "expected")],
+)
 def test_what_only_darts_have_is_refused_elsewhere(method, reward):
     with pytest.raises(ValueError, match="are for darts, and not for 'half_range'"):
         Task(method, "half_range", 0, reward)
@@ -240,19 +312,38 @@ def test_what_only_darts_have_is_refused_elsewhere(method, reward):
 
 def test_lines_from_before_there_were_landscapes_are_still_read(short, tmp_path):
     results = tmp_path / "results.jsonl"
-    task = {"method": "power", "schedule": "thesis", "seed": 0, "reward": "expected", "stop_after": 0}
+    task = {
+        "method": "power",
+        "schedule": "thesis",
+        "seed": 0,
+        "reward": "expected",
+        "stop_after": 0,
+    }
     regrets = {"throw_regret": 1.0, "best_regret": 0.5, "end_regret": 0.25}
     blocks = {"throw_regrets": [1.0], "best_regrets": [0.5], "components": [1.0]}
     results.write_text(json.dumps({"task": task, **regrets, **blocks}) + "\n")
     old = Run(Task("power", "thesis", 0), 1.0, 0.5, 0.25, (1.0,), (0.5,), (1.0,))
-    runs = run_tasks([Task("power", "thesis", 0), Task("power", "vanishing_peak", 0)], results, jobs=1)
+    runs = run_tasks(
+        [Task("power", "thesis", 0), Task("power", "vanishing_peak", 0)], results, jobs=1
+    )
     assert runs[0] == old and read(results) == runs
     assert [row["offline_error"] is None for row in summarise(runs)] == [True, False]
     assert "offline error" in table(runs) and "offline error" not in table(runs[:1])
 
 
 def test_landscapes_on_the_command_line(short, tmp_path, capsys):
-    arguments = ["experiment", "landscapes", "--methods", "power,niches", "--landscapes", "vanishing_peak", "--seeds", "2", "--jobs", "1"]
+    arguments = [
+        "experiment",
+        "landscapes",
+        "--methods",
+        "power,niches",
+        "--landscapes",
+        "vanishing_peak",
+        "--seeds",
+        "2",
+        "--jobs",
+        "1",
+    ]
     assert main([*arguments, "--results", str(tmp_path / "r.jsonl"), "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [(row["method"], row["schedule"], row["runs"]) for row in rows] == [
@@ -260,4 +351,7 @@ def test_landscapes_on_the_command_line(short, tmp_path, capsys):
         ("niches", "vanishing_peak", 2),
     ]
     assert main(["experiment", "landscapes", "--landscapes", "moon", "--jobs", "1"]) == 1
-    assert "there is no schedule 'moon': choose one of thesis, extended, thesis_12000" in capsys.readouterr().err
+    assert (
+        "there is no schedule 'moon': choose one of thesis, extended, thesis_12000"
+        in capsys.readouterr().err
+    )

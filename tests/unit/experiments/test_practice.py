@@ -1,4 +1,6 @@
-"""The practice experiment: changes are made, tests teach nothing, rows count what they say, and one tiny run."""
+"""The practice experiment: changes are made, tests teach nothing, rows count what they say, and
+one tiny run.
+"""
 
 import json
 from dataclasses import asdict, replace
@@ -22,21 +24,40 @@ def made(seed=0, method="residual", scale=1.0, **task):
     """A run by hand with tests of three throws after 0 and 5 practised ones."""
     tests = ((0.04 * scale, 0.01 * scale, 0.02 * scale), (0.01 * scale, NAN, 0.2 * scale))
     inside = ((True, True, True), (True, False, False))
-    return Run(Task(seed, method, throws=5, tested_after=(0, 5), tests=3, **task), (0.1,) * 5, (True,) * 5, tests, inside)
+    return Run(
+        Task(seed, method, throws=5, tested_after=(0, 5), tests=3, **task),
+        (0.1,) * 5,
+        (True,) * 5,
+        tests,
+        inside,
+    )
 
 
 def test_a_row_is_the_median_over_all_throws_of_all_runs():
     before, after = summarise([made(0), made(1, scale=2.0)])
-    assert (before["after"], before["runs"], before["throws"], before["in"], before["without_error"]) == (0, 2, 6, 1.0, 0)
+    assert (
+        before["after"],
+        before["runs"],
+        before["throws"],
+        before["in"],
+        before["without_error"],
+    ) == (0, 2, 6, 1.0, 0)
     assert before["median_cm"] == pytest.approx(3.0) and before["p90_cm"] == pytest.approx(6.0)
     assert (after["after"], after["in"], after["without_error"]) == (5, pytest.approx(1 / 3), 2)
-    assert after["median_cm"] == pytest.approx((2.0 + 20.0) / 2), "of 1, 2, 20 and 40 cm: throws without an error do not count"
+    assert after["median_cm"] == pytest.approx((2.0 + 20.0) / 2), (
+        "of 1, 2, 20 and 40 cm: throws without an error do not count"
+    )
 
 
 def test_rows_of_methods_demonstrations_and_changes_are_kept_apart():
     runs = [made(), made(method="power"), made(demonstrations=3), made(change="friction")]
     kinds = [(row["method"], row["demonstrations"], row["change"]) for row in summarise(runs)[::2]]
-    assert kinds == [("residual", 13, "none"), ("power", 13, "none"), ("residual", 3, "none"), ("residual", 13, "friction")]
+    assert kinds == [
+        ("residual", 13, "none"),
+        ("power", 13, "none"),
+        ("residual", 3, "none"),
+        ("residual", 13, "friction"),
+    ]
     lines = table(runs).splitlines()
     assert len(lines) == 2 + len(runs) and "after 5" in lines[0] and "2.00 3.6 100 %" in lines[1]
 
@@ -48,7 +69,11 @@ def test_throws_without_a_landing_give_a_row_without_a_median():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "message"), [({"method": "hope"}, "no method 'hope': choose one of"), ({"change": "moon"}, "no change 'moon'")]
+    ("wrong", "message"),
+    [
+        ({"method": "hope"}, "no method 'hope': choose one of"),
+        ({"change": "moon"}, "no change 'moon'"),
+    ],
 )
 def test_an_unknown_method_or_change_is_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
@@ -63,7 +88,9 @@ def test_tests_after_more_throws_than_there_are_do_not_take_place():
 def test_a_change_changes_what_it_says_and_nothing_else(change):
     before = PlantSettings()
     after = changed(before, change)
-    assert {name: value for name, value in asdict(after).items() if value != asdict(before)[name]} == CHANGES[change]
+    assert {
+        name: value for name, value in asdict(after).items() if value != asdict(before)[name]
+    } == CHANGES[change]
 
 
 class Spied(Session):
@@ -77,13 +104,29 @@ class Spied(Session):
         return trial
 
 
-def test_the_plant_changes_after_so_many_practised_throws_and_not_before(demonstrations, monkeypatch):
+def test_the_plant_changes_after_so_many_practised_throws_and_not_before(
+    demonstrations, monkeypatch
+):
     monkeypatch.setattr(practice, "Session", Spied)
     monkeypatch.setattr(practice, "teach", lambda session, seed, wanted: demonstrations)
     Spied.frictions.clear()
-    one = practice.run(Task(0, "residual", 4, throws=2, change="friction", change_after=1, tested_after=(0, 2), tests=1))
+    one = practice.run(
+        Task(
+            0,
+            "residual",
+            4,
+            throws=2,
+            change="friction",
+            change_after=1,
+            tested_after=(0, 2),
+            tests=1,
+        )
+    )
     assert Spied.frictions == [1.0, 1.0, 2.0, 2.0], "test, practice, change, practice, test"
-    assert len(one.errors) == 2 and np.shape(one.test_errors) == np.shape(one.test_in_basket) == (2, 1)
+    assert len(one.errors) == 2 and np.shape(one.test_errors) == np.shape(one.test_in_basket) == (
+        2,
+        1,
+    )
 
 
 def practised(demonstrations, method):
@@ -92,7 +135,9 @@ def practised(demonstrations, method):
 
 @pytest.mark.parametrize("method", ["residual", "bootstrap", "both", "power", "none"])
 def test_a_test_teaches_nothing(demonstrations, method):
-    """A skill that was tested goes on to the very plans of one that was not, also those with which PoWER explores."""
+    """A skill that was tested goes on to the very plans of one that was not, also those with which
+    PoWER explores.
+    """
     tested, untested = practised(demonstrations, method), practised(demonstrations, method)
     session = Session(4)
     error, inside, miss, note = practice._throw(session, tested, BASKET)[:4]
@@ -123,11 +168,19 @@ def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkey
     file, tasks = tmp_path / "practice.jsonl", [made(seed).task for seed in range(2)]
     first = practice.run_all(tasks, file, jobs=1)
     monkeypatch.setattr(practice, "run", lambda task: pytest.fail(f"{task} was run again"))
-    assert repr(practice.run_all(tasks, file, jobs=1)) == repr(first) and np.isnan(first[0].test_errors[1][1])
+    assert repr(practice.run_all(tasks, file, jobs=1)) == repr(first) and np.isnan(
+        first[0].test_errors[1][1]
+    )
 
 
 def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(practice, "run", lambda task: made(task.seed, task.method, change=task.change, demonstrations=task.demonstrations))
+    monkeypatch.setattr(
+        practice,
+        "run",
+        lambda task: made(
+            task.seed, task.method, change=task.change, demonstrations=task.demonstrations
+        ),
+    )
     options = [
         "--methods",
         "residual,none",
@@ -141,10 +194,29 @@ def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, mo
         "0,5",
     ]
     options += ["--seeds", "2", "--tests", "3", "--jobs", "1"]
-    assert main(["experiment", "practice", *options, "--figure", str(tmp_path), "--floor", "0.9", "--json"]) == 0
+    assert (
+        main(
+            [
+                "experiment",
+                "practice",
+                *options,
+                "--figure",
+                str(tmp_path),
+                "--floor",
+                "0.9",
+                "--json",
+            ]
+        )
+        == 0
+    )
     rows = json.loads(capsys.readouterr().out)
-    assert {(row["method"], row["change"]) for row in rows} == {(m, c) for m in ("residual", "none") for c in ("none", "friction")}
-    assert {path.name for path in tmp_path.glob("*.svg")} == {"practice_3_none.svg", "practice_3_friction.svg"}
+    assert {(row["method"], row["change"]) for row in rows} == {
+        (m, c) for m in ("residual", "none") for c in ("none", "friction")
+    }
+    assert {path.name for path in tmp_path.glob("*.svg")} == {
+        "practice_3_none.svg",
+        "practice_3_friction.svg",
+    }
 
 
 @pytest.fixture(scope="module")
@@ -155,16 +227,22 @@ def tiny():
 @pytest.mark.slow
 def test_a_tiny_run_practises_and_is_tested(tiny):
     assert len(tiny.errors) == len(tiny.in_basket) == 2 and np.shape(tiny.test_errors) == (2, 2)
-    assert np.nanmedian(np.concatenate(tiny.test_errors)) < 0.1, f"after 3 demonstrations: {tiny.test_errors}, {tiny.notes}"
+    assert np.nanmedian(np.concatenate(tiny.test_errors)) < 0.1, (
+        f"after 3 demonstrations: {tiny.test_errors}, {tiny.notes}"
+    )
 
 
 @pytest.mark.slow
 def test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done(tiny):
     plain, floored = tiny, practice.run(replace(tiny.task, again=4))
-    assert plain.spreads == () and repr(replace(floored, task=tiny.task, spreads=())) == repr(plain), "the same seed, the same run"
+    assert plain.spreads == () and repr(replace(floored, task=tiny.task, spreads=())) == repr(
+        plain
+    ), "the same seed, the same run"
     assert np.shape(floored.spreads) == (2, 4) and 0.0 < np.median(floored.spreads) < 0.01
     before, after = summarise([floored])
-    assert before["floor_cm"] is None and after["floor_cm"] == pytest.approx(100 * np.median(floored.spreads), abs=1e-3)
+    assert before["floor_cm"] is None and after["floor_cm"] == pytest.approx(
+        100 * np.median(floored.spreads), abs=1e-3
+    )
     assert "floor: median distance" in table([floored]) and "floor" not in table([plain])
 
 

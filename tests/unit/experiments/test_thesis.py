@@ -1,4 +1,6 @@
-"""The figures of the thesis, computed anew: what they show holds, and the same seed gives the same bytes."""
+"""The figures of the thesis, computed anew: what they show holds, and the same seed gives the same
+bytes.
+"""
 
 import json
 import os
@@ -39,7 +41,9 @@ from dart_skill.figures import _style
 WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.4", "5.5"}
 """Figures of abstract parameters."""
 THROWN = {"8.4.4", "8.6"}
-"""Figures of many throws of the arm, which are drawn once here: that throws are the same to the last bit has a test in tests/reference."""
+"""Figures of many throws of the arm, which are drawn once here: that throws are the same to the
+last bit has a test in tests/reference.
+"""
 SLOW = {*THROWN, "landscape", "5.5", "7.1", "8.1", "8.2", "8.3", "8.7", "8.9"}
 SHRUNK = {"3.1", "6.2", "6.3", "6.6", "7.1", "8.2", "8.3", "8.4.4", "regrets"}
 """Figures that `fewer_runs` makes smaller."""
@@ -50,7 +54,9 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module", autouse=True)
 def small():
-    """Small pictures, few lessons of the ball and few darts, for all tests here: what is prepared for them is prepared once."""
+    """Small pictures, few lessons of the ball and few darts, for all tests here: what is prepared
+    for them is prepared once.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_style, "PNG_DPI", 50)
         patch.setattr(balls, "N_DEMONSTRATIONS", LESSONS)
@@ -86,7 +92,9 @@ def figure(tmp_path_factory):
 
 @pytest.fixture
 def fewer_runs(monkeypatch):
-    monkeypatch.setattr(os, "cpu_count", lambda: 1)  # all in this process, which keeps what is costly to prepare
+    monkeypatch.setattr(
+        os, "cpu_count", lambda: 1
+    )  # all in this process, which keeps what is costly to prepare
     monkeypatch.setattr(figure_3_1, "CANDIDATES", range(4, 6))
     monkeypatch.setattr(figure_7_1, "STEP", 0.01)
     monkeypatch.setattr(figure_8_2, "N_AIMS", 3)
@@ -94,7 +102,9 @@ def fewer_runs(monkeypatch):
     monkeypatch.setattr(figure_8_3, "N_SEEDS", 2)
     monkeypatch.setattr(figure_8_3, "N_ATTEMPTS", 5)
     monkeypatch.setattr(regrets, "N_SEEDS", 2)
-    monkeypatch.setattr(regrets, "METHODS", {name: regrets.METHODS[name] for name in ("power", "cem")})
+    monkeypatch.setattr(
+        regrets, "METHODS", {name: regrets.METHODS[name] for name in ("power", "cem")}
+    )
     monkeypatch.setattr(figure_6_2, "MOMENTS", (30, 60))
     monkeypatch.setattr(figure_6_3, "N_SEEDS", 1)
     monkeypatch.setattr(figure_6_6, "LOWEST", 15.0)
@@ -104,27 +114,47 @@ def fewer_runs(monkeypatch):
     monkeypatch.setattr(figure_8_4_4, "N_THROWS", 1)
     monkeypatch.setattr(figure_8_4_4, "ANGLES", (6.0,))
     monkeypatch.setattr(figure_8_4_4, "SPREADS", (0.1,))
-    monkeypatch.setattr(figure_8_4_4, "CASES", (figure_8_4_4.Case(6.0, 0.0), figure_8_4_4.Case(6.0, 0.1)))
+    monkeypatch.setattr(
+        figure_8_4_4, "CASES", (figure_8_4_4.Case(6.0, 0.0), figure_8_4_4.Case(6.0, 0.1))
+    )
 
 
-@pytest.mark.parametrize("number", [pytest.param(one, marks=[pytest.mark.slow] * (one in SLOW)) for one in thesis.FIGURES])
-def test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes(number, figure, tmp_path, fewer_runs):
-    paths, measured = thesis.draw(number, tmp_path / "once") if number in SHRUNK else figure(number)
-    again, measured_again = thesis.draw(number, tmp_path / "again") if number not in THROWN else (paths, measured)
+@pytest.mark.parametrize(
+    "number",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one in SLOW)) for one in thesis.FIGURES],
+)
+def test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes(
+    number, figure, tmp_path, fewer_runs
+):
+    paths, measured = (
+        thesis.draw(number, tmp_path / "once") if number in SHRUNK else figure(number)
+    )
+    again, measured_again = (
+        thesis.draw(number, tmp_path / "again") if number not in THROWN else (paths, measured)
+    )
     assert [path.suffix for path in paths] == [".svg", ".png"]
     assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
     assert measured == measured_again and json.loads(json.dumps(measured)) == measured
-    texts = ["".join(element.itertext()) for element in ElementTree.parse(paths[0]).getroot().iter(f"{SVG}text")]
-    assert any("[" in text for text in texts) or number in WITHOUT_UNITS, f"no unit on any axis: {texts}"
+    texts = [
+        "".join(element.itertext())
+        for element in ElementTree.parse(paths[0]).getroot().iter(f"{SVG}text")
+    ]
+    assert any("[" in text for text in texts) or number in WITHOUT_UNITS, (
+        f"no unit on any axis: {texts}"
+    )
 
 
 def test_regression_retrieves_what_the_demonstrations_share_and_how_much_they_differ():
-    """Figure 3.1: the demonstrations cross in the middle, so that is where the retrieved spread is smallest."""
+    """Figure 3.1: the demonstrations cross in the middle, so that is where the retrieved spread is
+    smallest.
+    """
     data = figure_3_1.compute()
     assert figure_3_1.measured(data)["rms_error_over_range"] < 0.03
     demonstrated = np.interp(data.grid, data.x1[0], data.x2.std(0))
     assert np.corrcoef(data.deviation, demonstrated)[0, 1] > 0.7
-    assert data.deviation[90:110].mean() < 0.5 * min(data.deviation[:20].mean(), data.deviation[-20:].mean())
+    assert data.deviation[90:110].mean() < 0.5 * min(
+        data.deviation[:20].mean(), data.deviation[-20:].mean()
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -148,20 +178,28 @@ def test_the_board_is_to_scale(figure):
     """Figure 6.1: the field of treble 20 is a twentieth of its ring."""
     numbers = figure("6.1")[1]
     assert numbers["largest_score"] == 60.0
-    assert numbers["treble_20_share_percent"] == pytest.approx(100.0 * (107.0**2 - 99.0**2) / 20.0 / 170.0**2, rel=0.01)
+    assert numbers["treble_20_share_percent"] == pytest.approx(
+        100.0 * (107.0**2 - 99.0**2) / 20.0 / 170.0**2, rel=0.01
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_universal_sampling_is_within_one_of_what_is_expected_and_its_pointers_show_it(seed):
     """Figure 6.4."""
     shares, once, universal, independent = figure_6_4.compute(seed)
-    assert np.abs(universal - figure_6_4.N_DRAWN * shares).max() < 1.0 < np.abs(independent - figure_6_4.N_DRAWN * shares).max()
+    assert (
+        np.abs(universal - figure_6_4.N_DRAWN * shares).max()
+        < 1.0
+        < np.abs(independent - figure_6_4.N_DRAWN * shares).max()
+    )
     ends = np.concatenate([[0.0], np.cumsum(shares)])
     assert np.array_equal(np.searchsorted(ends, figure_6_4._pointers(ends, once)) - 1, once)
 
 
 def test_success_is_measured_where_8_4_4_says():
-    """The first cases widen the angle at one distance, the others the distances at the smallest angle."""
+    """The first cases widen the angle at one distance, the others the distances at the smallest
+    angle.
+    """
     angles, distances = [], []
     for case in figure_8_4_4.CASES:
         x, y = case.region.spread(200, np.random.default_rng(0)).T[:2]
@@ -185,7 +223,9 @@ def test_an_update_of_power_is_5_1_and_5_2():
     share = update.returns[best] / update.returns[best].sum()
     relative = update.tried[best] - update.before[0]
     np.testing.assert_allclose(update.after[0], update.before[0] + share @ relative, rtol=1e-12)
-    np.testing.assert_allclose(update.after[1], (share[:, None] * relative).T @ relative + 0.1**2 * np.eye(2), rtol=1e-12)
+    np.testing.assert_allclose(
+        update.after[1], (share[:, None] * relative).T @ relative + 0.1**2 * np.eye(2), rtol=1e-12
+    )
     numbers = figure_5_1.measured(update)
     assert numbers["return_after"] > numbers["return_before"]
 
@@ -199,22 +239,35 @@ def test_constant_noise_makes_a_covariance_rounder_and_proportional_noise_keeps_
 
 
 def test_a_clock_cuts_through_the_ball_and_a_state_does_not():
-    """Figure 7.1: the finger is held for 1.4 s; the pull of a PD controller is that of the whole error that grew meanwhile."""
+    """Figure 7.1: the finger is held for 1.4 s; the pull of a PD controller is that of the whole
+    error that grew meanwhile.
+    """
     clock, state = figure_7_1.by_the_clock(), figure_7_1.by_the_state()
-    grown = figure_7_1.surface(np.array([figure_7_1.LET_GO])).position - figure_7_1.surface(np.array([figure_7_1.HELD])).position
-    assert clock.greatest_pull == pytest.approx(figure_7_1.STIFFNESS * np.linalg.norm(grown), rel=0.1)
+    grown = (
+        figure_7_1.surface(np.array([figure_7_1.LET_GO])).position
+        - figure_7_1.surface(np.array([figure_7_1.HELD])).position
+    )
+    assert clock.greatest_pull == pytest.approx(
+        figure_7_1.STIFFNESS * np.linalg.norm(grown), rel=0.1
+    )
     assert clock.depth > 0.5 * figure_7_1.RADIUS and state.depth < 0.03 * figure_7_1.RADIUS
     assert state.greatest_pull < 0.25 * clock.greatest_pull
     for run in (clock, state):
-        np.testing.assert_allclose(run.path[-1], [figure_7_1.RADIUS, 0.0], atol=0.002, err_msg="both arrive in the end")
+        np.testing.assert_allclose(
+            run.path[-1], [figure_7_1.RADIUS, 0.0], atol=0.002, err_msg="both arrive in the end"
+        )
 
 
 def test_the_asked_motion_is_consistent_with_its_derivatives():
     time = np.linspace(0.0, figure_7_1.DURATION, 3001)
     motion = figure_7_1.surface(time)
     step = time[1]
-    np.testing.assert_allclose(np.gradient(motion.position, step, axis=0)[2:-2], motion.velocity[2:-2], atol=1e-6)
-    np.testing.assert_allclose(np.gradient(motion.velocity, step, axis=0)[2:-2], motion.acceleration[2:-2], atol=1e-5)
+    np.testing.assert_allclose(
+        np.gradient(motion.position, step, axis=0)[2:-2], motion.velocity[2:-2], atol=1e-6
+    )
+    np.testing.assert_allclose(
+        np.gradient(motion.velocity, step, axis=0)[2:-2], motion.acceleration[2:-2], atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -252,19 +305,26 @@ def test_new_aims_are_hit_and_practice_at_one_aim_makes_it_better(monkeypatch):
 
 def test_a_dart_thrown_backwards_never_arrives_and_is_not_learned_from(monkeypatch):
     aim = np.array([BULL_DISTANCE, 0.0, BULL_HEIGHT])
-    backwards = darts.thrown(np.tile(darts.SHOULDER - [1.0, 0.0, 0.0], (len(darts.stamps()), 1)), aim)
+    backwards = darts.thrown(
+        np.tile(darts.SHOULDER - [1.0, 0.0, 0.0], (len(darts.stamps()), 1)), aim
+    )
     assert not backwards.arrived and backwards.error == np.inf
     learned_from = []
     monkeypatch.setattr(darts, "learn", lambda throws, _: learned_from.append(len(throws)))
     monkeypatch.setattr(darts, "throw_at", lambda model, aim: backwards)
-    assert len(darts.practise(darts.demonstrate(3, np.random.default_rng(0)), np.tile(aim, (2, 1)))) == 2
+    assert (
+        len(darts.practise(darts.demonstrate(3, np.random.default_rng(0)), np.tile(aim, (2, 1))))
+        == 2
+    )
     assert learned_from == [3, 3]
 
 
 @pytest.mark.slow
 def test_all_figures_of_the_ball_share_one_set_of_lessons(all_lessons, tmp_path, monkeypatch):
     balls.lessons(0)
-    monkeypatch.setattr(balls, "Session", lambda *_, **__: pytest.fail("the teacher was asked again"))
+    monkeypatch.setattr(
+        balls, "Session", lambda *_, **__: pytest.fail("the teacher was asked again")
+    )
     for number in range(6, 12):
         assert len(thesis.draw(f"8.{number}", tmp_path)[0]) == 2
 
@@ -273,15 +333,22 @@ def test_the_global_model_of_the_thesis_misses_and_ours_expects_to_hit(figure):
     """Figure 8.6; the miss is in the plan already, before anything is thrown."""
     numbers = figure("8.6")[1]
     assert numbers["demonstrations"] >= LESSONS - 1
-    assert numbers["expected_miss_median_cm"]["default"] < 0.1 and numbers["expected_miss_median_cm"]["thesis"] > 15.0, numbers
+    assert (
+        numbers["expected_miss_median_cm"]["default"] < 0.1
+        and numbers["expected_miss_median_cm"]["thesis"] > 15.0
+    ), numbers
     slowest, fastest = numbers["speed_at_release_m_s"]["demonstrated"]
     assert slowest < numbers["speed_at_release_m_s"]["default"] < fastest, numbers
-    assert numbers["jerk_rms_m_s3"]["default"] < numbers["jerk_rms_m_s3"]["demonstrated"], "an average is smoother than what it is of"
+    assert numbers["jerk_rms_m_s3"]["default"] < numbers["jerk_rms_m_s3"]["demonstrated"], (
+        "an average is smoother than what it is of"
+    )
 
 
 @pytest.mark.parametrize("name", ["thesis", "thesis_local", "default"])
 def test_the_drawn_flight_ends_where_the_plan_expects_it_to(name):
-    """The plan works out the release from the nearest step, without the turning of the ball about the hand in the rest of it: 1 cm."""
+    """The plan works out the release from the nearest step, without the turning of the ball about
+    the hand in the rest of it: 1 cm.
+    """
     plan = balls.skill(0, name).plan(balls.new_baskets(0)[0])
     np.testing.assert_allclose(balls.planned(plan).flight[-1], plan.predicted_landing, atol=0.015)
 
@@ -289,14 +356,18 @@ def test_the_drawn_flight_ends_where_the_plan_expects_it_to(name):
 def test_a_drawn_demonstration_ends_at_its_basket():
     for one in balls.all_demonstrated(0, "thesis"):
         assert one.time[0] < one.release < one.time[-1] and 1.5 < one.speed < 3.5
-        assert np.linalg.norm((one.flight[-1] - one.target)[:2]) < 0.35, "the ball went in, but its last part may be hidden"
+        assert np.linalg.norm((one.flight[-1] - one.target)[:2]) < 0.35, (
+            "the ball went in, but its last part may be hidden"
+        )
 
 
 @pytest.mark.slow
 def test_frame_2_doubles_the_spread_of_beta_and_turned_axes_remove_it(figure):
     """Figure 8.7, and what 8.4.4 complains about."""
     numbers = figure("8.7")[1]
-    first, second, turned = (numbers[frame]["spread"]["beta_deg"] for frame in ("frame_1", "frame_2", "turned"))
+    first, second, turned = (
+        numbers[frame]["spread"]["beta_deg"] for frame in ("frame_1", "frame_2", "turned")
+    )
     assert second > 1.7 * first and turned < 0.25 * first, numbers
     assert numbers["frame_2"]["spread_at_release"]["beta_deg"] > 20.0, numbers
 
@@ -304,7 +375,9 @@ def test_frame_2_doubles_the_spread_of_beta_and_turned_axes_remove_it(figure):
 def test_beta_in_frame_2_is_beta_in_frame_1_less_that_of_the_target():
     first, second = (balls.angles_in(0, frame) for frame in ("frame_1", "frame_2"))
     differences = first.values - second.values
-    np.testing.assert_allclose(differences, np.broadcast_to(differences[:, :1], differences.shape), atol=1e-9)
+    np.testing.assert_allclose(
+        differences, np.broadcast_to(differences[:, :1], differences.shape), atol=1e-9
+    )
     assert np.corrcoef(differences[:, 0, 1], first.azimuths)[0, 1] > 0.95
 
 
@@ -320,9 +393,15 @@ def test_the_chosen_demonstrations_are_the_nearest_three():
     assert len(chosen) == 3 and away[chosen].tolist() == sorted(away)[:3]
 
 
-@pytest.mark.parametrize(("point", "within"), [((0.5, 0.3), True), ((0.9, 0.9), False), ((-0.1, 0.5), False), ((0.0, 0.99), True)])
+@pytest.mark.parametrize(
+    ("point", "within"),
+    [((0.5, 0.3), True), ((0.9, 0.9), False), ((-0.1, 0.5), False), ((0.0, 0.99), True)],
+)
 def test_a_point_lies_between_three_others(point, within):
-    assert figure_8_8.inside(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array(point)) is within
+    assert (
+        figure_8_8.inside(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array(point))
+        is within
+    )
 
 
 def test_most_baskets_do_not_lie_between_the_three_nearest(figure):
@@ -341,7 +420,9 @@ def test_the_angles_of_the_chosen_demonstrations_are_consistent(all_lessons, tmp
     """Figure 8.10: the thesis is right about that, where the three nearest of 13 are near."""
     numbers = thesis.draw("8.10", tmp_path)[1]
     for frame in ("frame_1", "frame_2"):
-        chosen, every = (numbers[frame][which]["spread"]["beta_deg"] for which in ("chosen", "all"))
+        chosen, every = (
+            numbers[frame][which]["spread"]["beta_deg"] for which in ("chosen", "all")
+        )
         assert chosen < 0.35 * every, numbers
 
 
@@ -352,7 +433,9 @@ def test_thresholds_of_the_speed_bring_the_throws_together(figure):
     assert spread["as_recorded"] > 100.0, "the teacher pauses before the throw"
 
 
-def test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again(tmp_path, fewer_runs, capsys, monkeypatch):
+def test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again(
+    tmp_path, fewer_runs, capsys, monkeypatch
+):
     assert main(["experiment", "figure", "regrets", "--output", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert "median and quartiles over the runs" in shown and shown.count("power") == 2
@@ -367,14 +450,19 @@ def test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again(
 def test_only_who_knows_the_board_learns_from_what_was_thrown(monkeypatch):
     monkeypatch.setattr(regrets, "run_tasks", lambda tasks, *_: tasks)
     rewards = {(task.method, task.reward) for task in regrets.compute()}
-    assert rewards == {(method, "thrown" if method == "model_based" else "expected") for method in regrets.METHODS}
+    assert rewards == {
+        (method, "thrown" if method == "model_based" else "expected") for method in regrets.METHODS
+    }
 
 
 def test_figures_on_the_command_line(tmp_path, capsys):
     assert main(["experiment", "figure", "list"]) == 0
     listed = capsys.readouterr().out
     assert all(number in listed for number in thesis.FIGURES)
-    assert main(["experiment", "figure", "7.4", "--output", str(tmp_path), "--seed", "2", "--json"]) == 0
+    assert (
+        main(["experiment", "figure", "7.4", "--output", str(tmp_path), "--seed", "2", "--json"])
+        == 0
+    )
     drawn = json.loads(capsys.readouterr().out)["7.4"]
     assert drawn["seed"] == 2 and (tmp_path / "figure_7_4.svg").exists()
     assert main(["experiment", "figure", "9.9"]) == 1
@@ -386,6 +474,10 @@ def test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none(tmp
     """Section 6.5."""
     paths, found = landscape.draw(tmp_path)
     counts, misplaced = list(found["components"].values()), list(found["misplaced"].values())
-    assert counts[0] == 1 and counts == sorted(counts) and misplaced == sorted(misplaced, reverse=True)
+    assert (
+        counts[0] == 1
+        and counts == sorted(counts)
+        and misplaced == sorted(misplaced, reverse=True)
+    )
     assert misplaced[-1] < found["misplaced_by_a_uniform_density"] < misplaced[0]
     assert [path.suffix for path in paths] == [".svg", ".png"]

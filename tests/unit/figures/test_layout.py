@@ -10,11 +10,15 @@ from dart_skill.figures import house_style, legend_below, letter_panels, panels
 from dart_skill.figures._style import colour_bar
 
 SLACK = 2.0
-"""Points by which a text may differ from what its font says: matplotlib measures it in whole pixels."""
+"""Points by which a text may differ from what its font says: matplotlib measures it in whole
+pixels.
+"""
 
 
 def drawn(narrow, scale=1.0, title="Seen from the side", bar=True, aspect=False):
-    """A figure of two panels with everything around them; scale: of its numbers, which makes labels of ticks long."""
+    """A figure of two panels with everything around them; scale: of its numbers, which makes
+    labels of ticks long.
+    """
     with house_style():
         figure, axes = panels([(5.0, 4.0), (4.0, 4.0)], narrow)
         for k, one in enumerate(axes):
@@ -44,12 +48,21 @@ def settled(figure):
 def test_no_panel_reaches_into_another_or_beyond_the_figure(narrow, bar, scale):
     figure, _ = drawn(narrow, scale, bar=bar)
     renderer = settled(figure)
-    boxes = [one.get_tightbbox(renderer) for one in figure.axes] + [figure.legends[0].get_window_extent(renderer)]
+    boxes = [one.get_tightbbox(renderer) for one in figure.axes] + [
+        figure.legends[0].get_window_extent(renderer)
+    ]
     slack = SLACK * figure.dpi / 72.0
     for k, box in enumerate(boxes):
-        assert box.x0 > -slack and box.y0 > -slack and box.x1 < figure.bbox.x1 + slack and box.y1 < figure.bbox.y1 + slack, box
+        assert (
+            box.x0 > -slack
+            and box.y0 > -slack
+            and box.x1 < figure.bbox.x1 + slack
+            and box.y1 < figure.bbox.y1 + slack
+        ), box
         for other in boxes[:k]:
-            across, up = (min(box.max[i], other.max[i]) - max(box.min[i], other.min[i]) for i in (0, 1))
+            across, up = (
+                min(box.max[i], other.max[i]) - max(box.min[i], other.min[i]) for i in (0, 1)
+            )
             assert min(across, up) < slack, f"{box} and {other}"
 
 
@@ -62,7 +75,9 @@ def test_panels_have_the_ratio_that_was_asked_and_use_the_room():
 
 
 def test_a_figure_is_the_same_whatever_is_set_where_it_is_shown():
-    """The settings of matplotlib by default name sizes in words, with which nothing can be computed."""
+    """The settings of matplotlib by default name sizes in words, with which nothing can be
+    computed.
+    """
     first, second = drawn(True)[0], drawn(True)[0]
     settled(first)
     FigureCanvasAgg(second).draw()
@@ -71,7 +86,12 @@ def test_a_figure_is_the_same_whatever_is_set_where_it_is_shown():
 
 
 def test_a_title_that_would_be_cut_off_has_more_lines():
-    figure, axes = drawn(True, title="n = 20 throws, of which 19 landings were seen, and none of them in the basket at all")
+    figure, axes = drawn(
+        True,
+        title=(
+            "n = 20 throws, of which 19 landings were seen, and none of them in the basket at all"
+        ),
+    )
     renderer = settled(figure)
     assert axes[0].get_title(loc="left").count("\n") >= 1
     assert axes[0].get_tightbbox(renderer).x1 <= figure.bbox.x1

@@ -1,4 +1,6 @@
-"""The figures of a run: they say what the data say, to scale, and the same data give the same bytes."""
+"""The figures of a run: they say what the data say, to scale, and the same data give the same
+bytes.
+"""
 
 import re
 from dataclasses import replace
@@ -39,9 +41,17 @@ class Drawing:
         return len(list(self._group(gid).iter(f"{SVG}use")))
 
     def shapes(self, gid):
-        """Number of lines or areas that are drawn as one; those that stand to be used more than once are counted where they are used."""
-        kept = {id(path) for place in self._group(gid).iter(f"{SVG}defs") for path in place.iter(f"{SVG}path")}
-        return sum(id(path) not in kept for path in self._group(gid).iter(f"{SVG}path")) + self.points(gid)
+        """Number of lines or areas that are drawn as one; those that stand to be used more than
+        once are counted where they are used.
+        """
+        kept = {
+            id(path)
+            for place in self._group(gid).iter(f"{SVG}defs")
+            for path in place.iter(f"{SVG}path")
+        }
+        return sum(
+            id(path) not in kept for path in self._group(gid).iter(f"{SVG}path")
+        ) + self.points(gid)
 
     def count(self, pattern):
         """Number of groups whose id matches."""
@@ -78,7 +88,9 @@ def twice(tmp_path, draw):
     """Draws into two folders; the files must be equal byte for byte."""
     first, second = draw(tmp_path / "first"), draw(tmp_path / "second")
     for one, other in zip(first, second, strict=True):
-        assert one.read_bytes() == other.read_bytes(), f"{one.name} differs from one run to the next"
+        assert one.read_bytes() == other.read_bytes(), (
+            f"{one.name} differs from one run to the next"
+        )
     return drawn(first)
 
 
@@ -89,7 +101,15 @@ def recording_of_lesson(trial):
     states, nothing = trial.states[::5], np.empty(0, dtype=np.int64)
     stamps = np.array([state.stamp_ns for state in states])
     hand = np.array([state.hand_position for state in states])
-    return Recording(stamps, hand, nothing, np.empty((0, 3)), basket=np.full(3, np.nan), command_stamps=nothing, opened_ns=None)
+    return Recording(
+        stamps,
+        hand,
+        nothing,
+        np.empty((0, 3)),
+        basket=np.full(3, np.nan),
+        command_stamps=nothing,
+        opened_ns=None,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -113,11 +133,24 @@ def learned(demonstrations):
 
 def test_events_lie_on_the_clock_of_the_recording(motions, taught):
     for motion, trial in zip(motions, taught, strict=True):
-        told = (trial.demonstration.stamp_ns - trial.states[0].stamp_ns) * 1e-9 + trial.demonstration.hand_opened
+        told = (
+            trial.demonstration.stamp_ns - trial.states[0].stamp_ns
+        ) * 1e-9 + trial.demonstration.hand_opened
         assert motion.time[0] == 0.0
-        assert motion.first < motion.motion_start < told < motion.release < motion.motion_stop < motion.last
-        assert np.interp(motion.motion_start, motion.time, motion.speed) == pytest.approx(0.3, abs=0.03)
-        assert motion.release - told == pytest.approx(0.03, abs=0.02), "the hand takes 30 ms to open"
+        assert (
+            motion.first
+            < motion.motion_start
+            < told
+            < motion.release
+            < motion.motion_stop
+            < motion.last
+        )
+        assert np.interp(motion.motion_start, motion.time, motion.speed) == pytest.approx(
+            0.3, abs=0.03
+        )
+        assert motion.release - told == pytest.approx(0.03, abs=0.02), (
+            "the hand takes 30 ms to open"
+        )
 
 
 @pytest.mark.slow
@@ -125,14 +158,25 @@ def test_synchronisation_shows_every_demonstration_twice(tmp_path, motions):
     drawing = twice(tmp_path, lambda folder: draw_synchronisation(motions, folder))
     for when in ("before", "after"):
         assert drawing.count(rf"{when}_\d+_curve") == len(motions)
-        assert sum(drawing.points(f"{when}_{k}_release") for k in range(1, len(motions) + 1)) == len(motions)
-    for label in ("speed of the hand [m/s]", "time since the release [s]", "start threshold, 0.3 m/s", "n = 4", "motion stops"):
+        assert sum(
+            drawing.points(f"{when}_{k}_release") for k in range(1, len(motions) + 1)
+        ) == len(motions)
+    for label in (
+        "speed of the hand [m/s]",
+        "time since the release [s]",
+        "start threshold, 0.3 m/s",
+        "n = 4",
+        "motion stops",
+    ):
         assert drawing.says(label), drawing.texts
 
 
 def test_releases_are_aligned_after_synchronisation_and_not_before(tmp_path, motions):
     drawing = drawn(draw_synchronisation(motions, tmp_path))
-    before, after = ([drawing.marker(f"{when}_{k}_release")[0] for k in range(1, len(motions) + 1)] for when in ("before", "after"))
+    before, after = (
+        [drawing.marker(f"{when}_{k}_release")[0] for k in range(1, len(motions) + 1)]
+        for when in ("before", "after")
+    )
     assert np.ptp(after) < 1e-3 and np.ptp(before) > 10.0, f"points: {before} {after}"
 
 
@@ -156,7 +200,9 @@ def test_a_demonstration_of_which_there_is_no_recording_is_named(recordings, dem
 
 
 @pytest.mark.parametrize("name", ["default", "two_frames", "thesis"])
-def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_seen_from_it(demonstrations, learned, name):
+def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_seen_from_it(
+    demonstrations, learned, name
+):
     """Whatever the responsibilities, an M step keeps the mean and the covariance of all samples."""
     skill = learned(name)
     shares = skill.model_for(demonstrations[0].target).mixture_.priors_
@@ -164,16 +210,30 @@ def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_see
         samples = np.concatenate(view.attractors)
         mean = shares @ view.means
         apart = view.means - mean
-        covariance = np.einsum("k,kij->ij", shares, view.covariances + apart[:, :, None] * apart[:, None, :])
-        np.testing.assert_allclose(mean, samples.mean(axis=0), atol=1e-4, err_msg=f"{view.name}; the rims' heights differ by 0.1 mm")
-        np.testing.assert_allclose(covariance, np.cov(samples.T, bias=True), atol=1e-5, err_msg=view.name)
+        covariance = np.einsum(
+            "k,kij->ij", shares, view.covariances + apart[:, :, None] * apart[:, None, :]
+        )
+        np.testing.assert_allclose(
+            mean,
+            samples.mean(axis=0),
+            atol=1e-4,
+            err_msg=f"{view.name}; the rims' heights differ by 0.1 mm",
+        )
+        np.testing.assert_allclose(
+            covariance, np.cov(samples.T, bias=True), atol=1e-5, err_msg=view.name
+        )
 
 
 def test_turned_frames_see_every_throw_straight_ahead(demonstrations, learned):
     base, target = frame_views(learned("default"))
     assert np.abs(base.releases[:, 1]).max() < 0.05 and np.abs(target.releases[:, 1]).max() < 0.05
     distances = base.releases[:, 0] - target.releases[:, 0]
-    np.testing.assert_allclose(distances, [np.hypot(*d.target[:2]) for d in demonstrations], atol=0.2, err_msg="but for the misses")
+    np.testing.assert_allclose(
+        distances,
+        [np.hypot(*d.target[:2]) for d in demonstrations],
+        atol=0.2,
+        err_msg="but for the misses",
+    )
 
 
 def test_without_the_distance_the_target_sees_the_components_for_the_median_task(learned):
@@ -181,18 +241,37 @@ def test_without_the_distance_the_target_sees_the_components_for_the_median_task
     base, target = frame_views(skill)
     distance = sorted(throw.distance for throw in skill.throws)[len(skill.throws) // 2]
     shift = np.tile([distance, 0.0, 0.4], (len(base.means), 1))
-    np.testing.assert_allclose(base.means - target.means, shift, atol=1e-3, err_msg="the cameras know the rim's height to 0.1 mm")
+    np.testing.assert_allclose(
+        base.means - target.means,
+        shift,
+        atol=1e-3,
+        err_msg="the cameras know the rim's height to 0.1 mm",
+    )
     np.testing.assert_allclose(base.covariances, target.covariances, atol=1e-12)
 
 
-def test_gaussians_shows_every_component_and_every_demonstration_in_four_panels(tmp_path, demonstrations, learned):
+def test_gaussians_shows_every_component_and_every_demonstration_in_four_panels(
+    tmp_path, demonstrations, learned
+):
     skill = learned("default")
     drawing = twice(tmp_path, lambda folder: draw_gaussians(skill, folder))
     panels = [f"frame{frame}_{side}" for frame in (1, 2) for side in ("side", "above")]
     for panel in panels:
-        assert drawing.shapes(f"{panel}_components") == drawing.points(f"{panel}_means") == skill.configuration.components
-        assert drawing.shapes(f"{panel}_attractors") == drawing.points(f"{panel}_releases") == len(demonstrations)
-    for label in ("Configuration 'default': 16 components as 2-sigma ellipses, n = 4 demonstrations", "up [m]", "left [m]"):
+        assert (
+            drawing.shapes(f"{panel}_components")
+            == drawing.points(f"{panel}_means")
+            == skill.configuration.components
+        )
+        assert (
+            drawing.shapes(f"{panel}_attractors")
+            == drawing.points(f"{panel}_releases")
+            == len(demonstrations)
+        )
+    for label in (
+        "Configuration 'default': 16 components as 2-sigma ellipses, n = 4 demonstrations",
+        "up [m]",
+        "left [m]",
+    ):
         assert drawing.says(label), drawing.texts
 
 
@@ -205,14 +284,27 @@ def test_gaussians_names_the_configuration(tmp_path, learned, name):
 
 
 def recording_of(plan, offset, start_ns=7_000 * MS, late=0.0):
-    """What the cameras would see if the hand kept an offset (3,) from the plan; the controller runs at 500 Hz."""
+    """What the cameras would see if the hand kept an offset (3,) from the plan; the controller
+    runs at 500 Hz.
+    """
     path = plan.path
     stamps = start_ns + np.arange(-100, 800) * 2 * MS
     due = (stamps - start_ns) * 1e-9 >= plan.open_hand - 1e-9
     hand_stamps = start_ns + np.arange(-20, 100) * 10 * MS
-    place = [np.interp((hand_stamps - start_ns) * 1e-9 - late, path.time, column) for column in path.position.T]
+    place = [
+        np.interp((hand_stamps - start_ns) * 1e-9 - late, path.time, column)
+        for column in path.position.T
+    ]
     ball = np.linspace([0.0, 0.0, 2.0], plan.target, len(hand_stamps))
-    return Recording(hand_stamps, np.column_stack(place) + offset, hand_stamps, ball, plan.target, stamps, int(stamps[due][0]))
+    return Recording(
+        hand_stamps,
+        np.column_stack(place) + offset,
+        hand_stamps,
+        ball,
+        plan.target,
+        stamps,
+        int(stamps[due][0]),
+    )
 
 
 @pytest.mark.parametrize("open_hand", [0.52, 0.5213])
@@ -236,28 +328,55 @@ def test_the_tracking_error_tells_late_from_beside(plan):
 def test_execution_shows_all_paths_and_states_the_error(tmp_path, plan):
     throw = executed_throw([recording_of(plan, np.array([0.0, 0.005, 0.0]))], plan)
     drawing = twice(tmp_path, lambda folder: draw_execution(throw, folder))
-    for gid in ("attractor", "planned", "hand", "ball", "basket", "predicted_landing", "error_total", "error_along", "error_beside"):
+    for gid in (
+        "attractor",
+        "planned",
+        "hand",
+        "ball",
+        "basket",
+        "predicted_landing",
+        "error_total",
+        "error_along",
+        "error_beside",
+    ):
         assert drawing.count(gid) == 1, gid
     assert drawing.points("ball") == len(throw.ball_time) > 0
-    for label in ("hand, planned", "hand, seen", "height [m]", "hand seen minus planned [mm]", "5.0 mm at the", "at most 5.0 mm before it"):
+    for label in (
+        "hand, planned",
+        "hand, seen",
+        "height [m]",
+        "hand seen minus planned [mm]",
+        "5.0 mm at the",
+        "at most 5.0 mm before it",
+    ):
         assert drawing.says(label), drawing.texts
 
 
 def test_the_basket_is_drawn_to_scale_from_the_side(tmp_path, plan):
-    drawing = drawn(draw_execution(executed_throw([recording_of(plan, np.zeros(3))], plan), tmp_path))
+    drawing = drawn(
+        draw_execution(executed_throw([recording_of(plan, np.zeros(3))], plan), tmp_path)
+    )
     _, size = drawing.box("basket")
     assert size[1] / size[0] == pytest.approx(0.35 / 0.30, rel=1e-3)
 
 
 def test_a_throw_whose_ball_nobody_saw_is_drawn_without_it(tmp_path, plan):
-    recording = replace(recording_of(plan, np.zeros(3)), ball_stamps=np.empty(0, dtype=np.int64), ball_position=np.empty((0, 3)))
+    recording = replace(
+        recording_of(plan, np.zeros(3)),
+        ball_stamps=np.empty(0, dtype=np.int64),
+        ball_position=np.empty((0, 3)),
+    )
     drawing = drawn(draw_execution(executed_throw([recording], plan), tmp_path))
     assert drawing.count("ball") == 0 and not drawing.says("ball, seen")
 
 
 def test_a_throw_that_is_not_in_the_bag_is_refused(plan):
     recording = recording_of(plan, np.zeros(3))
-    for others in ([], [replace(recording, basket=plan.target + [0.1, 0.0, 0.0])], [replace(recording, opened_ns=None)]):
+    for others in (
+        [],
+        [replace(recording, basket=plan.target + [0.1, 0.0, 0.0])],
+        [replace(recording, opened_ns=None)],
+    ):
         with pytest.raises(ValueError, match="no recording of a throw at a basket"):
             executed_throw(others, plan)
 
@@ -274,7 +393,12 @@ def at(distance, degrees, along=0.0, across=0.0, inside=True):
 
 
 UNSEEN = ThrowResult((1.6, 0.2, 0.4), None, None, False)
-THROWS = (at(1.7, 30, 0.02, -0.01), at(2.3, -40, 0.0, 0.01), at(2.0, 0, 0.25, inside=False), UNSEEN)
+THROWS = (
+    at(1.7, 30, 0.02, -0.01),
+    at(2.3, -40, 0.0, 0.01),
+    at(2.0, 0, 0.25, inside=False),
+    UNSEEN,
+)
 DEMONSTRATED = np.array([[1.5, 0.5, 0.4], [2.0, -1.0, 0.4], [2.2, 0.1, 0.4]])
 
 
@@ -286,7 +410,10 @@ def test_landings_shows_every_basket_and_every_landing_that_was_seen(tmp_path):
     drawing = twice(tmp_path, lambda folder: draw_landings(THROWS, DEMONSTRATED, folder))
     assert (drawing.count(r"demonstrated_\d+"), drawing.count(r"thrown_\d+")) == (3, 4)
     for panel in ("plan", "relative"):
-        assert (drawing.points(f"{panel}_in"), drawing.points(f"{panel}_out")) == (2, 1), "one landing was not seen"
+        assert (drawing.points(f"{panel}_in"), drawing.points(f"{panel}_out")) == (
+            2,
+            1,
+        ), "one landing was not seen"
     for label in (
         "in 2/4, median 2.2 cm, 90 % 20.4 cm, landing seen 3/4",
         "radius of the rim 15 cm",
@@ -299,10 +426,16 @@ def test_landings_shows_every_basket_and_every_landing_that_was_seen(tmp_path):
 def test_baskets_are_drawn_to_scale(tmp_path):
     drawing = drawn(draw_landings(THROWS, DEMONSTRATED, tmp_path))
     arm = drawing.marker("arm")
-    for gid, distance in (("thrown_1", 1.7), ("thrown_2", 2.3), ("demonstrated_2", np.hypot(2.0, 1.0))):
+    for gid, distance in (
+        ("thrown_1", 1.7),
+        ("thrown_2", 2.3),
+        ("demonstrated_2", np.hypot(2.0, 1.0)),
+    ):
         centre, size = drawing.box(gid)
         assert size[0] == pytest.approx(size[1], rel=1e-4), gid
-        assert np.linalg.norm(centre - arm) / size[0] == pytest.approx(distance / 0.30, rel=1e-4), gid
+        assert np.linalg.norm(centre - arm) / size[0] == pytest.approx(
+            distance / 0.30, rel=1e-4
+        ), gid
 
 
 def test_a_landing_too_far_and_to_the_left_is_drawn_above_and_left_of_the_centre(tmp_path):

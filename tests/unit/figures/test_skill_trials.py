@@ -26,38 +26,61 @@ def shown(n=3):
 
 
 def summary(*outcomes):
-    trials = tuple(SkillResult(Situation({"pot": body_at(0.6, 0.1 * k, 0.2 * k)}), one) for k, one in enumerate(outcomes))
+    trials = tuple(
+        SkillResult(Situation({"pot": body_at(0.6, 0.1 * k, 0.2 * k)}), one)
+        for k, one in enumerate(outcomes)
+    )
     return SkillSummary("put", 0, "bag", 3, 3, trials, 1.0)
 
 
-RUN = summary(TaskOutcome(True, 0.001), TaskOutcome(False, 0.012, "it jammed"), TaskOutcome(False, np.nan, "not seen"))
+RUN = summary(
+    TaskOutcome(True, 0.001),
+    TaskOutcome(False, 0.012, "it jammed"),
+    TaskOutcome(False, np.nan, "not seen"),
+)
 
 
 def test_every_trial_is_numbered_at_its_place_and_as_high_as_its_error(tmp_path):
     figure = trials_figure(RUN, Put(), shown())
     above, _, errors = figure.axes
     places = {text.get_text(): text.get_position() for text in above.texts}
-    assert {name: places[name] for name in "123"} == {"1": (0.6, 0.0), "2": (0.6, pytest.approx(0.1)), "3": (0.6, pytest.approx(0.2))}
+    assert {name: places[name] for name in "123"} == {
+        "1": (0.6, 0.0),
+        "2": (0.6, pytest.approx(0.1)),
+        "3": (0.6, pytest.approx(0.2)),
+    }
     assert [bar.get_height() for bar in errors.patches] == pytest.approx([1.0, 12.0])
-    assert errors.get_title(loc="left") == "(c) 1 of 3 succeeded" and [text.get_text() for text in errors.texts] == ["?"]
+    assert errors.get_title(loc="left") == "(c) 1 of 3 succeeded" and [
+        text.get_text() for text in errors.texts
+    ] == ["?"]
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend == ["arm", "hand, shown", "pot, shown", "pot, done", "pot, failed"]
-    assert [path.name for path in draw_trials(RUN, Put(), shown(), tmp_path)] == ["trials.svg", "trials.png"]
+    assert [path.name for path in draw_trials(RUN, Put(), shown(), tmp_path)] == [
+        "trials.svg",
+        "trials.png",
+    ]
 
 
 def test_the_same_run_gives_the_same_bytes():
-    assert svg_text(trials_figure(RUN, Put(), shown())) == svg_text(trials_figure(RUN, Put(), shown()))
+    assert svg_text(trials_figure(RUN, Put(), shown())) == svg_text(
+        trials_figure(RUN, Put(), shown())
+    )
 
 
 def test_errors_of_very_different_size_are_drawn_on_a_scale_that_shows_both():
-    figure = trials_figure(summary(*[TaskOutcome(True, 0.001)] * 3, TaskOutcome(False, 1.2, "lost")), Put(), shown())
+    figure = trials_figure(
+        summary(*[TaskOutcome(True, 0.001)] * 3, TaskOutcome(False, 1.2, "lost")), Put(), shown()
+    )
     assert figure.axes[2].get_yscale() == "log"
 
 
 def test_what_was_not_shown_and_not_tried_is_refused():
     with pytest.raises(ValueError, match="nothing to draw"):
         trials_figure(summary(), Put(), [])
-    assert trials_figure(summary(), Put(), shown()).axes[2].get_title(loc="left") == "(c) 0 of 0 succeeded"
+    assert (
+        trials_figure(summary(), Put(), shown()).axes[2].get_title(loc="left")
+        == "(c) 0 of 0 succeeded"
+    )
 
 
 def test_a_trial_whose_error_nobody_knows_has_its_mark_in_the_panel():

@@ -10,4 +10,6 @@ def random_mixture(rng, n_components=3, n_dims=3):
     roots = rng.normal(size=(n_components, n_dims, n_dims))
     covariances = roots @ np.swapaxes(roots, 1, 2) + 0.2 * np.eye(n_dims)
     priors = rng.dirichlet(np.full(n_components, 5.0))
-    return GaussianMixture.from_parameters(priors, 2.0 * rng.normal(size=(n_components, n_dims)), covariances)
+    return GaussianMixture.from_parameters(
+        priors, 2.0 * rng.normal(size=(n_components, n_dims)), covariances
+    )

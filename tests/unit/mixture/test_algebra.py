@@ -18,11 +18,15 @@ def test_conditional_times_marginal_is_the_joint_density(seed):
     mixture, point = random_mixture(rng, 3, 4), rng.normal(size=4)
     conditional = mixture.condition([2, 0], point[[2, 0]]).log_density(point[None, [1, 3]])
     marginal = mixture.marginal([2, 0]).log_density(point[None, [2, 0]])
-    assert (conditional + marginal)[0] == pytest.approx(mixture.log_density(point[None])[0], abs=1e-9)
+    assert (conditional + marginal)[0] == pytest.approx(
+        mixture.log_density(point[None])[0], abs=1e-9
+    )
 
 
 def test_conditioning_far_away_leaves_the_component_that_decays_slowest():
-    mixture = GaussianMixture.from_parameters([0.9, 0.1], [[0.0, 1.0], [0.0, 5.0]], [np.eye(2), [[4.0, 2.0], [2.0, 2.0]]])
+    mixture = GaussianMixture.from_parameters(
+        [0.9, 0.1], [[0.0, 1.0], [0.0, 5.0]], [np.eye(2), [[4.0, 2.0], [2.0, 2.0]]]
+    )
     conditional = mixture.condition(0, 1e3)
     np.testing.assert_array_equal(conditional.priors_, [1.0])
     np.testing.assert_allclose(conditional.means_, [[505.0]])
@@ -34,10 +38,18 @@ def test_conditioning_far_away_leaves_the_component_that_decays_slowest():
 @settings(max_examples=20, deadline=None)
 def test_product_times_its_constant_is_the_product_of_densities(seed):
     rng = np.random.default_rng(seed)
-    one, other, points = random_mixture(rng, 2, 3), random_mixture(rng, 3, 3), rng.normal(size=(10, 3))
+    one, other, points = (
+        random_mixture(rng, 2, 3),
+        random_mixture(rng, 3, 3),
+        rng.normal(size=(10, 3)),
+    )
     combined, log_constant = one.product(other)
     assert len(combined.priors_) == 6
-    np.testing.assert_allclose(combined.log_density(points) + log_constant, one.log_density(points) + other.log_density(points), atol=1e-8)
+    np.testing.assert_allclose(
+        combined.log_density(points) + log_constant,
+        one.log_density(points) + other.log_density(points),
+        atol=1e-8,
+    )
 
 
 def test_product_with_a_gaussian_integrates_to_its_constant():
@@ -51,10 +63,19 @@ def test_product_with_a_gaussian_integrates_to_its_constant():
 @pytest.mark.parametrize("n_rows", [1, 3, 4])
 def test_linear_map_with_any_matrix_maps_the_moments(n_rows):
     rng = np.random.default_rng(n_rows)
-    mixture, matrix, offset = random_mixture(rng, 3, 3), rng.normal(size=(n_rows, 3)), rng.normal(size=n_rows)
-    mapped, expected = mixture.linear_map(matrix, offset).collapse(), mixture.collapse().linear_map(matrix, offset)
+    mixture, matrix, offset = (
+        random_mixture(rng, 3, 3),
+        rng.normal(size=(n_rows, 3)),
+        rng.normal(size=n_rows),
+    )
+    mapped, expected = (
+        mixture.linear_map(matrix, offset).collapse(),
+        mixture.collapse().linear_map(matrix, offset),
+    )
     np.testing.assert_allclose(mapped.mean, expected.mean, atol=1e-12)
-    np.testing.assert_allclose(mapped.covariance, expected.covariance, atol=1e-12 * np.abs(expected.covariance).max())
+    np.testing.assert_allclose(
+        mapped.covariance, expected.covariance, atol=1e-12 * np.abs(expected.covariance).max()
+    )
 
 
 def test_a_map_into_more_dimensions_can_be_sampled_but_has_no_density():
@@ -68,9 +89,15 @@ def test_a_map_into_more_dimensions_can_be_sampled_but_has_no_density():
 
 def test_an_invertible_map_changes_the_density_by_its_volume():
     rng = np.random.default_rng(2)
-    mixture, matrix, points = random_mixture(rng, 3, 2), rng.normal(size=(2, 2)), rng.normal(size=(9, 2))
+    mixture, matrix, points = (
+        random_mixture(rng, 3, 2),
+        rng.normal(size=(2, 2)),
+        rng.normal(size=(9, 2)),
+    )
     mapped = mixture.linear_map(matrix, [1.0, 2.0]).log_density(points @ matrix.T + [1.0, 2.0])
-    np.testing.assert_allclose(mapped, mixture.log_density(points) - np.log(abs(np.linalg.det(matrix))), atol=1e-10)
+    np.testing.assert_allclose(
+        mapped, mixture.log_density(points) - np.log(abs(np.linalg.det(matrix))), atol=1e-10
+    )
 
 
 def test_collapse_has_the_moments_of_many_samples():
@@ -109,18 +136,26 @@ def test_two_gaussians_merge_as_the_closed_form_says():
 
 
 def test_a_component_cut_in_two_is_what_reduction_joins_again():
-    mixture = GaussianMixture.from_parameters([0.3, 0.3, 0.4], [[0.0, 0.0], [0.0, 0.0], [5.0, 1.0]], [np.eye(2)] * 3)
+    mixture = GaussianMixture.from_parameters(
+        [0.3, 0.3, 0.4], [[0.0, 0.0], [0.0, 0.0], [5.0, 1.0]], [np.eye(2)] * 3
+    )
     reduced = mixture.reduce(2)
     np.testing.assert_allclose(sorted(reduced.priors_), [0.4, 0.6])
     points = np.random.default_rng(6).normal(size=(20, 2))
-    np.testing.assert_allclose(reduced.log_density(points), mixture.log_density(points), atol=1e-12)
+    np.testing.assert_allclose(
+        reduced.log_density(points), mixture.log_density(points), atol=1e-12
+    )
     np.testing.assert_allclose(mixture.reduce(1).means_[0], mixture.collapse().mean)
     np.testing.assert_array_equal(mixture.reduce(3).means_, mixture.means_)
 
 
 def test_mixtures_together_have_the_weighted_mean_of_their_densities():
     rng = np.random.default_rng(7)
-    one, other, points = random_mixture(rng, 2, 2), random_mixture(rng, 3, 2), rng.normal(size=(8, 2))
+    one, other, points = (
+        random_mixture(rng, 2, 2),
+        random_mixture(rng, 3, 2),
+        rng.normal(size=(8, 2)),
+    )
     both = GaussianMixture.together([one, other], [1.0, 3.0])
     expected = 0.25 * np.exp(one.log_density(points)) + 0.75 * np.exp(other.log_density(points))
     np.testing.assert_allclose(np.exp(both.log_density(points)), expected, rtol=1e-10)

@@ -8,7 +8,12 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from dart_skill.mixture import GaussianMixture, Parameters, kmeans_start, maximisation
-from dart_skill.mixture._expectation_maximisation import Settings, _Run, expectation, expectation_maximisation
+from dart_skill.mixture._expectation_maximisation import (
+    Settings,
+    _Run,
+    expectation,
+    expectation_maximisation,
+)
 from dart_skill.mixture._start import one_hot, plus_plus_centres
 
 
@@ -57,7 +62,9 @@ def test_one_component_is_the_weighted_mean_and_covariance():
     rng = np.random.default_rng(1)
     samples, weights = rng.normal(size=(80, 3)), rng.random(80)
     mixture = GaussianMixture(1).fit(samples, weights, rng=rng)
-    np.testing.assert_allclose(mixture.means_[0], np.average(samples, axis=0, weights=weights), rtol=1e-12)
+    np.testing.assert_allclose(
+        mixture.means_[0], np.average(samples, axis=0, weights=weights), rtol=1e-12
+    )
     expected = np.cov(samples.T, aweights=weights, bias=True)
     np.testing.assert_allclose(mixture.covariances_[0], expected, rtol=1e-10, atol=1e-12)
 
@@ -75,7 +82,9 @@ def test_density_and_responsibilities_follow_their_definition():
     )
     expected = logsumexp(logs, axis=1)
     np.testing.assert_allclose(mixture.log_density(samples), expected, rtol=1e-10)
-    np.testing.assert_allclose(mixture.responsibilities(samples), np.exp(logs - expected[:, None]), atol=1e-10)
+    np.testing.assert_allclose(
+        mixture.responsibilities(samples), np.exp(logs - expected[:, None]), atol=1e-10
+    )
     assert mixture.log_likelihood_ == pytest.approx(expected.sum(), rel=1e-9)
 
 
@@ -148,19 +157,25 @@ def test_samples_without_weight_play_no_part():
 def test_more_starts_are_never_worse():
     samples = np.random.default_rng(10).normal(size=(120, 2))
     single = GaussianMixture(6).fit(samples, rng=np.random.default_rng(3)).log_likelihood_
-    several = GaussianMixture(6, n_starts=6).fit(samples, rng=np.random.default_rng(3)).log_likelihood_
+    several = (
+        GaussianMixture(6, n_starts=6).fit(samples, rng=np.random.default_rng(3)).log_likelihood_
+    )
     assert several > single, (several, single)
 
 
 def test_bic_chooses_the_number_of_clusters():
     rng = np.random.default_rng(11)
     samples = clusters(rng)
-    scores = {k: GaussianMixture(k, n_starts=3).fit(samples, rng=rng).bic(samples) for k in range(1, 6)}
+    scores = {
+        k: GaussianMixture(k, n_starts=3).fit(samples, rng=rng).bic(samples) for k in range(1, 6)
+    }
     assert min(scores, key=scores.get) == 3, scores
 
 
 def test_number_of_parameters_counts_priors_means_and_symmetric_covariances():
-    mixture = GaussianMixture(2).fit(np.random.default_rng(0).normal(size=(30, 3)), rng=np.random.default_rng(0))
+    mixture = GaussianMixture(2).fit(
+        np.random.default_rng(0).normal(size=(30, 3)), rng=np.random.default_rng(0)
+    )
     assert mixture.n_parameters == 1 + 2 * (3 + 6)
 
 
@@ -173,7 +188,9 @@ def test_samples_of_a_mixture_have_its_moments():
 
 
 def test_plus_plus_centres_find_separated_clusters():
-    """A start that weighs by the farthest centre instead of the nearest finds them in a third of cases."""
+    """A start that weighs by the farthest centre instead of the nearest finds them in a third of
+    cases.
+    """
     samples = clusters(np.random.default_rng(13), centres=((0, 0), (30, 0), (0, 30)))
     weights, found = np.ones(450), 0
     for seed in range(200):
@@ -210,7 +227,9 @@ def test_more_components_than_distinct_samples_stay_finite():
 def test_log_likelihood_stop_ignores_where_zero_is():
     """The thesis's ratio of likelihoods would stop at once, or never, when they change sign."""
     samples = clusters(np.random.default_rng(15))
-    scale = np.exp(-GaussianMixture(3).fit(samples, rng=np.random.default_rng(0)).log_likelihood_ / 900)
+    scale = np.exp(
+        -GaussianMixture(3).fit(samples, rng=np.random.default_rng(0)).log_likelihood_ / 900
+    )
     centred = GaussianMixture(3).fit(samples / scale, rng=np.random.default_rng(0))
     plain = GaussianMixture(3).fit(samples, rng=np.random.default_rng(0))
     assert centred.n_iterations_ == plain.n_iterations_
@@ -238,7 +257,9 @@ def test_degenerate_samples_give_a_usable_mixture(case):
     mixture = GaussianMixture(3).fit(samples, rng=np.random.default_rng(0))
     assert_usable(mixture)
     assert np.isfinite(mixture.log_density(samples)).all()
-    np.testing.assert_allclose(mixture.priors_ @ mixture.means_, samples.mean(0), rtol=1e-2, atol=1e-9)
+    np.testing.assert_allclose(
+        mixture.priors_ @ mixture.means_, samples.mean(0), rtol=1e-2, atol=1e-9
+    )
 
 
 def test_an_offset_moves_the_means_only():
@@ -283,7 +304,9 @@ def test_unusable_samples_are_refused_by_name(samples, message):
 )
 def test_unusable_weights_are_refused(weights, message):
     with pytest.raises(ValueError, match=message):
-        GaussianMixture(3).fit(clusters(np.random.default_rng(0)), weights, rng=np.random.default_rng(0))
+        GaussianMixture(3).fit(
+            clusters(np.random.default_rng(0)), weights, rng=np.random.default_rng(0)
+        )
 
 
 @pytest.mark.parametrize(
@@ -339,7 +362,9 @@ def test_blocks_share_their_responsibilities():
         [np.array([[0.0], [1.0]]), np.array([[2.0], [3.0]])],
         [np.array([[[1.0]], [[2.0]]]), np.array([[[0.5]], [[3.0]]])],
     )
-    joined = GaussianMixture.from_parameters([0.4, 0.6], [[0.0, 2.0], [1.0, 3.0]], [np.diag([1.0, 0.5]), np.diag([2.0, 3.0])])
+    joined = GaussianMixture.from_parameters(
+        [0.4, 0.6], [[0.0, 2.0], [1.0, 3.0]], [np.diag([1.0, 0.5]), np.diag([2.0, 3.0])]
+    )
     shares, log_density = expectation([samples[:, :1], samples[:, 1:]], parameters)
     np.testing.assert_allclose(shares, joined.responsibilities(samples), atol=1e-12)
     np.testing.assert_allclose(log_density, joined.log_density(samples), rtol=1e-12)

@@ -32,13 +32,17 @@ def test_a_mixture_comes_back_to_the_last_bit(mixture, saved):
     for name in ("priors_", "means_", "covariances_"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(mixture, name))
     assert loaded.n_components == 3
-    np.testing.assert_array_equal(loaded.log_density(mixture.means_), mixture.log_density(mixture.means_))
+    np.testing.assert_array_equal(
+        loaded.log_density(mixture.means_), mixture.log_density(mixture.means_)
+    )
 
 
 def test_a_flat_mixture_can_be_saved_too(mixture, tmp_path):
     mapped = mixture.linear_map(np.ones((4, 3)))
     mapped.save(tmp_path / "flat.npz")
-    np.testing.assert_array_equal(GaussianMixture.load(tmp_path / "flat.npz").covariances_, mapped.covariances_)
+    np.testing.assert_array_equal(
+        GaussianMixture.load(tmp_path / "flat.npz").covariances_, mapped.covariances_
+    )
 
 
 def test_a_file_that_exists_is_not_overwritten(mixture, saved):
@@ -63,7 +67,9 @@ def test_a_missing_file_is_missing(tmp_path):
 def test_a_truncated_file_is_refused_by_name(saved, share):
     content = saved.read_bytes()
     saved.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(ValueError, match="mixture.npz is not a mixture saved by dart_skill, or damaged"):
+    with pytest.raises(
+        ValueError, match="mixture.npz is not a mixture saved by dart_skill, or damaged"
+    ):
         GaussianMixture.load(saved)
 
 
@@ -78,7 +84,12 @@ def test_flipped_bytes_are_noticed(saved):
 
 @pytest.mark.parametrize(
     "content",
-    [b"priors: [0.5, 0.5]\n", pickle.dumps({"priors": [1.0]}), b"\x93NUMPY\x01\x00", b"PK\x03\x04 and more"],
+    [
+        b"priors: [0.5, 0.5]\n",
+        pickle.dumps({"priors": [1.0]}),
+        b"\x93NUMPY\x01\x00",
+        b"PK\x03\x04 and more",
+    ],
 )
 def test_a_foreign_file_is_refused(tmp_path, content):
     path = tmp_path / "foreign.npz"

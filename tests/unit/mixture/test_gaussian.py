@@ -21,7 +21,9 @@ def test_log_density_is_that_of_scipy(seed, n_dims):
     gaussian = random_gaussian(rng, n_dims)
     points = rng.normal(size=(7, n_dims))
     expected = multivariate_normal(gaussian.mean, gaussian.covariance).logpdf(points)
-    np.testing.assert_allclose(gaussian.log_density(points), np.atleast_1d(expected), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        gaussian.log_density(points), np.atleast_1d(expected), rtol=1e-10, atol=1e-10
+    )
 
 
 @given(seed=st.integers(0, 10_000), n_factors=st.integers(1, 4))
@@ -32,7 +34,9 @@ def test_product_times_its_constant_is_the_product_of_densities(seed, n_factors)
     combined, log_constant = product(factors)
     points = rng.normal(size=(10, 3))
     expected = sum(factor.log_density(points) for factor in factors)
-    np.testing.assert_allclose(combined.log_density(points) + log_constant, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        combined.log_density(points) + log_constant, expected, rtol=1e-9, atol=1e-9
+    )
 
 
 def test_product_with_a_singular_factor_stays_in_its_subspace():
@@ -56,8 +60,14 @@ def test_product_does_not_depend_on_the_order_of_its_factors():
 @pytest.mark.parametrize("n_rows", [1, 3, 5])
 def test_linear_map_with_any_matrix_has_the_moments_of_mapped_samples(n_rows):
     rng = np.random.default_rng(n_rows)
-    gaussian, matrix, offset = random_gaussian(rng, 3), rng.normal(size=(n_rows, 3)), rng.normal(size=n_rows)
-    samples = rng.multivariate_normal(gaussian.mean, gaussian.covariance, 40_000) @ matrix.T + offset
+    gaussian, matrix, offset = (
+        random_gaussian(rng, 3),
+        rng.normal(size=(n_rows, 3)),
+        rng.normal(size=n_rows),
+    )
+    samples = (
+        rng.multivariate_normal(gaussian.mean, gaussian.covariance, 40_000) @ matrix.T + offset
+    )
     mapped = gaussian.linear_map(matrix, offset)
     spread = np.sqrt(np.diagonal(mapped.covariance))
     assert np.abs(mapped.mean - samples.mean(0)).max() < 0.03 * spread.max()
@@ -72,7 +82,9 @@ def test_linear_map_by_a_stretch_uses_both_sides_of_the_covariance():
 
 def test_linear_combination_adds_the_second_covariance():
     """(3.6) as printed repeats the first covariance."""
-    combined = linear_combination([Gaussian([1.0], [[1.0]]), Gaussian([2.0], [[4.0]])], [[[2.0]], [[3.0]]], offset=[5.0])
+    combined = linear_combination(
+        [Gaussian([1.0], [[1.0]]), Gaussian([2.0], [[4.0]])], [[[2.0]], [[3.0]]], offset=[5.0]
+    )
     assert combined.mean[0] == pytest.approx(2.0 + 6.0 + 5.0)
     assert combined.covariance[0, 0] == pytest.approx(4.0 * 1.0 + 9.0 * 4.0)
 

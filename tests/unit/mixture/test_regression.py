@@ -34,23 +34,40 @@ def test_one_component_is_conditioning_for_any_split():
         conditional = gaussian.condition([3, 0], query)
         order = [2, 0, 1]  # the rest, ascending, is 1, 2, 4
         np.testing.assert_allclose(mean[i], conditional.mean[order], rtol=1e-10)
-        np.testing.assert_allclose(covariance[i], conditional.covariance[np.ix_(order, order)], atol=1e-10)
+        np.testing.assert_allclose(
+            covariance[i], conditional.covariance[np.ix_(order, order)], atol=1e-10
+        )
 
 
 def test_between_component_spread_is_part_of_the_covariance():
-    mixture = GaussianMixture.from_parameters([0.5, 0.5], [[0.0, -3.0], [0.0, 3.0]], [np.eye(2), np.eye(2)])
+    mixture = GaussianMixture.from_parameters(
+        [0.5, 0.5], [[0.0, -3.0], [0.0, 3.0]], [np.eye(2), np.eye(2)]
+    )
     mean, covariance = regress(mixture, [0.7], 0, 1)
     assert mean[0, 0] == pytest.approx(0.0, abs=1e-12)
     assert covariance[0, 0, 0] == pytest.approx(1.0 + 9.0)
 
 
-@given(seed=st.integers(0, 10_000), n_components=st.integers(1, 7), n_outputs=st.integers(1, 6), n_inputs=st.integers(1, 2))
+@given(
+    seed=st.integers(0, 10_000),
+    n_components=st.integers(1, 7),
+    n_outputs=st.integers(1, 6),
+    n_inputs=st.integers(1, 2),
+)
 @settings(max_examples=40, deadline=None)
-def test_whichever_way_the_spread_is_summed_it_is_that_of_the_conditional_mixture(seed, n_components, n_outputs, n_inputs):
+def test_whichever_way_the_spread_is_summed_it_is_that_of_the_conditional_mixture(
+    seed, n_components, n_outputs, n_inputs
+):
     rng = np.random.default_rng(seed)
-    mixture, queries = random_mixture(rng, n_components, n_inputs + n_outputs), rng.normal(0.0, 3.0, size=(5, n_inputs))
+    mixture, queries = (
+        random_mixture(rng, n_components, n_inputs + n_outputs),
+        rng.normal(0.0, 3.0, size=(5, n_inputs)),
+    )
     dims = rng.permutation(n_inputs + n_outputs)
-    into, out = dims[:n_inputs], np.sort(dims[n_inputs:])  # `condition` leaves the others in ascending order
+    into, out = (
+        dims[:n_inputs],
+        np.sort(dims[n_inputs:]),
+    )  # `condition` leaves the others in ascending order
     regression = Regression(mixture, into, out)
     mean, covariance = regression(queries)
     np.testing.assert_array_equal(regression.mean(queries), mean)
@@ -61,12 +78,30 @@ def test_whichever_way_the_spread_is_summed_it_is_that_of_the_conditional_mixtur
 
 
 def test_components_that_are_narrow_and_far_apart_lose_no_digits():
-    """Between them the covariance is 10^12 times that of a component, and where one of them rules it is that of the component."""
+    """Between them the covariance is 10^12 times that of a component, and where one of them rules
+    it is that of the component.
+    """
     slopes = np.array([[1e3, -2e3, 5e2, 1.0], [-1e3, 0.0, 5e2, 2.0], [3e3, 1e3, 0.0, -1.0]])
-    variance, centres, within = 1e-2, np.array([0.0, 1.0, 2.0]), 1e-6 * np.diag([1.0, 2.0, 3.0, 4.0])
-    covariances = np.array([np.block([[variance, variance * b[None]], [variance * b[:, None], variance * np.outer(b, b)]]) for b in slopes])
+    variance, centres, within = (
+        1e-2,
+        np.array([0.0, 1.0, 2.0]),
+        1e-6 * np.diag([1.0, 2.0, 3.0, 4.0]),
+    )
+    covariances = np.array(
+        [
+            np.block(
+                [
+                    [variance, variance * b[None]],
+                    [variance * b[:, None], variance * np.outer(b, b)],
+                ]
+            )
+            for b in slopes
+        ]
+    )
     covariances[:, 1:, 1:] += within
-    mixture = GaussianMixture.from_parameters(np.full(3, 1 / 3), np.column_stack([centres, 1e3 * np.eye(3, 4)]), covariances)
+    mixture = GaussianMixture.from_parameters(
+        np.full(3, 1 / 3), np.column_stack([centres, 1e3 * np.eye(3, 4)]), covariances
+    )
     _, covariance = regress(mixture, np.array([-8.0, 0.5, 10.0]), [0], [1, 2, 3, 4])
     alone = covariances[[0, 2], 1:, 1:] - variance * slopes[[0, 2], :, None] * slopes[[0, 2], None]
     np.testing.assert_allclose(covariance[[0, 2]], alone, atol=1e-9)
@@ -80,12 +115,18 @@ def test_many_queries_give_what_each_gives_alone():
     mixture, queries = random_mixture(rng, 4, 4), 3 * rng.normal(size=(30, 2))
     mean, covariance = regress(mixture, queries, [0, 2], [1, 3])
     single = [regress(mixture, query[None], [0, 2], [1, 3]) for query in queries]
-    np.testing.assert_allclose(mean, np.concatenate([m for m, _ in single]), rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(covariance, np.concatenate([c for _, c in single]), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(
+        mean, np.concatenate([m for m, _ in single]), rtol=1e-10, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        covariance, np.concatenate([c for _, c in single]), rtol=1e-10, atol=1e-12
+    )
 
 
 def test_far_from_the_data_the_slowest_decaying_component_takes_over():
-    mixture = GaussianMixture.from_parameters([0.9, 0.1], [[0.0, 1.0], [0.0, 5.0]], [np.eye(2), [[4.0, 2.0], [2.0, 2.0]]])
+    mixture = GaussianMixture.from_parameters(
+        [0.9, 0.1], [[0.0, 1.0], [0.0, 5.0]], [np.eye(2), [[4.0, 2.0], [2.0, 2.0]]]
+    )
     for query in (1e3, -1e6, 1e12):
         mean, covariance = regress(mixture, [query], 0, 1)
         assert mean[0, 0] == pytest.approx(5.0 + 0.5 * query, rel=1e-12)
@@ -94,7 +135,9 @@ def test_far_from_the_data_the_slowest_decaying_component_takes_over():
 
 def test_covariances_are_positive_definite_and_symmetric():
     rng = np.random.default_rng(3)
-    _, covariance = regress(random_mixture(rng, 5, 6), 5 * rng.normal(size=(200, 2)), [0, 1], [2, 3, 4, 5])
+    _, covariance = regress(
+        random_mixture(rng, 5, 6), 5 * rng.normal(size=(200, 2)), [0, 1], [2, 3, 4, 5]
+    )
     np.testing.assert_array_equal(covariance, np.swapaxes(covariance, 1, 2))
     assert np.linalg.eigvalsh(covariance).min() > 0
 
@@ -103,11 +146,15 @@ def test_units_of_inputs_and_outputs_pass_through():
     rng = np.random.default_rng(4)
     mixture, queries = random_mixture(rng, 3, 3), rng.normal(size=(10, 1))
     units = np.array([1e-6, 1e4, 1e-3])
-    scaled = GaussianMixture.from_parameters(mixture.priors_, mixture.means_ * units, mixture.covariances_ * np.outer(units, units))
+    scaled = GaussianMixture.from_parameters(
+        mixture.priors_, mixture.means_ * units, mixture.covariances_ * np.outer(units, units)
+    )
     mean, covariance = regress(mixture, queries, [0], [1, 2])
     mean_scaled, covariance_scaled = regress(scaled, queries * units[0], [0], [1, 2])
     np.testing.assert_allclose(mean_scaled, mean * units[1:], rtol=1e-9)
-    np.testing.assert_allclose(covariance_scaled, covariance * np.outer(units[1:], units[1:]), rtol=1e-8)
+    np.testing.assert_allclose(
+        covariance_scaled, covariance * np.outer(units[1:], units[1:]), rtol=1e-8
+    )
 
 
 @pytest.mark.parametrize(

@@ -22,12 +22,22 @@ def test_conditionals_are_those_of_the_components(into, out):
         query = input_means[k] + np.arange(1.0, 1.0 + len(into))
         # `condition` leaves the others in ascending order
         order = sorted([*into, *out])
-        conditional = Gaussian(mean[order], covariance[np.ix_(order, order)]).condition([order.index(i) for i in into], query)
+        conditional = Gaussian(mean[order], covariance[np.ix_(order, order)]).condition(
+            [order.index(i) for i in into], query
+        )
         places = [sorted(out).index(i) for i in out]
-        np.testing.assert_allclose(np.linalg.inv(whiteners[k].T @ whiteners[k]), of_inputs, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(
+            np.linalg.inv(whiteners[k].T @ whiteners[k]), of_inputs, rtol=1e-8, atol=1e-10
+        )
         assert 2.0 * log_volumes[k] == pytest.approx(np.linalg.slogdet(of_inputs)[1])
-        np.testing.assert_allclose(lines[k, 0] + np.arange(1.0, 1.0 + len(into)) @ lines[k, 1:], conditional.mean[places], rtol=1e-8)
-        np.testing.assert_allclose(within[k], conditional.covariance[np.ix_(places, places)], rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(
+            lines[k, 0] + np.arange(1.0, 1.0 + len(into)) @ lines[k, 1:],
+            conditional.mean[places],
+            rtol=1e-8,
+        )
+        np.testing.assert_allclose(
+            within[k], conditional.covariance[np.ix_(places, places)], rtol=1e-8, atol=1e-10
+        )
 
 
 def test_a_log_density_that_overflows_or_is_not_a_number_is_seen():
@@ -43,10 +53,15 @@ def test_a_log_density_that_overflows_or_is_not_a_number_is_seen():
 @pytest.mark.parametrize(("n_components", "n_inputs"), [(1, 1), (3, 1), (9, 1), (4, 2)])
 def test_compiled_and_interpreted_have_the_same_bits(monkeypatch, n_components, n_inputs):
     rng = np.random.default_rng(n_components)
-    mixture, queries = random_mixture(rng, n_components, n_inputs + 3), rng.normal(0.0, 3.0, (7, n_inputs))
+    mixture, queries = (
+        random_mixture(rng, n_components, n_inputs + 3),
+        rng.normal(0.0, 3.0, (7, n_inputs)),
+    )
     dims = rng.permutation(n_inputs + 3)
     compiled = Regression(mixture, dims[:n_inputs], dims[n_inputs:])(queries)
     for name in NAMES:
         monkeypatch.setattr(_regression, name, getattr(PLAIN, name))
-    for one, other in zip(compiled, Regression(mixture, dims[:n_inputs], dims[n_inputs:])(queries), strict=True):
+    for one, other in zip(
+        compiled, Regression(mixture, dims[:n_inputs], dims[n_inputs:])(queries), strict=True
+    ):
         np.testing.assert_array_equal(one, other)

@@ -18,7 +18,9 @@ def test_three_clusters_are_found_and_the_curve_is_returned(method):
     selection = method(clusters(rng), range(1, 7), rng=rng, n_starts=2)
     assert selection.best == 3, dict(zip(selection.n_components, selection.scores, strict=True))
     np.testing.assert_array_equal(selection.n_components, np.arange(1, 7))
-    assert np.isfinite(selection.scores).all() and selection.scores.shape == selection.standard_errors.shape == (6,)
+    assert np.isfinite(
+        selection.scores
+    ).all() and selection.scores.shape == selection.standard_errors.shape == (6,)
     assert selection.mixture.n_components == 3
     assert selection.simplest_within_error == 3
 
@@ -34,7 +36,11 @@ def test_bic_scores_are_those_of_the_mixtures():
 def test_cross_validation_scores_samples_that_the_fit_did_not_see():
     """By hand: one component, two folds given as groups."""
     rng = np.random.default_rng(3)
-    samples, weights, groups = rng.normal(size=(60, 2)), rng.random(60), np.repeat(["first", "second"], 30)
+    samples, weights, groups = (
+        rng.normal(size=(60, 2)),
+        rng.random(60),
+        np.repeat(["first", "second"], 30),
+    )
     selection = select_by_cross_validation(samples, [1], weights, groups=groups, rng=rng)
     total = 0.0
     for name in ("first", "second"):
@@ -46,13 +52,17 @@ def test_cross_validation_scores_samples_that_the_fit_did_not_see():
 
 
 def test_groups_keep_a_demonstration_from_telling_its_own_place():
-    """Ten demonstrations, each a tight bundle somewhere: neighbours left in make a component for each look good."""
+    """Ten demonstrations, each a tight bundle somewhere: neighbours left in make a component for
+    each look good.
+    """
     rng = np.random.default_rng(4)
     places = rng.normal(size=(10, 2))
     samples = (places[:, None] + 0.01 * rng.normal(size=(10, 20, 2))).reshape(-1, 2)
     groups = np.repeat(np.arange(10), 20)
     mixed = select_by_cross_validation(samples, [1, 8], rng=np.random.default_rng(0))
-    apart = select_by_cross_validation(samples, [1, 8], groups=groups, n_folds=10, rng=np.random.default_rng(0))
+    apart = select_by_cross_validation(
+        samples, [1, 8], groups=groups, n_folds=10, rng=np.random.default_rng(0)
+    )
     assert (mixed.best, apart.best) == (8, 1), (mixed.scores, apart.scores)
 
 
@@ -63,7 +73,15 @@ def test_integer_weights_equal_repeated_samples_and_zero_equals_absence(method):
 
     def run(given, weights, labels):
         extra = {} if method is select_by_bic else {"groups": labels}
-        return method(given, [1, 2, 3], weights, rng=np.random.default_rng(6), tolerance=1e-12, max_iterations=2000, **extra)
+        return method(
+            given,
+            [1, 2, 3],
+            weights,
+            rng=np.random.default_rng(6),
+            tolerance=1e-12,
+            max_iterations=2000,
+            **extra,
+        )
 
     weighted = run(samples, counts, groups)
     repeated = run(np.repeat(samples, counts, axis=0), None, np.repeat(groups, counts))
@@ -94,8 +112,14 @@ def test_the_simplest_within_one_standard_error_ignores_a_gain_in_the_noise():
         (lambda x, r: select_by_bic(x[:2], [3], rng=r), "at least as many samples"),
         (lambda x, r: select_by_bic(x * np.nan, [1], rng=r), "nan"),
         (lambda x, r: select_by_cross_validation(x, [1], n_folds=1, rng=r), "n_folds"),
-        (lambda x, r: select_by_cross_validation(x, [1], groups=np.zeros(240), rng=r), "two groups"),
-        (lambda x, r: select_by_cross_validation(x, [1], groups=np.zeros(3), rng=r), "one label per sample"),
+        (
+            lambda x, r: select_by_cross_validation(x, [1], groups=np.zeros(240), rng=r),
+            "two groups",
+        ),
+        (
+            lambda x, r: select_by_cross_validation(x, [1], groups=np.zeros(3), rng=r),
+            "one label per sample",
+        ),
         (lambda x, r: select_by_cross_validation(x, [1], np.zeros(240), rng=r), "all zero"),
         (lambda x, r: select_by_cross_validation(x[:1], [1], rng=r), "two groups"),
     ],

@@ -16,7 +16,11 @@ def clusters(seed=0, sizes=(60, 90, 50)):
 
 
 def same_partition(one, other):
-    return len(set(zip(one.tolist(), other.tolist(), strict=True))) == len(set(one.tolist())) == len(set(other.tolist()))
+    return (
+        len(set(zip(one.tolist(), other.tolist(), strict=True)))
+        == len(set(one.tolist()))
+        == len(set(other.tolist()))
+    )
 
 
 @pytest.mark.parametrize("core", [0.99, 1.0])
@@ -45,15 +49,29 @@ def test_an_integer_weight_is_so_many_copies(seed, bandwidth, core, tolerance):
     np.testing.assert_array_equal(np.repeat(weighted.labels, counts), copies.labels)
     np.testing.assert_allclose(weighted.eigenvalues * counts.max(), copies.eigenvalues, rtol=1e-9)
     scale = np.sqrt(counts.max())  # weights are taken relative to the largest
-    np.testing.assert_allclose(np.repeat(weighted.eigenfunctions, counts, axis=0) / scale, copies.eigenfunctions, atol=1e-8)
+    np.testing.assert_allclose(
+        np.repeat(weighted.eigenfunctions, counts, axis=0) / scale,
+        copies.eigenfunctions,
+        atol=1e-8,
+    )
 
 
 def test_the_printed_kernel_is_something_else():
     points, _ = clusters(0, (20, 25, 15))
     counts = np.random.default_rng(0).integers(1, 5, len(points))
-    values = [data_spectroscopy(points, counts, bandwidth=1.0, reading=reading).eigenvalues[0] for reading in ("copies", "printed")]
-    kernel = counts[:, None] * np.exp(-0.5 * np.square(points[:, None] - points).sum(-1)) * counts / counts.max() ** 2
-    assert values[1] == pytest.approx(np.linalg.eigvalsh(kernel)[-1]) and values[0] != pytest.approx(values[1], rel=0.01)
+    values = [
+        data_spectroscopy(points, counts, bandwidth=1.0, reading=reading).eigenvalues[0]
+        for reading in ("copies", "printed")
+    ]
+    kernel = (
+        counts[:, None]
+        * np.exp(-0.5 * np.square(points[:, None] - points).sum(-1))
+        * counts
+        / counts.max() ** 2
+    )
+    assert values[1] == pytest.approx(np.linalg.eigvalsh(kernel)[-1]) and values[
+        0
+    ] != pytest.approx(values[1], rel=0.01)
 
 
 def test_the_scale_of_weights_and_of_points_does_not_matter():
@@ -76,7 +94,10 @@ def test_a_group_without_weight_is_none_but_its_points_get_a_label():
 
 def test_a_lone_point_of_little_weight_is_a_group_only_by_the_authors_threshold():
     points, labels = clusters()
-    points, weights = np.append(points, [[30.0, 30.0]], axis=0), np.append(np.ones(len(points)), 1e-3)
+    points, weights = (
+        np.append(points, [[30.0, 30.0]], axis=0),
+        np.append(np.ones(len(points)), 1e-3),
+    )
     assert data_spectroscopy(points, weights, bandwidth=1.0, core=1.0).n_groups == 4
     found = data_spectroscopy(points, weights, bandwidth=1.0)
     assert found.n_groups == 3 and same_partition(found.labels[:-1], labels)

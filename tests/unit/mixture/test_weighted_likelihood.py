@@ -1,12 +1,21 @@
-"""The likelihood of weighted data against that of repeated and of resampled data, and how resampling draws."""
+"""The likelihood of weighted data against that of repeated and of resampled data, and how
+resampling draws.
+"""
 
 import numpy as np
 import pytest
 
 from dart_skill.experiments.thesis import figure_6_5
-from dart_skill.mixture import GaussianMixture, mean_log_likelihood, resampled_mean_log_likelihood, stochastic_universal_sampling
+from dart_skill.mixture import (
+    GaussianMixture,
+    mean_log_likelihood,
+    resampled_mean_log_likelihood,
+    stochastic_universal_sampling,
+)
 
-MIXTURE = GaussianMixture.from_parameters([0.3, 0.7], [[0.0, 1.0], [3.0, -1.0]], [np.eye(2), [[2.0, 0.5], [0.5, 1.0]]])
+MIXTURE = GaussianMixture.from_parameters(
+    [0.3, 0.7], [[0.0, 1.0], [3.0, -1.0]], [np.eye(2), [[2.0, 0.5], [0.5, 1.0]]]
+)
 
 
 def weighted_samples(seed=0, n=40):
@@ -18,7 +27,9 @@ def test_the_closed_form_is_the_weighted_mean_of_log_densities():
     standard = GaussianMixture.from_parameters([1.0], [[0.0]], [[[1.0]]])
     # log N(x; 0, 1) = -x^2 / 2 - log(2 pi) / 2; x = 2 weighs three quarters.
     expected = -0.5 * (0.25 * 1.0 + 0.75 * 4.0) - 0.5 * np.log(2 * np.pi)
-    assert mean_log_likelihood(standard, [[1.0], [2.0]], [1.0, 3.0]) == pytest.approx(expected, abs=1e-14)
+    assert mean_log_likelihood(standard, [[1.0], [2.0]], [1.0, 3.0]) == pytest.approx(
+        expected, abs=1e-14
+    )
 
 
 def test_an_integer_weight_is_a_repeated_sample_and_the_scale_of_weights_does_not_matter():
@@ -26,8 +37,12 @@ def test_an_integer_weight_is_a_repeated_sample_and_the_scale_of_weights_does_no
     counts = rng.integers(0, 4, len(samples))
     repeated = MIXTURE.log_density(np.repeat(samples, counts, axis=0)).mean()
     assert mean_log_likelihood(MIXTURE, samples, counts) == pytest.approx(repeated, abs=1e-13)
-    assert mean_log_likelihood(MIXTURE, samples, 1e6 * counts) == pytest.approx(repeated, abs=1e-13)
-    assert mean_log_likelihood(MIXTURE, samples) == pytest.approx(MIXTURE.log_density(samples).mean(), abs=1e-13)
+    assert mean_log_likelihood(MIXTURE, samples, 1e6 * counts) == pytest.approx(
+        repeated, abs=1e-13
+    )
+    assert mean_log_likelihood(MIXTURE, samples) == pytest.approx(
+        MIXTURE.log_density(samples).mean(), abs=1e-13
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -58,7 +73,12 @@ def test_everything_is_drawn_as_often_as_its_weight_says_give_or_take_one(n_draw
 
 def test_on_average_everything_is_drawn_as_often_as_its_weight_says():
     rng, weights = np.random.default_rng(3), np.array([0.05, 0.6, 0.0, 0.35])
-    counts = np.array([np.bincount(stochastic_universal_sampling(weights, 3, rng), minlength=4) for _ in range(4000)])
+    counts = np.array(
+        [
+            np.bincount(stochastic_universal_sampling(weights, 3, rng), minlength=4)
+            for _ in range(4000)
+        ]
+    )
     np.testing.assert_allclose(counts.mean(axis=0), 3 * weights, atol=0.03)
     assert counts[:, 2].max() == 0
 
@@ -66,13 +86,22 @@ def test_on_average_everything_is_drawn_as_often_as_its_weight_says():
 def test_equal_weights_are_drawn_equally_often_and_a_single_one_always():
     rng = np.random.default_rng(0)
     for _ in range(50):
-        np.testing.assert_array_equal(np.bincount(stochastic_universal_sampling(np.full(7, 0.1), 21, rng)), 3)
+        np.testing.assert_array_equal(
+            np.bincount(stochastic_universal_sampling(np.full(7, 0.1), 21, rng)), 3
+        )
         np.testing.assert_array_equal(stochastic_universal_sampling([0.0, 2.0, 0.0], 5, rng), 1)
     assert stochastic_universal_sampling([1.0], 0, rng).size == 0
 
 
 @pytest.mark.parametrize(
-    "weights, message", [([], "empty"), ([0.0, 0.0], "all zero"), ([1.0, -1.0], "negative"), ([np.nan, 1.0], "nan"), ([[1.0]], "dimension")]
+    "weights, message",
+    [
+        ([], "empty"),
+        ([0.0, 0.0], "all zero"),
+        ([1.0, -1.0], "negative"),
+        ([np.nan, 1.0], "nan"),
+        ([[1.0]], "dimension"),
+    ],
 )
 def test_weights_that_are_none_are_refused(weights, message):
     with pytest.raises(ValueError, match=message):

@@ -1,4 +1,6 @@
-"""Which demonstrations fit together: good ones pass, late ones are called late, wrong ones wrong, far targets are no crime."""
+"""Which demonstrations fit together: good ones pass, late ones are called late, wrong ones wrong,
+far targets are no crime.
+"""
 
 import numpy as np
 import pytest
@@ -36,7 +38,10 @@ def test_a_late_one_is_called_late(seed, late):
     paths[3] = throw(rng, distances[3], late)
     fits = check_alignment([CLOCK] * 12, paths, distances[:, None])
     assert [i for i, fit in enumerate(fits) if not fit.fits] == [3]
-    assert fits[3].lag == pytest.approx(late, abs=0.03) and ("late" if late > 0 else "early") in fits[3].reason
+    assert (
+        fits[3].lag == pytest.approx(late, abs=0.03)
+        and ("late" if late > 0 else "early") in fits[3].reason
+    )
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -62,8 +67,12 @@ def test_without_tasks_the_median_of_the_others_is_the_measure():
 def test_units_do_not_matter():
     distances, paths = shown(np.random.default_rng(1))
     one = check_alignment([CLOCK] * 12, paths, distances[:, None])
-    other = check_alignment([CLOCK] * 12, [path * [1e3, 1.0, 1e-3] for path in paths], 1e3 * distances[:, None])
-    np.testing.assert_allclose([fit.deviation for fit in other], [fit.deviation for fit in one], rtol=1e-2)
+    other = check_alignment(
+        [CLOCK] * 12, [path * [1e3, 1.0, 1e-3] for path in paths], 1e3 * distances[:, None]
+    )
+    np.testing.assert_allclose(
+        [fit.deviation for fit in other], [fit.deviation for fit in one], rtol=1e-2
+    )
 
 
 def test_a_tolerance_keeps_those_that_hardly_differ_from_being_strict():

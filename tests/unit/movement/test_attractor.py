@@ -26,7 +26,9 @@ def test_response_is_that_of_a_fine_numerical_integration(damping):
     reference = np.empty((60, 6))
     reference[0] = np.concatenate([position0, velocity0])
     for k in range(59):
-        piece = solve_ivp(rate, time[k : k + 2], reference[k], rtol=1e-11, atol=1e-12, first_step=step / 50)
+        piece = solve_ivp(
+            rate, time[k : k + 2], reference[k], rtol=1e-11, atol=1e-12, first_step=step / 50
+        )
         reference[k + 1] = piece.y[:, -1]
     motion = follow_attractor(attractor, step, position0, velocity0, kp, damping)
     np.testing.assert_allclose(motion.position, reference[:, :3], atol=2e-8)
@@ -36,7 +38,9 @@ def test_response_is_that_of_a_fine_numerical_integration(damping):
 def test_step_response_at_critical_damping_is_the_closed_form():
     w, time = np.sqrt(200.0), 0.002 * np.arange(500)
     motion = follow_attractor(np.ones((500, 1)), 0.002, [0.0], [0.0], 200.0)
-    np.testing.assert_allclose(motion.position[:, 0], 1 - (1 + w * time) * np.exp(-w * time), atol=1e-12)
+    np.testing.assert_allclose(
+        motion.position[:, 0], 1 - (1 + w * time) * np.exp(-w * time), atol=1e-12
+    )
     np.testing.assert_allclose(motion.velocity[:, 0], w * w * time * np.exp(-w * time), atol=1e-11)
 
 
@@ -62,7 +66,9 @@ def test_attractor_of_a_motion_reproduces_the_motion():
     velocity = np.stack([4 * np.cos(4 * time), 3 * time**2], 1)
     acceleration = np.stack([-16 * np.sin(4 * time), 6 * time], 1)
     attractor = attractor_from_motion(position, velocity, acceleration, [200.0, 90.0], [20.0, 9.0])
-    motion = follow_attractor(attractor, 0.001, position[0], velocity[0], [200.0, 90.0], [20.0, 9.0])
+    motion = follow_attractor(
+        attractor, 0.001, position[0], velocity[0], [200.0, 90.0], [20.0, 9.0]
+    )
     np.testing.assert_allclose(motion.position, position, atol=5e-6)
     np.testing.assert_allclose(motion.velocity, velocity, atol=5e-5)
     np.testing.assert_allclose(motion.acceleration, acceleration, atol=1e-3)
@@ -92,7 +98,12 @@ def test_one_sample_is_the_start():
 
 def test_critical_damping_is_the_least_without_overshoot():
     step = np.ones((4000, 1))
-    peak = [follow_attractor(step, 0.001, [0.0], [0.0], 80.0, share * critical_damping(80.0)).position.max() for share in (0.9, 1.0)]
+    peak = [
+        follow_attractor(
+            step, 0.001, [0.0], [0.0], 80.0, share * critical_damping(80.0)
+        ).position.max()
+        for share in (0.9, 1.0)
+    ]
     assert peak[0] > 1.0 + 1e-4
     assert peak[1] <= 1.0 + 1e-12
 

@@ -1,10 +1,18 @@
-"""The state-driven policy: as demonstrated when left alone, waits when held, skips when pushed, always comes to the goal."""
+"""The state-driven policy: as demonstrated when left alone, waits when held, skips when pushed,
+always comes to the goal.
+"""
 
 import numpy as np
 import pytest
 
 from dart_skill.mixture import regress
-from dart_skill.movement import AutonomousDSGMR, PhaseRule, TaskFrame, attractor_from_motion, smooth_derivatives
+from dart_skill.movement import (
+    AutonomousDSGMR,
+    PhaseRule,
+    TaskFrame,
+    attractor_from_motion,
+    smooth_derivatives,
+)
 from dart_skill.movement._autonomous import lift
 
 WORLD = [TaskFrame(np.eye(3), np.zeros(3))]
@@ -12,11 +20,15 @@ STAMPS = np.linspace(-0.3, 1.3, 161)
 
 
 def wind_up_and_reach(rng, goal=(1.0, 0.0)):
-    """Rests, goes back first, then forth past its start to the goal, and rests: a state field cannot hold it."""
+    """Rests, goes back first, then forth past its start to the goal, and rests: a state field
+    cannot hold it.
+    """
     s = np.clip(STAMPS, 0.0, 1.0)
     u = s**3 * (10 - 15 * s + 6 * s * s)
     along = u - 0.6 * np.sin(np.pi * u) * (1 - u)
-    path = along[:, None] * np.asarray(goal) + 0.3 * np.sin(np.pi * u)[:, None] * np.array([-goal[1], goal[0]])
+    path = along[:, None] * np.asarray(goal) + 0.3 * np.sin(np.pi * u)[:, None] * np.array(
+        [-goal[1], goal[0]]
+    )
     return path + rng.normal(0.0, 0.01, 2) + rng.normal(0.0, 1e-4, path.shape)
 
 
@@ -52,11 +64,18 @@ def test_left_alone_it_moves_as_demonstrated(policy, demonstrations):
 
 
 def test_a_field_of_the_state_alone_stalls_where_the_demonstrations_rest(model, policy):
-    """Why there is a phase: plain regression of the attractor on position and velocity asks for no motion at the start."""
+    """Why there is a phase: plain regression of the attractor on position and velocity asks for no
+    motion at the start.
+    """
     rest = np.array([*policy.state[0, :2], 0.0, 0.0])
-    attractor, _ = regress(model.mixture_.product([lift(frame) for frame in WORLD]), rest[None], [1, 2, 3, 4], [5, 6])
+    attractor, _ = regress(
+        model.mixture_.product([lift(frame) for frame in WORLD]), rest[None], [1, 2, 3, 4], [5, 6]
+    )
     assert np.linalg.norm(attractor[0] - rest[:2]) < 0.02
-    assert np.linalg.norm(policy.run(rest[:2], [0.0, 0.0], duration=4.0).position[-1] - policy.goal) < 1e-3
+    assert (
+        np.linalg.norm(policy.run(rest[:2], [0.0, 0.0], duration=4.0).position[-1] - policy.goal)
+        < 1e-3
+    )
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -64,15 +83,22 @@ def test_it_comes_to_the_goal_from_any_start(policy, seed):
     rng = np.random.default_rng(seed)
     size = 10.0 ** rng.uniform(-2, 2)
     run = policy.run(rng.normal(0.0, size, 2), rng.normal(0.0, size, 2), duration=40.0, step=0.01)
-    assert np.linalg.norm(run.position[-1] - policy.goal) < 1e-6 and np.linalg.norm(run.velocity[-1]) < 1e-6
+    assert (
+        np.linalg.norm(run.position[-1] - policy.goal) < 1e-6
+        and np.linalg.norm(run.velocity[-1]) < 1e-6
+    )
 
 
 def test_the_phase_never_stands_still_nor_goes_back(policy):
     rng = np.random.default_rng(4)
-    run = policy.run([0.0, 0.0], [0.0, 0.0], duration=6.0, push=lambda t, x, v: rng.normal(0.0, 100.0, 2))
+    run = policy.run(
+        [0.0, 0.0], [0.0, 0.0], duration=6.0, push=lambda t, x, v: rng.normal(0.0, 100.0, 2)
+    )
     rates = np.diff(run.phase) / 0.002
     under_way = run.phase[1:] < policy.phase[-1]
-    assert rates[under_way].min() >= policy.rule.slowest * (1 - 1e-9) and rates.max() <= policy.rule.fastest * (1 + 1e-9)
+    assert rates[under_way].min() >= policy.rule.slowest * (
+        1 - 1e-9
+    ) and rates.max() <= policy.rule.fastest * (1 + 1e-9)
 
 
 def test_held_in_place_it_waits_and_then_goes_on(policy):
@@ -87,7 +113,9 @@ def test_held_in_place_it_waits_and_then_goes_on(policy):
     passed = phase_at(run, 2.8) - phase_at(run, 0.8)
     assert passed < 0.25, f"the phase went on by {passed:.2f} s"
     after = (run.time > 2.8) & (run.phase < 1.2)
-    expected = np.column_stack([np.interp(run.phase[after], policy.phase, column) for column in policy.state[:, :2].T])
+    expected = np.column_stack(
+        [np.interp(run.phase[after], policy.phase, column) for column in policy.state[:, :2].T]
+    )
     assert np.abs(run.position[after] - expected)[-1].max() < 0.05, "back on the demonstrated path"
     assert np.linalg.norm(run.position[-1] - policy.goal) < 1e-3
 
@@ -102,11 +130,15 @@ def test_pushed_ahead_it_skips(policy):
 
 
 def test_it_does_not_know_the_time(policy):
-    """The same state gives the same answer at any time: a run that is cut and begun anew goes on as it was."""
+    """The same state gives the same answer at any time: a run that is cut and begun anew goes on
+    as it was.
+    """
     whole = policy.run([0.0, 0.0], [0.0, 0.0], duration=1.5)
     phase, state = whole.phase[400], (whole.position[400], whole.velocity[400])
     for k in range(400, 500):
-        np.testing.assert_allclose(policy.acceleration(phase, *state), whole.acceleration[k], atol=1e-9)
+        np.testing.assert_allclose(
+            policy.acceleration(phase, *state), whole.acceleration[k], atol=1e-9
+        )
         phase = policy.advance(phase, *state, 0.002)
         state = (whole.position[k + 1], whole.velocity[k + 1])
         assert phase == pytest.approx(whole.phase[k + 1], abs=1e-12)
@@ -116,7 +148,9 @@ def test_it_does_not_know_the_time(policy):
 def test_any_rate_gives_the_same_movement(policy, step):
     fine = policy.run([0.05, -0.05], [0.0, 0.0], duration=1.2, step=0.00025)
     run = policy.run([0.05, -0.05], [0.0, 0.0], duration=1.2, step=step)
-    expected = np.column_stack([np.interp(run.time, fine.time, column) for column in fine.position.T])
+    expected = np.column_stack(
+        [np.interp(run.time, fine.time, column) for column in fine.position.T]
+    )
     assert np.abs(run.position - expected).max() < 1.5 * step
 
 
@@ -127,7 +161,12 @@ def test_turning_and_moving_the_task_turns_and_moves_the_motion(demonstrations, 
     matrix[1:, 1:] = turn
     frame = [TaskFrame(matrix, np.concatenate([[0.0], offset]))]
     motions = [smooth_derivatives(STAMPS, path) for path in demonstrations]
-    run = AutonomousDSGMR(12).fit([STAMPS] * 8, motions, [WORLD] * 8).policy(frame).run(offset, [0.0, 0.0], duration=1.5)
+    run = (
+        AutonomousDSGMR(12)
+        .fit([STAMPS] * 8, motions, [WORLD] * 8)
+        .policy(frame)
+        .run(offset, [0.0, 0.0], duration=1.5)
+    )
     expected = policy.run([0.0, 0.0], [0.0, 0.0], duration=1.5)
     np.testing.assert_allclose(run.position, expected.position @ turn.T + offset, atol=1e-6)
     np.testing.assert_allclose(run.phase, expected.phase, atol=1e-6)
@@ -140,7 +179,9 @@ def test_two_frames_bring_it_to_new_goals():
     motions = [smooth_derivatives(STAMPS, wind_up_and_reach(rng, goal)) for goal in goals]
     model = AutonomousDSGMR(10).fit([STAMPS] * 8, motions, frames)
     for goal in ([1.0, 0.2], [1.3, -0.3]):
-        run = model.reproduce([WORLD[0], TaskFrame(np.eye(3), [0.0, *goal])], [0.0, 0.0], [0.0, 0.0], duration=5.0)
+        run = model.reproduce(
+            [WORLD[0], TaskFrame(np.eye(3), [0.0, *goal])], [0.0, 0.0], [0.0, 0.0], duration=5.0
+        )
         assert np.linalg.norm(run.position[-1] - goal) < 0.03
 
 
@@ -149,7 +190,9 @@ def test_attractors_that_are_known_are_not_computed_again(demonstrations, partit
     motions = [smooth_derivatives(STAMPS, path) for path in demonstrations]
     known = [attractor_from_motion(*motion, 200.0) for motion in motions]
     computed = AutonomousDSGMR(12, partition=partition).fit([STAMPS] * 8, motions, [WORLD] * 8)
-    given = AutonomousDSGMR(12, partition=partition).fit([STAMPS] * 8, [m[:2] for m in motions], [WORLD] * 8, attractors=known)
+    given = AutonomousDSGMR(12, partition=partition).fit(
+        [STAMPS] * 8, [m[:2] for m in motions], [WORLD] * 8, attractors=known
+    )
     np.testing.assert_array_equal(given.mixture_.means_, computed.mixture_.means_)
     np.testing.assert_array_equal(given.mixture_.covariances_, computed.mixture_.covariances_)
 
@@ -158,7 +201,9 @@ def test_an_input_says_how_far_to_go():
     rng, distances = np.random.default_rng(5), np.linspace(0.8, 1.4, 8)
     motions = [smooth_derivatives(STAMPS, wind_up_and_reach(rng, (one, 0.0))) for one in distances]
     frame = [TaskFrame(np.eye(4), np.zeros(4))]
-    model = AutonomousDSGMR(12, n_inputs=1, partition="time").fit([STAMPS] * 8, motions, [frame] * 8, inputs=[[one] for one in distances])
+    model = AutonomousDSGMR(12, n_inputs=1, partition="time").fit(
+        [STAMPS] * 8, motions, [frame] * 8, inputs=[[one] for one in distances]
+    )
     assert model.mixture_.n_dims == 8, "t, distance, x, x', y"
     for distance in (0.9, 1.3):
         run = model.reproduce(frame, [0.0, 0.0], [0.0, 0.0], duration=5.0, inputs=[distance])
@@ -170,7 +215,10 @@ def test_a_policy_may_be_worked_out_at_other_phases(model, policy):
     other = model.policy(WORLD, phase=phase)
     np.testing.assert_array_equal(other.phase, phase)
     np.testing.assert_allclose(other.attractor(0.5), policy.attractor(0.5), atol=1e-3)
-    assert model.reproduce(WORLD, [0.0, 0.0], [0.0, 0.0], duration=3.0, phase=phase).phase[-1] == phase[-1]
+    assert (
+        model.reproduce(WORLD, [0.0, 0.0], [0.0, 0.0], duration=3.0, phase=phase).phase[-1]
+        == phase[-1]
+    )
 
 
 def test_a_frame_with_inputs_is_lifted_as_one_without():
@@ -189,20 +237,37 @@ def test_a_frame_that_is_missing_is_no_factor(demonstrations):
     motions = [smooth_derivatives(STAMPS, path) for path in demonstrations]
     two = AutonomousDSGMR(12).fit([STAMPS] * 8, motions, [WORLD * 2] * 8)
     alone = two.product([WORLD[0], None])
-    assert (np.linalg.det(alone.covariances_) > np.linalg.det(two.product(WORLD * 2).covariances_)).all()
+    assert (
+        np.linalg.det(alone.covariances_) > np.linalg.det(two.product(WORLD * 2).covariances_)
+    ).all()
 
 
-@pytest.mark.parametrize("form", [np.ndarray.tolist, lambda path: path[:3].tolist(), lambda path: (path,), lambda _: None])
+@pytest.mark.parametrize(
+    "form",
+    [np.ndarray.tolist, lambda path: path[:3].tolist(), lambda path: (path,), lambda _: None],
+)
 @pytest.mark.parametrize("known", [False, True])
 def test_positions_of_any_kind_are_answered_with_what_makes_a_motion(demonstrations, form, known):
-    """Lists of rows, a tuple of one part and None once met other errors, one of them a TypeError, and none said what to give."""
+    """Lists of rows, a tuple of one part and None once met other errors, one of them a TypeError,
+    and none said what to give.
+    """
     path = demonstrations[0]
-    with pytest.raises(ValueError, match=r"a motion must hold position.*; smooth_derivatives\(time, positions\) makes one of positions"):
-        AutonomousDSGMR(3).fit([STAMPS], [form(path)], [WORLD], attractors=[path] if known else None)
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"a motion must hold position.*; smooth_derivatives\(time, positions\) makes one of"
+            r" positions"
+        ),
+    ):
+        AutonomousDSGMR(3).fit(
+            [STAMPS], [form(path)], [WORLD], attractors=[path] if known else None
+        )
 
 
 def test_one_demonstration_without_its_list_is_answered_with_where_lists_go(demonstrations):
-    with pytest.raises(ValueError, match="got 161, 3 and 1; each is a list with one entry for each demonstration"):
+    with pytest.raises(
+        ValueError, match="got 161, 3 and 1; each is a list with one entry for each demonstration"
+    ):
         AutonomousDSGMR(3).fit(STAMPS, smooth_derivatives(STAMPS, demonstrations[0]), WORLD)
 
 
@@ -220,7 +285,9 @@ def test_bad_input_is_named(model, policy, demonstrations):
     with pytest.raises(ValueError, match="as many"):
         AutonomousDSGMR(3).fit([STAMPS], [], [WORLD])
     path = demonstrations[0]
-    with pytest.raises(ValueError, match="got 2 parts of shapes .*; give the acceleration, or its attractor"):
+    with pytest.raises(
+        ValueError, match="got 2 parts of shapes .*; give the acceleration, or its attractor"
+    ):
         AutonomousDSGMR(3).fit([STAMPS], [(path, path)], [WORLD])
     with pytest.raises(ValueError, match="attractors has 2 entries for 1 demonstrations"):
         AutonomousDSGMR(3).fit([STAMPS], [(path, path)], [WORLD], attractors=[path, path])
@@ -235,12 +302,18 @@ def test_bad_input_is_named(model, policy, demonstrations):
 
 
 def unequal_durations(rng):
-    """Eight reaches to (1, 0) that last 0.8 to 1.2 s and end at once, without a rest: their clocks and motions."""
+    """Eight reaches to (1, 0) that last 0.8 to 1.2 s and end at once, without a rest: their clocks
+    and motions.
+    """
     clocks, motions = [], []
     for duration in np.linspace(0.8, 1.2, 8):
         clock = np.linspace(0.0, duration, 101)
         s = clock / duration
-        path = np.outer(s**2 * (3.0 - 2.0 * s), [1.0, 0.0]) + np.outer(np.sin(np.pi * s), [0.0, 0.2]) + rng.normal(0.0, 1e-4, (101, 2))
+        path = (
+            np.outer(s**2 * (3.0 - 2.0 * s), [1.0, 0.0])
+            + np.outer(np.sin(np.pi * s), [0.0, 0.2])
+            + rng.normal(0.0, 1e-4, (101, 2))
+        )
         clocks.append(clock)
         motions.append(smooth_derivatives(clock, path))
     return clocks, motions
@@ -260,7 +333,10 @@ def test_it_ends_where_the_demonstrations_ended():
 
 
 def test_the_course_before_the_end_is_that_of_the_regression(model):
-    with_end, regressed = model.policy(WORLD), model.policy(WORLD, phase=np.linspace(*model.ends, 400))
+    with_end, regressed = (
+        model.policy(WORLD),
+        model.policy(WORLD, phase=np.linspace(*model.ends, 400)),
+    )
     np.testing.assert_array_equal(with_end.attractors[:400], regressed.attractors)
     np.testing.assert_array_equal(with_end.state[:400], regressed.state)
     assert np.abs(np.diff(with_end.attractors[399:], axis=0)).max() < 0.01, "no jump to the goal"
@@ -279,9 +355,14 @@ def test_the_goal_goes_with_the_frame_in_which_the_demonstrations_agreed():
     frames = [[WORLD[0], TaskFrame(np.eye(3), [0.0, *goal])] for goal in goals]
     motions = [smooth_derivatives(STAMPS, wind_up_and_reach(rng, goal)) for goal in goals]
     model = AutonomousDSGMR(10).fit([STAMPS] * 8, motions, frames)
-    off = np.mean([motion.position[-1] - goal for motion, goal in zip(motions, goals, strict=True)], axis=0)
+    off = np.mean(
+        [motion.position[-1] - goal for motion, goal in zip(motions, goals, strict=True)], axis=0
+    )
     new = np.array([1.1, 0.1])
-    assert np.linalg.norm(model.goal([WORLD[0], TaskFrame(np.eye(3), [0.0, *new])]) - new - off) < 0.005
+    assert (
+        np.linalg.norm(model.goal([WORLD[0], TaskFrame(np.eye(3), [0.0, *new])]) - new - off)
+        < 0.005
+    )
 
 
 def test_one_demonstration_has_an_end_too(demonstrations):

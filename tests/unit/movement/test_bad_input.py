@@ -1,4 +1,6 @@
-"""What a user may hand in by mistake, to every function of the movement layer: a clear ValueError, or the right answer. Never NaN."""
+"""What a user may hand in by mistake, to every function of the movement layer: a clear ValueError,
+or the right answer. Never NaN.
+"""
 
 import warnings
 
@@ -78,7 +80,11 @@ def numbers_in(result) -> np.ndarray:
     """All numbers of a result, whatever holds them."""
     if isinstance(result, movement.TaskFrame):
         result = (result.A, result.b)
-    return np.concatenate([np.ravel(part) for part in result]) if isinstance(result, tuple) else np.ravel(result)
+    return (
+        np.concatenate([np.ravel(part) for part in result])
+        if isinstance(result, tuple)
+        else np.ravel(result)
+    )
 
 
 CASES = [
@@ -90,7 +96,9 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "place", "spoil"), CASES, ids=lambda part: str(part).replace(" ", "_"))
+@pytest.mark.parametrize(
+    ("name", "place", "spoil"), CASES, ids=lambda part: str(part).replace(" ", "_")
+)
 def test_a_bad_argument_is_refused_by_name(name, place, spoil):
     arguments = list(CALLS[name])
     arguments[place] = SPOILS[spoil](arguments[place])
@@ -105,7 +113,9 @@ def test_lists_are_as_good_as_arrays_and_arguments_stay_as_they_were(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         expected = numbers_in(getattr(movement, name)(*arguments))
-        from_lists = numbers_in(getattr(movement, name)(*[np.asarray(argument).tolist() for argument in arguments]))
+        from_lists = numbers_in(
+            getattr(movement, name)(*[np.asarray(argument).tolist() for argument in arguments])
+        )
     np.testing.assert_array_equal(from_lists, expected)
     assert np.isfinite(expected).all()
     for argument, before in zip(arguments, kept, strict=True):
@@ -144,10 +154,16 @@ def test_demonstrations_that_stand_still_are_learned_as_standing_still():
 )
 def test_units_and_places_change_nothing_but_units_and_places(scale, offset, columns):
     """Also with one column that repeats another, which makes every covariance singular."""
-    plain = fit(PATHS[:, :, columns]).reproduce(WORLD_OF[len(columns)], TIME, PATH[0, columns], np.zeros(len(columns)))
+    plain = fit(PATHS[:, :, columns]).reproduce(
+        WORLD_OF[len(columns)], TIME, PATH[0, columns], np.zeros(len(columns))
+    )
     moved = fit(scale * (PATHS[:, :, columns] + offset))
-    other = moved.reproduce(WORLD_OF[len(columns)], TIME, scale * (PATH[0, columns] + offset), np.zeros(len(columns)))
-    np.testing.assert_allclose(other.position / scale - offset, plain.position, atol=1e-6 * max(1.0, 1e-4 * abs(offset)))
+    other = moved.reproduce(
+        WORLD_OF[len(columns)], TIME, scale * (PATH[0, columns] + offset), np.zeros(len(columns))
+    )
+    np.testing.assert_allclose(
+        other.position / scale - offset, plain.position, atol=1e-6 * max(1.0, 1e-4 * abs(offset))
+    )
 
 
 @settings(max_examples=20, deadline=None)

@@ -25,11 +25,15 @@ def test_weights_are_those_of_the_barycentric_formula(stamps):
     for first in (0, 11, 33):
         seven = slice(first, first + 7)
         weights = BarycentricInterpolator(stamps[seven]).wi
-        np.testing.assert_allclose(found[:, first], np.abs(weights @ samples[seven]) / np.linalg.norm(weights), rtol=1e-9)
+        np.testing.assert_allclose(
+            found[:, first], np.abs(weights @ samples[seven]) / np.linalg.norm(weights), rtol=1e-9
+        )
 
 
 def test_noise_is_told_of_all_columns_together_or_of_each(stamps):
     samples = np.random.default_rng(2).standard_normal((40, 3)) * [1.0, 5.0, 0.1]
     each = estimate_noise(stamps, samples, apart=True)
-    np.testing.assert_array_equal(each, [estimate_noise(stamps, samples[:, k : k + 1]) for k in range(3)])
+    np.testing.assert_array_equal(
+        each, [estimate_noise(stamps, samples[:, k : k + 1]) for k in range(3)]
+    )
     assert each[2] < estimate_noise(stamps, samples) < each[1]

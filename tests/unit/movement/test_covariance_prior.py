@@ -1,4 +1,6 @@
-"""A prior on the covariances of a task-parameterised mixture: closed forms, the ordinary mixture's, and few demonstrations."""
+"""A prior on the covariances of a task-parameterised mixture: closed forms, the ordinary
+mixture's, and few demonstrations.
+"""
 
 import numpy as np
 import pytest
@@ -15,12 +17,18 @@ def frame(rng, n_dims):
 
 
 def demonstrations(rng, n, n_samples=12, n_dims=8):
-    """Rows of time and movement variables that go from the first frame to the second, with noise; and the frames."""
+    """Rows of time and movement variables that go from the first frame to the second, with noise;
+    and the frames.
+    """
     time, found, frames = np.linspace(0.0, 1.0, n_samples), [], []
     for _ in range(n):
         pair = [frame(rng, n_dims), frame(rng, n_dims)]
         ends = [one.from_frame(np.zeros((1, n_dims)))[:, 1:] for one in pair]
-        path = ends[0] + time[:, None] * (ends[1] - ends[0]) + rng.normal(0.0, 0.05, (n_samples, n_dims - 1))
+        path = (
+            ends[0]
+            + time[:, None] * (ends[1] - ends[0])
+            + rng.normal(0.0, 0.05, (n_samples, n_dims - 1))
+        )
         found.append(np.column_stack([time, path]))
         frames.append(pair)
     return found, frames
@@ -28,7 +36,9 @@ def demonstrations(rng, n, n_samples=12, n_dims=8):
 
 def averaged(samples, strength):
     covariance = np.cov(samples.T, bias=True)
-    return (len(samples) * covariance + strength * np.diag(np.diag(covariance))) / (len(samples) + strength)
+    return (len(samples) * covariance + strength * np.diag(np.diag(covariance))) / (
+        len(samples) + strength
+    )
 
 
 @pytest.mark.parametrize("fit", ["fit", "fit_in_time"])
@@ -37,16 +47,25 @@ def test_one_component_averages_the_covariance_of_each_frame_with_its_variances(
     samples, frames = demonstrations(rng, 4, n_dims=3)
     found = getattr(TaskParameterisedMixture(1, covariance_prior=5.0), fit)(samples, frames)
     for j in range(2):
-        seen = np.concatenate([pair[j].to_frame(one) for one, pair in zip(samples, frames, strict=True)])
-        np.testing.assert_allclose(found.covariances_[j, 0], averaged(seen, 5.0), rtol=1e-8, atol=1e-12)
+        seen = np.concatenate(
+            [pair[j].to_frame(one) for one, pair in zip(samples, frames, strict=True)]
+        )
+        np.testing.assert_allclose(
+            found.covariances_[j, 0], averaged(seen, 5.0), rtol=1e-8, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("n_components", [1, 3])
 def test_in_one_frame_it_is_that_of_the_ordinary_mixture(n_components):
     rng = np.random.default_rng(1)
-    samples = [np.column_stack([np.linspace(0.0, 1.0, 30), rng.normal(size=(30, 2)).cumsum(0)]) for _ in range(3)]
+    samples = [
+        np.column_stack([np.linspace(0.0, 1.0, 30), rng.normal(size=(30, 2)).cumsum(0)])
+        for _ in range(3)
+    ]
     options = dict(covariance_prior=4.0, tolerance=1e-13, max_iterations=3000)
-    found = TaskParameterisedMixture(n_components, **options).fit(samples, [[TaskFrame(np.eye(3), np.zeros(3))]] * 3)
+    found = TaskParameterisedMixture(n_components, **options).fit(
+        samples, [[TaskFrame(np.eye(3), np.zeros(3))]] * 3
+    )
     start = GaussianMixture.from_parameters(found.priors_, found.means_[0], found.covariances_[0])
     ordinary = GaussianMixture(n_components, **options).fit(np.concatenate(samples), start=start)
     np.testing.assert_allclose(ordinary.covariances_, found.covariances_[0], rtol=1e-5, atol=1e-8)
@@ -54,12 +73,17 @@ def test_in_one_frame_it_is_that_of_the_ordinary_mixture(n_components):
 
 
 def test_few_demonstrations_in_many_dimensions_do_not_break_it():
-    """Two of 12 samples, three components, seven variables in two frames: with it others are explained better in each of 20 sets."""
+    """Two of 12 samples, three components, seven variables in two frames: with it others are
+    explained better in each of 20 sets.
+    """
     gains, flattest = [], []
     for seed in range(20):
         rng = np.random.default_rng(seed)
         (samples, frames), (others, places) = demonstrations(rng, 2), demonstrations(rng, 10)
-        models = [TaskParameterisedMixture(3, covariance_prior=weight).fit(samples, frames) for weight in (0.0, 8.0)]
+        models = [
+            TaskParameterisedMixture(3, covariance_prior=weight).fit(samples, frames)
+            for weight in (0.0, 8.0)
+        ]
         scores = [np.mean(np.concatenate(one.log_density(others, places))) for one in models]
         gains.append(scores[1] - scores[0])
         flattest.append([np.linalg.eigvalsh(one.covariances_).min() for one in models])
@@ -80,7 +104,9 @@ def test_ds_gmr_takes_it_keeps_it_and_saves_it(tmp_path):
         model = DSGMR(4, partition=partition, covariance_prior=3.0).fit(samples, frames)
         plain = DSGMR(4, partition=partition).fit(samples, frames)
         assert np.abs(model.mixture_.covariances_ - plain.mixture_.covariances_).max() > 1e-4
-        assert model.get_params()["covariance_prior"] == 3.0 and "covariance_prior=3.0" in repr(model)
+        assert model.get_params()["covariance_prior"] == 3.0 and "covariance_prior=3.0" in repr(
+            model
+        )
         model.save(tmp_path / f"{partition}.npz")
         assert DSGMR.load(tmp_path / f"{partition}.npz").get_params()["covariance_prior"] == 3.0
     with pytest.raises(ValueError, match="covariance_prior must be at least 0"):

@@ -14,8 +14,12 @@ NOISE = 1e-4
 def throw(time):
     """A smooth path of 1.2 m with its derivatives, at 4 m/s and 40 m/s^2."""
     w = 2 * np.pi / 1.2
-    position = np.stack([0.7 * np.sin(w * time), 0.2 * np.cos(0.5 * w * time), 0.3 * np.sin(w * time + 1)], 1)
-    velocity = w * np.stack([0.7 * np.cos(w * time), -0.1 * np.sin(0.5 * w * time), 0.3 * np.cos(w * time + 1)], 1)
+    position = np.stack(
+        [0.7 * np.sin(w * time), 0.2 * np.cos(0.5 * w * time), 0.3 * np.sin(w * time + 1)], 1
+    )
+    velocity = w * np.stack(
+        [0.7 * np.cos(w * time), -0.1 * np.sin(0.5 * w * time), 0.3 * np.cos(w * time + 1)], 1
+    )
     acceleration = -w * w * position * [1.0, 0.25, 1.0]
     return position, velocity, acceleration
 
@@ -37,7 +41,9 @@ def test_polynomials_of_degree_five_are_exact_without_noise(n):
     for _ in range(2):
         coefficients = coefficients[1:] * np.arange(1, len(coefficients))[:, None]
         expected.append((u ** np.arange(len(coefficients))) @ coefficients)
-    for order, (found, wanted) in enumerate(zip(smooth_derivatives(time, expected[0], noise=0.0), expected, strict=True)):
+    for order, (found, wanted) in enumerate(
+        zip(smooth_derivatives(time, expected[0], noise=0.0), expected, strict=True)
+    ):
         scale = np.abs(expected[0]).max() * 100.0**order
         np.testing.assert_allclose(found, wanted, atol=1e-10 * scale, err_msg=f"order {order}")
 
@@ -58,12 +64,16 @@ def test_noise_is_estimated_from_the_samples(jitter):
 
 
 def test_pure_noise_around_rest_shrinks_as_a_quadratic_fit_predicts():
-    """With nothing to follow the spline comes close to least squares on 3 parameters: variance 3/n."""
+    """With nothing to follow the spline comes close to least squares on 3 parameters: variance
+    3/n.
+    """
     n, trials = 120, 40
     ratios = []
     for seed in range(trials):
         noise = np.random.default_rng(seed).normal(0, NOISE, (n, 3))
-        ratios.append(rms(smooth_derivatives(0.01 * np.arange(n), noise, noise=NOISE).position) / NOISE)
+        ratios.append(
+            rms(smooth_derivatives(0.01 * np.arange(n), noise, noise=NOISE).position) / NOISE
+        )
     assert np.median(ratios) == pytest.approx(np.sqrt(3 / n), rel=0.25), np.median(ratios)
 
 
@@ -86,7 +96,9 @@ def test_position_error_is_near_the_best_of_all_penalties(monkeypatch):
 
 
 def test_the_scatter_of_the_fit_is_that_of_a_linear_smoother():
-    """For a fixed penalty the fit is S x, so its scatter is sigma sqrt(diag S S'): S from unit impulses."""
+    """For a fixed penalty the fit is S x, so its scatter is sigma sqrt(diag S S'): S from unit
+    impulses.
+    """
     from dart_skill.movement._differentiation import _QuinticBasis
 
     n, penalty = 60, 300.0
@@ -95,7 +107,9 @@ def test_the_scatter_of_the_fit_is_that_of_a_linear_smoother():
     noise = np.random.default_rng(0).normal(0, NOISE, (n, 4000))
     for order in range(3):
         smoother, fitted = (
-            basis.evaluate(basis.fit(basis.sums(samples), np.full(samples.shape[1], penalty)), stamps, order)
+            basis.evaluate(
+                basis.fit(basis.sums(samples), np.full(samples.shape[1], penalty)), stamps, order
+            )
             for samples in (np.eye(n), noise)
         )
         scatter = fitted.std(axis=1)
@@ -110,9 +124,19 @@ def test_derivatives_of_a_noisy_throw_beat_finite_differences_by_far():
         _, velocity, acceleration = throw(time)
         motion = smooth_derivatives(time, samples)
         inside = slice(10, -10)
-        found.append([rms((motion.velocity - velocity)[inside]), rms((motion.acceleration - acceleration)[inside])])
+        found.append(
+            [
+                rms((motion.velocity - velocity)[inside]),
+                rms((motion.acceleration - acceleration)[inside]),
+            ]
+        )
         slope = np.gradient(samples, time, axis=0)
-        plain.append([rms((slope - velocity)[inside]), rms((np.gradient(slope, time, axis=0) - acceleration)[inside])])
+        plain.append(
+            [
+                rms((slope - velocity)[inside]),
+                rms((np.gradient(slope, time, axis=0) - acceleration)[inside]),
+            ]
+        )
     found, plain = np.mean(found, axis=0), np.mean(plain, axis=0)
     assert found[0] < 0.004, found
     assert found[1] < 0.3, found
@@ -146,16 +170,22 @@ def test_units_of_time_and_length_change_nothing_but_units():
     plain = smooth_derivatives(time, samples, noise=NOISE)
     scaled = smooth_derivatives(1e3 * time, 1e3 * samples, noise=1e3 * NOISE)
     for order, (one, other) in enumerate(zip(plain, scaled, strict=True)):
-        np.testing.assert_allclose(other, one * 1e3 * 1e-3**order, rtol=1e-6, atol=1e-6 * np.abs(other).max())
+        np.testing.assert_allclose(
+            other, one * 1e3 * 1e-3**order, rtol=1e-6, atol=1e-6 * np.abs(other).max()
+        )
 
 
 def test_noise_per_column_smooths_each_column_by_itself():
     time, samples = noisy_throw(7)
     mixed = np.column_stack([samples, 500.0 * samples[:, :1]])
     motion = smooth_derivatives(time, mixed, noise=[NOISE, NOISE, NOISE, 500 * NOISE])
-    np.testing.assert_allclose(motion.acceleration[:, 3], 500 * motion.acceleration[:, 0], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        motion.acceleration[:, 3], 500 * motion.acceleration[:, 0], rtol=1e-6, atol=1e-6
+    )
     alone = smooth_derivatives(time, samples[:, 1:2], noise=NOISE)
-    np.testing.assert_allclose(motion.acceleration[:, 1], alone.acceleration[:, 0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        motion.acceleration[:, 1], alone.acceleration[:, 0], rtol=1e-9, atol=1e-9
+    )
 
 
 def test_a_recording_of_a_minute_is_smoothed_whole():
@@ -184,7 +214,9 @@ def test_unusable_recordings_are_refused(time, samples, options, message):
 
 
 def test_what_was_smoothed_before_changes_nothing():
-    """Series that are sampled alike share their spline, though the rounding of their clocks differs."""
+    """Series that are sampled alike share their spline, though the rounding of their clocks
+    differs.
+    """
     rng = np.random.default_rng(7)
     samples = np.cumsum(rng.standard_normal((120, 3)), axis=0)
     clocks = [0.01 * np.arange(120) + start for start in (0.0, 777.7)]

@@ -1,4 +1,6 @@
-"""Task frames: there and back, the named frames of thesis chapter 8, and features relative to an azimuth."""
+"""Task frames: there and back, the named frames of thesis chapter 8, and features relative to an
+azimuth.
+"""
 
 import numpy as np
 import pytest
@@ -28,7 +30,9 @@ TARGET = np.array([1.2, 1.6, 0.5])
 @settings(max_examples=30, deadline=None)
 def test_to_and_from_a_frame_are_inverse(seed, n_dims):
     rng = np.random.default_rng(seed)
-    frame = TaskFrame(rng.normal(size=(n_dims, n_dims)) + 3 * np.eye(n_dims), rng.normal(size=n_dims))
+    frame = TaskFrame(
+        rng.normal(size=(n_dims, n_dims)) + 3 * np.eye(n_dims), rng.normal(size=n_dims)
+    )
     points = rng.normal(size=(5, n_dims))
     np.testing.assert_allclose(frame.to_frame(frame.from_frame(points)), points, atol=1e-9)
     np.testing.assert_allclose(frame.from_frame(np.zeros((1, n_dims)))[0], frame.b)
@@ -110,7 +114,9 @@ def test_a_turned_throw_is_the_same_throw_in_its_azimuth_frame():
 def test_pointing_at_gives_the_direction_from_hand_to_target():
     position = np.array([0.2, -0.1, 1.5])
     towards = (TARGET - position) / np.linalg.norm(TARGET - position)
-    np.testing.assert_allclose(pointing_directions([pointing_at(TARGET, position)])[0], towards, atol=1e-12)
+    np.testing.assert_allclose(
+        pointing_directions([pointing_at(TARGET, position)])[0], towards, atol=1e-12
+    )
     in_plane = pointing_at(TARGET, [0, 0, 0], azimuth=azimuth_of(TARGET))
     np.testing.assert_allclose(in_plane, [np.arctan2(0.5, 2.0), 0.0], atol=1e-12)
 
@@ -127,7 +133,10 @@ def test_pointing_at_gives_the_direction_from_hand_to_target():
         (lambda: target_frame([0.0, 0.0, 1.0]), "no azimuth"),
         (lambda: azimuth_frame(np.inf), "inf"),
         (lambda: base_frame(n_angles=-1), "at least 0"),
-        (lambda: features([0, 1.0], np.zeros((2, 3)), np.ones((3, 4))), "one quaternion per position"),
+        (
+            lambda: features([0, 1.0], np.zeros((2, 3)), np.ones((3, 4))),
+            "one quaternion per position",
+        ),
     ],
 )
 def test_unusable_frames_are_refused(call, message):

@@ -10,7 +10,9 @@ TASKS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0], [3.0, 4.0]])
 
 def test_the_nearest_count_and_the_others_do_not():
     np.testing.assert_array_equal(nearest_weights(TASKS, [0.1, 0.0], 2), [1, 1, 0, 0])
-    np.testing.assert_array_equal(nearest_weights(TASKS, [0.5, 0.0], 1), [1, 0, 0, 0], "the first of equals")
+    np.testing.assert_array_equal(
+        nearest_weights(TASKS, [0.5, 0.0], 1), [1, 0, 0, 0], "the first of equals"
+    )
     np.testing.assert_array_equal(nearest_weights(TASKS, [0.0, 0.0], 9), np.ones(4))
 
 
@@ -32,7 +34,15 @@ def test_cross_validation_finds_the_bandwidth_of_a_known_problem():
     choice = choose_width(x[:, None], [1e-4, 0.05, 0.2, 1.0, 5.0], score)
     assert choice.width == 0.2
     assert np.isnan(choice.scores[0]), "so narrow that some point has no neighbour"
-    by_hand = np.mean([score(i, np.where(np.arange(60) == i, 0.0, gaussian_weights(x[:, None], x[i : i + 1], 1.0))) for i in range(60)])
+    by_hand = np.mean(
+        [
+            score(
+                i,
+                np.where(np.arange(60) == i, 0.0, gaussian_weights(x[:, None], x[i : i + 1], 1.0)),
+            )
+            for i in range(60)
+        ]
+    )
     assert choice.scores[3] == pytest.approx(by_hand)
 
 

@@ -35,14 +35,19 @@ def same_rotation(one, other):
 @settings(max_examples=100, deadline=None)
 def test_angles_survive_the_way_through_quaternions(alpha, beta, roll):
     angles = np.array([[alpha, beta, roll]])
-    np.testing.assert_allclose(angles_from_quaternions(quaternions_from_angles(angles)), angles, atol=1e-9)
+    np.testing.assert_allclose(
+        angles_from_quaternions(quaternions_from_angles(angles)), angles, atol=1e-9
+    )
 
 
 @given(seed=st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_orientations_survive_the_way_through_angles(seed):
     quaternions = random_quaternions(seed, 1)
-    assert same_rotation(quaternions_from_angles(angles_from_quaternions(quaternions)), quaternions) < 1e-12
+    assert (
+        same_rotation(quaternions_from_angles(angles_from_quaternions(quaternions)), quaternions)
+        < 1e-12
+    )
 
 
 def test_the_hand_points_along_the_direction_of_the_angles():
@@ -63,22 +68,33 @@ def test_the_hand_points_along_the_direction_of_the_angles():
     ],
 )
 def test_named_directions(alpha_deg, beta_deg, direction):
-    np.testing.assert_allclose(pointing_directions(np.radians([[alpha_deg, beta_deg]]))[0], direction, atol=1e-15)
+    np.testing.assert_allclose(
+        pointing_directions(np.radians([[alpha_deg, beta_deg]]))[0], direction, atol=1e-15
+    )
 
 
 def test_a_hand_aligned_with_the_task_frame_points_straight_up():
-    np.testing.assert_allclose(angles_from_quaternions([[0.0, 0.0, 0.0, 1.0]]), [[np.pi / 2, 0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(
+        angles_from_quaternions([[0.0, 0.0, 0.0, 1.0]]), [[np.pi / 2, 0.0, 0.0]], atol=1e-12
+    )
 
 
 def test_roll_turns_the_hand_about_the_pointing_direction():
-    base, rolled = quaternions_from_angles([[0.4, 0.3, 0.1]]), quaternions_from_angles([[0.4, 0.3, 0.8]])
+    base, rolled = (
+        quaternions_from_angles([[0.4, 0.3, 0.1]]),
+        quaternions_from_angles([[0.4, 0.3, 0.8]]),
+    )
     turn = Rotation.from_quat(rolled[0]) * Rotation.from_quat(base[0]).inv()
-    np.testing.assert_allclose(turn.as_rotvec(), 0.7 * pointing_directions([[0.4, 0.3]])[0], atol=1e-12)
+    np.testing.assert_allclose(
+        turn.as_rotvec(), 0.7 * pointing_directions([[0.4, 0.3]])[0], atol=1e-12
+    )
 
 
 def test_a_throw_from_behind_the_shoulder_has_no_jump_whatever_the_signs_of_the_quaternions():
     time = np.linspace(0, 1, 200)
-    angles = np.column_stack([np.radians(250 - 280 * time), 0.4 * np.sin(9 * time), 3.0 + 2.0 * time - 3.0 * time**2])
+    angles = np.column_stack(
+        [np.radians(250 - 280 * time), 0.4 * np.sin(9 * time), 3.0 + 2.0 * time - 3.0 * time**2]
+    )
     signs = np.random.default_rng(1).choice([-1.0, 1.0], (200, 1))
     found = angles_from_quaternions(signs * quaternions_from_angles(angles))
     np.testing.assert_allclose(found, angles, atol=1e-9)
@@ -108,7 +124,9 @@ def test_turning_the_task_about_z_leaves_the_angles_of_a_turned_hand():
 
 def test_pointing_angles_invert_pointing_directions():
     angles = np.random.default_rng(3).uniform([-3.1, -1.5], [3.1, 1.5], (40, 2))
-    np.testing.assert_allclose(pointing_angles(7.0 * pointing_directions(angles)), angles, atol=1e-12)
+    np.testing.assert_allclose(
+        pointing_angles(7.0 * pointing_directions(angles)), angles, atol=1e-12
+    )
 
 
 def test_products_conjugates_and_matrices_agree_with_scipy():
@@ -116,17 +134,25 @@ def test_products_conjugates_and_matrices_agree_with_scipy():
     expected = (Rotation.from_quat(left) * Rotation.from_quat(right)).as_quat()
     assert same_rotation(multiply(left, right), expected) < 1e-12
     assert same_rotation(multiply(left, conjugate(left)), np.tile([0, 0, 0, 1.0], (20, 1))) < 1e-12
-    np.testing.assert_allclose(to_matrices(left) @ to_matrices(right), to_matrices(multiply(left, right)), atol=1e-12)
+    np.testing.assert_allclose(
+        to_matrices(left) @ to_matrices(right), to_matrices(multiply(left, right)), atol=1e-12
+    )
     assert same_rotation(from_matrices(to_matrices(left)), left) < 1e-12
 
 
 def test_angular_velocity_of_a_constant_turn_is_exact_at_irregular_stamps():
     rate = np.array([0.5, -2.0, 3.0])
     time = np.sort(np.random.default_rng(6).uniform(0, 2, 40))
-    turn = Rotation.from_rotvec(time[:, None] * rate) * Rotation.from_euler("xyz", [0.3, 1.0, -2.0])
+    turn = Rotation.from_rotvec(time[:, None] * rate) * Rotation.from_euler(
+        "xyz", [0.3, 1.0, -2.0]
+    )
     signs = np.random.default_rng(7).choice([-1.0, 1.0], (40, 1))
-    np.testing.assert_allclose(angular_velocity(time, signs * turn.as_quat()), np.tile(rate, (40, 1)), atol=1e-8)
-    np.testing.assert_allclose(angular_velocity(time[:2], turn.as_quat()[:2]), [rate, rate], atol=1e-8)
+    np.testing.assert_allclose(
+        angular_velocity(time, signs * turn.as_quat()), np.tile(rate, (40, 1)), atol=1e-8
+    )
+    np.testing.assert_allclose(
+        angular_velocity(time[:2], turn.as_quat()[:2]), [rate, rate], atol=1e-8
+    )
 
 
 def test_angular_velocity_error_falls_with_the_square_of_the_step():
@@ -167,5 +193,12 @@ def test_quaternions_of_angles_are_the_product_of_the_four_turns():
     angles = np.random.default_rng(8).uniform(-3.0, 3.0, (50, 3))
     alpha, beta, roll = angles.T[:, :, None]
     quarter = Rotation.from_euler("y", np.pi / 2)
-    expected = Rotation.from_euler("y", -alpha) * Rotation.from_euler("z", beta) * Rotation.from_euler("x", roll) * quarter
-    assert (Rotation.from_quat(quaternions_from_angles(angles)) * expected.inv()).magnitude().max() < 1e-14
+    expected = (
+        Rotation.from_euler("y", -alpha)
+        * Rotation.from_euler("z", beta)
+        * Rotation.from_euler("x", roll)
+        * quarter
+    )
+    assert (
+        Rotation.from_quat(quaternions_from_angles(angles)) * expected.inv()
+    ).magnitude().max() < 1e-14

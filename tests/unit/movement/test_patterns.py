@@ -12,7 +12,10 @@ S = np.linspace(0.0, 1.0, 80)
 def arc(height, rng, spread=0.02):
     """A way over or below, with starts and heights that vary."""
     start = rng.normal(0.0, spread, 2)
-    return np.column_stack([S, (height + rng.normal(0.0, spread)) * np.sin(np.pi * S)]) + start * (1.0 - S)[:, None]
+    return (
+        np.column_stack([S, (height + rng.normal(0.0, spread)) * np.sin(np.pi * S)])
+        + start * (1.0 - S)[:, None]
+    )
 
 
 def silhouette_one_by_one(distances, labels):
@@ -23,7 +26,10 @@ def silhouette_one_by_one(distances, labels):
         if not own:
             values.append(0.0)
             continue
-        other = min(np.mean([distances[i, j] for j in range(len(labels)) if labels[j] == k]) for k in set(labels) - {label})
+        other = min(
+            np.mean([distances[i, j] for j in range(len(labels)) if labels[j] == k])
+            for k in set(labels) - {label}
+        )
         values.append((other - np.mean(own)) / max(other, np.mean(own)))
     return np.mean(values)
 
@@ -33,9 +39,13 @@ def test_the_silhouette_is_that_of_the_definition(seed):
     rng = np.random.default_rng(seed)
     points, labels = rng.normal(size=(9, 2)), np.array([0, 1, 2, 0, 1, 2, 0, 1, 0])
     distances = np.linalg.norm(points[:, None] - points, axis=2)
-    assert silhouette(distances, labels) == pytest.approx(silhouette_one_by_one(distances, labels.tolist()), rel=1e-12)
+    assert silhouette(distances, labels) == pytest.approx(
+        silhouette_one_by_one(distances, labels.tolist()), rel=1e-12
+    )
     alone = np.array([0, 1, 1, 1, 1, 1, 1, 1, 1])
-    assert silhouette(distances, alone) == pytest.approx(silhouette_one_by_one(distances, alone.tolist()), rel=1e-12)
+    assert silhouette(distances, alone) == pytest.approx(
+        silhouette_one_by_one(distances, alone.tolist()), rel=1e-12
+    )
 
 
 def test_the_separation_is_the_gap_in_parts_of_the_widest_group():
@@ -49,7 +59,10 @@ def test_the_separation_is_the_gap_in_parts_of_the_widest_group():
 def test_two_ways_are_two_patterns_in_the_order_in_which_they_were_shown(seed):
     rng = np.random.default_rng(seed)
     found = find_patterns([arc(height, rng) for height in (0.5, 0.5, -0.5, 0.5, -0.5, -0.5, 0.5)])
-    assert [group.tolist() for group in found.groups] == [[0, 1, 3, 6], [2, 4, 5]] and found.silhouette > 0.9
+    assert [group.tolist() for group in found.groups] == [
+        [0, 1, 3, 6],
+        [2, 4, 5],
+    ] and found.silhouette > 0.9
     assert found.in_words == "2 patterns: demonstrations 0, 1, 3 and 6; 2, 4 and 5"
 
 
@@ -95,7 +108,11 @@ def test_equal_demonstrations_are_one_pattern():
     ("positions", "options", "why"),
     [
         ([np.zeros((5, 2))] * 3, {}, "at least 4 demonstrations, got 3"),
-        ([np.zeros((5, 2))] * 3 + [np.zeros((5, 3))], {}, "demonstration 3 has 3 movement variables, the first has 2"),
+        (
+            [np.zeros((5, 2))] * 3 + [np.zeros((5, 3))],
+            {},
+            "demonstration 3 has 3 movement variables, the first has 2",
+        ),
         ([np.zeros((5, 2))] * 4, {"least_silhouette": 0.0}, "least_silhouette"),
         ([np.zeros((5, 2))] * 4, {"least_separation": -1.0}, "least_separation"),
         ([np.full((5, 2), np.nan)] * 4, {}, "positions of demonstration 0"),
@@ -108,4 +125,6 @@ def test_what_cannot_be_compared_is_refused(positions, options, why):
 
 def test_resampling_keeps_the_ends_and_straight_lines():
     line = np.outer(np.arange(11.0), [1.0, -2.0])
-    np.testing.assert_allclose(resampled(line, 4), np.outer([0.0, 10 / 3, 20 / 3, 10.0], [1.0, -2.0]))
+    np.testing.assert_allclose(
+        resampled(line, 4), np.outer([0.0, 10 / 3, 20 / 3, 10.0], [1.0, -2.0])
+    )

@@ -1,5 +1,5 @@
-"""Discrete primitives left to themselves: what they learn, how they are integrated and what carries over to a new start,
-goal, duration and amplitude (thesis (7.6)-(7.13)).
+"""Discrete primitives left to themselves: what they learn, how they are integrated and what
+carries over to a new start, goal, duration and amplitude (thesis (7.6)-(7.13)).
 """
 
 import numpy as np
@@ -13,20 +13,35 @@ from tests.unit.movement.primitives import rms
 DURATION = 1.6
 STAMPS = np.linspace(0.0, DURATION, 201)
 LITERAL = {"goal_path": "fixed", "regression": "local"}
-FORMS = [{}, {"phase_scaled": True}, {"goal_path": "fixed"}, {"goal_path": "fixed", "phase_scaled": True}, {**LITERAL}]
+FORMS = [
+    {},
+    {"phase_scaled": True},
+    {"goal_path": "fixed"},
+    {"goal_path": "fixed", "phase_scaled": True},
+    {**LITERAL},
+]
 MINIMUM_JERK = Polynomial([0, 0, 0, 10, -15, 6])
 # Four derivatives vanish at both ends: the path that the goal takes.
 BLEND = Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])
 
 
 def reach_with_swing(stamps=STAMPS, offset=0.0):
-    """Minimum-jerk reach plus a sine of it, from rest to rest, in two dimensions, with its derivatives (n, 2)."""
+    """Minimum-jerk reach plus a sine of it, from rest to rest, in two dimensions, with its
+    derivatives (n, 2).
+    """
     s = stamps / stamps[-1]
     u, du, ddu = MINIMUM_JERK(s), MINIMUM_JERK.deriv()(s), MINIMUM_JERK.deriv(2)(s)
-    wave, slope, curve = np.sin(2 * np.pi * u), 2 * np.pi * np.cos(2 * np.pi * u), -((2 * np.pi) ** 2) * np.sin(2 * np.pi * u)
+    wave, slope, curve = (
+        np.sin(2 * np.pi * u),
+        2 * np.pi * np.cos(2 * np.pi * u),
+        -((2 * np.pi) ** 2) * np.sin(2 * np.pi * u),
+    )
     position = np.stack([0.3 + 0.8 * u, -0.2 * u + 0.15 * wave], 1) + offset
     velocity = np.stack([0.8 * du, (-0.2 + 0.15 * slope) * du], 1) / stamps[-1]
-    acceleration = np.stack([0.8 * ddu, (-0.2 + 0.15 * slope) * ddu + 0.15 * curve * du**2], 1) / stamps[-1] ** 2
+    acceleration = (
+        np.stack([0.8 * ddu, (-0.2 + 0.15 * slope) * ddu + 0.15 * curve * du**2], 1)
+        / stamps[-1] ** 2
+    )
     return position, velocity, acceleration
 
 
@@ -35,7 +50,9 @@ def learned(n_basis=30, **form):
 
 
 def kernels(z, n_basis, decay):
-    """(7.11) at one z: centres equally spaced in time, half of its height at the next kernel's centre."""
+    """(7.11) at one z: centres equally spaced in time, half of its height at the next kernel's
+    centre.
+    """
     centres = np.exp(-decay * np.arange(n_basis) / (n_basis - 1))
     gaps = centres[:-1] - centres[1:]
     psi = np.exp(-np.log(2.0) * ((z - centres) / np.append(gaps, gaps[-1])) ** 2)
@@ -46,18 +63,28 @@ def goal_share(s, primitive):
     if primitive.goal_path == "fixed":
         return 1.0
     alpha = 2 * np.sqrt(primitive.stiffness)
-    attractor = BLEND + BLEND.deriv() * alpha / primitive.stiffness + BLEND.deriv(2) / primitive.stiffness
+    attractor = (
+        BLEND + BLEND.deriv() * alpha / primitive.stiffness + BLEND.deriv(2) / primitive.stiffness
+    )
     return attractor(min(s, 1.0))
 
 
 def literal_rate(primitive, start, goal, duration, amplitude=1.0):
     """(7.6), (7.8), (7.9) in seconds for the state (z, x1, x2)."""
-    tau, alpha, beta = 1.0 / duration, 2 * np.sqrt(primitive.stiffness), np.sqrt(primitive.stiffness) / 2
+    tau, alpha, beta = (
+        1.0 / duration,
+        2 * np.sqrt(primitive.stiffness),
+        np.sqrt(primitive.stiffness) / 2,
+    )
 
     def rate(time, state):
         z, (x1, x2) = state[0], np.reshape(state[1:], (2, -1))
         f = kernels(z, primitive.n_basis, primitive.canonical_decay) @ primitive.weights_
-        f = f * z if primitive.phase_scaled else f * (1.0 - BLEND(np.clip((time / duration - 1.0) / 0.25, 0.0, 1.0)))
+        f = (
+            f * z
+            if primitive.phase_scaled
+            else f * (1.0 - BLEND(np.clip((time / duration - 1.0) / 0.25, 0.0, 1.0)))
+        )
         g = start + goal_share(time / duration, primitive) * (goal - start)
         dx2 = tau * alpha * (beta * (g - x1) - x2) + tau * amplitude * f
         return np.concatenate([[-tau * primitive.canonical_decay * z], tau * x2, dx2])
@@ -65,7 +92,9 @@ def literal_rate(primitive, start, goal, duration, amplitude=1.0):
     return rate
 
 
-def integrate_literally(primitive, times, start, velocity, goal, duration, amplitude=1.0, rtol=1e-9):
+def integrate_literally(
+    primitive, times, start, velocity, goal, duration, amplitude=1.0, rtol=1e-9
+):
     rate = literal_rate(primitive, start, goal, duration, amplitude)
     state = np.concatenate([[1.0], start, velocity * duration])
     options = {"method": "DOP853", "rtol": rtol, "atol": rtol / 10, "max_step": duration / 50}
@@ -78,10 +107,17 @@ def integrate_literally(primitive, times, start, velocity, goal, duration, ampli
 def test_it_moves_by_the_equations_of_the_thesis(form):
     primitive = learned(12, **form)
     times = np.linspace(0.0, 1.5, 601)
-    start, velocity, goal, amplitude = np.array([0.1, 0.5]), np.array([0.4, -0.3]), np.array([0.9, 0.6]), np.array([1.0, 0.7])
+    start, velocity, goal, amplitude = (
+        np.array([0.1, 0.5]),
+        np.array([0.4, -0.3]),
+        np.array([0.9, 0.6]),
+        np.array([1.0, 0.7]),
+    )
     state = primitive.begin(start, goal=goal, duration=1.1, amplitude=amplitude, velocity=velocity)
     movement = primitive.open_loop(times, state)
-    position, speed = integrate_literally(primitive, times[::10], start, velocity, goal, 1.1, amplitude)
+    position, speed = integrate_literally(
+        primitive, times[::10], start, velocity, goal, 1.1, amplitude
+    )
     np.testing.assert_allclose(movement.position[::10], position, atol=2e-8)
     np.testing.assert_allclose(movement.velocity[::10], speed, atol=2e-7)
 
@@ -89,15 +125,26 @@ def test_it_moves_by_the_equations_of_the_thesis(form):
 @pytest.mark.parametrize("form", FORMS, ids=str)
 def test_acceleration_is_the_derivative_of_velocity_and_velocity_that_of_position(form):
     movement = learned(12, **form).open_loop(np.linspace(0.0, 2.5, 5001))
-    np.testing.assert_allclose(np.gradient(movement.position, 5e-4, axis=0)[1:-1], movement.velocity[1:-1], atol=5e-4)
-    np.testing.assert_allclose(np.gradient(movement.velocity, 5e-4, axis=0)[1:-1], movement.acceleration[1:-1], atol=5e-3)
+    np.testing.assert_allclose(
+        np.gradient(movement.position, 5e-4, axis=0)[1:-1], movement.velocity[1:-1], atol=5e-4
+    )
+    np.testing.assert_allclose(
+        np.gradient(movement.velocity, 5e-4, axis=0)[1:-1], movement.acceleration[1:-1], atol=5e-3
+    )
 
 
 def test_without_forcing_it_is_a_critically_damped_spring():
     primitive = learned(goal_path="fixed").with_parameters(np.zeros(60))
-    start, goal, velocity, duration = np.array([1.0, -2.0]), np.array([0.5, 3.0]), np.array([2.0, 0.0]), 0.8
+    start, goal, velocity, duration = (
+        np.array([1.0, -2.0]),
+        np.array([0.5, 3.0]),
+        np.array([2.0, 0.0]),
+        0.8,
+    )
     times = np.linspace(0.0, 2.0, 401)
-    movement = primitive.open_loop(times, primitive.begin(start, goal=goal, duration=duration, velocity=velocity))
+    movement = primitive.open_loop(
+        times, primitive.begin(start, goal=goal, duration=duration, velocity=velocity)
+    )
     wt = np.sqrt(primitive.stiffness) / duration * times[:, None]
     expected = goal + np.exp(-wt) * ((start - goal) * (1 + wt) + velocity * times[:, None])
     np.testing.assert_allclose(movement.position, expected, atol=1e-5)
@@ -106,9 +153,13 @@ def test_without_forcing_it_is_a_critically_damped_spring():
 def test_without_forcing_the_smooth_goal_leads_along_its_path():
     primitive = learned().with_parameters(np.zeros(60))
     times = np.linspace(0.0, 1.5, 301)
-    movement = primitive.open_loop(times, primitive.begin([1.0, -2.0], goal=[0.5, 3.0], duration=1.0, velocity=[0.0, 0.0]))
+    movement = primitive.open_loop(
+        times, primitive.begin([1.0, -2.0], goal=[0.5, 3.0], duration=1.0, velocity=[0.0, 0.0])
+    )
     share = BLEND(np.minimum(times, 1.0))[:, None]
-    np.testing.assert_allclose(movement.position, np.array([1.0, -2.0]) + share * np.array([-0.5, 5.0]), atol=2e-6)
+    np.testing.assert_allclose(
+        movement.position, np.array([1.0, -2.0]) + share * np.array([-0.5, 5.0]), atol=2e-6
+    )
 
 
 def measured_order(errors):
@@ -119,10 +170,14 @@ def test_open_loop_integration_is_of_fourth_order():
     primitive = learned(6)
     last = np.array([0.0, 0.5, 0.7, 1.1, 1.4])
     state = primitive.begin(goal=[0.5, 0.9], duration=1.0)
-    exact, _ = integrate_literally(primitive, last, state.position, state.velocity, state.wanted.goal, 1.0, rtol=1e-12)
+    exact, _ = integrate_literally(
+        primitive, last, state.position, state.velocity, state.wanted.goal, 1.0, rtol=1e-12
+    )
     errors = []
     for step in (0.02, 0.01, 0.005, 0.0025):
-        found = primitive.open_loop(step * np.arange(round(1.4 / step) + 1), state).position[np.rint(last / step).astype(int)]
+        found = primitive.open_loop(step * np.arange(round(1.4 / step) + 1), state).position[
+            np.rint(last / step).astype(int)
+        ]
         errors.append(np.abs(found - exact).max())
     order = measured_order(errors)
     assert np.abs(order - 4.0).max() < 0.15, (errors, order)
@@ -133,7 +188,9 @@ def test_integration_between_irregular_stamps_is_of_fourth_order():
     state = primitive.begin(duration=1.0)
     nodes = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 31))
     nodes = 1.2 * (nodes - nodes[0]) / (nodes[-1] - nodes[0])
-    exact, _ = integrate_literally(primitive, nodes, state.position, state.velocity, state.wanted.goal, 1.0, rtol=1e-12)
+    exact, _ = integrate_literally(
+        primitive, nodes, state.position, state.velocity, state.wanted.goal, 1.0, rtol=1e-12
+    )
     errors = []
     for split in (4, 8, 16, 32):
         times = np.interp(np.arange(30 * split + 1) / split, np.arange(31), nodes)
@@ -158,7 +215,10 @@ def test_demonstration_is_reproduced(form):
 
 def test_one_kernel_at_a_time_blurs_what_all_together_reproduce():
     position, *_ = reach_with_swing()
-    local, joint = (rms(learned(30, regression=name).open_loop(STAMPS).position - position) for name in ("local", "joint"))
+    local, joint = (
+        rms(learned(30, regression=name).open_loop(STAMPS).position - position)
+        for name in ("local", "joint")
+    )
     assert joint < 1e-5 and 1e-3 < local < 1e-2, (joint, local)
 
 
@@ -166,7 +226,11 @@ def test_one_kernel_at_a_time_blurs_what_all_together_reproduce():
 def test_local_regression_is_7_13_kernel_by_kernel(phase_scaled):
     primitive = learned(9, goal_path="fixed", regression="local", phase_scaled=phase_scaled)
     position, velocity, acceleration = reach_with_swing()
-    alpha, beta, tau = 2 * np.sqrt(primitive.stiffness), np.sqrt(primitive.stiffness) / 2, 1 / DURATION
+    alpha, beta, tau = (
+        2 * np.sqrt(primitive.stiffness),
+        np.sqrt(primitive.stiffness) / 2,
+        1 / DURATION,
+    )
     f_ref = acceleration / tau**2 - alpha * (beta * (position[-1] - position) - velocity / tau)
     z = np.exp(-primitive.canonical_decay * STAMPS / DURATION)
     psi = np.array([kernels(each, 9, primitive.canonical_decay) for each in z])
@@ -174,7 +238,9 @@ def test_local_regression_is_7_13_kernel_by_kernel(phase_scaled):
     for n in range(9):
         local = np.diag(psi[:, n])
         theta = np.linalg.inv(regressor.T @ local @ regressor) @ (regressor.T @ local @ f_ref)
-        np.testing.assert_allclose(primitive.weights_[n], theta[0], rtol=1e-8, atol=1e-8 * np.abs(f_ref).max())
+        np.testing.assert_allclose(
+            primitive.weights_[n], theta[0], rtol=1e-8, atol=1e-8 * np.abs(f_ref).max()
+        )
 
 
 @pytest.mark.parametrize("phase_scaled", [False, True])
@@ -182,8 +248,15 @@ def test_joint_regression_is_least_squares_on_the_forcing_term(phase_scaled):
     primitive = learned(9, goal_path="fixed", phase_scaled=phase_scaled)
     position, velocity, acceleration = reach_with_swing()
     pull = primitive.stiffness * (position[-1] - position)
-    f_ref = acceleration * DURATION**2 - pull + 2 * np.sqrt(primitive.stiffness) * velocity * DURATION
-    features = np.array([kernels(np.exp(-4.6 * s), 9, 4.6) * (np.exp(-4.6 * s) if phase_scaled else 1) for s in STAMPS / DURATION])
+    f_ref = (
+        acceleration * DURATION**2 - pull + 2 * np.sqrt(primitive.stiffness) * velocity * DURATION
+    )
+    features = np.array(
+        [
+            kernels(np.exp(-4.6 * s), 9, 4.6) * (np.exp(-4.6 * s) if phase_scaled else 1)
+            for s in STAMPS / DURATION
+        ]
+    )
     expected = np.linalg.lstsq(features, f_ref, rcond=None)[0]
     np.testing.assert_allclose(primitive.weights_, expected, atol=2e-4 * np.abs(expected).max())
 
@@ -193,7 +266,9 @@ def test_forcing_term_is_activations_times_weights(phase_scaled):
     primitive = learned(8, phase_scaled=phase_scaled)
     for s in (0.0, 0.37, 1.0):
         gate = np.exp(-4.6 * s) if phase_scaled else 1.0
-        np.testing.assert_allclose(primitive.activations([s])[0], gate * kernels(np.exp(-4.6 * s), 8, 4.6), atol=1e-9)
+        np.testing.assert_allclose(
+            primitive.activations([s])[0], gate * kernels(np.exp(-4.6 * s), 8, 4.6), atol=1e-9
+        )
     assert primitive.activations(np.linspace(0, 1, 50)).shape == (50, 8)
     past = primitive.activations(np.array([1.25, 2.0, 100.0]))
     assert np.isfinite(past).all() and np.abs(past).max() < (4e-3 if phase_scaled else 1e-12)
@@ -214,7 +289,10 @@ def test_movement_is_linear_in_the_parameters_as_policy_search_needs():
     primitive = learned(8)
     rng = np.random.default_rng(5)
     first, second = primitive.parameters, rng.normal(size=16)
-    at = [primitive.with_parameters(theta).open_loop(0.02).position for theta in (first, second, 0.3 * first + 0.7 * second)]
+    at = [
+        primitive.with_parameters(theta).open_loop(0.02).position
+        for theta in (first, second, 0.3 * first + 0.7 * second)
+    ]
     np.testing.assert_allclose(at[2], 0.3 * at[0] + 0.7 * at[1], atol=1e-10)
 
 
@@ -236,7 +314,11 @@ def test_shape_is_kept_when_the_movement_returns_to_its_start(form):
 def test_a_new_goal_near_or_across_the_start_neither_collapses_nor_explodes_the_shape():
     position, *_ = reach_with_swing()
     primitive = DiscretePrimitive(40).fit(STAMPS, position)
-    for goal in (primitive.start_, primitive.start_ + 1e-3, primitive.start_ - (primitive.goal_ - primitive.start_)):
+    for goal in (
+        primitive.start_,
+        primitive.start_ + 1e-3,
+        primitive.start_ - (primitive.goal_ - primitive.start_),
+    ):
         added = primitive.open_loop(STAMPS, primitive.begin(goal=goal)).position - position
         share = BLEND(STAMPS / DURATION)[:, None]
         np.testing.assert_allclose(added, share * (goal - primitive.goal_), atol=3e-4)
@@ -247,11 +329,17 @@ def test_new_starts_and_goals_are_met(form):
     primitive = learned(**form)
     rng = np.random.default_rng(1)
     for start, goal in rng.normal(size=(5, 2, 2)):
-        movement = primitive.open_loop(np.linspace(0.0, 4.0, 401), primitive.begin(start, goal=goal))
+        movement = primitive.open_loop(
+            np.linspace(0.0, 4.0, 401), primitive.begin(start, goal=goal)
+        )
         np.testing.assert_array_equal(movement.position[0], start)
-        np.testing.assert_allclose(movement.position[-1], goal, atol=2e-3 if "phase_scaled" in form else 1e-6)
+        np.testing.assert_allclose(
+            movement.position[-1], goal, atol=2e-3 if "phase_scaled" in form else 1e-6
+        )
     if form.get("goal_path", "smooth") == "smooth" and form.get("regression", "joint") == "joint":
-        at_end = primitive.open_loop([0.0, DURATION], primitive.begin(start, goal=goal)).position[-1]
+        at_end = primitive.open_loop([0.0, DURATION], primitive.begin(start, goal=goal)).position[
+            -1
+        ]
         np.testing.assert_allclose(at_end, goal, atol=3e-3)
 
 
@@ -259,23 +347,34 @@ def test_it_starts_smoothly_towards_a_new_goal_where_a_fixed_goal_jumps():
     far = [6.0, 6.0]
     smooth, fixed = (learned(goal_path=name) for name in ("smooth", "fixed"))
     jump = fixed.stiffness * (np.array(far) - fixed.goal_) / DURATION**2
-    np.testing.assert_allclose(fixed.begin(goal=far).acceleration - fixed.begin().acceleration, jump)
-    np.testing.assert_allclose(smooth.begin(goal=far).acceleration, smooth.begin().acceleration, atol=1e-9)
+    np.testing.assert_allclose(
+        fixed.begin(goal=far).acceleration - fixed.begin().acceleration, jump
+    )
+    np.testing.assert_allclose(
+        smooth.begin(goal=far).acceleration, smooth.begin().acceleration, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("duration", [0.1, 1.6, 33.0])
 def test_duration_changes_the_pace_and_not_the_path(duration):
     primitive = learned()
-    normal, other = primitive.open_loop(DURATION / 200), primitive.open_loop(duration / 200, primitive.begin(duration=duration))
+    normal, other = (
+        primitive.open_loop(DURATION / 200),
+        primitive.open_loop(duration / 200, primitive.begin(duration=duration)),
+    )
     ratio = DURATION / duration
     np.testing.assert_allclose(other.position, normal.position, atol=1e-9)
     np.testing.assert_allclose(other.velocity, normal.velocity * ratio, atol=1e-8 * ratio)
-    np.testing.assert_allclose(other.acceleration, normal.acceleration * ratio**2, atol=1e-7 * ratio**2)
+    np.testing.assert_allclose(
+        other.acceleration, normal.acceleration * ratio**2, atol=1e-7 * ratio**2
+    )
 
 
 def test_amplitude_scales_what_is_not_the_way_to_the_goal():
     primitive = learned()
-    way = BLEND(STAMPS / DURATION)[:, None] * (primitive.goal_ - primitive.start_) + primitive.start_
+    way = (
+        BLEND(STAMPS / DURATION)[:, None] * (primitive.goal_ - primitive.start_) + primitive.start_
+    )
     normal = primitive.open_loop(STAMPS).position - way
     doubled = primitive.open_loop(STAMPS, primitive.begin(amplitude=[2.0, 0.5])).position - way
     np.testing.assert_allclose(doubled, normal * [2.0, 0.5], atol=1e-5)
@@ -287,11 +386,15 @@ def test_a_movement_that_starts_and_ends_in_motion_is_reproduced_and_then_comes_
     primitive = DiscretePrimitive(40).fit(stamps, throw)
     np.testing.assert_allclose(primitive.start_velocity_, [3.0 * np.cos(0.5), 1.0], atol=1e-6)
     assert rms(primitive.open_loop(stamps).position - throw) < 2e-5
-    np.testing.assert_allclose(primitive.open_loop(stamps * 3).velocity[100], [3.0 * np.cos(3.5), 3.0], atol=0.05)
+    np.testing.assert_allclose(
+        primitive.open_loop(stamps * 3).velocity[100], [3.0 * np.cos(3.5), 3.0], atol=0.05
+    )
     np.testing.assert_allclose(primitive.open_loop(stamps * 4).position[-1], throw[-1], atol=1e-6)
 
 
 def test_stamps_may_start_anywhere():
     primitive = learned()
     late = DiscretePrimitive(30).fit(STAMPS + 1e4, *reach_with_swing())
-    np.testing.assert_allclose(late.open_loop(STAMPS - 77.0).position, primitive.open_loop(STAMPS).position, atol=1e-8)
+    np.testing.assert_allclose(
+        late.open_loop(STAMPS - 77.0).position, primitive.open_loop(STAMPS).position, atol=1e-8
+    )

@@ -1,4 +1,6 @@
-"""What movement primitives learn from: several and weighted demonstrations, noise, units, and input that is refused."""
+"""What movement primitives learn from: several and weighted demonstrations, noise, units, and
+input that is refused.
+"""
 
 import re
 
@@ -41,15 +43,28 @@ def test_demonstrations_of_different_length_pace_and_goal_are_one_movement():
 @pytest.mark.parametrize("regression", ["joint", "local"])
 def test_a_weight_of_two_is_the_demonstration_twice_and_none_is_without_it(kind, regression):
     turn = np.sin(2 * np.pi * STAMPS[:, None] + [0.0, 1.0])
-    paths = [turn, 2.0 * turn + 0.3, turn**3] if kind is RhythmicPrimitive else [reach(0.1), reach(0.3, goal=1.4), reach(0.9)]
+    paths = (
+        [turn, 2.0 * turn + 0.3, turn**3]
+        if kind is RhythmicPrimitive
+        else [reach(0.1), reach(0.3, goal=1.4), reach(0.9)]
+    )
     settings = {"period": 1.0} if kind is RhythmicPrimitive else {}
 
     def fit(chosen, weights=None):
-        return kind(12, regression=regression).fit([STAMPS] * len(chosen), [paths[i] for i in chosen], weights=weights, **settings)
+        return kind(12, regression=regression).fit(
+            [STAMPS] * len(chosen), [paths[i] for i in chosen], weights=weights, **settings
+        )
 
     weighted, repeated = fit([0, 1, 2], [2.0, 1.0, 0.0]), fit([0, 0, 1])
-    np.testing.assert_allclose(weighted.weights_, repeated.weights_, rtol=1e-7, atol=1e-7 * np.abs(repeated.weights_).max())
-    np.testing.assert_allclose(weighted.open_loop(0.01).position, repeated.open_loop(0.01).position, atol=1e-9)
+    np.testing.assert_allclose(
+        weighted.weights_,
+        repeated.weights_,
+        rtol=1e-7,
+        atol=1e-7 * np.abs(repeated.weights_).max(),
+    )
+    np.testing.assert_allclose(
+        weighted.open_loop(0.01).position, repeated.open_loop(0.01).position, atol=1e-9
+    )
 
 
 def test_samples_of_no_weight_do_not_count():
@@ -59,13 +74,19 @@ def test_samples_of_no_weight_do_not_count():
     weights[34:50] = 0.0
     known = DiscretePrimitive(15).fit(STAMPS, spoilt, weights=weights, noise=0.0)
     off = [
-        np.abs(primitive.open_loop(STAMPS).position - position).max() for primitive in (known, DiscretePrimitive(15).fit(STAMPS, spoilt))
+        np.abs(primitive.open_loop(STAMPS).position - position).max()
+        for primitive in (known, DiscretePrimitive(15).fit(STAMPS, spoilt))
     ]
     assert off[0] < 0.02 < 0.1 < off[1], off
 
 
 def test_weights_leave_no_trace_of_their_size():
-    one, other = (DiscretePrimitive(12).fit([STAMPS] * 2, [reach(0.1), reach(0.5)], weights=np.array([1, 3]) * c) for c in (1e-6, 1e6))
+    one, other = (
+        DiscretePrimitive(12).fit(
+            [STAMPS] * 2, [reach(0.1), reach(0.5)], weights=np.array([1, 3]) * c
+        )
+        for c in (1e-6, 1e6)
+    )
     np.testing.assert_allclose(one.weights_, other.weights_, rtol=1e-9, atol=1e-9)
 
 
@@ -84,11 +105,18 @@ def test_clean_samples_are_differentiated_closely_enough_to_reproduce_recorded_d
     # Unevenly spaced, of a sine whose derivatives are known.
     time = np.sort(np.random.default_rng(1).uniform(0.0, 1.0, 199))
     time = np.concatenate([[0.0], time, [1.0]])
-    position, velocity, acceleration = (3.0**k * np.sin(3.0 * time[:, None] + k * np.pi / 2) for k in range(3))
-    derived, recorded = DiscretePrimitive(20).fit(time, position), DiscretePrimitive(20).fit(time, position, velocity, acceleration)
+    position, velocity, acceleration = (
+        3.0**k * np.sin(3.0 * time[:, None] + k * np.pi / 2) for k in range(3)
+    )
+    derived, recorded = (
+        DiscretePrimitive(20).fit(time, position),
+        DiscretePrimitive(20).fit(time, position, velocity, acceleration),
+    )
     partly = DiscretePrimitive(20).fit(time, position, velocity)
     for other in (derived, partly):
-        np.testing.assert_allclose(other.open_loop(0.01).position, recorded.open_loop(0.01).position, atol=1e-5)
+        np.testing.assert_allclose(
+            other.open_loop(0.01).position, recorded.open_loop(0.01).position, atol=1e-5
+        )
 
 
 @given(
@@ -105,15 +133,22 @@ def test_a_change_of_units_changes_nothing_but_units(scale, pace, offset, **form
     other = DiscretePrimitive(12, **form).fit(STAMPS * pace, (reach() + offset) * scale, noise=0.0)
     movement, rescaled = plain.open_loop(STAMPS), other.open_loop(STAMPS * pace)
     tolerance = 1e-6 + 1e-9 * abs(offset)
-    np.testing.assert_allclose(rescaled.position / scale - offset, movement.position, atol=tolerance)
-    np.testing.assert_allclose(rescaled.velocity / scale * pace, movement.velocity, atol=30 * tolerance)
+    np.testing.assert_allclose(
+        rescaled.position / scale - offset, movement.position, atol=tolerance
+    )
+    np.testing.assert_allclose(
+        rescaled.velocity / scale * pace, movement.velocity, atol=30 * tolerance
+    )
 
 
 def test_a_change_of_units_changes_no_cycle_and_no_decision_about_noise():
     time = np.arange(0.0, 4.0, 0.01)
     rng = np.random.default_rng(0)
     wave = np.sin(2 * np.pi * time[:, None] / 1.3 + [0.0, 1.0]) + rng.normal(0, 0.01, (400, 2))
-    metres, millimetres = RhythmicPrimitive(20).fit(time, wave), RhythmicPrimitive(20).fit(1e3 * time, 1e3 * wave)
+    metres, millimetres = (
+        RhythmicPrimitive(20).fit(time, wave),
+        RhythmicPrimitive(20).fit(1e3 * time, 1e3 * wave),
+    )
     assert millimetres.period_ == pytest.approx(1e3 * metres.period_, rel=1e-6)
     np.testing.assert_allclose(millimetres.baseline_, 1e3 * metres.baseline_, atol=1e-4)
     np.testing.assert_allclose(millimetres.weights_, 1e3 * metres.weights_, rtol=1e-3, atol=1e-2)
@@ -126,7 +161,9 @@ def test_a_large_offset_costs_no_accuracy_beyond_its_own_digits():
 
 @pytest.mark.parametrize("n_samples", [2, 3, 7, 20])
 @pytest.mark.parametrize("regression", ["joint", "local"])
-def test_fewer_samples_than_kernels_still_give_a_movement_from_start_to_goal(n_samples, regression):
+def test_fewer_samples_than_kernels_still_give_a_movement_from_start_to_goal(
+    n_samples, regression
+):
     time = np.linspace(0.0, 1.0, n_samples)
     primitive = DiscretePrimitive(50, regression=regression).fit(time, reach(0.2, time))
     movement = primitive.open_loop(np.linspace(0.0, 4.0, 401))
@@ -138,7 +175,10 @@ def test_fewer_samples_than_kernels_still_give_a_movement_from_start_to_goal(n_s
 
 def test_lists_are_as_good_as_arrays():
     path = reach()
-    one, other = DiscretePrimitive(9).fit(STAMPS, path), DiscretePrimitive(9).fit(STAMPS.tolist(), path.tolist())
+    one, other = (
+        DiscretePrimitive(9).fit(STAMPS, path),
+        DiscretePrimitive(9).fit(STAMPS.tolist(), path.tolist()),
+    )
     stacked = DiscretePrimitive(9).fit(np.array([STAMPS, STAMPS]), np.array([path, path]))
     np.testing.assert_array_equal(one.weights_, other.weights_)
     np.testing.assert_allclose(stacked.weights_, one.weights_, rtol=1e-8, atol=1e-8)
@@ -158,17 +198,45 @@ def with_value(array, index, value):
 
 PATH = reach()
 BAD_DEMONSTRATIONS = {
-    "NaN": ((STAMPS, with_value(PATH, (3, 1), np.nan)), {}, "position holds nan at index (3, 1); remove or interpolate such values first"),
-    "inf": ((STAMPS, PATH, with_value(PATH, (0, 0), np.inf)), {}, "velocity holds inf at index (0, 0)"),
+    "NaN": (
+        (STAMPS, with_value(PATH, (3, 1), np.nan)),
+        {},
+        "position holds nan at index (3, 1); remove or interpolate such values first",
+    ),
+    "inf": (
+        (STAMPS, PATH, with_value(PATH, (0, 0), np.inf)),
+        {},
+        "velocity holds inf at index (0, 0)",
+    ),
     "NaN in time": ((with_value(STAMPS, 5, np.nan), PATH), {}, "time holds nan at index (5,)"),
-    "empty": (([], np.zeros((0, 2))), {}, "position is empty, shape (0, 2); at least one sample is needed"),
+    "empty": (
+        ([], np.zeros((0, 2))),
+        {},
+        "position is empty, shape (0, 2); at least one sample is needed",
+    ),
     "no demonstrations": (([], []), {}, "position must have 2 dimension(s), got shape (0,)"),
     "one sample": (([0.0], [[1.0, 2.0]]), {}, "time holds 1 stamps; at least 2 are needed"),
-    "repeated stamp": ((with_value(STAMPS, 7, STAMPS[6]), PATH), {}, "at index 6; sort the samples and drop repeated stamps"),
-    "backwards": ((STAMPS[::-1], PATH), {}, "time must increase, but goes from 1.0 to 0.99 at index 0"),
-    "one column": ((STAMPS, PATH[:, 0]), {}, "position must have 2 dimension(s), got shape (101,); use reshape(-1, 1)"),
+    "repeated stamp": (
+        (with_value(STAMPS, 7, STAMPS[6]), PATH),
+        {},
+        "at index 6; sort the samples and drop repeated stamps",
+    ),
+    "backwards": (
+        (STAMPS[::-1], PATH),
+        {},
+        "time must increase, but goes from 1.0 to 0.99 at index 0",
+    ),
+    "one column": (
+        (STAMPS, PATH[:, 0]),
+        {},
+        "position must have 2 dimension(s), got shape (101,); use reshape(-1, 1)",
+    ),
     "other length": ((STAMPS[:-1], PATH), {}, "time must have length 101, got 100"),
-    "other shape": ((STAMPS, PATH, PATH[:, :1]), {}, "velocity must have the position's shape (101, 2), got (101, 1)"),
+    "other shape": (
+        (STAMPS, PATH, PATH[:, :1]),
+        {},
+        "velocity must have the position's shape (101, 2), got (101, 1)",
+    ),
     "ragged": ((STAMPS, [[1.0, 2.0], [3.0]]), {}, "position must be a regular array of numbers"),
     "words": ((STAMPS, [["a", "b"]]), {}, "position must be a regular array of numbers"),
     "in the second": (
@@ -176,11 +244,27 @@ BAD_DEMONSTRATIONS = {
         {},
         "position of demonstration 1 holds nan at index (1, 1)",
     ),
-    "other columns": (([STAMPS] * 2, [PATH, PATH[:, :1]]), {}, "demonstrations must have the same number of columns, got [1, 2]"),
-    "too few stamps": (([STAMPS], [PATH, PATH]), {}, "time must have one entry for each of the 2 demonstrations"),
-    "stamps shared": ((STAMPS, [PATH, PATH]), {}, "time must have one entry for each of the 2 demonstrations"),
+    "other columns": (
+        ([STAMPS] * 2, [PATH, PATH[:, :1]]),
+        {},
+        "demonstrations must have the same number of columns, got [1, 2]",
+    ),
+    "too few stamps": (
+        ([STAMPS], [PATH, PATH]),
+        {},
+        "time must have one entry for each of the 2 demonstrations",
+    ),
+    "stamps shared": (
+        (STAMPS, [PATH, PATH]),
+        {},
+        "time must have one entry for each of the 2 demonstrations",
+    ),
     "negative weight": ((STAMPS, PATH), {"weights": -1.0}, "weights must not be negative, got -1"),
-    "no weight": ((STAMPS, PATH), {"weights": np.zeros(101)}, "weights are all zero; at least one sample must count"),
+    "no weight": (
+        (STAMPS, PATH),
+        {"weights": np.zeros(101)},
+        "weights are all zero; at least one sample must count",
+    ),
     "weights of other length": (
         (STAMPS, PATH),
         {"weights": np.ones(7)},
@@ -204,9 +288,15 @@ def test_bad_demonstrations_are_refused_with_value_place_and_remedy(kind, name):
         ({"n_basis": 1}, "n_basis must be an integer of at least 2, got 1"),
         ({"n_basis": 5.5}, "n_basis must be an integer, got 5.5"),
         ({"stiffness": 0.0}, "stiffness must be above 0, got 0"),
-        ({"canonical_decay": 1e3}, "canonical_decay must be at most 100, got 1000: z would vanish before the end"),
+        (
+            {"canonical_decay": 1e3},
+            "canonical_decay must be at most 100, got 1000: z would vanish before the end",
+        ),
         ({"goal_path": "straight"}, "goal_path must be 'smooth' or 'fixed', got 'straight'"),
-        ({"regression": "global"}, "regression must be one of ['joint', 'local', 'path'], got 'global'"),
+        (
+            {"regression": "global"},
+            "regression must be one of ['joint', 'local', 'path'], got 'global'",
+        ),
     ],
 )
 def test_bad_hyper_parameters_are_named(settings, message):
@@ -241,7 +331,10 @@ def test_bad_stamps_and_parameters_are_named():
             primitive.open_loop(times)
     with pytest.raises(ValueError, match="parameters must have length 10, got 9"):
         primitive.with_parameters(np.zeros(9))
-    for progress, message in [(0.5, "progress must have 1 dimension"), ([0.1, -0.2], "progress must be at least 0.* got -0.2")]:
+    for progress, message in [
+        (0.5, "progress must have 1 dimension"),
+        ([0.1, -0.2], "progress must be at least 0.* got -0.2"),
+    ]:
         with pytest.raises(ValueError, match=message):
             primitive.activations(progress)
 

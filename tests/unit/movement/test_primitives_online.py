@@ -1,5 +1,5 @@
-"""Discrete primitives executed step by step: goal, duration and amplitude that change on the way, a push, being held, and
-measured positions.
+"""Discrete primitives executed step by step: goal, duration and amplitude that change on the way,
+a push, being held, and measured positions.
 """
 
 from dataclasses import replace
@@ -51,7 +51,9 @@ def test_step_by_step_it_is_the_open_loop_movement(primitive):
 
 
 def wishes(number, rng):
-    """What somebody wants at the step of this number of 300: a push, another goal, to be held, a step of another length."""
+    """What somebody wants at the step of this number of 300: a push, another goal, to be held, a
+    step of another length.
+    """
     settings = {"dt": STEP if number < 250 else 0.7 * STEP}
     if number % 37 == 36:
         settings["coupling"] = rng.normal(size=2)
@@ -65,26 +67,44 @@ def wishes(number, rng):
 @pytest.mark.parametrize("cyclic", [False, True], ids=["discrete", "rhythmic"])
 def test_what_is_worked_out_ahead_changes_nothing(primitive, cyclic):
     """The reference makes every step as if it were the first one."""
-    kind = RhythmicPrimitive(20).fit(STAMPS, np.sin(2 * np.pi * STAMPS)[:, None] * [0.1, 0.2]) if cyclic else primitive
+    kind = (
+        RhythmicPrimitive(20).fit(STAMPS, np.sin(2 * np.pi * STAMPS)[:, None] * [0.1, 0.2])
+        if cyclic
+        else primitive
+    )
     state = reference = kind.begin()
     rng, ahead = np.random.default_rng(0), 0
     for number in range(300):
         settings = wishes(number, rng)
         if cyclic:
-            settings = {{"goal": "baseline"}.get(name, name): value for name, value in settings.items()}
+            settings = {
+                {"goal": "baseline"}.get(name, name): value for name, value in settings.items()
+            }
         if number == 200:  # somebody moved it
-            state, reference = (replace(one, position=one.position + 0.01) for one in (state, reference))
-        state, reference = kind.step(state, **settings), kind.step(replace(reference, ahead=None), **settings)
+            state, reference = (
+                replace(one, position=one.position + 0.01) for one in (state, reference)
+            )
+        state, reference = (
+            kind.step(state, **settings),
+            kind.step(replace(reference, ahead=None), **settings),
+        )
         ahead += state.next_ahead > 0
         for name in ("position", "velocity", "acceleration", "progress"):
-            np.testing.assert_allclose(getattr(state, name), getattr(reference, name), rtol=1e-11, atol=1e-11, err_msg=f"{name} {number}")
+            np.testing.assert_allclose(
+                getattr(state, name),
+                getattr(reference, name),
+                rtol=1e-11,
+                atol=1e-11,
+                err_msg=f"{name} {number}",
+            )
     assert ahead > 100, "steps were worked out ahead"
 
 
 def test_a_state_that_was_set_elsewhere_in_the_movement_goes_on_from_there(primitive):
     state = replace(execute(primitive, primitive.begin(), 0.2)[-1], progress=0.6)
     made, reference = primitive.step(state, STEP), primitive.step(replace(state, ahead=None), STEP)
-    # Not to the last bit: drives of many steps are one product of matrices, which some versions of BLAS sum otherwise.
+    # Not to the last bit: drives of many steps are one product of matrices, which some versions of
+    # BLAS sum otherwise.
     np.testing.assert_allclose(made.acceleration, reference.acceleration, rtol=1e-13)
 
 
@@ -92,25 +112,41 @@ def test_a_state_goes_on_with_another_primitive(primitive):
     """What one has worked out ahead is not taken for the other's."""
     other = primitive.with_parameters(1.1 * primitive.parameters)
     state = execute(primitive, primitive.begin(), 0.2)[-1]
-    np.testing.assert_array_equal(other.step(state, STEP).position, other.step(replace(state, ahead=None), STEP).position)
-    assert not np.array_equal(other.step(state, STEP).acceleration, primitive.step(state, STEP).acceleration)
+    np.testing.assert_array_equal(
+        other.step(state, STEP).position, other.step(replace(state, ahead=None), STEP).position
+    )
+    assert not np.array_equal(
+        other.step(state, STEP).acceleration, primitive.step(state, STEP).acceleration
+    )
 
 
 def test_open_loop_goes_on_from_any_state(primitive):
     state = execute(primitive, primitive.begin(), 0.6)[-1]
-    state = primitive.step(state, STEP, goal=[1.0, 1.0], duration=1.0, amplitude=0.5, coupling=[1.0, 2.0])
+    state = primitive.step(
+        state, STEP, goal=[1.0, 1.0], duration=1.0, amplitude=0.5, coupling=[1.0, 2.0]
+    )
     states = execute(primitive, state, 1.0)
     laid_out = primitive.open_loop(7.0 + STEP * np.arange(201), state)
     np.testing.assert_allclose(track(states), laid_out.position, atol=1e-10)
     # Not at the first one, which still felt the push.
-    np.testing.assert_allclose(track(states, "acceleration")[1:], laid_out.acceleration[1:], atol=1e-7)
+    np.testing.assert_allclose(
+        track(states, "acceleration")[1:], laid_out.acceleration[1:], atol=1e-7
+    )
 
 
-CHANGES = {"goal": [1.1, -0.4], "duration": 1.1, "amplitude": [0.5, 1.8], "coupling": [2.0, -1.0], "tracking_error": [0.02, 0.01]}
+CHANGES = {
+    "goal": [1.1, -0.4],
+    "duration": 1.1,
+    "amplitude": [0.5, 1.8],
+    "coupling": [2.0, -1.0],
+    "tracking_error": [0.02, 0.01],
+}
 
 
 def changing_rate(primitive):
-    """Everything that follows what is wanted, as differential equations in seconds, for (s, pace, x, dx/ds, g, A)."""
+    """Everything that follows what is wanted, as differential equations in seconds, for (s, pace,
+    x, dx/ds, g, A).
+    """
     frequency = np.sqrt(primitive.stiffness)
     goal, amplitude, push = (np.array(CHANGES[name]) for name in ("goal", "amplitude", "coupling"))
     share = 1.0 / (1.0 + (0.02**2 + 0.01**2) / 0.03**2)
@@ -120,11 +156,17 @@ def changing_rate(primitive):
         s, pace, x, slope, g, a = state[0], state[1], *state[2:].reshape(4, 2)
         way = pull_of_the_blend(min(s, 1.0))
         f = primitive.activations([s])[0] @ primitive.weights_
-        pull = primitive.stiffness * (primitive.start_ + way * (g - primitive.start_) - x) - 2 * frequency * slope
+        pull = (
+            primitive.stiffness * (primitive.start_ + way * (g - primitive.start_) - x)
+            - 2 * frequency * slope
+        )
         curvature = pull + a * f + CHANGES["duration"] ** 2 * push
         rates = [slope, curvature, frequency * (goal - g), frequency * (amplitude - a)]
         return np.concatenate(
-            [[pace, frequency / CHANGES["duration"] * (share / CHANGES["duration"] - pace)], pace * np.concatenate(rates)]
+            [
+                [pace, frequency / CHANGES["duration"] * (share / CHANGES["duration"] - pace)],
+                pace * np.concatenate(rates),
+            ]
         )
 
     return rate
@@ -134,29 +176,49 @@ def test_online_steps_are_of_fourth_order_while_everything_changes():
     primitive = DiscretePrimitive(6).fit(STAMPS, demonstration())
     # From one and the same state, which was reached by itself.
     begin = execute(primitive, primitive.begin(), 0.5, 0.01)[-1]
-    start = np.concatenate([[begin.progress, begin.pace], begin.position, begin.velocity / begin.pace, begin.goal, begin.amplitude])
-    exact = solve_ivp(changing_rate(primitive), (0.0, 0.8), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    start = np.concatenate(
+        [
+            [begin.progress, begin.pace],
+            begin.position,
+            begin.velocity / begin.pace,
+            begin.goal,
+            begin.amplitude,
+        ]
+    )
+    exact = solve_ivp(
+        changing_rate(primitive), (0.0, 0.8), start, method="DOP853", rtol=1e-12, atol=1e-13
+    ).y[:, -1]
     errors = []
     for dt in (0.04, 0.02, 0.01, 0.005):
         last = execute(primitive, begin, 0.8, dt, **CHANGES)[-1]
         errors.append(np.abs(last.position - exact[2:4]).max())
-        np.testing.assert_allclose([last.progress, last.pace, *last.goal, *last.amplitude], [*exact[:2], *exact[6:]], rtol=1e-9)
+        np.testing.assert_allclose(
+            [last.progress, last.pace, *last.goal, *last.amplitude],
+            [*exact[:2], *exact[6:]],
+            rtol=1e-9,
+        )
     order = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     assert np.abs(order - 4.0).max() < 0.3, (errors, order)
     np.testing.assert_allclose(last.velocity, exact[1] * exact[4:6], atol=1e-6)
 
 
 @pytest.mark.parametrize("when", [0.0, 0.5, 1.2, 1.9, 2.6])
-def test_a_goal_that_changes_on_the_way_does_not_jump_the_acceleration_and_is_reached(primitive, when):
+def test_a_goal_that_changes_on_the_way_does_not_jump_the_acceleration_and_is_reached(
+    primitive, when
+):
     before = execute(primitive, primitive.begin(), when)[-1]
     goal, jump = np.array([1.5, -1.0]), primitive.stiffness / DURATION**2
     after = primitive.step(before, 1e-7, goal=goal)
     assert np.abs(after.acceleration - before.acceleration).max() < 1e-4 * jump
-    np.testing.assert_allclose(execute(primitive, after, 4.0, 0.02, goal=goal)[-1].position, goal, atol=1e-5)
+    np.testing.assert_allclose(
+        execute(primitive, after, 4.0, 0.02, goal=goal)[-1].position, goal, atol=1e-5
+    )
 
 
 def test_a_goal_that_changes_early_is_reached_in_time(primitive):
-    states = execute(primitive, execute(primitive, primitive.begin(), 0.6)[-1], 1.4, goal=[1.5, -1.0])
+    states = execute(
+        primitive, execute(primitive, primitive.begin(), 0.6)[-1], 1.4, goal=[1.5, -1.0]
+    )
     np.testing.assert_allclose(states[-1].position, [1.5, -1.0], atol=1e-2)
 
 
@@ -169,13 +231,22 @@ def test_a_goal_that_moves_closer_before_the_hand_is_there_is_not_overshot(primi
 
 
 @pytest.mark.parametrize("duration", [0.5, 1.0, 6.0])
-def test_a_duration_that_changes_on_the_way_keeps_to_the_path_and_does_not_jump_the_velocity(primitive, duration):
+def test_a_duration_that_changes_on_the_way_keeps_to_the_path_and_does_not_jump_the_velocity(
+    primitive, duration
+):
     before = execute(primitive, primitive.begin(), 0.8)[-1]
     states = execute(primitive, before, duration, duration=duration)
-    np.testing.assert_allclose(track(states), on_path(primitive, track(states, "progress")), atol=1e-6)
-    assert np.abs(primitive.step(before, 1e-8, duration=duration).velocity - before.velocity).max() < 1e-5
+    np.testing.assert_allclose(
+        track(states), on_path(primitive, track(states, "progress")), atol=1e-6
+    )
+    assert (
+        np.abs(primitive.step(before, 1e-8, duration=duration).velocity - before.velocity).max()
+        < 1e-5
+    )
     later = states[len(states) // 2 :]
-    assert np.diff(track(later, "progress")) == pytest.approx(STEP / duration, rel=0.02), "it has the new pace"
+    assert np.diff(track(later, "progress")) == pytest.approx(STEP / duration, rel=0.02), (
+        "it has the new pace"
+    )
 
 
 def test_after_a_push_it_returns_to_its_path_like_a_critically_damped_spring(primitive):
@@ -186,22 +257,32 @@ def test_after_a_push_it_returns_to_its_path_like_a_critically_damped_spring(pri
     assert np.abs(off).max() > 0.02
     gap = track(execute(primitive, pushed, 1.5)) - track(execute(primitive, left_alone, 1.5))
     frequency, time = np.sqrt(primitive.stiffness) / DURATION, STEP * np.arange(len(gap))[:, None]
-    np.testing.assert_allclose(gap, np.exp(-frequency * time) * (off + (speed + frequency * off) * time), atol=1e-7)
-    np.testing.assert_allclose(execute(primitive, pushed, 4.0, 0.02)[-1].position, primitive.goal_, atol=1e-6)
+    np.testing.assert_allclose(
+        gap, np.exp(-frequency * time) * (off + (speed + frequency * off) * time), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        execute(primitive, pushed, 4.0, 0.02)[-1].position, primitive.goal_, atol=1e-6
+    )
 
 
 def test_under_a_lasting_push_it_gives_way_as_a_spring_does(primitive):
     push = np.array([0.5, -2.0])
     rest = execute(primitive, primitive.begin(), 6.0, 0.02, coupling=push)[-1]
-    np.testing.assert_allclose(rest.position - primitive.goal_, push * DURATION**2 / primitive.stiffness, atol=1e-6)
+    np.testing.assert_allclose(
+        rest.position - primitive.goal_, push * DURATION**2 / primitive.stiffness, atol=1e-6
+    )
 
 
 def test_from_a_perturbed_state_it_comes_to_the_goal(primitive):
     rng = np.random.default_rng(2)
     for seconds in (0.0, 0.7, 1.9, 3.0):
         state = execute(primitive, primitive.begin(), seconds)[-1]
-        state = replace(state, position=state.position + rng.normal(0, 0.5, 2), velocity=rng.normal(0, 1.0, 2))
-        np.testing.assert_allclose(execute(primitive, state, 5.0, 0.02)[-1].position, primitive.goal_, atol=1e-5)
+        state = replace(
+            state, position=state.position + rng.normal(0, 0.5, 2), velocity=rng.normal(0, 1.0, 2)
+        )
+        np.testing.assert_allclose(
+            execute(primitive, state, 5.0, 0.02)[-1].position, primitive.goal_, atol=1e-5
+        )
 
 
 def hold(primitive, state, seconds, **settings):
@@ -226,7 +307,9 @@ def test_released_it_goes_on_along_the_path_without_a_jump(primitive):
     waiting = hold(primitive, execute(primitive, primitive.begin(), 0.9)[-1], 3.0)[-1]
     states = execute(primitive, waiting, 3.0)
     assert np.abs(np.diff(track(states, "velocity"), axis=0)).max() < STEP * 5.0
-    np.testing.assert_allclose(track(states), on_path(primitive, track(states, "progress")), atol=1e-6)
+    np.testing.assert_allclose(
+        track(states), on_path(primitive, track(states, "progress")), atol=1e-6
+    )
     np.testing.assert_allclose(states[-1].position, primitive.goal_, atol=1e-6)
 
 
@@ -277,12 +360,19 @@ def test_bad_settings_of_a_step_are_named(primitive, settings, message):
 
 def test_a_measured_state_that_is_no_state_is_refused(primitive):
     begin = primitive.begin()
-    for broken in (replace(begin, position=np.zeros(3)), replace(begin, velocity=np.array([np.nan, 0.0]))):
+    for broken in (
+        replace(begin, position=np.zeros(3)),
+        replace(begin, velocity=np.array([np.nan, 0.0])),
+    ):
         with pytest.raises(ValueError, match="state must hold 2 finite positions and velocities"):
             primitive.step(broken, 0.01)
 
 
-def test_a_tracking_error_beyond_all_bounds_stops_the_movement_for_as_long_as_it_lasts_and_no_longer(primitive):
+def test_a_tracking_error_beyond_all_bounds_stops_the_movement_for_as_long_as_it_lasts_and_no_longer(
+    primitive,
+):
     states = execute(primitive, primitive.begin(), 400.0, 1.0, tracking_error=[1e200, 0.0])
     assert 0.0 < states[-1].progress < 0.1
-    np.testing.assert_allclose(execute(primitive, states[-1], 6.0, 0.02)[-1].position, primitive.goal_, atol=1e-6)
+    np.testing.assert_allclose(
+        execute(primitive, states[-1], 6.0, 0.02)[-1].position, primitive.goal_, atol=1e-6
+    )

@@ -1,4 +1,6 @@
-"""Rhythmic primitives: cycles learned, their period found, no seam, and what changes on the way (thesis (7.6)-(7.13))."""
+"""Rhythmic primitives: cycles learned, their period found, no seam, and what changes on the way
+(thesis (7.6)-(7.13)).
+"""
 
 from dataclasses import replace
 
@@ -53,7 +55,13 @@ def literal_rate(primitive, period):
         angle, x1, x2 = state[0], state[1:3], state[3:]
         psi = np.exp(concentration * (np.cos(angle - centres) - 1.0))
         f = psi @ primitive.weights_ / psi.sum()
-        return np.concatenate([[2 * np.pi * tau], tau * x2, tau * (alpha * (beta * (primitive.baseline_ - x1) - x2) + f)])
+        return np.concatenate(
+            [
+                [2 * np.pi * tau],
+                tau * x2,
+                tau * (alpha * (beta * (primitive.baseline_ - x1) - x2) + f),
+            ]
+        )
 
     return rate
 
@@ -63,7 +71,15 @@ def test_it_moves_by_the_equations_of_the_thesis():
     times = np.linspace(0.0, 3.0, 1201)
     state = primitive.begin([0.9, 0.2], velocity=[0.0, -1.0], period=1.2, phase=0.4)
     start = np.concatenate([[0.8 * np.pi], state.position, state.velocity * 1.2])
-    exact = solve_ivp(literal_rate(primitive, 1.2), (0.0, 3.0), start, t_eval=times[::20], method="DOP853", rtol=1e-9, atol=1e-10)
+    exact = solve_ivp(
+        literal_rate(primitive, 1.2),
+        (0.0, 3.0),
+        start,
+        t_eval=times[::20],
+        method="DOP853",
+        rtol=1e-9,
+        atol=1e-10,
+    )
     movement = primitive.open_loop(times, state)
     np.testing.assert_allclose(movement.position[::20], exact.y[1:3].T, atol=2e-8)
     np.testing.assert_allclose(movement.velocity[::20], exact.y[3:].T / 1.2, atol=2e-7)
@@ -73,11 +89,15 @@ def test_open_loop_and_steps_are_of_fourth_order():
     primitive = learned(n_basis=5)
     state = primitive.begin([0.9, 0.2], velocity=[0.0, -1.0], period=1.0)
     start = np.concatenate([[0.0], state.position, state.velocity])
-    exact = solve_ivp(literal_rate(primitive, 1.0), (0.0, 1.6), start, method="DOP853", rtol=1e-12, atol=1e-13).y[1:3, -1]
+    exact = solve_ivp(
+        literal_rate(primitive, 1.0), (0.0, 1.6), start, method="DOP853", rtol=1e-12, atol=1e-13
+    ).y[1:3, -1]
     errors = []
     for step in (0.04, 0.02, 0.01, 0.005):
         laid_out = primitive.open_loop(step * np.arange(round(1.6 / step) + 1), state).position[-1]
-        np.testing.assert_allclose(execute(primitive, state, 1.6, step)[-1].position, laid_out, atol=1e-12)
+        np.testing.assert_allclose(
+            execute(primitive, state, 1.6, step)[-1].position, laid_out, atol=1e-12
+        )
         errors.append(np.abs(laid_out - exact).max())
     order = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     assert np.abs(order - 4.0).max() < 0.3, (errors, order)
@@ -87,7 +107,9 @@ def test_open_loop_and_steps_are_of_fourth_order():
 def test_limit_cycle_is_what_one_period_maps_to_itself(phase):
     primitive = learned()
     position, velocity = primitive.limit_cycle(phase, period=0.9, amplitude=2.0)
-    after = primitive.open_loop(np.linspace(0.0, 0.9, 301), primitive.begin(period=0.9, amplitude=2.0, phase=phase))
+    after = primitive.open_loop(
+        np.linspace(0.0, 0.9, 301), primitive.begin(period=0.9, amplitude=2.0, phase=phase)
+    )
     np.testing.assert_allclose(after.position[-1], position, atol=1e-6)
     np.testing.assert_allclose(after.velocity[-1], velocity, atol=1e-5)
     np.testing.assert_allclose(after.position[0], position)
@@ -95,7 +117,9 @@ def test_limit_cycle_is_what_one_period_maps_to_itself(phase):
 
 def test_there_is_no_seam_where_the_phase_starts_again():
     primitive = learned()
-    np.testing.assert_allclose(primitive.activations([0.0]), primitive.activations([1.0]), atol=1e-12)
+    np.testing.assert_allclose(
+        primitive.activations([0.0]), primitive.activations([1.0]), atol=1e-12
+    )
     s = np.linspace(0.98, 1.02, 401)
     slopes = np.diff(primitive.activations(s) @ primitive.weights_, axis=0) / np.diff(s)[:, None]
     assert np.abs(np.diff(slopes, axis=0)).max() < 0.02 * np.abs(slopes).max()
@@ -107,7 +131,9 @@ def test_there_is_no_seam_where_the_phase_starts_again():
 def test_kernels_are_alike_and_turn_with_the_phase():
     primitive = RhythmicPrimitive(8).fit(STAMPS, circle(STAMPS), period=PERIOD)
     s = np.linspace(0.0, 1.0, 41)
-    np.testing.assert_allclose(np.roll(primitive.activations(s), 3, axis=1), primitive.activations(s + 3 / 8), atol=1e-12)
+    np.testing.assert_allclose(
+        np.roll(primitive.activations(s), 3, axis=1), primitive.activations(s + 3 / 8), atol=1e-12
+    )
     np.testing.assert_allclose(primitive.activations(s).sum(axis=1), 1.0)
 
 
@@ -117,7 +143,9 @@ def test_from_anywhere_it_comes_to_the_cycle():
     rng = np.random.default_rng(0)
     usual = primitive.open_loop(long).position
     for start, velocity in rng.normal(0, 2.0, (4, 2, 2)):
-        gap = np.abs(primitive.open_loop(long, primitive.begin(start, velocity=velocity)).position - usual)
+        gap = np.abs(
+            primitive.open_loop(long, primitive.begin(start, velocity=velocity)).position - usual
+        )
         assert gap[-1].max() < 1e-8 < 0.1 < gap[0].max()
 
 
@@ -125,13 +153,18 @@ def test_amplitude_scales_the_cycle_about_the_baseline_which_can_be_moved():
     primitive = learned()
     times = np.linspace(0.0, PERIOD, 301)
     usual = primitive.open_loop(times).position - CENTRE
-    other = primitive.open_loop(times, primitive.begin(baseline=[5.0, 6.0], amplitude=[3.0, 0.5])).position
+    other = primitive.open_loop(
+        times, primitive.begin(baseline=[5.0, 6.0], amplitude=[3.0, 0.5])
+    ).position
     np.testing.assert_allclose(other - [5.0, 6.0], usual * [3.0, 0.5], atol=1e-5)
 
 
 def test_period_changes_the_pace_and_not_the_path():
     primitive = learned()
-    usual, fast = primitive.open_loop(PERIOD / 100), primitive.open_loop(0.25 / 100, primitive.begin(period=0.25))
+    usual, fast = (
+        primitive.open_loop(PERIOD / 100),
+        primitive.open_loop(0.25 / 100, primitive.begin(period=0.25)),
+    )
     np.testing.assert_allclose(fast.position, usual.position, atol=1e-9)
     np.testing.assert_allclose(fast.velocity, usual.velocity * PERIOD / 0.25, rtol=1e-6, atol=1e-8)
 
@@ -140,7 +173,10 @@ def test_period_amplitude_and_baseline_that_change_on_the_way_are_followed_witho
     primitive = learned()
     before = execute(primitive, primitive.begin(), 1.0)[-1]
     changes = {"baseline": [1.0, 1.0], "amplitude": 2.0}
-    assert np.abs(primitive.step(before, 1e-7, **changes).acceleration - before.acceleration).max() < 1e-4
+    assert (
+        np.abs(primitive.step(before, 1e-7, **changes).acceleration - before.acceleration).max()
+        < 1e-4
+    )
     assert np.abs(primitive.step(before, 1e-7, period=0.8).velocity - before.velocity).max() < 1e-5
     last = execute(primitive, before, 8.0, period=0.8, **changes)[-1]
     position, velocity = primitive.limit_cycle(last.progress, period=0.8, **changes)
@@ -154,14 +190,22 @@ def test_pushed_it_comes_back_and_held_it_waits():
     usual = execute(primitive, begin, 3.0)
     pushed = execute(primitive, begin, 0.2, coupling=[20.0, 0.0])
     assert np.abs(pushed[-1].position - usual[20].position).max() > 0.05
-    np.testing.assert_allclose(execute(primitive, pushed[-1], 2.8)[-1].position, usual[-1].position, atol=1e-5)
+    np.testing.assert_allclose(
+        execute(primitive, pushed[-1], 2.8)[-1].position, usual[-1].position, atol=1e-5
+    )
     waiting = begin
     for _ in range(300):
-        waiting = primitive.step(waiting, 0.01, tracking_error=begin.position - waiting.position, tolerance=0.01)
+        waiting = primitive.step(
+            waiting, 0.01, tracking_error=begin.position - waiting.position, tolerance=0.01
+        )
     assert waiting.progress - begin.progress < 0.15
-    np.testing.assert_allclose(waiting.position, primitive.limit_cycle(waiting.progress)[0], atol=1e-5)
+    np.testing.assert_allclose(
+        waiting.position, primitive.limit_cycle(waiting.progress)[0], atol=1e-5
+    )
     off = replace(begin, position=begin.position + 1.0)
-    np.testing.assert_allclose(execute(primitive, off, 3.0)[-1].position, usual[-1].position, atol=1e-5)
+    np.testing.assert_allclose(
+        execute(primitive, off, 3.0)[-1].position, usual[-1].position, atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("n_periods", [1.6, 2.0, 3.7, 11.0])
@@ -190,13 +234,21 @@ def test_one_period_is_enough_when_it_is_given_with_or_without_its_last_sample()
 def test_what_does_not_repeat_is_refused():
     time = np.linspace(0.0, 1.0, 101)
     reach = (time**3 * (10 - 15 * time + 6 * time**2))[:, None]
-    with pytest.raises(ValueError, match=r"position does not repeat within its 1 s; give period= or record two periods"):
+    with pytest.raises(
+        ValueError,
+        match=r"position does not repeat within its 1 s; give period= or record two periods",
+    ):
         RhythmicPrimitive().fit(time, reach)
-    with pytest.raises(ValueError, match=r"does not repeat after the period of 1 s: it comes back off by 1"):
+    with pytest.raises(
+        ValueError, match=r"does not repeat after the period of 1 s: it comes back off by 1"
+    ):
         RhythmicPrimitive().fit(time, reach, period=1.0)
     with pytest.raises(ValueError, match=r"does not repeat after the period of 1.3 s"):
         RhythmicPrimitive().fit(STAMPS, figure_eight(STAMPS), period=1.3)
-    with pytest.raises(ValueError, match=r"position spans 1 s, less than the period of 1.5 s; record a whole period"):
+    with pytest.raises(
+        ValueError,
+        match=r"position spans 1 s, less than the period of 1.5 s; record a whole period",
+    ):
         RhythmicPrimitive().fit(time, reach, period=1.5)
     with pytest.raises(ValueError, match="does not repeat"):
         RhythmicPrimitive().fit(STAMPS, np.ones((len(STAMPS), 2)))

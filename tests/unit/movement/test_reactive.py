@@ -1,9 +1,19 @@
-"""A model that is asked while the robot moves: frames that move, and a phase that waits for the robot."""
+"""A model that is asked while the robot moves: frames that move, and a phase that waits for the
+robot.
+"""
 
 import numpy as np
 import pytest
 
-from dart_skill.movement import AutonomousDSGMR, MovingFrame, PhaseRule, ReactivePolicy, TaskFrame, attractor_from_motion, start_frame
+from dart_skill.movement import (
+    AutonomousDSGMR,
+    MovingFrame,
+    PhaseRule,
+    ReactivePolicy,
+    TaskFrame,
+    attractor_from_motion,
+    start_frame,
+)
 from dart_skill.movement._autonomous import lift
 
 STIFFNESS, STEP = 100.0, 0.005
@@ -13,16 +23,28 @@ RULE = PhaseRule(slowest=0.01, fastest=1.5, time_constant=0.02, ignored=0.01)
 
 
 def smooth(share):
-    """A step of least jerk, its rate and change of rate, (n,) each, at shares of its duration (n,)."""
+    """A step of least jerk, its rate and change of rate, (n,) each, at shares of its duration
+    (n,).
+    """
     s = np.clip(share, 0.0, 1.0)
-    return s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2, 60 * s * (1 - s) * (1 - 2 * s)
+    return (
+        s**3 * (10 - 15 * s + 6 * s**2),
+        30 * s**2 * (1 - s) ** 2,
+        60 * s * (1 - s) * (1 - 2 * s),
+    )
 
 
 def reach(goal, drift):
-    """Motion (position, velocity, acceleration; (n, 3) each) of a hand to a goal that drifts, and of that goal."""
+    """Motion (position, velocity, acceleration; (n, 3) each) of a hand to a goal that drifts, and
+    of that goal.
+    """
     step, rate, change = (part[:, None] for part in smooth(CLOCK / 1.8))
     way = goal + CLOCK[:, None] * drift
-    hand = step * way, rate / 1.8 * way + step * drift, change / 1.8**2 * way + 2.0 * rate / 1.8 * drift
+    hand = (
+        step * way,
+        rate / 1.8 * way + step * drift,
+        change / 1.8**2 * way + 2.0 * rate / 1.8 * drift,
+    )
     return hand, (way, np.tile(drift, (len(CLOCK), 1)), np.zeros((len(CLOCK), 3)))
 
 
@@ -32,24 +54,37 @@ def frame_of(position, velocity, attractor):
 
 def frames_of(goal):
     attractor = attractor_from_motion(*goal, STIFFNESS)
-    return [start_frame(START, n_angles=0), [frame_of(*row) for row in zip(goal[0], goal[1], attractor, strict=True)]]
+    return [
+        start_frame(START, n_angles=0),
+        [frame_of(*row) for row in zip(goal[0], goal[1], attractor, strict=True)],
+    ]
 
 
 @pytest.fixture(scope="module")
 def model():
     rng = np.random.default_rng(0)
-    shown = [reach(rng.uniform(-0.2, 0.2, 3) + [0.6, 0.0, 0.3], rng.uniform(-0.1, 0.1, 3)) for _ in range(10)]
+    shown = [
+        reach(rng.uniform(-0.2, 0.2, 3) + [0.6, 0.0, 0.3], rng.uniform(-0.1, 0.1, 3))
+        for _ in range(10)
+    ]
     learner = AutonomousDSGMR(8, STIFFNESS, rule=RULE, partition="time")
-    return learner.fit([CLOCK] * len(shown), [hand for hand, _ in shown], [frames_of(goal) for _, goal in shown])
+    return learner.fit(
+        [CLOCK] * len(shown), [hand for hand, _ in shown], [frames_of(goal) for _, goal in shown]
+    )
 
 
 def follow(model, goal, drift, hold=(0.0, 0.0)):
-    """A unit mass that asks at every step; from hold[0] on it is held for hold[1] seconds. Rows: time, phase, x (3), y (3)."""
+    """A unit mass that asks at every step; from hold[0] on it is held for hold[1] seconds. Rows:
+    time, phase, x (3), y (3).
+    """
     policy, x, v, rows = ReactivePolicy(model), START.copy(), np.zeros(3), []
     for k in range(2000):
         time = STEP * k
         place = goal + time * drift
-        frames = [start_frame(START, n_angles=0), frame_of(place, drift, place + 2.0 / np.sqrt(STIFFNESS) * drift)]
+        frames = [
+            start_frame(START, n_angles=0),
+            frame_of(place, drift, place + 2.0 / np.sqrt(STIFFNESS) * drift),
+        ]
         reaction = policy.react(frames, x, v, STEP)
         rows.append([time, reaction.phase, *x, *reaction.moment.attractor])
         if policy.is_over:
@@ -66,7 +101,9 @@ GOAL, DRIFT = np.array([0.7, -0.1, 0.25]), np.array([0.05, -0.08, 0.0])
 
 def test_it_arrives_where_the_goal_is_then_at_the_pace_that_was_shown(model):
     way = follow(model, GOAL, DRIFT)
-    assert way[-1, 0] == pytest.approx(CLOCK[-1], abs=0.15) and way[-1, 1] == pytest.approx(model.ends[1])
+    assert way[-1, 0] == pytest.approx(CLOCK[-1], abs=0.15) and way[-1, 1] == pytest.approx(
+        model.ends[1]
+    )
     assert np.linalg.norm(way[-1, 2:5] - (GOAL + way[-1, 0] * DRIFT)) < 0.01
 
 
@@ -74,14 +111,20 @@ def test_held_for_a_second_it_waits_and_then_goes_on_without_hurry(model):
     free, held = follow(model, GOAL, DRIFT), follow(model, GOAL, DRIFT, hold=(0.8, 1.0))
     phases = held[(held[:, 0] > 0.9) & (held[:, 0] < 1.8), 1]
     assert np.ptp(phases) < 0.1, "the phase waits"
-    assert held[-1, 0] - free[-1, 0] == pytest.approx(1.0, abs=0.2), "and so it arrives a second later"
+    assert held[-1, 0] - free[-1, 0] == pytest.approx(1.0, abs=0.2), (
+        "and so it arrives a second later"
+    )
     assert np.linalg.norm(held[-1, 2:5] - (GOAL + held[-1, 0] * DRIFT)) < 0.01
-    speeds = [np.linalg.norm(np.diff(way[:, 2:5], axis=0), axis=1).max() / STEP for way in (free, held)]
+    speeds = [
+        np.linalg.norm(np.diff(way[:, 2:5], axis=0), axis=1).max() / STEP for way in (free, held)
+    ]
     assert speeds[1] < 1.5 * speeds[0]
 
 
 def test_what_moves_with_a_frame_is_at_rest_in_it():
-    """Of points that move as the frame does, position, velocity and attractor are the same to every frame that moves."""
+    """Of points that move as the frame does, position, velocity and attractor are the same to
+    every frame that moves.
+    """
     rng = np.random.default_rng(1)
     point = rng.normal(size=3)
     seen = []
@@ -97,7 +140,9 @@ def test_what_moves_with_a_frame_is_at_rest_in_it():
 def test_a_frame_that_stands_is_one_that_moves_with_no_speed():
     still = TaskFrame(np.eye(4), [0.0, 0.1, 0.2, 0.3])
     moving = frame_of(still.b[1:], np.zeros(3), still.b[1:])
-    for one, other in zip((lift(still).A, lift(still).b), (lift(moving).A, lift(moving).b), strict=True):
+    for one, other in zip(
+        (lift(still).A, lift(still).b), (lift(moving).A, lift(moving).b), strict=True
+    ):
         np.testing.assert_array_equal(one, other)
 
 

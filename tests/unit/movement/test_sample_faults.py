@@ -5,7 +5,14 @@ import warnings
 import numpy as np
 import pytest
 
-from dart_skill.movement import DSGMR, estimate_noise, find_faults, retimed, smooth_derivatives, without_repeats
+from dart_skill.movement import (
+    DSGMR,
+    estimate_noise,
+    find_faults,
+    retimed,
+    smooth_derivatives,
+    without_repeats,
+)
 
 TIME = 0.001 * np.arange(2000)
 
@@ -32,7 +39,13 @@ def test_good_samples_have_no_faults():
 
 
 def test_a_rest_before_and_after_is_no_fault():
-    rested = np.vstack([np.repeat(path(TIME)[:1], 500, axis=0), path(TIME), np.repeat(path(TIME)[-1:], 500, axis=0)])
+    rested = np.vstack(
+        [
+            np.repeat(path(TIME)[:1], 500, axis=0),
+            path(TIME),
+            np.repeat(path(TIME)[-1:], 500, axis=0),
+        ]
+    )
     assert find_faults(0.001 * np.arange(3000), rested).reasons == []
 
 
@@ -75,8 +88,12 @@ def test_quantised_columns_are_found_with_their_step():
     samples = noisy()
     samples[:, 1] = 1e-3 * np.round(samples[:, 1] / 1e-3)
     faults = find_faults(TIME, samples)
-    assert faults.quantum[0] == faults.quantum[2] == 0.0 and faults.quantum[1] == pytest.approx(1e-3)
-    assert "quantised in steps of 0.001" in faults.reasons[0] and "0.00029" in faults.reasons[0], "q / sqrt(12)"
+    assert faults.quantum[0] == faults.quantum[2] == 0.0 and faults.quantum[1] == pytest.approx(
+        1e-3
+    )
+    assert "quantised in steps of 0.001" in faults.reasons[0] and "0.00029" in faults.reasons[0], (
+        "q / sqrt(12)"
+    )
 
 
 def test_encode_refuses_or_thins_where_it_is_asked_to():
@@ -90,7 +107,9 @@ def test_encode_refuses_or_thins_where_it_is_asked_to():
     jumped[1200:] += 0.19
     with pytest.raises(ValueError, match="jump"):
         model.encode(TIME, jumped, faults="thin")
-    np.testing.assert_array_equal(model.encode(TIME, noisy()), model.encode(TIME, noisy(), faults="refuse"))
+    np.testing.assert_array_equal(
+        model.encode(TIME, noisy()), model.encode(TIME, noisy(), faults="refuse")
+    )
     with pytest.raises(ValueError, match="faults must be one of"):
         model.encode(TIME, samples, faults="mend")
 
@@ -107,10 +126,17 @@ def test_encode_says_what_is_wrong_before_it_differentiates():
 
 
 def aligned(path, seed=0, waits=40):
-    """As published after an alignment with another recording: the movement waits for uneven times, and goes ahead between."""
+    """As published after an alignment with another recording: the movement waits for uneven times,
+    and goes ahead between.
+    """
     rng = np.random.default_rng(seed)
     index = np.sort(
-        np.concatenate([rng.integers(0, len(path), 300), np.repeat(rng.integers(0, len(path), waits), rng.integers(5, 90, waits))])
+        np.concatenate(
+            [
+                rng.integers(0, len(path), 300),
+                np.repeat(rng.integers(0, len(path), waits), rng.integers(5, 90, waits)),
+            ]
+        )
     )
     return path[index]
 
@@ -120,7 +146,11 @@ def test_repeats_of_uneven_length_are_not_said_to_be_mended_by_thinning():
     time = 0.001 * np.arange(len(samples))
     faults = find_faults(time, samples)
     assert faults.uneven and faults.repeats > 0.7, faults
-    assert "for uneven times" in faults.reasons[0] and "retimed" in faults.reasons[0] and "thin" not in faults.reasons[0]
+    assert (
+        "for uneven times" in faults.reasons[0]
+        and "retimed" in faults.reasons[0]
+        and "thin" not in faults.reasons[0]
+    )
     assert not find_faults(TIME, held(4)).uneven
     with pytest.raises(ValueError, match="retimed"):
         DSGMR(4).encode(time, samples, faults="thin")
@@ -131,8 +161,14 @@ def test_a_straight_path_is_retimed_to_the_movement_of_least_jerk():
     samples = aligned(path(TIME))
     time, positions = retimed(samples, 2.0, 101)
     np.testing.assert_allclose(time, np.linspace(0.0, 2.0, 101))
-    np.testing.assert_allclose(positions, samples[0] + (path(time) / path(TIME[-1:] + 0.001)) * (samples[-1] - samples[0]), atol=1e-9)
-    assert np.abs(smooth_derivatives(time, positions).velocity[[0, -1]]).max() < 1e-3, "from rest to rest"
+    np.testing.assert_allclose(
+        positions,
+        samples[0] + (path(time) / path(TIME[-1:] + 0.001)) * (samples[-1] - samples[0]),
+        atol=1e-9,
+    )
+    assert np.abs(smooth_derivatives(time, positions).velocity[[0, -1]]).max() < 1e-3, (
+        "from rest to rest"
+    )
 
 
 def test_a_retimed_path_keeps_its_places_and_has_no_faults():

@@ -1,4 +1,6 @@
-"""Movement models on disk: they come back to the last bit, and what is no such file is refused in a line."""
+"""Movement models on disk: they come back to the last bit, and what is no such file is refused in
+a line.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,13 @@ from dart_skill.movement import (
     TaskParameterisedMixture,
     smooth_derivatives,
 )
-from dart_skill.movement.pose import DiscretePosePrimitive, PoseDSGMR, PoseFrame, RhythmicPosePrimitive, TaskParameterisedPoseMixture
+from dart_skill.movement.pose import (
+    DiscretePosePrimitive,
+    PoseDSGMR,
+    PoseFrame,
+    RhythmicPosePrimitive,
+    TaskParameterisedPoseMixture,
+)
 
 TIME = np.linspace(0.0, 1.0, 101)
 GOALS = np.random.default_rng(0).uniform(0.3, 0.8, (4, 2))
@@ -31,7 +39,9 @@ def frames(goal):
 
 def ds_gmr():
     model = DSGMR(4, stiffness=[150.0, 1.0 / 3.0 + 200.0], overlap=0.5, covariance_floor=1e-5)
-    return model.fit([model.encode(TIME, path(goal)) for goal in GOALS], [frames(goal) for goal in GOALS])
+    return model.fit(
+        [model.encode(TIME, path(goal)) for goal in GOALS], [frames(goal) for goal in GOALS]
+    )
 
 
 def ds_gmr_with_an_input():
@@ -42,7 +52,9 @@ def ds_gmr_with_an_input():
 
 def autonomous():
     motions = [smooth_derivatives(TIME, path(goal)) for goal in GOALS]
-    return AutonomousDSGMR(4, rule=PhaseRule(slowest=0.1, ignored=1.0 / 3.0)).fit([TIME] * 4, motions, [frames(goal) for goal in GOALS])
+    return AutonomousDSGMR(4, rule=PhaseRule(slowest=0.1, ignored=1.0 / 3.0)).fit(
+        [TIME] * 4, motions, [frames(goal) for goal in GOALS]
+    )
 
 
 def discrete():
@@ -51,7 +63,9 @@ def discrete():
 
 def rhythmic():
     time = np.linspace(0.0, 5.0, 501)
-    return RhythmicPrimitive(25).fit(time, np.column_stack([np.sin(4.0 * time), np.cos(8.0 * time)]))
+    return RhythmicPrimitive(25).fit(
+        time, np.column_stack([np.sin(4.0 * time), np.cos(8.0 * time)])
+    )
 
 
 def poses(goal):
@@ -74,7 +88,9 @@ def rhythmic_pose():
     time = np.linspace(0.0, 5.0, 501)
     turn = 0.2 * np.sin(4.0 * time)
     zero = np.zeros_like(time)
-    return RhythmicPosePrimitive(25).fit(time, np.column_stack([turn, zero, zero, np.sin(turn), zero, zero, np.cos(turn)]))
+    return RhythmicPosePrimitive(25).fit(
+        time, np.column_stack([turn, zero, zero, np.sin(turn), zero, zero, np.cos(turn)])
+    )
 
 
 def moved(model):
@@ -83,11 +99,15 @@ def moved(model):
     if isinstance(model, DSGMR):
         n_inputs = model.n_inputs
         where = frames(new) if n_inputs == 0 else [TaskFrame(np.eye(4), np.zeros(4))]
-        made = model.reproduce(where, TIME, [0.0, 0.0], [0.0, 0.0], inputs=[0.5] if n_inputs else None)
+        made = model.reproduce(
+            where, TIME, [0.0, 0.0], [0.0, 0.0], inputs=[0.5] if n_inputs else None
+        )
         return np.concatenate([made.position.ravel(), made.covariance.ravel()])
     if isinstance(model, AutonomousDSGMR):
         made = model.reproduce(frames(new), [0.0, 0.1], [0.0, 0.0], duration=1.5)
-        return np.concatenate([made.position.ravel(), made.phase, model.goal(frames(new)), np.ravel(model.ends)])
+        return np.concatenate(
+            [made.position.ravel(), made.phase, model.goal(frames(new)), np.ravel(model.ends)]
+        )
     if isinstance(model, PoseDSGMR):
         made = model.reproduce([PoseFrame(new + [0.1], [0.0, 0.0, 0.6, 0.8])], TIME, poses(new)[0])
         return np.concatenate([made.pose.ravel(), made.covariance.ravel()])
@@ -95,7 +115,16 @@ def moved(model):
     return np.concatenate([made.velocity.ravel(), made.acceleration.ravel()])
 
 
-MAKERS = [ds_gmr, ds_gmr_with_an_input, autonomous, discrete, rhythmic, pose_ds_gmr, discrete_pose, rhythmic_pose]
+MAKERS = [
+    ds_gmr,
+    ds_gmr_with_an_input,
+    autonomous,
+    discrete,
+    rhythmic,
+    pose_ds_gmr,
+    discrete_pose,
+    rhythmic_pose,
+]
 
 
 @pytest.fixture(scope="module", params=MAKERS, ids=lambda maker: maker.__name__)
@@ -136,18 +165,32 @@ def test_what_was_fitted_with_other_hyper_parameters_is_forgotten():
     assert model.stiffness == 300.0 and model.damping == pytest.approx(2.0 * np.sqrt(300.0))
     with pytest.raises(ValueError, match="call fit first"):
         model.product(frames(GOALS[0]))
-    with pytest.raises(ValueError, match="Invalid parameter 'stifness' for DSGMR; it has n_components"):
+    with pytest.raises(
+        ValueError, match="Invalid parameter 'stifness' for DSGMR; it has n_components"
+    ):
         model.set_params(stifness=1.0)
 
 
 def test_a_model_says_what_it_is():
-    assert repr(ds_gmr()) == (
-        "DSGMR(n_components=4, stiffness=[150.0, 200.33333333333334], overlap=0.5, covariance_floor=1e-05): "
-        "4 demonstrations, 2 movement variables, 4 components in 2 task frames"
+    assert (
+        repr(ds_gmr())
+        == "DSGMR(n_components=4, stiffness=[150.0, 200.33333333333334], overlap=0.5,"
+        " covariance_floor=1e-05): 4 demonstrations, 2 movement variables, 4 components in 2"
+        " task frames"
     )
-    assert repr(autonomous()).endswith(": 4 demonstrations, 2 movement variables, 4 components in 2 task frames")
-    assert repr(discrete()) == "DiscretePrimitive(n_basis=20, goal_path='fixed'): 4 demonstrations, 2 movement variables, 20 kernels"
-    assert repr(rhythmic_pose()) == "RhythmicPosePrimitive(n_basis=25): 1 demonstration, positions and orientations, 25 kernels"
+    assert repr(autonomous()).endswith(
+        ": 4 demonstrations, 2 movement variables, 4 components in 2 task frames"
+    )
+    assert (
+        repr(discrete())
+        == "DiscretePrimitive(n_basis=20, goal_path='fixed'): 4 demonstrations, 2 movement"
+        " variables, 20 kernels"
+    )
+    assert (
+        repr(rhythmic_pose())
+        == "RhythmicPosePrimitive(n_basis=25): 1 demonstration, positions and orientations, 25"
+        " kernels"
+    )
     assert repr(DSGMR(3)) == "DSGMR(n_components=3)"
 
 
@@ -159,7 +202,9 @@ def test_a_truncated_file_is_refused_in_a_line(model, saved, share):
 
 
 def refused(kind, path, message):
-    with pytest.raises(ValueError, match=f"{path.name} holds no {kind.__name__} that can be read: .*{message}") as caught:
+    with pytest.raises(
+        ValueError, match=f"{path.name} holds no {kind.__name__} that can be read: .*{message}"
+    ) as caught:
         kind.load(path)
     assert "\n" not in str(caught.value)
 
@@ -173,7 +218,9 @@ def test_every_flipped_byte_is_noticed_or_does_no_harm(tmp_path):
         flipped[place] ^= 0xFF
         (tmp_path / "flipped.npz").write_bytes(flipped)
         try:
-            assert np.array_equal(moved(DiscretePrimitive.load(tmp_path / "flipped.npz")), moved(model))  # a time stamp of the archive
+            assert np.array_equal(
+                moved(DiscretePrimitive.load(tmp_path / "flipped.npz")), moved(model)
+            )  # a time stamp of the archive
         except ValueError as error:
             assert "holds no DiscretePrimitive" in str(error)
 
@@ -182,7 +229,11 @@ def test_another_model_or_version_is_named(tmp_path):
     ds_gmr().save(tmp_path / "model.npz")
     refused(AutonomousDSGMR, tmp_path / "model.npz", r"it holds a DSGMR: read it with DSGMR\.load")
     rewrite(tmp_path / "model.npz", format=np.array("dart_skill DSGMR 2"))
-    refused(DSGMR, tmp_path / "model.npz", "it has version 2, and this dart_skill reads version 1: fit the model again")
+    refused(
+        DSGMR,
+        tmp_path / "model.npz",
+        "it has version 2, and this dart_skill reads version 1: fit the model again",
+    )
     rewrite(tmp_path / "model.npz", format=np.array("dart_skill skill 1"))
     refused(DSGMR, tmp_path / "model.npz", "it holds a skill")
     (tmp_path / "text.npz").write_text("stiffness: 200\n")
@@ -200,7 +251,10 @@ def test_another_model_or_version_is_named(tmp_path):
         ({"covariances.1": np.zeros((4, 3, 3))}, "not positive definite"),
         ({"n_features": np.array(2)}, "do not fit 2 features"),
         ({"about": np.array("{}")}, "has no 'parameters'"),
-        ({"about": np.array('{"parameters": {"n_components": 0}, "n_demonstrations": 1}')}, "n_components must be"),
+        (
+            {"about": np.array('{"parameters": {"n_components": 0}, "n_demonstrations": 1}')},
+            "n_components must be",
+        ),
         ({"priors": np.array([{"a": 1}], dtype=object)}, "Object arrays|bytes"),
     ],
 )
@@ -229,7 +283,9 @@ def test_a_file_is_there_whole_or_not_at_all(tmp_path):
 def test_mixtures_in_task_frames_have_files_too(tmp_path):
     seen = PartialFrame(np.eye(3)[:, :2], np.zeros(3))
     samples = [np.column_stack([TIME, path(goal)]) for goal in GOALS]
-    mixture = TaskParameterisedMixture(3).fit(samples, [[TaskFrame(np.eye(3), np.zeros(3)), seen]] * 4)
+    mixture = TaskParameterisedMixture(3).fit(
+        samples, [[TaskFrame(np.eye(3), np.zeros(3)), seen]] * 4
+    )
     mixture.save(tmp_path / "mixture.npz")
     loaded = TaskParameterisedMixture.load(tmp_path / "mixture.npz")
     place = [None, None]
@@ -238,4 +294,6 @@ def test_mixtures_in_task_frames_have_files_too(tmp_path):
     assert np.array_equal(*place)
     pose = pose_ds_gmr().mixture_
     pose.save(tmp_path / "pose.npz")
-    assert np.array_equal(TaskParameterisedPoseMixture.load(tmp_path / "pose.npz").covariances_, pose.covariances_)
+    assert np.array_equal(
+        TaskParameterisedPoseMixture.load(tmp_path / "pose.npz").covariances_, pose.covariances_
+    )

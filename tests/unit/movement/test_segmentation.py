@@ -1,4 +1,6 @@
-"""Velocity-threshold segmentation (thesis 8.4.3) on recordings with noise, jitter, gaps and bad samples."""
+"""Velocity-threshold segmentation (thesis 8.4.3) on recordings with noise, jitter, gaps and bad
+samples.
+"""
 
 import numpy as np
 import pytest
@@ -52,9 +54,13 @@ def test_a_pause_before_the_motion_changes_nothing_but_the_stamps():
 
 
 def test_the_thresholds_have_hysteresis():
-    """Speed that dips between the thresholds goes on; without the gap between them it is two motions."""
+    """Speed that dips between the thresholds goes on; without the gap between them it is two
+    motions.
+    """
     time = np.arange(0, 3, 0.01)
-    pace = np.interp(time, [0, 0.5, 0.6, 1.0, 1.1, 1.5, 1.6, 2.0, 2.1], [0, 0, 1, 1, 0.2, 0.2, 1, 1, 0])
+    pace = np.interp(
+        time, [0, 0.5, 0.6, 1.0, 1.1, 1.5, 1.6, 2.0, 2.1], [0, 0, 1, 1, 0.2, 0.2, 1, 1, 0]
+    )
     x = np.concatenate([[0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * 0.01)])[:, None]
     assert len(VelocityThreshold(0.3, 0.1).segment(time, x)) == 1
     assert len(VelocityThreshold(0.3, 0.3).segment(time, x)) == 2
@@ -80,7 +86,9 @@ def test_several_motions_are_returned_in_order_and_one_is_picked_by_an_instant()
 
 
 def test_where_margins_overlap_the_motion_itself_wins():
-    segments = VelocityThreshold(settle=0.6, run_up=0.6).segment(*recording([(0.8, 0.5, 1.0), (1.6, 0.5, 1.0)]))
+    segments = VelocityThreshold(settle=0.6, run_up=0.6).segment(
+        *recording([(0.8, 0.5, 1.0), (1.6, 0.5, 1.0)])
+    )
     assert segments[0].stop > segments[1].motion_start + 0.01
     assert segment_containing(segments, segments[1].motion_start + 0.005) is segments[1]
 
@@ -115,7 +123,9 @@ def test_a_gap_in_the_tracking_is_bridged_and_reported():
 
 
 def test_short_twitches_are_ignored():
-    segments = VelocityThreshold(min_duration=0.2).segment(*recording([(0.5, 0.1, 0.05), (1.5, 0.6, 1.0)]))
+    segments = VelocityThreshold(min_duration=0.2).segment(
+        *recording([(0.5, 0.1, 0.05), (1.5, 0.6, 1.0)])
+    )
     assert len(segments) == 1
     assert segments[0].motion_start > 1.5
 
@@ -137,14 +147,21 @@ def test_speed_is_exact_on_uniform_motion_and_invariant_to_the_units_of_time():
 
 
 def test_speed_noise_is_that_of_a_fitted_slope():
-    """Theil-Sen on 7 equal steps scatters like least squares, sigma / (dt sqrt(28)), within a tenth."""
+    """Theil-Sen on 7 equal steps scatters like least squares, sigma / (dt sqrt(28)), within a
+    tenth.
+    """
     rng = np.random.default_rng(2)
-    scatter = speed(0.01 * np.arange(4000), rng.normal(0, NOISE, (4000, 1)) + 5 * 0.01 * np.arange(4000)[:, None]).std()
+    scatter = speed(
+        0.01 * np.arange(4000),
+        rng.normal(0, NOISE, (4000, 1)) + 5 * 0.01 * np.arange(4000)[:, None],
+    ).std()
     assert scatter == pytest.approx(NOISE / (0.01 * np.sqrt(28)), rel=0.1)
 
 
 def test_nothing_moved_reports_the_peak_speed():
-    with pytest.raises(ValueError, match=r"nothing moved .* peak speed 0\.0\d+ m/s .* threshold 0.3 m/s"):
+    with pytest.raises(
+        ValueError, match=r"nothing moved .* peak speed 0\.0\d+ m/s .* threshold 0.3 m/s"
+    ):
         VelocityThreshold().segment(*recording([(1.0, 1.0, 0.01)]))
 
 

@@ -1,11 +1,19 @@
-"""Stiffness from covariance: bounds, axes, invariance to units, and the answer to pushes against independent integration."""
+"""Stiffness from covariance: bounds, axes, invariance to units, and the answer to pushes against
+independent integration.
+"""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dart_skill.movement import Motion, critical_damping_matrix, hold_to, stable_gains, stiffness_from_covariance
+from dart_skill.movement import (
+    Motion,
+    critical_damping_matrix,
+    hold_to,
+    stable_gains,
+    stiffness_from_covariance,
+)
 
 
 def covariances(rng, n=30):
@@ -24,14 +32,25 @@ def test_stiffness_keeps_its_bounds_and_the_axes_of_the_covariance(seed):
 
 def test_stiffness_is_inverse_to_the_variance_between_the_bounds():
     sigma = np.array([np.diag([1e-4, 2e-4]), np.diag([4e-4, 1.0])])
-    np.testing.assert_allclose(stiffness_from_covariance(sigma, 10.0, 800.0), [np.diag([800, 400]), np.diag([200, 10])])
+    np.testing.assert_allclose(
+        stiffness_from_covariance(sigma, 10.0, 800.0), [np.diag([800, 400]), np.diag([200, 10])]
+    )
 
 
 def test_units_and_turns_do_not_matter():
-    sigma, turn = covariances(np.random.default_rng(1)), Rotation.from_rotvec([0.3, -0.2, 1.0]).as_matrix()
+    sigma, turn = (
+        covariances(np.random.default_rng(1)),
+        Rotation.from_rotvec([0.3, -0.2, 1.0]).as_matrix(),
+    )
     stiffness = stiffness_from_covariance(sigma, 50.0, 2000.0)
-    np.testing.assert_allclose(stiffness_from_covariance(1e6 * sigma, 50.0, 2000.0), stiffness, rtol=1e-9, atol=1e-6)
-    np.testing.assert_allclose(stiffness_from_covariance(turn @ sigma @ turn.T, 50.0, 2000.0), turn @ stiffness @ turn.T, atol=1e-6)
+    np.testing.assert_allclose(
+        stiffness_from_covariance(1e6 * sigma, 50.0, 2000.0), stiffness, rtol=1e-9, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        stiffness_from_covariance(turn @ sigma @ turn.T, 50.0, 2000.0),
+        turn @ stiffness @ turn.T,
+        atol=1e-6,
+    )
 
 
 def test_damping_is_critical_along_every_axis():
@@ -50,7 +69,9 @@ def reference_motion(n=401, step=0.005):
 
 def test_unpushed_the_motion_does_not_depend_on_the_stiffness():
     time, motion = reference_motion()
-    stiffness = stiffness_from_covariance(covariances(np.random.default_rng(3), len(time)), 50.0, 2000.0)
+    stiffness = stiffness_from_covariance(
+        covariances(np.random.default_rng(3), len(time)), 50.0, 2000.0
+    )
     held = hold_to(time, motion, stiffness)
     for was, now in zip(motion, held, strict=True):
         np.testing.assert_array_equal(now, was)
@@ -69,15 +90,21 @@ def test_the_answer_to_pushes_equals_independent_integration():
             return np.concatenate([s[3:], push[k] - stiffness[k] @ s[:3] - damping[k] @ s[3:]])
 
         state = solve_ivp(rate, (0.0, 0.01), state, rtol=1e-10, atol=1e-12).y[:, -1]
-        np.testing.assert_allclose(held.position[k + 1] - motion.position[k + 1], state[:3], atol=1e-8)
-        np.testing.assert_allclose(held.velocity[k + 1] - motion.velocity[k + 1], state[3:], atol=1e-7)
+        np.testing.assert_allclose(
+            held.position[k + 1] - motion.position[k + 1], state[:3], atol=1e-8
+        )
+        np.testing.assert_allclose(
+            held.velocity[k + 1] - motion.velocity[k + 1], state[3:], atol=1e-7
+        )
 
 
 def test_a_steady_push_moves_the_stiff_axis_less():
     time, motion = reference_motion()
     stiffness = np.broadcast_to(np.diag([1000.0, 100.0, 50.0]), (len(time), 3, 3))
     held = hold_to(time, motion, stiffness, np.full((len(time), 3), 2.0))
-    np.testing.assert_allclose((held.position - motion.position)[-1], [0.002, 0.02, 0.04], rtol=1e-3)
+    np.testing.assert_allclose(
+        (held.position - motion.position)[-1], [0.002, 0.02, 0.04], rtol=1e-3
+    )
 
 
 def test_bad_input_is_named():
@@ -96,15 +123,26 @@ def growing(factor, n=200, step=0.005):
     """Stiffness (n, 2, 2) that swings between 50 and factor times as much, along axes that turn."""
     time = step * np.arange(n)
     size = 50.0 * factor ** (0.5 - 0.5 * np.cos(2.0 * np.pi * time / 0.2))
-    turn = np.array([[np.cos(3 * time), -np.sin(3 * time)], [np.sin(3 * time), np.cos(3 * time)]]).transpose(2, 0, 1)
-    return time, turn @ (np.stack([size, np.full(n, 50.0)], axis=1)[:, :, None] * np.eye(2)) @ turn.swapaxes(1, 2)
+    turn = np.array(
+        [[np.cos(3 * time), -np.sin(3 * time)], [np.sin(3 * time), np.cos(3 * time)]]
+    ).transpose(2, 0, 1)
+    return time, turn @ (
+        np.stack([size, np.full(n, 50.0)], axis=1)[:, :, None] * np.eye(2)
+    ) @ turn.swapaxes(1, 2)
 
 
 def least_margin(time, stiffness, damping):
-    """Smallest eigenvalue of 2 a K - K' - a D' between the stamps, with a of the theorem, by differences."""
+    """Smallest eigenvalue of 2 a K - K' - a D' between the stamps, with a of the theorem, by
+    differences.
+    """
     rate = np.sqrt(np.linalg.eigvalsh(stiffness).min())
-    growth = (np.diff(stiffness, axis=0) + rate * np.diff(damping, axis=0)) / np.diff(time)[:, None, None]
-    return min(np.linalg.eigvalsh(2.0 * rate * ends - growth).min() for ends in (stiffness[:-1], stiffness[1:]))
+    growth = (np.diff(stiffness, axis=0) + rate * np.diff(damping, axis=0)) / np.diff(time)[
+        :, None, None
+    ]
+    return min(
+        np.linalg.eigvalsh(2.0 * rate * ends - growth).min()
+        for ends in (stiffness[:-1], stiffness[1:])
+    )
 
 
 def test_stiffness_that_changes_slowly_is_left_as_it_is():
@@ -118,14 +156,18 @@ def test_stiffness_that_changes_slowly_is_left_as_it_is():
 def test_stiffness_that_grows_too_fast_is_approached_as_fast_as_is_stable(factor):
     time, wanted = growing(factor)
     stiffness, damping = stable_gains(time, wanted)
-    assert least_margin(time, wanted, critical_damping_matrix(wanted)) < -100.0, "or the test shows nothing"
+    assert least_margin(time, wanted, critical_damping_matrix(wanted)) < -100.0, (
+        "or the test shows nothing"
+    )
     assert least_margin(time, stiffness, damping) > -1e-3 * np.abs(stiffness).max()
     assert np.linalg.eigvalsh(stiffness).max() > 2.0 * 50.0, "it grows"
     assert np.linalg.eigvalsh(stiffness).min() > 50.0 * (1 - 1e-9)
 
 
 def test_a_spring_that_feeds_energy_is_tamed():
-    """Integrated by another method, the Lyapunov function of Kronander and Billard falls at every step."""
+    """Integrated by another method, the Lyapunov function of Kronander and Billard falls at every
+    step.
+    """
     time, wanted = growing(40.0)
     stiffness, damping = stable_gains(time, wanted)
 
@@ -143,7 +185,9 @@ def test_a_spring_that_feeds_energy_is_tamed():
         share = t / 0.005 - k
         stiff, damp = (one[k] + share * (one[k + 1] - one[k]) for one in (stiffness, damping))
         x, v = state[:2], state[2:]
-        lyapunov.append((v + rate * x) @ (v + rate * x) + x @ (stiff + rate * damp - rate**2 * np.eye(2)) @ x)
+        lyapunov.append(
+            (v + rate * x) @ (v + rate * x) + x @ (stiff + rate * damp - rate**2 * np.eye(2)) @ x
+        )
     assert (np.diff(lyapunov) <= 1e-6 * lyapunov[0]).all(), "the energy of the theorem never grows"
 
 

@@ -13,7 +13,9 @@ def warped_one_by_one(first, second):
     total[0, 0] = 0.0
     for i in range(len(first)):
         for j in range(len(second)):
-            total[i + 1, j + 1] = np.linalg.norm(first[i] - second[j]) + min(total[i, j], total[i, j + 1], total[i + 1, j])
+            total[i + 1, j + 1] = np.linalg.norm(first[i] - second[j]) + min(
+                total[i, j], total[i, j + 1], total[i + 1, j]
+            )
     return total[-1, -1]
 
 
@@ -33,7 +35,10 @@ def test_another_pace_costs_nothing():
 
 def test_all_pairs_at_once_are_the_pairs_one_by_one():
     paths = np.random.default_rng(4).normal(size=(5, 12, 3))
-    expected = [[total / pairs for total, pairs in (warped_distance(one, other) for other in paths)] for one in paths]
+    expected = [
+        [total / pairs for total, pairs in (warped_distance(one, other) for other in paths)]
+        for one in paths
+    ]
     np.testing.assert_allclose(mean_warped_distances(list(paths)), expected, atol=1e-12)
 
 

@@ -6,7 +6,14 @@ import sys
 import numpy as np
 import pytest
 
-from dart_skill.policy_search import CMAES, CrossEntropy, EpisodicNaturalActorCritic, MonteCarlo, RandomRestarts, Reinforce
+from dart_skill.policy_search import (
+    CMAES,
+    CrossEntropy,
+    EpisodicNaturalActorCritic,
+    MonteCarlo,
+    RandomRestarts,
+    Reinforce,
+)
 
 START, OPTIMUM = np.array([1.0, -1.0]), np.array([2.0, 0.5])
 
@@ -21,8 +28,18 @@ def hill(x):
     return -float(np.sum((x - OPTIMUM) ** 2))
 
 
-ALL = pytest.mark.parametrize("kind", [CrossEntropy, RandomRestarts, MonteCarlo, CMAES, Reinforce, EpisodicNaturalActorCritic])
-CLOSE = {CrossEntropy: 0.1, RandomRestarts: 0.1, MonteCarlo: 0.5, CMAES: 1e-3, Reinforce: 0.1, EpisodicNaturalActorCritic: 1e-3}
+ALL = pytest.mark.parametrize(
+    "kind",
+    [CrossEntropy, RandomRestarts, MonteCarlo, CMAES, Reinforce, EpisodicNaturalActorCritic],
+)
+CLOSE = {
+    CrossEntropy: 0.1,
+    RandomRestarts: 0.1,
+    MonteCarlo: 0.5,
+    CMAES: 1e-3,
+    Reinforce: 0.1,
+    EpisodicNaturalActorCritic: 1e-3,
+}
 
 
 @ALL
@@ -47,7 +64,9 @@ def test_failures_late_answers_and_equal_returns_are_survived(kind):
     waiting = [search.ask() for _ in range(9)]
     for step in range(300):
         trial = waiting.pop(rng.integers(9))
-        search.tell(trial, np.nan if step % 4 == 0 else 1.0 if step > 200 else hill(trial.parameters))
+        search.tell(
+            trial, np.nan if step % 4 == 0 else 1.0 if step > 200 else hill(trial.parameters)
+        )
         waiting.append(search.ask())
     assert search.n_failed == 75 and np.isfinite(search.parameters).all()
 
@@ -78,7 +97,10 @@ def test_the_same_seed_gives_the_same_trials_whatever_else_is_random(kind):
 def told(search, tried, returns):
     numbers = [search.ask().number for _ in tried]
     state = search.state()
-    state["open"] = [[number, [0.0] * len(row), list(map(float, row))] for number, row in zip(numbers, tried, strict=True)]
+    state["open"] = [
+        [number, [0.0] * len(row), list(map(float, row))]
+        for number, row in zip(numbers, tried, strict=True)
+    ]
     search = type(search).from_state(state)
     for number, value in zip(numbers, returns, strict=True):
         search.tell(number, value)
@@ -90,10 +112,14 @@ def test_cross_entropy_takes_mean_and_covariance_of_the_best():
     tried, returns = [[0.0, 0.0], [2.0, 4.0], [4.0, 0.0], [9.0, 9.0]], [0.0, 3.0, 2.0, -1.0]
     search = told(make(CrossEntropy, start=np.zeros(2), **options), tried, returns)
     np.testing.assert_allclose(search.parameters, [3.0, 2.0])
-    np.testing.assert_allclose(search.covariance, [[1.0 + 0.01, -2.0], [-2.0, 4.0 + 0.01]], atol=1e-12)
+    np.testing.assert_allclose(
+        search.covariance, [[1.0 + 0.01, -2.0], [-2.0, 4.0 + 0.01]], atol=1e-12
+    )
     half = told(make(CrossEntropy, start=np.zeros(2), smoothing=0.5, **options), tried, returns)
     np.testing.assert_allclose(half.parameters, [1.5, 1.0])
-    np.testing.assert_allclose(half.covariance, [[1.0 + 0.01, -1.0], [-1.0, 2.5 + 0.01]], atol=1e-12)
+    np.testing.assert_allclose(
+        half.covariance, [[1.0 + 0.01, -1.0], [-1.0, 2.5 + 0.01]], atol=1e-12
+    )
 
 
 def test_cross_entropy_without_noise_stops_and_with_noise_follows():
@@ -120,7 +146,9 @@ def test_restarts_leave_a_lower_hill_and_remember_the_highest(seed):
 
 
 def test_a_run_without_end_is_ended():
-    search = make(RandomRestarts, exploration="constant", batch=10, restart_below=0.0, longest_run=50)
+    search = make(
+        RandomRestarts, exploration="constant", batch=10, restart_below=0.0, longest_run=50
+    )
     search.maximise(hill, 500)
     assert len(search.optima[0]) == 10
 
@@ -128,8 +156,14 @@ def test_a_run_without_end_is_ended():
 def test_a_monte_carlo_search_takes_the_middle_of_the_best_neighbourhood():
     options = {"batch": 5, "best": 2, "latest": 5}
     # Alone, the highest return is at 9; with their neighbours, those at 0 and 1 earn most.
-    search = told(make(MonteCarlo, start=np.zeros(1), **options), [[0.0], [1.0], [5.0], [6.5], [9.0]], [3.0, 4.0, 1.0, 0.0, 5.0])
-    assert search.parameters == pytest.approx([0.5]) and search.neighbourhood_return == pytest.approx(3.5)
+    search = told(
+        make(MonteCarlo, start=np.zeros(1), **options),
+        [[0.0], [1.0], [5.0], [6.5], [9.0]],
+        [3.0, 4.0, 1.0, 0.0, 5.0],
+    )
+    assert search.parameters == pytest.approx(
+        [0.5]
+    ) and search.neighbourhood_return == pytest.approx(3.5)
 
 
 def test_a_monte_carlo_search_tries_everywhere_within_reach_alike():
@@ -141,7 +175,10 @@ def test_a_monte_carlo_search_tries_everywhere_within_reach_alike():
 
 
 def test_noise_of_returns_is_averaged_out_by_a_neighbourhood():
-    rng, search = np.random.default_rng(0), make(MonteCarlo, start=np.zeros(2), best=40, latest=1000)
+    rng, search = (
+        np.random.default_rng(0),
+        make(MonteCarlo, start=np.zeros(2), best=40, latest=1000),
+    )
     found = search.maximise(lambda x: np.exp(-0.5 * x @ x) + rng.normal(), 1000)
     assert np.linalg.norm(found) < 0.8, found
 

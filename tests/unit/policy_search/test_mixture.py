@@ -1,4 +1,6 @@
-"""The multi-optima search: (5.3)-(5.6) by hand, hills that are found, followed and merged, and what is refused."""
+"""The multi-optima search: (5.3)-(5.6) by hand, hills that are found, followed and merged, and
+what is refused.
+"""
 
 import json
 
@@ -15,16 +17,25 @@ def with_trials(search, tried):
     """The same search with these trials (n, d) asked, and the trials' numbers."""
     numbers = [search.ask().number for _ in tried]
     state = search.state()
-    state["open"] = [[number, [0.0] * len(row), list(map(float, row))] for number, row in zip(numbers, tried, strict=True)]
+    state["open"] = [
+        [number, [0.0] * len(row), list(map(float, row))]
+        for number, row in zip(numbers, tried, strict=True)
+    ]
     return type(search).from_state(state), numbers
 
 
 def with_components(search, priors, means, variances):
-    """The same search in the midst of it: these components, with axes along the parameters; all from the start, in spreads."""
+    """The same search in the midst of it: these components, with axes along the parameters; all
+    from the start, in spreads.
+    """
     state = search.state()
     d = len(means[0])
     state["policy"].update(
-        priors=priors, means=means, variances=variances, axes=[np.eye(d).tolist()] * len(priors), returns=[0.0] * len(priors)
+        priors=priors,
+        means=means,
+        variances=variances,
+        axes=[np.eye(d).tolist()] * len(priors),
+        returns=[0.0] * len(priors),
     )
     return type(search).from_state(state)
 
@@ -37,7 +48,9 @@ def told(search, tried, returns):
 
 
 def search_of(d=1, spread=1.0, seed=0, readings=FIXED, **options):
-    return MixturePoWER(np.zeros(d), spread, rng=np.random.default_rng(seed), readings=readings, **options)
+    return MixturePoWER(
+        np.zeros(d), spread, rng=np.random.default_rng(seed), readings=readings, **options
+    )
 
 
 def by_hand(points, weights, priors, means, variances, best_of, best):
@@ -46,7 +59,10 @@ def by_hand(points, weights, priors, means, variances, best_of, best):
     h = np.zeros((k, n))
     for m in range(n):
         densities = [
-            priors[i] * np.exp(-0.5 * (points[m] - means[i]) ** 2 / variances[i]) / np.sqrt(2 * np.pi * variances[i]) for i in range(k)
+            priors[i]
+            * np.exp(-0.5 * (points[m] - means[i]) ** 2 / variances[i])
+            / np.sqrt(2 * np.pi * variances[i])
+            for i in range(k)
         ]
         h[:, m] = densities / np.sum(densities)
     new = []
@@ -70,7 +86,13 @@ def test_an_update_is_5_3_to_5_6(best_of):
     rng = np.random.default_rng(1)
     points, returns = rng.uniform(-3, 3, 12), rng.uniform(1, 5, 12)
     priors, means, variances = [0.3, 0.7], [-1.0, 1.5], [0.5, 1.2]
-    search = search_of(batch=12, best=4, latest=12, minimum_exploration=0.2, readings=Readings(structure="fixed", best_of=best_of))
+    search = search_of(
+        batch=12,
+        best=4,
+        latest=12,
+        minimum_exploration=0.2,
+        readings=Readings(structure="fixed", best_of=best_of),
+    )
     search = with_components(search, priors, [[m] for m in means], [[v] for v in variances])
     mixture = told(search, points[:, None], returns).mixture
     expected = by_hand(points, returns, priors, means, variances, best_of, 4)
@@ -80,7 +102,9 @@ def test_an_update_is_5_3_to_5_6(best_of):
 
 
 def test_two_points_by_hand():
-    """Equal components at -1 and 1 with variance 1: a trial at 0 belongs to both by half, one at ln 3 by 1 / (1 + 9) and 9 / (1 + 9)."""
+    """Equal components at -1 and 1 with variance 1: a trial at 0 belongs to both by half, one at
+    ln 3 by 1 / (1 + 9) and 9 / (1 + 9).
+    """
     search = search_of(batch=2, best=2, latest=2, minimum_exploration=0.0)
     search = with_components(search, [0.5, 0.5], [[-1.0], [1.0]], [[1.0], [1.0]])
     mixture = told(search, [[0.0], [np.log(3.0)]], [2.0, 10.0]).mixture
@@ -93,8 +117,16 @@ def test_two_points_by_hand():
 
 @pytest.mark.parametrize("exploration", ["constant", "proportional"])
 def test_with_one_component_it_is_power(exploration):
-    options = {"weighting": "returns", "batch": 5, "best": 8, "latest": 40, "exploration": exploration}
-    mixture = MixturePoWER([1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), readings=FIXED, **options)
+    options = {
+        "weighting": "returns",
+        "batch": 5,
+        "best": 8,
+        "latest": 40,
+        "exploration": exploration,
+    }
+    mixture = MixturePoWER(
+        [1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), readings=FIXED, **options
+    )
     single = PoWER([1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), **options)
     rng = np.random.default_rng(1)
     for _ in range(60):
@@ -109,7 +141,9 @@ def test_with_one_component_it_is_power(exploration):
 def test_with_one_component_automatic_exploration_is_that_of_power(weighting):
     """The same trials too, from the same generator but for the draw of the component."""
     options = {"weighting": weighting, "exploration": "automatic", "batch": 6}
-    mixture = MixturePoWER([1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), readings=FIXED, **options)
+    mixture = MixturePoWER(
+        [1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), readings=FIXED, **options
+    )
     single = PoWER([1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), **options)
     for _ in range(120):
         trial, own = mixture.ask(), single.ask()
@@ -126,8 +160,16 @@ def test_with_one_component_automatic_exploration_is_that_of_power(weighting):
 
 
 def test_of_equal_returns_the_latest_count():
-    search = search_of(batch=4, best=2, latest=4, minimum_exploration=0.1, readings=Readings(structure="fixed", best_of="all"))
-    assert told(search, [[-5.0], [-5.0], [1.0], [2.0]], [1.0] * 4).parameters == pytest.approx([1.5])
+    search = search_of(
+        batch=4,
+        best=2,
+        latest=4,
+        minimum_exploration=0.1,
+        readings=Readings(structure="fixed", best_of="all"),
+    )
+    assert told(search, [[-5.0], [-5.0], [1.0], [2.0]], [1.0] * 4).parameters == pytest.approx(
+        [1.5]
+    )
 
 
 def test_units_make_no_difference():
@@ -141,7 +183,8 @@ def test_units_make_no_difference():
     np.testing.assert_allclose(one[1], other[1], rtol=1e-6)
 
 
-# --- behaviour ----------------------------------------------------------------------------------------------------
+# --- behaviour
+# ----------------------------------------------------------------------------------------------------
 
 HILLS = np.array([[-3.0, 0.0], [3.0, 0.0]])
 
@@ -155,9 +198,16 @@ def test_both_of_two_hills_are_found_and_the_higher_is_the_guess(structure):
     """By four of five seeds at least: a hill that no early trial was near is not found later."""
     both, guessed = [], []
     for seed in range(5):
-        search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(seed), readings=Readings(structure=structure))
+        search = MixturePoWER(
+            np.zeros(2),
+            3.0,
+            rng=np.random.default_rng(seed),
+            readings=Readings(structure=structure),
+        )
         search.maximise(two_hills, 400)
-        both.append(np.linalg.norm(search.mixture.means_ - HILLS[:, None], axis=-1).min(axis=1).max() < 0.6)
+        both.append(
+            np.linalg.norm(search.mixture.means_ - HILLS[:, None], axis=-1).min(axis=1).max() < 0.6
+        )
         guessed.append(np.linalg.norm(search.parameters - HILLS[0]) < 1.0)
     assert sum(both) >= 4 and sum(guessed) >= 4, (both, guessed)
 
@@ -165,7 +215,9 @@ def test_both_of_two_hills_are_found_and_the_higher_is_the_guess(structure):
 @pytest.mark.parametrize("best_of", ["component", "own", "all"])
 def test_a_moving_hill_is_followed(best_of):
     readings = Readings(best_of=best_of)
-    search = MixturePoWER(np.zeros(2), 1.0, rng=np.random.default_rng(0), minimum_exploration=0.2, readings=readings)
+    search = MixturePoWER(
+        np.zeros(2), 1.0, rng=np.random.default_rng(0), minimum_exploration=0.2, readings=readings
+    )
     missed = []
     for step, trial in enumerate(search.trials(800)):
         hill = np.array([step / 600, np.sin(step / 600)])
@@ -177,8 +229,12 @@ def test_a_moving_hill_is_followed(best_of):
 @pytest.mark.parametrize("judged_on", ["latest", "best"])
 def test_duplicates_become_one_and_apart_from_each_other_they_stay_two(judged_on):
     def after(means):
-        readings = Readings(check_every=1, judged_on=judged_on, rule=SplitMerge(split_threshold=1e9))
-        search = with_components(search_of(2, readings=readings), [0.5, 0.5], means, [[0.2, 0.2]] * 2)
+        readings = Readings(
+            check_every=1, judged_on=judged_on, rule=SplitMerge(split_threshold=1e9)
+        )
+        search = with_components(
+            search_of(2, readings=readings), [0.5, 0.5], means, [[0.2, 0.2]] * 2
+        )
         search.maximise(lambda x: np.exp(-0.05 * x @ x), 40)
         return search.n_components
 
@@ -187,7 +243,9 @@ def test_duplicates_become_one_and_apart_from_each_other_they_stay_two(judged_on
 
 
 def test_structure_is_looked_at_only_every_so_many_returns():
-    readings = Readings(check_every=20, rule=SplitMerge(split_threshold=0.0, merge_threshold=0.0, refine=5))
+    readings = Readings(
+        check_every=20, rule=SplitMerge(split_threshold=0.0, merge_threshold=0.0, refine=5)
+    )
     search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(0), readings=readings)
     counts = []
     for trial in search.trials(100):
@@ -198,7 +256,9 @@ def test_structure_is_looked_at_only_every_so_many_returns():
 
 
 def test_there_are_never_more_components_than_allowed():
-    readings = Readings(check_every=1, most=3, rule=SplitMerge(split_threshold=0.0, merge_threshold=0.0))
+    readings = Readings(
+        check_every=1, most=3, rule=SplitMerge(split_threshold=0.0, merge_threshold=0.0)
+    )
     search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(0), readings=readings)
     most = 0
     for trial in search.trials(200):
@@ -219,8 +279,12 @@ def test_the_guess_is_the_component_that_earns_most_or_the_largest():
     tried, returns = [[-5.0]] * 6 + [[5.0]] * 2, [1.0] * 6 + [1.5] * 2
     guesses = {}
     for guess in ("return", "prior"):
-        search = search_of(batch=8, best=8, latest=8, readings=Readings(structure="fixed", guess=guess))
-        search = told(with_components(search, [0.5, 0.5], [[-5.0], [5.0]], [[1.0], [1.0]]), tried, returns)
+        search = search_of(
+            batch=8, best=8, latest=8, readings=Readings(structure="fixed", guess=guess)
+        )
+        search = told(
+            with_components(search, [0.5, 0.5], [[-5.0], [5.0]], [[1.0], [1.0]]), tried, returns
+        )
         np.testing.assert_allclose(search.component_returns, [1.0, 1.5], atol=1e-9)
         guesses[guess] = search.parameters[0]
     assert guesses["return"] == pytest.approx(5.0) and guesses["prior"] == pytest.approx(-5.0)
@@ -228,12 +292,21 @@ def test_the_guess_is_the_component_that_earns_most_or_the_largest():
 
 @pytest.mark.parametrize("weighting", ["returns", "rank", "exponential"])
 def test_failures_equal_returns_and_zero_noise_are_survived(weighting):
-    search = search_of(2, readings=Readings(), weighting=weighting, minimum_exploration=0.0, best=3, latest=20)
+    search = search_of(
+        2, readings=Readings(), weighting=weighting, minimum_exploration=0.0, best=3, latest=20
+    )
     for trial in search.trials(200):
-        search.tell(trial, np.nan if trial.number % 3 == 0 else max(0.0, 1.0 - np.abs(trial.parameters).max()))
+        search.tell(
+            trial,
+            np.nan if trial.number % 3 == 0 else max(0.0, 1.0 - np.abs(trial.parameters).max()),
+        )
     for trial in search.trials(100):
         search.tell(trial, 0.0)
-    assert search.n_failed == 67 and np.isfinite(search.parameters).all() and np.isfinite(search.mixture.covariances_).all()
+    assert (
+        search.n_failed == 67
+        and np.isfinite(search.parameters).all()
+        and np.isfinite(search.mixture.covariances_).all()
+    )
 
 
 def test_rewards_of_any_sign_need_another_weighting():
@@ -244,7 +317,8 @@ def test_rewards_of_any_sign_need_another_weighting():
     assert np.linalg.norm(search.maximise(lambda x: -np.sum((x - 1) ** 2), 600) - 1) < 0.3
 
 
-# --- automatic exploration ------------------------------------------------------------------------------------------
+# --- automatic exploration
+# ------------------------------------------------------------------------------------------
 
 
 def self_sized(d, seed=0, readings=FIXED, **options):
@@ -267,18 +341,28 @@ def best_of(search, function):
 def two_of_them(means, seed=0, readings=FIXED, **options):
     """Two components with size 1, as after a split, and equal priors."""
     search = self_sized(len(means[0]), seed, readings, **options)
-    search._policy.replace(np.full(2, 0.5), np.array(means), np.array([np.eye(len(means[0]))] * 2), noisy=False, origins=[None, None])
+    search._policy.replace(
+        np.full(2, 0.5),
+        np.array(means),
+        np.array([np.eye(len(means[0]))] * 2),
+        noisy=False,
+        origins=[None, None],
+    )
     return search
 
 
 @pytest.mark.parametrize("apart", [0.5, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_without_preference_both_components_keep_their_size(apart):
-    """As PoWER does with as many trials, also where they overlap and every trial is shared by both."""
+    """As PoWER does with as many trials, also where they overlap and every trial is shared by
+    both.
+    """
     rng = np.random.default_rng(2)
     equal = Readings(structure="fixed", draw="equal")
     logs = []
     for seed in range(30):
-        search = two_of_them([[-apart / 2, 0.0, 0.0], [apart / 2, 0.0, 0.0]], seed, equal, weighting="rank")
+        search = two_of_them(
+            [[-apart / 2, 0.0, 0.0], [apart / 2, 0.0, 0.0]], seed, equal, weighting="rank"
+        )
         search.maximise(lambda _: rng.uniform(), 160)
         logs.extend(np.log(sizes_of(search)))
     alone = [PoWER(np.zeros(3), 1.0, rng=rng, batch=14) for _ in range(60)]
@@ -286,7 +370,11 @@ def test_without_preference_both_components_keep_their_size(apart):
         each.maximise(lambda _: rng.uniform(), 80)
     usual = [np.log(np.linalg.det(each.covariance)) / 6 for each in alone]
     apart_by = np.hypot(np.std(logs), np.std(usual)) / np.sqrt(60)
-    assert abs(np.mean(logs) - np.mean(usual)) < 3 * apart_by and abs(np.mean(logs)) < 0.3, (np.mean(logs), np.mean(usual), apart_by)
+    assert abs(np.mean(logs) - np.mean(usual)) < 3 * apart_by and abs(np.mean(logs)) < 0.3, (
+        np.mean(logs),
+        np.mean(usual),
+        apart_by,
+    )
 
 
 def test_each_component_grows_on_its_slope_and_shrinks_at_its_peak():
@@ -295,7 +383,11 @@ def test_each_component_grows_on_its_slope_and_shrinks_at_its_peak():
     def slope_and_hill(x):
         return float(200.0 - x[1] if x[0] < 0 else 200.0 - np.sum((x - [100.0, 0.0]) ** 2))
 
-    search = two_of_them([[-100.0, 0.0], [100.0, 0.0]], readings=Readings(structure="fixed", draw="equal"), weighting="rank")
+    search = two_of_them(
+        [[-100.0, 0.0], [100.0, 0.0]],
+        readings=Readings(structure="fixed", draw="equal"),
+        weighting="rank",
+    )
     search.maximise(slope_and_hill, 320)
     left, right = search.mixture.means_[:, 0].argmin(), search.mixture.means_[:, 0].argmax()
     sizes = sizes_of(search)
@@ -303,10 +395,18 @@ def test_each_component_grows_on_its_slope_and_shrinks_at_its_peak():
 
 
 def test_two_modes_shrink_apart():
-    """From one wide Gaussian: a split, then each component on a hill of its own, and much smaller than the hills are apart."""
+    """From one wide Gaussian: a split, then each component on a hill of its own, and much smaller
+    than the hills are apart.
+    """
     found = []
     for seed in range(3):
-        search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(seed), exploration="automatic", limits=(0.01, 10.0))
+        search = MixturePoWER(
+            np.zeros(2),
+            3.0,
+            rng=np.random.default_rng(seed),
+            exploration="automatic",
+            limits=(0.01, 10.0),
+        )
         search.maximise(lambda x: two_hills(x, (1.0, 1.0)), 1200)
         nearest = np.linalg.norm(search.mixture.means_ - HILLS[:, None], axis=-1).argmin(axis=1)
         off = np.linalg.norm(search.mixture.means_[nearest] - HILLS, axis=1)
@@ -316,7 +416,9 @@ def test_two_modes_shrink_apart():
     assert sum(found) >= 2, found
 
 
-@pytest.mark.parametrize(("factor", "trials"), [(0.1, 250), pytest.param(10.0, 500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("factor", "trials"), [(0.1, 250), pytest.param(10.0, 500, marks=pytest.mark.slow)]
+)
 def test_a_start_that_is_ten_times_too_small_or_too_large_is_made_up_for(factor, trials):
     def hill(x):
         return float(np.exp(-0.5 * np.sum((x - [2.0, 0.0]) ** 2) / 2.0**2))
@@ -325,7 +427,9 @@ def test_a_start_that_is_ten_times_too_small_or_too_large_is_made_up_for(factor,
         """Median over seeds of what 100 trials lose after these."""
         values = []
         for seed in range(3):
-            search = MixturePoWER(np.zeros(2), factor, rng=np.random.default_rng(seed), exploration=exploration)
+            search = MixturePoWER(
+                np.zeros(2), factor, rng=np.random.default_rng(seed), exploration=exploration
+            )
             search.maximise(hill, trials)
             values.append(np.mean([1.0 - best_of(search, hill) for _ in range(100)]))
         return np.median(values)
@@ -334,11 +438,19 @@ def test_a_start_that_is_ten_times_too_small_or_too_large_is_made_up_for(factor,
 
 
 def test_what_is_neither_split_nor_merged_keeps_its_path():
-    search = two_of_them([[-5.0, 0.0], [5.0, 0.0]], readings=Readings(structure="fixed", draw="equal"))
+    search = two_of_them(
+        [[-5.0, 0.0], [5.0, 0.0]], readings=Readings(structure="fixed", draw="equal")
+    )
     search.maximise(two_hills, 60)
     before = search.state()["policy"]["parts"]
     mixture = search._policy
-    mixture.replace(np.full(3, 1 / 3), np.zeros((3, 2)), np.array([np.eye(2)] * 3), noisy=False, origins=[None, 1, None])
+    mixture.replace(
+        np.full(3, 1 / 3),
+        np.zeros((3, 2)),
+        np.array([np.eye(2)] * 3),
+        noisy=False,
+        origins=[None, 1, None],
+    )
     after = search.state()["policy"]["parts"]
     assert after[1] == before[1] and after[0]["policy"]["path"] == [0.0, 0.0]
     assert len({part["label"] for part in before + after}) == 4
@@ -347,16 +459,27 @@ def test_what_is_neither_split_nor_merged_keeps_its_path():
 def test_trials_of_a_component_that_is_gone_are_told_to_nobody():
     search = self_sized(2, batch=2)
     trials = [search.ask() for _ in range(4)]
-    search._policy.replace(np.ones(1), np.zeros((1, 2)), np.eye(2)[None], noisy=False, origins=[None])
+    search._policy.replace(
+        np.ones(1), np.zeros((1, 2)), np.eye(2)[None], noisy=False, origins=[None]
+    )
     for trial in trials:
         search.tell(trial, 1.0 + trial.parameters[0])
     assert search.parameters.tolist() == [0.0, 0.0] and search.n_told == 4
 
 
 @pytest.mark.parametrize("structure", ["split_and_merge", "spectroscopy"])
-def test_a_saved_search_with_automatic_exploration_goes_on_with_the_very_same_trials(structure, tmp_path):
+def test_a_saved_search_with_automatic_exploration_goes_on_with_the_very_same_trials(
+    structure, tmp_path
+):
     readings = Readings(structure=structure, check_every=7)
-    search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(5), readings=readings, exploration="automatic", limits=(0.01, 10.0))
+    search = MixturePoWER(
+        np.zeros(2),
+        3.0,
+        rng=np.random.default_rng(5),
+        readings=readings,
+        exploration="automatic",
+        limits=(0.01, 10.0),
+    )
     search.maximise(two_hills, 101)
     waiting = search.ask()
     search.save(tmp_path / "search.json")
@@ -367,13 +490,18 @@ def test_a_saved_search_with_automatic_exploration_goes_on_with_the_very_same_tr
     assert json.dumps(twin.state()) == json.dumps(search.state())
 
 
-# --- saving and refusing ------------------------------------------------------------------------------------------
+# --- saving and refusing
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("structure", ["split_and_merge", "spectroscopy", "fixed"])
 def test_a_saved_search_goes_on_with_the_very_same_trials(structure, tmp_path):
-    readings = Readings(structure=structure, check_every=7, best_of="own", rule=SplitMerge(refine=1, n_axes=2))
-    search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(5), readings=readings, best=10, latest=60)
+    readings = Readings(
+        structure=structure, check_every=7, best_of="own", rule=SplitMerge(refine=1, n_axes=2)
+    )
+    search = MixturePoWER(
+        np.zeros(2), 3.0, rng=np.random.default_rng(5), readings=readings, best=10, latest=60
+    )
     search.maximise(two_hills, 101)
     waiting = search.ask()
     search.save(tmp_path / "search.json")
@@ -388,14 +516,20 @@ def test_a_saved_search_goes_on_with_the_very_same_trials(structure, tmp_path):
 
 def test_the_same_seed_gives_the_same_search_and_the_order_of_telling_does_not_matter():
     def run(order):
-        search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(5), batch=20, best=10, latest=40)
+        search = MixturePoWER(
+            np.zeros(2), 3.0, rng=np.random.default_rng(5), batch=20, best=10, latest=40
+        )
         for _ in range(6):
             trials = [search.ask() for _ in range(20)]
             for index in order:
                 search.tell(trials[index], two_hills(trials[index].parameters))
         return search.mixture
 
-    first, again, other = run(range(20)), run(range(20)), run(np.random.default_rng(0).permutation(20))
+    first, again, other = (
+        run(range(20)),
+        run(range(20)),
+        run(np.random.default_rng(0).permutation(20)),
+    )
     for mixture in (again, other):
         np.testing.assert_array_equal(first.means_, mixture.means_)
         np.testing.assert_array_equal(first.covariances_, mixture.covariances_)

@@ -1,4 +1,6 @@
-"""Following several optima: hills that overtake, vanish or coincide, and what is promised of every search."""
+"""Following several optima: hills that overtake, vanish or coincide, and what is promised of every
+search.
+"""
 
 import json
 
@@ -24,7 +26,9 @@ def hill(point, top, height, width=0.5):
 
 
 def two_hills(point, time):
-    """The right hill overtakes at 2/3 of the time; they are apart: no uphill path leads from one to the other."""
+    """The right hill overtakes at 2/3 of the time; they are apart: no uphill path leads from one
+    to the other.
+    """
     return hill(point, LEFT, 10 - time) + hill(point, RIGHT, 7 + 3.5 * time)
 
 
@@ -86,7 +90,10 @@ def test_niches_keep_clear_of_each_other():
         one.tell(trial, two_hills(trial.parameters, n / 600))
         places = one.optima[0]
         for index in range(1, len(places)):
-            assert np.linalg.norm(places[:index] - places[index], axis=1).min() > 0.8 * 0.7 * np.sqrt(2) - 1e-9
+            assert (
+                np.linalg.norm(places[:index] - places[index], axis=1).min()
+                > 0.8 * 0.7 * np.sqrt(2) - 1e-9
+            )
 
 
 def test_two_niches_at_one_place_become_one():
@@ -129,9 +136,15 @@ def test_noise_is_averaged_over_as_many_trials_as_were_asked_for():
     for repeats in errors:
         for seed in range(3):
             noise = np.random.default_rng(100 + seed)
-            one = learnt(search(seed, repeats=repeats), lambda point, _: hill(point, LEFT, 10.0, 1.0) + 3 * noise.standard_normal(), 400)  # noqa: B023
+            one = learnt(
+                search(seed, repeats=repeats),
+                lambda point, _: hill(point, LEFT, 10.0, 1.0) + 3 * noise.standard_normal(),  # noqa: B023
+                400,
+            )
             errors[repeats].append(np.linalg.norm(one.parameters - LEFT))
-    assert np.median(errors[100]) < 0.4 and np.median(errors[100]) < 0.7 * np.median(errors[1]), errors
+    assert np.median(errors[100]) < 0.4 and np.median(errors[100]) < 0.7 * np.median(errors[1]), (
+        errors
+    )
 
 
 def test_the_same_seed_gives_the_same_trials():
@@ -156,7 +169,9 @@ def test_trials_may_be_open_together_fail_and_be_told_in_any_order():
         trials = [one.ask() for _ in range(8)]
         for index in order.permutation(8):
             failed = order.random() < 0.1
-            one.tell(trials[index], np.nan if failed else hill(trials[index].parameters, LEFT, 10.0))
+            one.tell(
+                trials[index], np.nan if failed else hill(trials[index].parameters, LEFT, 10.0)
+            )
     assert one.n_failed > 20 and one.n_told + one.n_failed == 480
     assert np.linalg.norm(one.parameters - LEFT) < 0.02
 
@@ -195,19 +210,32 @@ def test_other_bad_input_is_refused():
 
 
 def test_the_model_of_a_niche_finds_the_top_of_a_drifting_quadratic():
-    hessian, top, rng = np.array([[-3.0, 1.0], [1.0, -2.0]]), np.array([0.1, -0.2]), np.random.default_rng(0)
+    hessian, top, rng = (
+        np.array([[-3.0, 1.0], [1.0, -2.0]]),
+        np.array([0.1, -0.2]),
+        np.random.default_rng(0),
+    )
     niche = Niche(0, np.zeros(2), 0.3, np.zeros((2, 2)))
     for number in range(60):
         place = niche.draw(rng)
         away = place - top
-        niche.tell((number, place, 5.0 + 0.01 * number + 0.5 * away @ hessian @ away, 0.0), 1.0, 1, np.inf, LIMITS)
+        niche.tell(
+            (number, place, 5.0 + 0.01 * number + 0.5 * away @ hessian @ away, 0.0),
+            1.0,
+            1,
+            np.inf,
+            LIMITS,
+        )
     np.testing.assert_allclose(niche.centre, top, atol=1e-3)
     np.testing.assert_allclose(niche.hessian, hessian, rtol=0.05, atol=0.05)
     assert niche.settled and niche.value == pytest.approx(5.59, abs=0.02)
 
 
 def test_the_draws_of_a_niche_have_the_covariance_of_its_radius():
-    rng, niche = np.random.default_rng(0), Niche(0, np.array([1.0, 2.0, 3.0]), 0.5, np.zeros((3, 3)))
+    rng, niche = (
+        np.random.default_rng(0),
+        Niche(0, np.array([1.0, 2.0, 3.0]), 0.5, np.zeros((3, 3))),
+    )
     points = np.array([niche.draw(rng) for _ in range(20000)])
     np.testing.assert_allclose(points.mean(axis=0), [1, 2, 3], atol=0.02)
     np.testing.assert_allclose(np.cov(points.T), 0.25 * np.eye(3), atol=0.01)
@@ -220,20 +248,31 @@ def test_the_surrogate_is_the_posterior_of_a_gaussian_process():
     places = rng.normal(size=(3, 2))
     everything, when = np.vstack([points, places]), np.concatenate([ages, np.zeros(3)])
     squares = np.square(everything[:, None] - everything).sum(axis=2)
-    joint = surrogate.relief**2 * np.exp(-squares / (2 * surrogate.length**2) - np.abs(when[:, None] - when))
+    joint = surrogate.relief**2 * np.exp(
+        -squares / (2 * surrogate.length**2) - np.abs(when[:, None] - when)
+    )
     noise = surrogate.relief**2 * (10.0 ** (surrogate.indices[1] - 4) + 1e-8)
     seen, across = joint[:12, :12] + noise * np.eye(12), joint[12:, :12]
     ones = np.ones(12)
     level = ones @ np.linalg.solve(seen, values) / (ones @ np.linalg.solve(seen, ones))
     mean, deviation = surrogate.predict(places)
-    np.testing.assert_allclose(mean, level + across @ np.linalg.solve(seen, values - level), rtol=1e-6)
+    np.testing.assert_allclose(
+        mean, level + across @ np.linalg.solve(seen, values - level), rtol=1e-6
+    )
     variance = np.diag(joint[12:, 12:] - across @ np.linalg.solve(seen, across.T))
     np.testing.assert_allclose(deviation, np.sqrt(variance), rtol=1e-6)
 
 
 def test_what_the_surrogate_saw_of_broad_hills_tells_less_of_sharp_ones():
-    points, values, ones = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]]), np.array([5.0, -1.0, 0.0]), np.ones(3)
-    sharp, broad = (Surrogate(points, values, 0 * ones, ones, FIRST, lengths, 0.35) for lengths in (0.35 * ones, 1.4 * ones))
+    points, values, ones = (
+        np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]]),
+        np.array([5.0, -1.0, 0.0]),
+        np.ones(3),
+    )
+    sharp, broad = (
+        Surrogate(points, values, 0 * ones, ones, FIRST, lengths, 0.35)
+        for lengths in (0.35 * ones, 1.4 * ones)
+    )
     assert sharp.predict(points)[1].max() < 0.1 * sharp.relief
     left = np.sqrt(1 - (2 * 4 / (1 + 16)) ** 4)
     far = Surrogate(100 * points, values, 0 * ones, ones, FIRST, 1.4 * ones, 0.35)
@@ -245,7 +284,9 @@ def test_the_covariance_of_the_surrogate_is_positive_whatever_the_lengths():
     rng = np.random.default_rng(0)
     for d in (1, 2, 5):
         points, lengths = rng.normal(size=(60, d)), rng.uniform(0.1, 2, 60)
-        surrogate = Surrogate(points, rng.normal(size=60), np.zeros(60), np.ones(60), FIRST, lengths, 0.5)
+        surrogate = Surrogate(
+            points, rng.normal(size=60), np.zeros(60), np.ones(60), FIRST, lengths, 0.5
+        )
         squares = np.square(points[:, None] - points).sum(axis=2)
         kernel = surrogate._kernel(squares, lengths[:, None])
         np.testing.assert_allclose(kernel, kernel.T, atol=1e-12)
@@ -270,18 +311,33 @@ def test_the_trend_is_the_posterior_of_linear_regression():
     visits, drift = [(1.0, 0.5, 0.2), (2.0, 0.1, 0.1), (4.0, 0.2, 0.3)], 0.4
     clocks, values, errors = np.array(visits).T
     ages = clocks - 4.0
-    prior = 1e6 + drift**2 * np.outer(ages, ages)  # covariance of the line at the visits, its height unknown
+    prior = 1e6 + drift**2 * np.outer(
+        ages, ages
+    )  # covariance of the line at the visits, its height unknown
     noise = np.diag(errors**2 + (0.5 * drift * ages) ** 2)
     ahead = 1e6 + drift**2 * 2.0 * ages
     expected = ahead @ np.linalg.solve(prior + noise, values)
-    variance = 1e6 + (drift * 2.0) ** 2 - ahead @ np.linalg.solve(prior + noise, ahead) + (0.5 * drift * 2.0) ** 2
+    variance = (
+        1e6
+        + (drift * 2.0) ** 2
+        - ahead @ np.linalg.solve(prior + noise, ahead)
+        + (0.5 * drift * 2.0) ** 2
+    )
     value, deviation = forecast(visits, 6.0, drift)
-    assert value == pytest.approx(expected, rel=1e-4) and deviation**2 == pytest.approx(variance, rel=1e-4)
+    assert value == pytest.approx(expected, rel=1e-4) and deviation**2 == pytest.approx(
+        variance, rel=1e-4
+    )
 
 
 def test_the_surrogate_forgets_what_is_old():
     points, values = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]]), np.array([5.0, -1.0, 0.0])
     place = points[:1]
-    new, old = (Surrogate(points, values, np.array([age, 0.0, 0.0]), np.ones(3), FIRST) for age in (0.0, 20.0))
-    assert new.predict(place)[0] == pytest.approx(5.0, abs=0.1) and abs(old.predict(place)[0] - 5.0) > 1.0
+    new, old = (
+        Surrogate(points, values, np.array([age, 0.0, 0.0]), np.ones(3), FIRST)
+        for age in (0.0, 20.0)
+    )
+    assert (
+        new.predict(place)[0] == pytest.approx(5.0, abs=0.1)
+        and abs(old.predict(place)[0] - 5.0) > 1.0
+    )
     assert new.predict(place)[1] < 0.1 * new.relief and old.predict(place)[1] > 0.9 * old.relief

@@ -1,4 +1,6 @@
-"""PoWER on a vector: (5.1), (5.2) and 5.2.1 by hand, what it converges on, and what changes nothing."""
+"""PoWER on a vector: (5.1), (5.2) and 5.2.1 by hand, what it converges on, and what changes
+nothing.
+"""
 
 import numpy as np
 import pytest
@@ -13,13 +15,21 @@ def with_trials(search, tried):
     numbers = [search.ask().number for _ in tried]
     state = search.state()
     noise = {number: noise for number, noise, _ in state["open"]}
-    state["open"] = [[number, noise[number], list(map(float, row))] for number, row in zip(numbers, tried, strict=True)]
+    state["open"] = [
+        [number, noise[number], list(map(float, row))]
+        for number, row in zip(numbers, tried, strict=True)
+    ]
     return type(search).from_state(state), numbers
 
 
 def told(tried, returns, **options):
     """A search about the origin after these trials and returns."""
-    choices = {"rng": np.random.default_rng(0), "weighting": "returns", "minimum_exploration": 0.1, **options}
+    choices = {
+        "rng": np.random.default_rng(0),
+        "weighting": "returns",
+        "minimum_exploration": 0.1,
+        **options,
+    }
     search, numbers = with_trials(PoWER(np.zeros(2), choices.pop("spread", 1.0), **choices), tried)
     for number, value in zip(numbers, returns, strict=True):
         search.tell(number, value)
@@ -34,7 +44,9 @@ SECOND_MOMENT = np.array([[3.0, 4.0], [4.0, 12.0]])
 
 @pytest.mark.parametrize("exploration", ["constant", "proportional", "fixed", "automatic"])
 def test_the_mean_moves_by_the_weighted_relative_exploration_of_the_best(exploration):
-    np.testing.assert_allclose(told(TRIED, RETURNS, exploration=exploration, **THREE_OF_FOUR).parameters, [1.5, 3.0])
+    np.testing.assert_allclose(
+        told(TRIED, RETURNS, exploration=exploration, **THREE_OF_FOUR).parameters, [1.5, 3.0]
+    )
 
 
 def test_constant_noise_adds_sigma_0_to_the_weighted_covariance():
@@ -69,19 +81,37 @@ def test_fixed_exploration_keeps_its_covariance():
 
 
 def test_the_relative_exploration_is_from_the_present_mean_also_for_old_trials():
-    choices = {"rng": np.random.default_rng(0), "weighting": "returns", "exploration": "fixed", "best": 2, "batch": 1, "latest": 3}
+    choices = {
+        "rng": np.random.default_rng(0),
+        "weighting": "returns",
+        "exploration": "fixed",
+        "best": 2,
+        "batch": 1,
+        "latest": 3,
+    }
     search, numbers = with_trials(PoWER([0.0], 1.0, **choices), [[4.0], [0.0], [-2.0]])
     means = []
     for number, value in zip(numbers, [1.0, 1.0, 3.0], strict=True):
         search.tell(number, value)
         means.append(search.parameters[0])
-    # Nothing from one trial; then (4 + 0) / 2; then -2 counts 3, and the other two share the last place.
+    # Nothing from one trial; then (4 + 0) / 2; then -2 counts 3, and the other two share the last
+    # place.
     np.testing.assert_allclose(means, [0.0, 2.0, (-2.0 * 3 + 4 * 0.5 + 0 * 0.5) / 4])
 
 
-@pytest.mark.parametrize("best, expected", [(1, 8.0), (2, (5 * 8.0 + 4 * 1.0) / 9), (4, (5 * 8.0 + 4 * 1.0 + 3 * 2.0 + 2 * 3.0) / 14)])
+@pytest.mark.parametrize(
+    "best, expected",
+    [(1, 8.0), (2, (5 * 8.0 + 4 * 1.0) / 9), (4, (5 * 8.0 + 4 * 1.0 + 3 * 2.0 + 2 * 3.0) / 14)],
+)
 def test_good_trials_of_an_earlier_batch_are_used_again(best, expected):
-    choices = {"rng": np.random.default_rng(0), "weighting": "returns", "exploration": "fixed", "batch": 2, "latest": 4, "best": best}
+    choices = {
+        "rng": np.random.default_rng(0),
+        "weighting": "returns",
+        "exploration": "fixed",
+        "batch": 2,
+        "latest": 4,
+        "best": best,
+    }
     search, numbers = with_trials(PoWER([0.0], 1.0, **choices), [[8.0], [1.0], [2.0], [3.0]])
     for number, value in zip(numbers, [5.0, 4.0, 3.0, 2.0], strict=True):
         search.tell(number, value)
@@ -89,7 +119,13 @@ def test_good_trials_of_an_earlier_batch_are_used_again(best, expected):
 
 
 def test_trials_older_than_the_latest_are_forgotten():
-    choices = {"rng": np.random.default_rng(0), "exploration": "fixed", "batch": 2, "latest": 2, "best": 1}
+    choices = {
+        "rng": np.random.default_rng(0),
+        "exploration": "fixed",
+        "batch": 2,
+        "latest": 2,
+        "best": 1,
+    }
     search, numbers = with_trials(PoWER([0.0], 1.0, **choices), [[8.0], [1.0], [2.0], [3.0]])
     for number, value in zip(numbers, [5.0, 4.0, 3.0, 2.0], strict=True):
         search.tell(number, value)
@@ -118,12 +154,14 @@ def test_without_preference_automatic_exploration_keeps_its_size():
 def test_a_large_batch_makes_the_covariance_that_of_its_best():
     search = PoWER(np.zeros(2), 1.0, rng=np.random.default_rng(0), batch=400)
     search.maximise(lambda x: -(x @ x), 400)
-    # The better half about the optimum has standard deviations of 0.5; size and path change by less than a half more.
+    # The better half about the optimum has standard deviations of 0.5; size and path change by
+    # less than a half more.
     axes = np.sqrt(np.linalg.eigvalsh(search.covariance))
     assert 0.2 < axes[0] and axes[-1] < 0.8, axes
 
 
-# --- convergence -------------------------------------------------------------------------------------------------
+# --- convergence
+# -------------------------------------------------------------------------------------------------
 
 ROTATION = np.linalg.qr(np.random.default_rng(7).normal(size=(5, 5)))[0]
 
@@ -147,20 +185,27 @@ def lost(function, n_trials, noise=0.0, offset=0.0, scale=1.0, **options):
         rng = np.random.default_rng(seed)
         search = PoWER(rng.uniform(-1.5, 1.5, 5), 0.5, rng=rng, **options)
         for trial in search.trials(n_trials):
-            search.tell(trial, offset - scale * (function(trial.parameters) + noise * rng.normal()))
+            search.tell(
+                trial, offset - scale * (function(trial.parameters) + noise * rng.normal())
+            )
         values.append(function(search.parameters))
     return np.median(values)
 
 
-@pytest.mark.parametrize("function, n_trials", [(sphere, 800), (ellipsoid, 2000), (rosenbrock, 3200)])
+@pytest.mark.parametrize(
+    "function, n_trials", [(sphere, 800), (ellipsoid, 2000), (rosenbrock, 3200)]
+)
 def test_automatic_exploration_converges(function, n_trials):
     assert lost(function, n_trials) < 1e-8
 
 
 @pytest.mark.parametrize("exploration", ["constant", "proportional"])
 @pytest.mark.parametrize("function, start", [(sphere, 4.0), (ellipsoid, 5e3), (rosenbrock, 500.0)])
-def test_exploration_with_a_minimum_comes_as_near_as_its_noise_allows(exploration, function, start):
-    # Noise of 0.05 in each parameter; the start is what the median start loses, to an order of magnitude.
+def test_exploration_with_a_minimum_comes_as_near_as_its_noise_allows(
+    exploration, function, start
+):
+    # Noise of 0.05 in each parameter; the start is what the median start loses, to an order of
+    # magnitude.
     assert lost(function, 600, exploration=exploration) < start / 100
 
 
@@ -180,18 +225,29 @@ def test_returns_as_weights_need_only_be_positive():
     values = []
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
-        search = PoWER(rng.uniform(-1.5, 1.5, 3), 0.5, rng=rng, exploration="constant", weighting="returns", best=5, latest=40)
+        search = PoWER(
+            rng.uniform(-1.5, 1.5, 3),
+            0.5,
+            rng=rng,
+            exploration="constant",
+            weighting="returns",
+            best=5,
+            latest=40,
+        )
         values.append(sphere(search.maximise(lambda x: np.exp(-(x @ x)), 600)))
     assert np.median(values) < 0.02, values
 
 
-# --- what changes nothing ----------------------------------------------------------------------------------------
+# --- what changes nothing
+# ----------------------------------------------------------------------------------------
 
 
 def path_of(n_trials=120, return_function=sphere, units=(1.0, 1.0, 1.0), seed=3, **options):
     """Parameters (n_trials, 3), in the first units, that a search tries."""
     units = np.asarray(units)
-    search = PoWER(units * [1.0, -2.0, 0.5], 0.3 * units, rng=np.random.default_rng(seed), **options)
+    search = PoWER(
+        units * [1.0, -2.0, 0.5], 0.3 * units, rng=np.random.default_rng(seed), **options
+    )
     tried = []
     for trial in search.trials(n_trials):
         tried.append(trial.parameters / units)
@@ -199,13 +255,19 @@ def path_of(n_trials=120, return_function=sphere, units=(1.0, 1.0, 1.0), seed=3,
     return np.array(tried)
 
 
-EXPLORATIONS = pytest.mark.parametrize("exploration", ["automatic", "constant", "proportional", "fixed"])
+EXPLORATIONS = pytest.mark.parametrize(
+    "exploration", ["automatic", "constant", "proportional", "fixed"]
+)
 
 
 @EXPLORATIONS
 def test_the_same_generator_gives_the_same_search(exploration):
-    np.testing.assert_array_equal(path_of(exploration=exploration), path_of(exploration=exploration))
-    assert not np.allclose(path_of(exploration=exploration), path_of(exploration=exploration, seed=4))
+    np.testing.assert_array_equal(
+        path_of(exploration=exploration), path_of(exploration=exploration)
+    )
+    assert not np.allclose(
+        path_of(exploration=exploration), path_of(exploration=exploration, seed=4)
+    )
 
 
 @EXPLORATIONS
@@ -217,7 +279,9 @@ def test_units_of_parameters_change_only_units(exploration):
 
 @EXPLORATIONS
 def test_ranks_know_only_the_order_of_returns(exploration):
-    monotone = path_of(return_function=lambda x: np.arctan(sphere(x)) ** 3, exploration=exploration)
+    monotone = path_of(
+        return_function=lambda x: np.arctan(sphere(x)) ** 3, exploration=exploration
+    )
     np.testing.assert_array_equal(monotone, path_of(exploration=exploration))
 
 
@@ -226,7 +290,15 @@ def test_ranks_know_only_the_order_of_returns(exploration):
 def test_the_order_of_telling_changes_nothing(exploration, weighting):
     ends = []
     for order in (1, -1):
-        search = PoWER(np.ones(3), 0.5, rng=np.random.default_rng(5), exploration=exploration, weighting=weighting, batch=10, latest=10)
+        search = PoWER(
+            np.ones(3),
+            0.5,
+            rng=np.random.default_rng(5),
+            exploration=exploration,
+            weighting=weighting,
+            batch=10,
+            latest=10,
+        )
         for _ in range(6):
             for trial in [search.ask() for _ in range(10)][::order]:
                 search.tell(trial, -np.round(sphere(trial.parameters), 1))
@@ -248,16 +320,26 @@ def test_equal_returns_teach_nothing(exploration):
 def test_exploration_stays_within_its_limits(exploration):
     limits = (0.2, 2.0)
     for function in (sphere, lambda x: -1e3 * x.sum()):
-        search = PoWER(np.zeros(3), [1.0, 10.0, 0.1], rng=np.random.default_rng(5), exploration=exploration, limits=limits)
+        search = PoWER(
+            np.zeros(3),
+            [1.0, 10.0, 0.1],
+            rng=np.random.default_rng(5),
+            exploration=exploration,
+            limits=limits,
+        )
         for _ in range(20):
             search.maximise(lambda x, function=function: -function(x), 20)
-            axes = np.sqrt(np.linalg.eigvalsh(search.covariance / np.outer(*2 * [[1.0, 10.0, 0.1]])))
+            axes = np.sqrt(
+                np.linalg.eigvalsh(search.covariance / np.outer(*2 * [[1.0, 10.0, 0.1]]))
+            )
             assert 0.2 - 1e-9 < axes[0] and axes[-1] < 2.0 + 1e-9, axes
 
 
 @pytest.mark.parametrize("exploration", ["automatic", "constant", "proportional"])
 def test_an_optimum_that_moves_after_a_long_rest_is_found_again(exploration):
-    search = PoWER(np.zeros(3), 1.0, rng=np.random.default_rng(0), exploration=exploration, limits=(0.1, 10.0))
+    search = PoWER(
+        np.zeros(3), 1.0, rng=np.random.default_rng(0), exploration=exploration, limits=(0.1, 10.0)
+    )
     search.maximise(lambda x: -(x @ x), 1000)
     assert np.abs(search.parameters).max() < 0.3
     assert 0.1 <= search.state()["policy"]["size"] <= 10.0
@@ -270,16 +352,20 @@ def test_one_parameter_is_enough():
     assert abs(search.maximise(lambda x: -(x[0] ** 2), 200)[0]) < 1e-4
 
 
-# --- weights -----------------------------------------------------------------------------------------------------
+# --- weights
+# -----------------------------------------------------------------------------------------------------
 
 
 def test_weights_by_hand():
     np.testing.assert_allclose(return_weights([3.0, 0.0, 1.0], 2, "returns"), [0.75, 0.0, 0.25])
     np.testing.assert_allclose(
-        return_weights([3.0, 0.0, 1.0], 3, "exponential"), np.array([1, np.exp(-10), np.exp(-20 / 3)]) / 1.0013180339
+        return_weights([3.0, 0.0, 1.0], 3, "exponential"),
+        np.array([1, np.exp(-10), np.exp(-20 / 3)]) / 1.0013180339,
     )
     log = np.log([2.5, 1.25])
-    np.testing.assert_allclose(return_weights([-3.0, 0.0, -1.0], 2, "rank"), [0.0, *log / log.sum()])
+    np.testing.assert_allclose(
+        return_weights([-3.0, 0.0, -1.0], 2, "rank"), [0.0, *log / log.sum()]
+    )
 
 
 @pytest.mark.parametrize("weighting", ["rank", "exponential", "returns"])
@@ -295,7 +381,9 @@ def test_equal_returns_weigh_the_same_also_at_the_limit_of_the_best(weighting):
 def test_weights_over_time_are_those_of_each_step(weighting):
     returns = np.random.default_rng(0).integers(0, 5, size=(8, 20)).astype(float)
     together = return_weights(returns, 3, weighting)
-    np.testing.assert_allclose(together, np.column_stack([return_weights(step, 3, weighting) for step in returns.T]))
+    np.testing.assert_allclose(
+        together, np.column_stack([return_weights(step, 3, weighting) for step in returns.T])
+    )
 
 
 def test_ranks_tell_neighbouring_numbers_apart():
@@ -307,7 +395,8 @@ def test_ranks_tell_neighbouring_numbers_apart():
 def test_weights_survive_extreme_returns(weighting):
     for scale in (1e-300, 1e300):
         np.testing.assert_allclose(
-            return_weights(np.array([1.0, 0.25, 0.5]) * scale, 3, weighting), return_weights([1.0, 0.25, 0.5], 3, weighting)
+            return_weights(np.array([1.0, 0.25, 0.5]) * scale, 3, weighting),
+            return_weights([1.0, 0.25, 0.5], 3, weighting),
         )
 
 

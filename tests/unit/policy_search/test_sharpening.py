@@ -1,5 +1,5 @@
-"""Rewards blurred by a scatter that shrinks: hills that overtake as they sharpen, the process that foretells them, and what is promised of
-every search.
+"""Rewards blurred by a scatter that shrinks: hills that overtake as they sharpen, the process that
+foretells them, and what is promised of every search.
 """
 
 import json
@@ -31,8 +31,12 @@ def variance_at(time):
 
 
 def landscape(point, time):
-    """The sharp hill has half the mass of the broad one, and overtakes it when the blur is down to about 0.4."""
-    return blurred_hill(point, BROAD, 10.0, 0.5, variance_at(time)) + blurred_hill(point, SHARP, 5.0, 0.1, variance_at(time))
+    """The sharp hill has half the mass of the broad one, and overtakes it when the blur is down to
+    about 0.4.
+    """
+    return blurred_hill(point, BROAD, 10.0, 0.5, variance_at(time)) + blurred_hill(
+        point, SHARP, 5.0, 0.1, variance_at(time)
+    )
 
 
 def learnt(one, landscape=landscape, n_trials=1500, first=0, whole=1500):
@@ -44,7 +48,9 @@ def learnt(one, landscape=landscape, n_trials=1500, first=0, whole=1500):
 
 @pytest.mark.slow
 def test_a_low_hill_that_overtakes_as_it_sharpens_is_found_and_a_single_gaussian_misses_it():
-    assert landscape(BROAD, 0.5) > landscape(SHARP, 0.5) and landscape(SHARP, 0.9) > landscape(BROAD, 0.9)
+    assert landscape(BROAD, 0.5) > landscape(SHARP, 0.5) and landscape(SHARP, 0.9) > landscape(
+        BROAD, 0.9
+    )
     at_the_sharp_one = {"sharpening": 0, "power": 0}
     for seed in SEEDS:
         power = PoWER(np.zeros(2), 1.0, rng=np.random.default_rng(seed), limits=(0.03, 10.0))
@@ -79,14 +85,20 @@ def followed_alone(**settings):
 
 def test_scouts_cost_little_and_are_few_where_nothing_can_overtake():
     one, lost, scouted = followed_alone(insurance=0.0)
-    assert np.linalg.norm(one.parameters - BROAD) < 0.01 and scouted.sum() < 100 and lost.mean() < 0.25, (scouted.sum(), lost.mean())
+    assert (
+        np.linalg.norm(one.parameters - BROAD) < 0.01
+        and scouted.sum() < 100
+        and lost.mean() < 0.25
+    ), (scouted.sum(), lost.mean())
 
 
 def test_scouts_without_hope_cost_what_the_insurance_pays_and_no_more():
     rise = alone(BROAD, 1.0) - alone(BROAD, 0.0)
     hopeful, insured = (followed_alone(insurance=insurance) for insurance in (0.0, 4.0))
     assert np.linalg.norm(insured[0].parameters - BROAD) < 0.01
-    assert 0.5 * 4.0 * rise < insured[1][insured[2]].sum() < 4.0 * rise + hopeful[1][hopeful[2]].sum()
+    assert (
+        0.5 * 4.0 * rise < insured[1][insured[2]].sum() < 4.0 * rise + hopeful[1][hopeful[2]].sum()
+    )
 
 
 def points_and_blurs(seed, n=25, d=2):
@@ -100,13 +112,20 @@ def dense(first, first_blurs, second, second_blurs, reference):
     covariance = np.empty((len(first), len(second)))
     for i, j in np.ndindex(*covariance.shape):
         both = (first_blurs[i] + second_blurs[j]) * np.eye(d)
-        covariance[i, j] = scipy.stats.multivariate_normal(first[i], both).pdf(second[j]) * (4 * np.pi * reference) ** (d / 2)
+        covariance[i, j] = scipy.stats.multivariate_normal(first[i], both).pdf(second[j]) * (
+            4 * np.pi * reference
+        ) ** (d / 2)
     return covariance
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
 def test_the_process_is_the_dense_posterior_with_an_unknown_mean(d):
-    (points, blurs, values), places, error, blur = points_and_blurs(0, d=d), points_and_blurs(1, 7, d)[0], 1e-3, 0.3
+    (points, blurs, values), places, error, blur = (
+        points_and_blurs(0, d=d),
+        points_and_blurs(1, 7, d)[0],
+        1e-3,
+        0.3,
+    )
     process = BlurredNoise(points, blurs, values, error)
     covariance = dense(points, blurs, points, blurs, blurs[-1])
     covariance += np.diag((error + 1e-9) * covariance.diagonal())
@@ -115,11 +134,17 @@ def test_the_process_is_the_dense_posterior_with_an_unknown_mean(d):
     mean = ones @ inverse @ values / (ones @ inverse @ ones)
     variance = (values - mean) @ inverse @ (values - mean) / (len(values) - 1)
     prior = (blurs[-1] / blur) ** (d / 2)
-    left = prior - np.sum(across @ inverse * across, axis=1) + (1 - across @ inverse @ ones) ** 2 / (ones @ inverse @ ones)
+    left = (
+        prior
+        - np.sum(across @ inverse * across, axis=1)
+        + (1 - across @ inverse @ ones) ** 2 / (ones @ inverse @ ones)
+    )
     got = process.predict(places, blur)
     np.testing.assert_allclose(got[0], mean + across @ inverse @ (values - mean), rtol=1e-6)
     np.testing.assert_allclose(got[1], np.sqrt(variance * left), rtol=1e-6)
-    assert process.mean == pytest.approx(mean, rel=1e-6) and process.variance == pytest.approx(variance, rel=1e-6)
+    assert process.mean == pytest.approx(mean, rel=1e-6) and process.variance == pytest.approx(
+        variance, rel=1e-6
+    )
 
 
 def test_its_likelihood_is_that_of_all_contrasts_of_the_values():
@@ -130,26 +155,39 @@ def test_its_likelihood_is_that_of_all_contrasts_of_the_values():
         process = BlurredNoise(points, blurs, values, error)
         covariance = dense(points, blurs, points, blurs, blurs[-1])
         covariance += np.diag((error + 1e-9) * covariance.diagonal())
-        seen = scipy.stats.multivariate_normal(np.zeros(11), process.variance * contrasts @ covariance @ contrasts.T)
+        seen = scipy.stats.multivariate_normal(
+            np.zeros(11), process.variance * contrasts @ covariance @ contrasts.T
+        )
         differences.append(process.log_likelihood - seen.logpdf(contrasts @ values))
     assert differences[0] == pytest.approx(differences[1], abs=1e-6)
 
 
 def test_the_covariance_is_that_of_one_white_noise_seen_through_two_blurs():
     grid, (first, second), (near, far) = np.linspace(-15, 15, 6001), (0.3, 1.1), (0.2, 0.9)
-    weights = [scipy.stats.norm(x, np.sqrt(b)).pdf(grid) for x, b in ((near, first), (far, second))]
+    weights = [
+        scipy.stats.norm(x, np.sqrt(b)).pdf(grid) for x, b in ((near, first), (far, second))
+    ]
     norm = np.sum(scipy.stats.norm(0, np.sqrt(second)).pdf(grid) ** 2)
-    process = BlurredNoise(np.array([[5.0], [far]]), np.array([1.0, second]), np.array([0.0, 1.0]), 0.0)
+    process = BlurredNoise(
+        np.array([[5.0], [far]]), np.array([1.0, second]), np.array([0.0, 1.0]), 0.0
+    )
     kernel = process._kernel(np.array([[near]]), np.array([first]))[0, 1]
     assert kernel == pytest.approx(np.sum(weights[0] * weights[1]) / norm, rel=1e-9)
 
 
 def test_what_is_foretold_obeys_the_heat_equation():
     points, blurs, values = points_and_blurs(3)
-    process, place, blur, h = BlurredNoise(points, blurs, values, 1e-2), np.array([0.3, -0.2]), 0.4, 1e-2
+    process, place, blur, h = (
+        BlurredNoise(points, blurs, values, 1e-2),
+        np.array([0.3, -0.2]),
+        0.4,
+        1e-2,
+    )
     cross = place + h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
     heights = process.predict(cross, blur)[0]
-    rise = np.diff([process.predict(place[None], blur + side * h**2)[0][0] for side in (-1, 1)])[0] / (2 * h**2)
+    rise = np.diff([process.predict(place[None], blur + side * h**2)[0][0] for side in (-1, 1)])[
+        0
+    ] / (2 * h**2)
     assert rise == pytest.approx(0.5 * (heights[1:].sum() - 4 * heights[0]) / h**2, rel=1e-2)
 
 
@@ -176,7 +214,10 @@ def test_nothing_but_the_units_changes_with_the_units():
 
 
 def test_returns_may_have_any_scale():
-    plain, scaled = learnt(search(2), n_trials=300), learnt(search(2), lambda *where: 1024.0 * landscape(*where), 300)
+    plain, scaled = (
+        learnt(search(2), n_trials=300),
+        learnt(search(2), lambda *where: 1024.0 * landscape(*where), 300),
+    )
     np.testing.assert_allclose(scaled.parameters, plain.parameters, atol=1e-3)
 
 
@@ -198,7 +239,10 @@ def test_trials_may_be_open_together_fail_and_be_told_in_any_order():
         trials = [one.ask() for _ in range(8)]
         for index in order.permutation(8):
             failed = order.random() < 0.1
-            one.tell(trials[index], np.nan if failed else landscape(trials[index].parameters, part / 180))
+            one.tell(
+                trials[index],
+                np.nan if failed else landscape(trials[index].parameters, part / 180),
+            )
     assert one.n_failed > 20 and one.n_told + one.n_failed == 480
     last = [landscape(place, 59 / 180) for place in (one.parameters, BROAD)]
     assert last[0] > last[1] - 0.1, last

@@ -16,7 +16,9 @@ def vector_search(seed=0, **options):
 
 
 def primitive_search(seed=0, **options):
-    return PrimitivePoWER(np.ones((2, 2)), ACTIVATIONS, 0.5, rng=np.random.default_rng(seed), **options)
+    return PrimitivePoWER(
+        np.ones((2, 2)), ACTIVATIONS, 0.5, rng=np.random.default_rng(seed), **options
+    )
 
 
 def earned(trial):
@@ -104,7 +106,13 @@ def test_a_trial_counts_once_and_only_where_it_was_asked(make):
 
 @BOTH
 @pytest.mark.parametrize(
-    "outcome, message", [(np.inf, r"\+inf"), ("far", "must be a number"), ([1.0, 2.0], "shape"), (None, "number|failed")]
+    "outcome, message",
+    [
+        (np.inf, r"\+inf"),
+        ("far", "must be a number"),
+        ([1.0, 2.0], "shape"),
+        (None, "number|failed"),
+    ],
 )
 def test_an_outcome_that_is_no_return_is_refused_and_can_be_told_again(make, outcome, message):
     search = make()
@@ -131,7 +139,8 @@ def test_a_trial_cannot_be_changed(make):
         trial.parameters[0] = 0.0
 
 
-# --- saving ------------------------------------------------------------------------------------------------------
+# --- saving
+# ------------------------------------------------------------------------------------------------------
 
 
 @BOTH
@@ -180,7 +189,8 @@ def test_a_state_that_does_not_fit_is_refused():
         PoWER.from_state({**state, "generator": {"bit_generator": "Dice"}})
 
 
-# --- refused -----------------------------------------------------------------------------------------------------
+# --- refused
+# -----------------------------------------------------------------------------------------------------
 
 RNG = np.random.default_rng(0)
 
@@ -194,12 +204,21 @@ RNG = np.random.default_rng(0)
         ({"parameters": "here"}, "parameters must be a regular array of numbers"),
         ({"spread": 0.0}, "spread must be above 0, got 0: give"),
         ({"spread": [1.0, -1.0]}, "spread must be above 0, got -1"),
-        ({"spread": [1.0, 1.0, 1.0]}, r"spread must be one number or have shape \(2,\), got \(3,\)"),
+        (
+            {"spread": [1.0, 1.0, 1.0]},
+            r"spread must be one number or have shape \(2,\), got \(3,\)",
+        ),
         ({"spread": np.inf}, "spread holds inf"),
-        ({"rng": 3}, r"rng must be a numpy Generator, got int: use numpy.random.default_rng\(seed\)"),
+        (
+            {"rng": 3},
+            r"rng must be a numpy Generator, got int: use numpy.random.default_rng\(seed\)",
+        ),
         ({"exploration": "wild"}, "exploration must be one of .*'automatic'.*got 'wild'"),
         ({"weighting": "loud"}, "weighting must be one of .*'rank'.*got 'loud'"),
-        ({"best": 9, "latest": 4, "exploration": "constant"}, "latest = 4 must be at least 2, best = 9 .*raise it"),
+        (
+            {"best": 9, "latest": 4, "exploration": "constant"},
+            "latest = 4 must be at least 2, best = 9 .*raise it",
+        ),
         ({"batch": 9, "latest": 4}, "latest = 4 must be at least 2, best = 2 and batch = 9"),
         ({"batch": 4, "latest": 9}, "learns from each trial once.*latest = 9 and batch = 4"),
         ({"batch": 0}, "batch must be an integer of at least 1, got 0"),
@@ -209,7 +228,10 @@ RNG = np.random.default_rng(0)
         ({"limits": (2.0, 3.0)}, "limits must lie on both sides of 1"),
         ({"limits": (0.0, 3.0)}, "limits must be above 0"),
         ({"limits": 0.5}, "limits must have 1 dimension"),
-        ({"exploration": "proportional", "minimum_exploration": 1.5}, "limits must lie on both sides of 1"),
+        (
+            {"exploration": "proportional", "minimum_exploration": 1.5},
+            "limits must lie on both sides of 1",
+        ),
     ],
 )
 def test_a_vector_search_refuses(changes, message):
@@ -233,11 +255,20 @@ def test_a_vector_search_refuses(changes, message):
 )
 def test_a_primitive_search_refuses(changes, message):
     with pytest.raises(ValueError, match=message):
-        PrimitivePoWER(**{"weights": np.ones((2, 1)), "activations": ACTIVATIONS, "spread": 1.0, "rng": RNG, **changes})
+        PrimitivePoWER(
+            **{
+                "weights": np.ones((2, 1)),
+                "activations": ACTIVATIONS,
+                "spread": 1.0,
+                "rng": RNG,
+                **changes,
+            }
+        )
 
 
 @pytest.mark.parametrize(
-    "n_trials, tolerance, message", [(-1, 0.0, "n_trials must be an integer"), (5, -1.0, "tolerance must be at least 0")]
+    "n_trials, tolerance, message",
+    [(-1, 0.0, "n_trials must be an integer"), (5, -1.0, "tolerance must be at least 0")],
 )
 def test_a_loop_refuses(n_trials, tolerance, message):
     with pytest.raises(ValueError, match=message):
@@ -257,4 +288,6 @@ def test_returns_that_are_all_alike_lead_nowhere_and_break_nothing(kind):
     one = kind(np.zeros(2), 1.0, rng=np.random.default_rng(0))
     for trial in one.trials(300):
         one.tell(trial, 5.0)
-    assert np.isfinite(one.parameters).all() and json.loads(json.dumps(one.state(), allow_nan=False))
+    assert np.isfinite(one.parameters).all() and json.loads(
+        json.dumps(one.state(), allow_nan=False)
+    )

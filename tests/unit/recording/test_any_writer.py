@@ -5,7 +5,14 @@ import shutil
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
@@ -17,9 +24,15 @@ CONTENTS = {
     POSE: POSE_CDR,
     STRING: serialize(TYPES, STRING, {"data": "words"}),
     "std_msgs/msg/Empty": serialize(TYPES, "std_msgs/msg/Empty", {}),
-    "sensor_msgs/msg/JointState": serialize(TYPES, "sensor_msgs/msg/JointState", {"name": ["a"], "position": [1.0]}),
-    "tf2_msgs/msg/TFMessage": serialize(TYPES, "tf2_msgs/msg/TFMessage", {"transforms": [{"child_frame_id": "hand"}]}),
-    "rcl_interfaces/msg/ParameterEvent": serialize(TYPES, "rcl_interfaces/msg/ParameterEvent", {"node": "/n"}),
+    "sensor_msgs/msg/JointState": serialize(
+        TYPES, "sensor_msgs/msg/JointState", {"name": ["a"], "position": [1.0]}
+    ),
+    "tf2_msgs/msg/TFMessage": serialize(
+        TYPES, "tf2_msgs/msg/TFMessage", {"transforms": [{"child_frame_id": "hand"}]}
+    ),
+    "rcl_interfaces/msg/ParameterEvent": serialize(
+        TYPES, "rcl_interfaces/msg/ParameterEvent", {"node": "/n"}
+    ),
 }
 periods = st.builds(QosTime, st.integers(0, 2**31), st.integers(0, 10**9))
 qualities = st.builds(
@@ -34,10 +47,19 @@ qualities = st.builds(
     periods,
     st.booleans(),
 )
-topics = st.lists(st.tuples(st.sampled_from(list(CONTENTS)), st.lists(qualities, max_size=2)), min_size=1, max_size=4)
-stamps = st.lists(st.tuples(st.integers(0, 3), st.one_of(st.integers(0, 50), st.integers(0, 2**62))), max_size=40)
+topics = st.lists(
+    st.tuples(st.sampled_from(list(CONTENTS)), st.lists(qualities, max_size=2)),
+    min_size=1,
+    max_size=4,
+)
+stamps = st.lists(
+    st.tuples(st.integers(0, 3), st.one_of(st.integers(0, 50), st.integers(0, 2**62))), max_size=40
+)
 rosbags_ways = st.sampled_from(
-    [(StoragePlugin.SQLITE3, mode) for mode in (CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE)]
+    [
+        (StoragePlugin.SQLITE3, mode)
+        for mode in (CompressionMode.NONE, CompressionMode.FILE, CompressionMode.MESSAGE)
+    ]
     + [(StoragePlugin.MCAP, mode) for mode in CompressionMode]
 )
 few = settings(max_examples=max(12, settings.default.max_examples // 8))
@@ -83,12 +105,22 @@ def test_what_rosbags_writes(folder, topics, stamps, way, version):
 
 
 @few
-@given(topics=topics, stamps=stamps, options=mcap_ways, profile=st.sampled_from(["ros2", "", "x"]), described=st.booleans())
+@given(
+    topics=topics,
+    stamps=stamps,
+    options=mcap_ways,
+    profile=st.sampled_from(["ros2", "", "x"]),
+    described=st.booleans(),
+)
 def test_what_mcap_writes(folder, topics, stamps, options, profile, described):
-    assume(options["use_chunking"] or not options["enable_data_crcs"] or stamps)  # mcap 1.6.0 leaves records out of the CRC then
+    assume(
+        options["use_chunking"] or not options["enable_data_crcs"] or stamps
+    )  # mcap 1.6.0 leaves records out of the CRC then
     names = [type_name for type_name, _told in topics]
     texts = [{"text": definition(TYPES, name) if described else ""} for name in names]
     messages = [(k % len(names), stamp, CONTENTS[names[k % len(names)]]) for k, stamp in stamps]
-    channels = [(f"/t{k}", name, text) for k, (name, text) in enumerate(zip(names, texts, strict=True))]
+    channels = [
+        (f"/t{k}", name, text) for k, (name, text) in enumerate(zip(names, texts, strict=True))
+    ]
     path = mcap_file(folder / "bag.mcap", channels, messages, profile, **options)
     is_read(path, [(f"/t{k}", stamp, data) for k, stamp, data in messages])

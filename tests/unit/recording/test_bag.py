@@ -70,17 +70,26 @@ def random_message(types, type_name, stamp_ns, rng):
 
 
 def record(path, types, n_steps=700, topics=TOPICS, **options):
-    """A bag with every topic; returns the messages (topic, log time, publish time, bytes) in order."""
+    """A bag with every topic; returns the messages (topic, log time, publish time, bytes) in
+    order.
+    """
     rng, written = np.random.default_rng(0), []
     with BagWriter(path, **options) as bag:
         for name, (type_name, qos) in topics.items():
-            bag.add_topic(name, type_name, definition(types, type_name), qos, type_hash(types, type_name))
+            bag.add_topic(
+                name, type_name, definition(types, type_name), qos, type_hash(types, type_name)
+            )
         for step in range(n_steps):
             for index, (name, (type_name, _)) in enumerate(topics.items()):
                 if name == "/robot_description" and step:
                     continue
                 stamp = START_NS + step * STEP_NS
-                item = (name, stamp + 1000 * index, stamp, random_message(types, type_name, stamp, rng))
+                item = (
+                    name,
+                    stamp + 1000 * index,
+                    stamp,
+                    random_message(types, type_name, stamp, rng),
+                )
                 bag.write(*item)
                 written.append(item)
         bag.add_attachment("wam.yaml", "joints: 7\n", "application/yaml", START_NS)
@@ -99,11 +108,22 @@ def test_every_crc_fits_and_definitions_come_before_their_messages(bag):
     """Read without seeking: the CRC of all before the summary is checked too."""
     path, written = bag
     with open(path / "throws_0.mcap", "rb") as stream:
-        read = list(NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False))
-    assert [(channel.topic, message.log_time, message.publish_time, message.data) for _, channel, message in read] == written
-    assert [message.sequence for _, channel, message in read if channel.topic == "/joint_states"] == list(range(700))
+        read = list(
+            NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        )
+    assert [
+        (channel.topic, message.log_time, message.publish_time, message.data)
+        for _, channel, message in read
+    ] == written
+    assert [
+        message.sequence for _, channel, message in read if channel.topic == "/joint_states"
+    ] == list(range(700))
     with open(path / "throws_0.mcap", "rb") as stream:
-        crcs = [record.uncompressed_crc for record in StreamReader(stream, emit_chunks=True).records if hasattr(record, "uncompressed_crc")]
+        crcs = [
+            record.uncompressed_crc
+            for record in StreamReader(stream, emit_chunks=True).records
+            if hasattr(record, "uncompressed_crc")
+        ]
     assert len(crcs) > 1 and all(crcs)
 
 
@@ -114,7 +134,12 @@ def test_the_index_of_every_chunk_finds_its_messages(bag):
         counts = summary.statistics.channel_message_counts
         for index in summary.chunk_indexes:
             stream.seek(index.chunk_start_offset)
-            records = list(take(StreamReader(stream, skip_magic=True, emit_chunks=True).records, 1 + len(index.message_index_offsets)))
+            records = list(
+                take(
+                    StreamReader(stream, skip_magic=True, emit_chunks=True).records,
+                    1 + len(index.message_index_offsets),
+                )
+            )
             chunk, message_indexes = records[0], records[1:]
             raw = zstandard.decompress(chunk.data)
             for one in message_indexes:
@@ -143,7 +168,9 @@ def test_choosing_topics_and_times(bag):
     start, stop = START_NS + 100 * STEP_NS, START_NS + 200 * STEP_NS
     with BagReader(path) as reader:
         read = [m.stamp_ns for m in reader.messages(["/joint_states"], start, stop, decode=False)]
-        assert read == [log for topic, log, *_ in written if topic == "/joint_states" and start <= log < stop]
+        assert read == [
+            log for topic, log, *_ in written if topic == "/joint_states" and start <= log < stop
+        ]
         with pytest.raises(BagError, match="no topic .'/ball'.*, only .*'/joint_states'"):
             list(reader.messages(["/ball"]))
 
@@ -153,10 +180,14 @@ def test_topics_tell_type_count_hash_and_qos(bag, types):
     with BagReader(path) as reader:
         topics = reader.topics
         assert {name: (info.type_name, info.count) for name, info in topics.items()} == {
-            name: (type_name, 1 if name == "/robot_description" else 700) for name, (type_name, _) in TOPICS.items()
+            name: (type_name, 1 if name == "/robot_description" else 700)
+            for name, (type_name, _) in TOPICS.items()
         }
         assert topics["/joint_states"].type_hash == type_hash(types, "sensor_msgs/msg/JointState")
-        (pose,), (description,) = topics["/vrpn_mocap/hand/pose"].qos, topics["/robot_description"].qos
+        (pose,), (description,) = (
+            topics["/vrpn_mocap/hand/pose"].qos,
+            topics["/robot_description"].qos,
+        )
         assert pose.reliability == QosReliability.BEST_EFFORT and pose.depth == 5
         assert description.durability == QosDurability.TRANSIENT_LOCAL
         assert reader.custom_data == {"seed": "7"}
@@ -174,7 +205,9 @@ def test_attachments_come_back(bag):
 def test_the_layout_is_that_of_rosbag2(bag, types):
     path, written = bag
     assert sorted(file.name for file in path.iterdir()) == ["metadata.yaml", "throws_0.mcap"]
-    information = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    information = yaml.safe_load((path / "metadata.yaml").read_text())[
+        "rosbag2_bagfile_information"
+    ]
     assert information["version"] == 9 and information["storage_identifier"] == "mcap"
     assert information["message_count"] == information["files"][0]["message_count"] == len(written)
     assert information["starting_time"]["nanoseconds_since_epoch"] == START_NS
@@ -365,14 +398,21 @@ def test_a_type_that_nobody_defines_can_be_read_raw_only(tmp_path, types):
         writer.start("ros2")
         channels = [
             writer.register_channel(name, "cdr", writer.register_schema(type_name, "", b""))
-            for name, type_name in (("/point", "lab_msgs/msg/Point"), ("/known", "geometry_msgs/msg/Point"))
+            for name, type_name in (
+                ("/point", "lab_msgs/msg/Point"),
+                ("/known", "geometry_msgs/msg/Point"),
+            )
         ]
         for channel in channels:
-            writer.add_message(channel, 5, serialize(types, "geometry_msgs/msg/Point", {"x": 3.0}), 5)
+            writer.add_message(
+                channel, 5, serialize(types, "geometry_msgs/msg/Point", {"x": 3.0}), 5
+            )
         writer.finish()
     with BagReader(file) as reader:
         assert len(list(reader.messages(decode=False))) == 2
-        assert [m.data.x for m in reader.messages("/known")] == [3.0], "a standard type needs no definition"
+        assert [m.data.x for m in reader.messages("/known")] == [3.0], (
+            "a standard type needs no definition"
+        )
         with pytest.raises(BagError, match="/point has type lab_msgs/msg/Point, which neither"):
             list(reader.messages("/point"))
     given = typestore()
@@ -411,7 +451,13 @@ def split_bag(path, types, **limits):
     type_name, rng, written = "geometry_msgs/msg/PoseStamped", np.random.default_rng(0), []
     with BagWriter(path, custom_data={"seed": "7"}, **limits) as bag:
         for name in ("/hand", "/ball"):
-            bag.add_topic(name, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+            bag.add_topic(
+                name,
+                type_name,
+                definition(types, type_name),
+                qos_yaml(),
+                type_hash(types, type_name),
+            )
         for step in range(1000):
             name, stamp = ("/hand", "/ball")[step % 2], START_NS + step * 10_000_000
             data = random_message(types, type_name, stamp, rng)
@@ -422,7 +468,9 @@ def split_bag(path, types, **limits):
     return written
 
 
-@pytest.mark.parametrize("limits", [{"max_duration_ns": 3_000_000_000}, {"max_bytes": 30_000, "chunk_size": 4096}])
+@pytest.mark.parametrize(
+    "limits", [{"max_duration_ns": 3_000_000_000}, {"max_bytes": 30_000, "chunk_size": 4096}]
+)
 def test_a_bag_is_split_into_whole_files_that_all_readers_join_again(tmp_path, types, limits):
     path = tmp_path / "bag"
     written = split_bag(path, types, **limits)
@@ -432,18 +480,31 @@ def test_a_bag_is_split_into_whole_files_that_all_readers_join_again(tmp_path, t
         assert [(m.topic, m.stamp_ns, m.data) for m in reader.messages(decode=False)] == written
         assert [(c.topic, stamp, bytes(raw)) for c, stamp, raw in other.messages()] == written
         assert reader.custom_data == {"seed": "7", "lost": "/ball: 3"}
-        assert {name: topic.count for name, topic in reader.topics.items()} == {"/hand": 500, "/ball": 500}
-    information = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        assert {name: topic.count for name, topic in reader.topics.items()} == {
+            "/hand": 500,
+            "/ball": 500,
+        }
+    information = yaml.safe_load((path / "metadata.yaml").read_text())[
+        "rosbag2_bagfile_information"
+    ]
     assert information["relative_file_paths"] == [file.name for file in files]
     for file, told in zip(files, information["files"], strict=True):
         with open(file, "rb") as stream:
             read = list(make_reader(stream, validate_crcs=True).iter_messages())
         with BagReader(file) as reader:
-            closed = yaml.safe_load(reader._source._files[0].metadata()[-1].metadata["serialized_metadata"])
+            closed = yaml.safe_load(
+                reader._source._files[0].metadata()[-1].metadata["serialized_metadata"]
+            )
         times = [message.log_time for _, _, message in read]
-        assert told["path"] == file.name and told["message_count"] == closed["message_count"] == len(read)
+        assert told["path"] == file.name and told["message_count"] == closed[
+            "message_count"
+        ] == len(read)
         assert told["starting_time"]["nanoseconds_since_epoch"] == min(times)
-        assert told["duration"]["nanoseconds"] == max(times) - min(times) < limits.get("max_duration_ns", 10**18)
+        assert (
+            told["duration"]["nanoseconds"]
+            == max(times) - min(times)
+            < limits.get("max_duration_ns", 10**18)
+        )
         assert file.stat().st_size <= limits.get("max_bytes", 10**9)
 
 
@@ -464,7 +525,9 @@ def test_a_split_bag_without_metadata_file_is_read_and_strangers_are_not(tmp_pat
     missing = (path / "bag_4.mcap").read_bytes()
     record(tmp_path / "other", types, n_steps=3, topics={"/hand": TOPICS["/joint_states"]})
     (path / "bag_4.mcap").write_bytes((tmp_path / "other" / "other_0.mcap").read_bytes())
-    with pytest.raises(BagError, match="10 files and no metadata.yaml.*disagree on the type of /hand"):
+    with pytest.raises(
+        BagError, match="10 files and no metadata.yaml.*disagree on the type of /hand"
+    ):
         BagReader(path)
     (path / "bag_4.mcap").write_bytes(missing[:-1])
     with pytest.raises(BagError, match="bag_4.mcap.*recover"):
@@ -503,7 +566,9 @@ def test_a_flush_with_nothing_new_writes_nothing(tmp_path, types):
 def test_what_is_flushed_to_the_disk_was_synced_after_it_was_written(tmp_path, types, monkeypatch):
     synced = []
     real = os.fdatasync
-    monkeypatch.setattr(os, "fdatasync", lambda fd: (real(fd), synced.append(os.fstat(fd).st_size)))
+    monkeypatch.setattr(
+        os, "fdatasync", lambda fd: (real(fd), synced.append(os.fstat(fd).st_size))
+    )
     with BagWriter(tmp_path / "bag") as bag:
         bag.add_topic("/a", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
         for stamp in range(5):
@@ -526,7 +591,13 @@ def test_notes_are_texts_and_end_with_the_bag(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "view", [bytearray, memoryview, lambda data: np.frombuffer(data, np.uint8), lambda data: memoryview(data).cast("I")]
+    "view",
+    [
+        bytearray,
+        memoryview,
+        lambda data: np.frombuffer(data, np.uint8),
+        lambda data: memoryview(data).cast("I"),
+    ],
 )
 def test_any_buffer_of_bytes_is_written_as_it_is_now(tmp_path, types, view):
     data = bytearray(serialize(types, "std_msgs/msg/String", {"data": "hello w"}))
@@ -551,10 +622,17 @@ def write_plain(file, types, stamps, **options):
     with open(file, "wb") as stream:
         writer = McapWriter(stream, chunk_size=1000, **options)
         writer.start("")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", definition(types, "std_msgs/msg/String").encode())
+        schema = writer.register_schema(
+            "std_msgs/msg/String", "ros2msg", definition(types, "std_msgs/msg/String").encode()
+        )
         channel = writer.register_channel("/text", "cdr", schema)
         for stamp in stamps:
-            writer.add_message(channel, int(stamp), serialize(types, "std_msgs/msg/String", {"data": str(stamp)}), int(stamp))
+            writer.add_message(
+                channel,
+                int(stamp),
+                serialize(types, "std_msgs/msg/String", {"data": str(stamp)}),
+                int(stamp),
+            )
         writer.finish()
     return file
 
@@ -589,7 +667,9 @@ def test_files_of_plain_mcap_are_read_in_order_of_log_time(tmp_path, types, opti
         read = list(reader.messages())
         assert [message.stamp_ns for message in read] == sorted(stamps)
         assert all(message.data.data == str(message.stamp_ns) for message in read)
-        assert [m.stamp_ns for m in reader.messages("/text", 100, 103, decode=False)] == [s for s in sorted(stamps) if 100 <= s < 103]
+        assert [m.stamp_ns for m in reader.messages("/text", 100, 103, decode=False)] == [
+            s for s in sorted(stamps) if 100 <= s < 103
+        ]
         assert (reader.message_count, reader.start_ns, reader.end_ns) == (len(stamps), 0, 399)
 
 
@@ -611,7 +691,9 @@ def test_sqlite_bags_and_bags_with_compressed_messages_are_read(tmp_path, types)
             for stamp in range(10):
                 writer.write(connection, stamp, data)
         with BagReader(tmp_path / name, types) as reader:
-            assert [(m.stamp_ns, m.data.data) for m in reader.messages()] == [(stamp, "hello") for stamp in range(10)], name
+            assert [(m.stamp_ns, m.data.data) for m in reader.messages()] == [
+                (stamp, "hello") for stamp in range(10)
+            ], name
 
 
 def test_a_topic_that_is_not_cdr_can_be_read_raw_only(tmp_path):
@@ -619,7 +701,9 @@ def test_a_topic_that_is_not_cdr_can_be_read_raw_only(tmp_path):
     with open(file, "wb") as stream:
         writer = McapWriter(stream)
         writer.start()
-        channel = writer.register_channel("/json", "json", writer.register_schema("T", "jsonschema", b"{}"))
+        channel = writer.register_channel(
+            "/json", "json", writer.register_schema("T", "jsonschema", b"{}")
+        )
         writer.add_message(channel, 5, b"{}", 5)
         writer.finish()
     with BagReader(file) as reader:
@@ -644,8 +728,13 @@ def test_of_a_bag_that_is_thinned_each_topic_has_a_message_now_and_then(bag):
     path, written = bag
     with BagReader(path) as reader:
         everything = [(item.topic, item.stamp_ns) for item in reader.messages(decode=False)]
-        some = [(item.topic, item.stamp_ns) for item in reader.messages(decode=False, every_ns=50_000_000)]
-    assert set(some) < set(everything) and {topic for topic, _ in some} == {topic for topic, _ in everything}
+        some = [
+            (item.topic, item.stamp_ns)
+            for item in reader.messages(decode=False, every_ns=50_000_000)
+        ]
+    assert set(some) < set(everything) and {topic for topic, _ in some} == {
+        topic for topic, _ in everything
+    }
     for topic in {topic for topic, _ in some}:
         stamps = np.array([stamp for name, stamp in some if name == topic])
         assert (np.diff(stamps) >= 50_000_000).all()
@@ -655,26 +744,42 @@ def test_of_a_bag_that_is_thinned_each_topic_has_a_message_now_and_then(bag):
 
 def test_a_graph_is_read_whichever_namespace_it_ran_in(tmp_path):
     commands = "dart_skill_msgs/msg/WamCommand"
-    topics = {"/arm1/wam/command": commands, "/arm1/wam/other": "std_msgs/msg/String", "/tf": "std_msgs/msg/String"}
+    topics = {
+        "/arm1/wam/command": commands,
+        "/arm1/wam/other": "std_msgs/msg/String",
+        "/tf": "std_msgs/msg/String",
+    }
     _write_empty(tmp_path / "bag", topics)
     with GraphBag(tmp_path / "bag") as bag:
         assert bag.namespace == "/arm1"
         assert set(bag.topics) == {"/wam/command", "/wam/other", "/tf"}
-        assert [message.topic for message in bag.messages(["/wam/other", "/tf"])] == ["/wam/other", "/tf"]
+        assert [message.topic for message in bag.messages(["/wam/other", "/tf"])] == [
+            "/wam/other",
+            "/tf",
+        ]
         assert bag.topics["/wam/other"].name == "/wam/other"
         with pytest.raises(BagError, match=r"no topic \['/arm1/wam/other'\]"):
             next(bag.messages(["/arm1/wam/other"]))
 
 
 def test_without_a_namespace_names_are_as_they_are(tmp_path):
-    _write_empty(tmp_path / "bag", {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/arm1/text": "std_msgs/msg/String"})
+    _write_empty(
+        tmp_path / "bag",
+        {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/arm1/text": "std_msgs/msg/String"},
+    )
     with GraphBag(tmp_path / "bag") as bag:
         assert bag.namespace == "" and set(bag.topics) == {"/wam/command", "/arm1/text"}
 
 
 def test_a_bag_of_two_graphs_is_refused_and_both_are_named(tmp_path):
-    _write_empty(tmp_path / "bag", dict.fromkeys(("/wam/command", "/arm2/wam/command"), "dart_skill_msgs/msg/WamCommand"))
-    with pytest.raises(BagError, match="several graphs, in the namespaces /, /arm2: record each into a bag of its own"):
+    _write_empty(
+        tmp_path / "bag",
+        dict.fromkeys(("/wam/command", "/arm2/wam/command"), "dart_skill_msgs/msg/WamCommand"),
+    )
+    with pytest.raises(
+        BagError,
+        match="several graphs, in the namespaces /, /arm2: record each into a bag of its own",
+    ):
         GraphBag(tmp_path / "bag")
 
 
@@ -683,14 +788,22 @@ def _write_empty(path, topics):
     types = typestore()
     with BagWriter(path) as writer:
         for ns, (topic, type_name) in enumerate(topics.items(), start=1):
-            writer.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+            writer.add_topic(
+                topic,
+                type_name,
+                definition(types, type_name),
+                qos_yaml(),
+                type_hash(types, type_name),
+            )
             writer.write(topic, ns, ns, serialize(types, type_name, {}))
 
 
 # types and profiles
 
 
-def test_bags_that_define_the_same_share_their_types_and_what_they_lack_is_made_when_it_is_needed(tmp_path):
+def test_bags_that_define_the_same_share_their_types_and_what_they_lack_is_made_when_it_is_needed(
+    tmp_path,
+):
     types, made = typestore(), []
 
     def make():
@@ -703,13 +816,17 @@ def test_bags_that_define_the_same_share_their_types_and_what_they_lack_is_made_
             bag.add_topic("/words", "std_msgs/msg/String", told)
             bag.write("/words", 1, 1, serialize(types, "std_msgs/msg/String", {"data": name}))
     with BagReader(tmp_path / "first", make) as first, BagReader(tmp_path / "second") as second:
-        assert first.types is second.types and [one.data.data for one in first.messages()] == ["first"]
+        assert first.types is second.types and [one.data.data for one in first.messages()] == [
+            "first"
+        ]
     assert not made, "the bag defines all of its types"
     with BagReader(tmp_path / "bare", make) as bare:
         assert not made, "nobody has asked for them yet"
         assert [one.data.data for one in bare.messages()] == ["bare"] and len(made) == 1
     with BagReader(tmp_path / "bare") as bare:
-        assert [one.data.data for one in bare.messages()] == ["bare"], "a standard type needs no definition"
+        assert [one.data.data for one in bare.messages()] == ["bare"], (
+            "a standard type needs no definition"
+        )
 
 
 @pytest.mark.parametrize(

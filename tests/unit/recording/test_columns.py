@@ -1,26 +1,53 @@
-"""Numbers of many messages at once, against each message read by rosbags; what cannot be taken so is said."""
+"""Numbers of many messages at once, against each message read by rosbags; what cannot be taken so
+is said.
+"""
 
 import numpy as np
 import pytest
 import scipy.ndimage
 
-from dart_skill.recording.bags import columns_by_layout, columns_of, deserialize, header_content, pose_content, serialize, typestore
+from dart_skill.recording.bags import (
+    columns_by_layout,
+    columns_of,
+    deserialize,
+    header_content,
+    pose_content,
+    serialize,
+    typestore,
+)
 from dart_skill.recording.grip_signal import read_command, read_commands
 from dart_skill.recording.imports.pose_faults import usual_steps
 
 TYPES = typestore()
 RNG = np.random.default_rng(0)
 COMMAND = "dart_skill_msgs/msg/WamCommand"
-POSE, STATE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
+POSE, STATE, ODOMETRY = (
+    "geometry_msgs/msg/PoseStamped",
+    "sensor_msgs/msg/JointState",
+    "nav_msgs/msg/Odometry",
+)
 
 
 def pose(stamp_ns, frame="world"):
-    return serialize(TYPES, POSE, {"header": header_content(stamp_ns, frame), "pose": pose_content(RNG.normal(size=3), RNG.normal(size=4))})
+    return serialize(
+        TYPES,
+        POSE,
+        {
+            "header": header_content(stamp_ns, frame),
+            "pose": pose_content(RNG.normal(size=3), RNG.normal(size=4)),
+        },
+    )
 
 
 def state(stamp_ns, names=("a", "bc", "def"), velocities=3, efforts=0):
-    content = {"position": RNG.normal(size=3), "velocity": RNG.normal(size=velocities), "effort": RNG.normal(size=efforts)}
-    return serialize(TYPES, STATE, {"header": header_content(stamp_ns, "base"), "name": list(names), **content})
+    content = {
+        "position": RNG.normal(size=3),
+        "velocity": RNG.normal(size=velocities),
+        "effort": RNG.normal(size=efforts),
+    }
+    return serialize(
+        TYPES, STATE, {"header": header_content(stamp_ns, "base"), "name": list(names), **content}
+    )
 
 
 def numbers_of(message):
@@ -39,8 +66,15 @@ def numbers_of(message):
 
 def odometry(stamp_ns):
     covariance = {"covariance": RNG.normal(size=36)}
-    content = {"pose": {"pose": pose_content(RNG.normal(size=3), RNG.normal(size=4)), **covariance}, "twist": covariance}
-    return serialize(TYPES, ODOMETRY, {"header": header_content(stamp_ns, "odom"), "child_frame_id": "hand", **content})
+    content = {
+        "pose": {"pose": pose_content(RNG.normal(size=3), RNG.normal(size=4)), **covariance},
+        "twist": covariance,
+    }
+    return serialize(
+        TYPES,
+        ODOMETRY,
+        {"header": header_content(stamp_ns, "odom"), "child_frame_id": "hand", **content},
+    )
 
 
 @pytest.mark.parametrize(
@@ -79,7 +113,9 @@ def test_messages_that_differ_in_more_are_left_to_be_read_one_by_one(type_name, 
 
 
 def test_the_other_order_of_bytes_is_left_to_rosbags():
-    swapped = bytes(TYPES.serialize_cdr(deserialize(TYPES, POSE, pose(5)), POSE, little_endian=False))
+    swapped = bytes(
+        TYPES.serialize_cdr(deserialize(TYPES, POSE, pose(5)), POSE, little_endian=False)
+    )
     assert columns_of(TYPES, POSE, [swapped]) is None
 
 
@@ -87,15 +123,31 @@ def test_the_other_order_of_bytes_is_left_to_rosbags():
 
 
 def command(stamp_ns, force=0.0, grip=0, frame="world"):
-    content = {"header": header_content(stamp_ns, frame), "wrench": {"force": {"x": force}}, "grip": grip}
+    content = {
+        "header": header_content(stamp_ns, frame),
+        "wrench": {"force": {"x": force}},
+        "grip": grip,
+    }
     return serialize(TYPES, COMMAND, content)
 
 
-@pytest.mark.parametrize("frames", [("world",), ("world", "another frame"), ("",)], ids=["one frame", "two frames", "no frame"])
+@pytest.mark.parametrize(
+    "frames",
+    [("world",), ("world", "another frame"), ("",)],
+    ids=["one frame", "two frames", "no frame"],
+)
 def test_many_commands_say_what_each_of_them_says(frames):
     stamps = [-1, 0, 5, 1_732_500_000_123_456_789]
-    payloads = [command(stamp, force, grip, frame) for stamp in stamps for force in (0.0, 2.5) for grip in (0, 2) for frame in frames]
-    assert list(zip(*(column.tolist() for column in read_commands(payloads)), strict=True)) == [read_command(one) for one in payloads]
+    payloads = [
+        command(stamp, force, grip, frame)
+        for stamp in stamps
+        for force in (0.0, 2.5)
+        for grip in (0, 2)
+        for frame in frames
+    ]
+    assert list(zip(*(column.tolist() for column in read_commands(payloads)), strict=True)) == [
+        read_command(one) for one in payloads
+    ]
 
 
 def test_of_no_commands_there_is_nothing_and_of_other_bytes_an_error():
@@ -104,20 +156,31 @@ def test_of_no_commands_there_is_nothing_and_of_other_bytes_an_error():
     for wrong in (b"", good[:60], b"\x00\x00" + good[2:20]):
         with pytest.raises(ValueError, match="are no WamCommand"):
             read_commands([good, wrong])
-    assert [column.tolist() for column in read_commands([good, good[:1] + b"\x00" + bytes(len(good) - 2)])][0][0] == 1, "big endian"
+    assert [
+        column.tolist()
+        for column in read_commands([good, good[:1] + b"\x00" + bytes(len(good) - 2)])
+    ][0][0] == 1, "big endian"
 
 
 @pytest.mark.parametrize("n", [1, 3, 11, 200])
 def test_what_is_usual_among_steps_is_their_running_median(n):
     steps = np.random.default_rng(1).exponential(size=n)
-    np.testing.assert_array_equal(usual_steps(steps), scipy.ndimage.median_filter(steps, 11, mode="nearest"))
+    np.testing.assert_array_equal(
+        usual_steps(steps), scipy.ndimage.median_filter(steps, 11, mode="nearest")
+    )
 
 
 def test_messages_of_several_layouts_are_taken_by_layout():
-    kinds = [lambda stamp: state(stamp), lambda stamp: state(stamp, ("c", "ab", "def")), lambda stamp: state(stamp, velocities=0)]
+    kinds = [
+        lambda stamp: state(stamp),
+        lambda stamp: state(stamp, ("c", "ab", "def")),
+        lambda stamp: state(stamp, velocities=0),
+    ]
     payloads = [kinds[k % 3](k) for k in range(30)]
     found, left = columns_by_layout(TYPES, STATE, payloads)
-    assert [columns.index.tolist() for columns in found] == [list(range(k, 30, 3)) for k in range(3)] and not left
+    assert [columns.index.tolist() for columns in found] == [
+        list(range(k, 30, 3)) for k in range(3)
+    ] and not left
     for columns in found:
         for k, numbers, stamp in zip(columns.index, columns.numbers, columns.stamps, strict=True):
             one = deserialize(TYPES, STATE, payloads[k])
@@ -128,4 +191,6 @@ def test_messages_of_several_layouts_are_taken_by_layout():
 def test_of_more_layouts_than_can_be_kept_the_rest_is_read_one_by_one():
     payloads = [state(k, (f"joint_{k}", "b", "c")) for k in range(40)]
     found, left = columns_by_layout(TYPES, STATE, payloads)
-    assert [*(k for columns in found for k in columns.index), *left] == list(range(40)) and len(left) == 24
+    assert [*(k for columns in found for k in columns.index), *left] == list(range(40)) and len(
+        left
+    ) == 24

@@ -1,8 +1,9 @@
 """Bags that others test with, and what is said of each: no false alarm, and no missed fault.
 
-Those that `make_corpus` makes are always read. The others are read below the folder that DART_SKILL_CORPUS names, which has a checkout
-of each repository of the table (docs/bags.md says which), or what there is of them. A bag that is not in the table must be read as rosbags
-and mcap read it, and an error must be one of reading, too.
+Those that `make_corpus` makes are always read. The others are read below the folder that
+DART_SKILL_CORPUS names, which has a checkout of each repository of the table (docs/bags.md says
+which), or what there is of them. A bag that is not in the table must be read as rosbags and mcap
+read it, and an error must be one of reading, too.
 """
 
 import os
@@ -24,7 +25,13 @@ KINDS = {
     "encoding": ("note", "not as cdr: they are not decoded"),
     "profile": ("note", "its profile is ''"),
     "empty": ("warning", "holds no messages"),
-    "statistics": ("warning", "the statistics say (1000000, 100000000) for first and last time, found are (0, 100000000)"),
+    "statistics": (
+        "warning",
+        (
+            "the statistics say (1000000, 100000000) for first and last time, found are (0,"
+            " 100000000)"
+        ),
+    ),
     "start": ("warning", "for the time of the first message, the files say"),
     "duration": ("warning", "for the duration, the files say"),
     "type": ("warning", "for the type of /"),
@@ -84,30 +91,61 @@ EXPECTED = {
     "rosbag2@foxy/ros2bag/test/resources/empty_bag": (0, "empty"),
     f"rosbag2@foxy/{RESOURCES}/cdr_test": (7, "undefined"),
     f"rosbag2@foxy/{RESOURCES}/wrong_rmw_test": (7, "undefined"),
-    f"rosbag2@galactic/{RESOURCES}/reindex_test_bags/target_metadata/multiple_files": (None, "missing"),
+    f"rosbag2@galactic/{RESOURCES}/reindex_test_bags/target_metadata/multiple_files": (
+        None,
+        "missing",
+    ),
     f"rosbag2@humble/{SAMPLES}/talker": (20,),
     f"rosbag2@humble/{RESOURCES}/cdr_test": (7, "undefined"),
     f"rosbag2@humble/{RESOURCES}/wrong_rmw_test": (7, "undefined"),
     f"rosbag2@humble/{RESOURCES}/reindex_test_bags/file_compression": (775, "no metadata"),
-    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_0.db3": (380,),
-    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_1.db3": (360,),
-    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_2.db3": (360,),
-    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_3.db3": (27,),
+    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_0.db3": (
+        380,
+    ),
+    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_1.db3": (
+        360,
+    ),
+    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_2.db3": (
+        360,
+    ),
+    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/message_compression/message_compression_3.db3": (
+        27,
+    ),
     f"rosbag2@humble/{RESOURCES}/reindex_test_bags/multiple_files/multiple_files_0.db3": (20,),
     f"rosbag2@humble/{RESOURCES}/reindex_test_bags/multiple_files/multiple_files_1.db3": (20,),
     f"rosbag2@humble/{RESOURCES}/reindex_test_bags/multiple_files/multiple_files_2.db3": (12,),
-    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/reindexed_file_compression": (775, "start", "duration"),
-    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/reindexed_message_compression": (1127, "start", "duration"),
-    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/reindexed_multiple_files": (52, "start", "duration"),
+    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/reindexed_file_compression": (
+        775,
+        "start",
+        "duration",
+    ),
+    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/reindexed_message_compression": (
+        1127,
+        "start",
+        "duration",
+    ),
+    f"rosbag2@humble/{RESOURCES}/reindex_test_bags/reindexed_multiple_files": (
+        52,
+        "start",
+        "duration",
+    ),
 }
-"""Messages (None: it cannot be opened), and the kinds of findings, but for those that say that there is no CRC."""
+"""Messages (None: it cannot be opened), and the kinds of findings, but for those that say that
+there is no CRC.
+"""
 CORPUS = os.environ.get("DART_SKILL_CORPUS")
 
 
 def bags_in(folder):
     """Bag folders, and files that lie in none."""
-    folders = {file.parent for file in folder.rglob("metadata.yaml")} | {file.parent for file in folder.rglob("*.zstd")}
-    files = (file for file in folder.rglob("*") if file.suffix in (".mcap", ".db3", ".bag") and file.is_file())
+    folders = {file.parent for file in folder.rglob("metadata.yaml")} | {
+        file.parent for file in folder.rglob("*.zstd")
+    }
+    files = (
+        file
+        for file in folder.rglob("*")
+        if file.suffix in (".mcap", ".db3", ".bag") and file.is_file()
+    )
     return sorted(folders | {file for file in files if file.parent not in folders})
 
 
@@ -116,7 +154,11 @@ def kinds_of(findings):
 
 
 def kind_of(finding):
-    found = [kind for kind, (severity, words) in KINDS.items() if finding.severity == severity and words in finding.message]
+    found = [
+        kind
+        for kind, (severity, words) in KINDS.items()
+        if finding.severity == severity and words in finding.message
+    ]
     return found[0] if found else str(finding)
 
 
@@ -125,7 +167,11 @@ def count_of(path):
     try:
         with BagReader(path) as bag:
             count = sum(1 for _ in bag.messages(decode=False))
-            assert count == bag.message_count == describe(path, with_definitions=False)["message_count"]
+            assert (
+                count
+                == bag.message_count
+                == describe(path, with_definitions=False)["message_count"]
+            )
             return count
     except BagError:
         return None
@@ -170,7 +216,10 @@ def test_bags_of_each_version_of_rosbag2_have_no_fault(tmp_path):
         assert (count_of(bag), kinds_of(check_bag(bag))) == (20, set()), bag
 
 
-@pytest.mark.skipif(not CORPUS, reason="DART_SKILL_CORPUS names no folder with bags of others: docs/bags.md says which")
+@pytest.mark.skipif(
+    not CORPUS,
+    reason="DART_SKILL_CORPUS names no folder with bags of others: docs/bags.md says which",
+)
 def test_bags_of_others_are_read_and_judged_as_the_table_says():
     root = Path(CORPUS)
     wrong, seen = [], 0
@@ -183,7 +232,12 @@ def test_bags_of_others_are_read_and_judged_as_the_table_says():
             if (count, kinds_of(findings)) != (expected, set(kinds)):
                 wrong.append(f"{name}: {count}, {kinds_of(findings)}, not {EXPECTED[name]}")
         elif (count is None) != any(one.severity == "error" for one in findings):
-            wrong.append(f"{name}: read are {count}, and the check says {list(map(str, findings))}")
+            wrong.append(
+                f"{name}: read are {count}, and the check says {list(map(str, findings))}"
+            )
         if any(other != count for other in counts_of_others(path)):
-            wrong.append(f"{name}: {count} messages, but {list(counts_of_others(path))} as others count them")
+            wrong.append(
+                f"{name}: {count} messages, but {list(counts_of_others(path))} as others count"
+                " them"
+            )
     assert seen and not wrong, "\n".join(wrong)

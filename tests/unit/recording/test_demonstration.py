@@ -86,7 +86,9 @@ def test_through_a_message_and_its_bytes_and_back(types, changes):
     data = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, original))
     again = demonstration_from_message(deserialize(types, DEMONSTRATION_TYPE, data))
     assert_same(original, again)
-    assert serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, again)) == data, "and it stays the same"
+    assert serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, again)) == data, (
+        "and it stays the same"
+    )
 
 
 def test_stamps_of_the_message_are_exact_to_the_nanosecond(types):
@@ -100,17 +102,33 @@ def test_stamps_of_the_message_are_exact_to_the_nanosecond(types):
 
 def test_a_hand_that_was_opened_is_an_event_and_one_that_never_was_is_none(types):
     (opened,) = demonstration_message(types, make()).events
-    assert (opened.name, opened.time_from_start.sec, opened.time_from_start.nanosec) == ("open", 0, 91_500_000)
+    assert (opened.name, opened.time_from_start.sec, opened.time_from_start.nanosec) == (
+        "open",
+        0,
+        91_500_000,
+    )
     assert demonstration_message(types, make(hand_opened=float("nan"))).events == []
 
 
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda msg: setattr(msg, "skill", "place"), "demonstration throw-0 is of the skill 'place', not of 'throw'"),
-        (lambda msg: setattr(msg.situation, "bodies", ["holder"]), "a situation without the basket, only of holder"),
-        (lambda msg: setattr(msg.situation, "bodies", []), "situation: 0 names and 1 values: give one value for each name"),
-        (lambda msg: setattr(msg.tracks[0], "body", "foot"), "no track of the hand, only of ball, foot"),
+        (
+            lambda msg: setattr(msg, "skill", "place"),
+            "demonstration throw-0 is of the skill 'place', not of 'throw'",
+        ),
+        (
+            lambda msg: setattr(msg.situation, "bodies", ["holder"]),
+            "a situation without the basket, only of holder",
+        ),
+        (
+            lambda msg: setattr(msg.situation, "bodies", []),
+            "situation: 0 names and 1 values: give one value for each name",
+        ),
+        (
+            lambda msg: setattr(msg.tracks[0], "body", "foot"),
+            "no track of the hand, only of ball, foot",
+        ),
         (lambda msg: setattr(msg.tracks[0], "body", "ball"), "tracks: ball stands there twice"),
     ],
 )
@@ -121,7 +139,10 @@ def test_a_message_of_something_else_is_refused_by_name(types, change, reason):
         demonstration_from_message(msg)
 
 
-@pytest.mark.skipif(importlib.util.find_spec("dart_skill_msgs") is None, reason="the interface package is not built")
+@pytest.mark.skipif(
+    importlib.util.find_spec("dart_skill_msgs") is None,
+    reason="the interface package is not built",
+)
 def test_rclpy_messages_are_filled_and_read_by_the_same_code(types):
     from rclpy.serialization import deserialize_message
 
@@ -133,7 +154,9 @@ def test_rclpy_messages_are_filled_and_read_by_the_same_code(types):
     msg = fill_demonstration_message(original, new(DEMONSTRATION_TYPE), new)
     assert_same(original, demonstration_from_message(msg))
     data = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, original))
-    assert deserialize_message(bytes(data), type(msg)) == msg, "what is written without ROS reads the same with it"
+    assert deserialize_message(bytes(data), type(msg)) == msg, (
+        "what is written without ROS reads the same with it"
+    )
 
 
 def record(path, types, data, topic=DEMONSTRATION_TOPIC, type_name=DEMONSTRATION_TYPE):
@@ -146,7 +169,9 @@ def record(path, types, data, topic=DEMONSTRATION_TOPIC, type_name=DEMONSTRATION
 def test_a_bag_gives_its_demonstrations_in_order(tmp_path, types):
     originals = [make(seed) for seed in range(4)]
     messages = (demonstration_message(types, original) for original in originals)
-    record(tmp_path / "bag", types, [serialize(types, DEMONSTRATION_TYPE, msg) for msg in messages])
+    record(
+        tmp_path / "bag", types, [serialize(types, DEMONSTRATION_TYPE, msg) for msg in messages]
+    )
     for original, again in zip(originals, read_demonstrations(tmp_path / "bag"), strict=True):
         assert_same(original, again)
 
@@ -160,7 +185,9 @@ def test_bags_without_valid_demonstrations_are_refused(tmp_path, types):
         read_demonstrations(tmp_path / "text")
     empty = message(types, DEMONSTRATION_TYPE, {"id": "x", "skill": "throw"})
     record(tmp_path / "bad", types, [serialize(types, DEMONSTRATION_TYPE, empty)])
-    with pytest.raises(BagError, match="/demonstrations: demonstration x has no track of the hand"):
+    with pytest.raises(
+        BagError, match="/demonstrations: demonstration x has no track of the hand"
+    ):
         read_demonstrations(tmp_path / "bad")
     with pytest.raises(BagError, match="no such bag"):
         read_demonstrations(tmp_path / "nothing")
@@ -185,9 +212,15 @@ def test_bags_without_valid_demonstrations_are_refused(tmp_path, types):
         ({"hand_position": np.full((20, 3), 1e308)}, "hand_position of sample 0 is 1e[+]308 m"),
         ({"target": [1e308, 0.0, 0.0]}, "its target is at .* none beyond 1000 m"),
         ({"hand_opened": 1.1e9}, "hand_opened = 1.1e[+]09 s: give at most 120 s after its stamp"),
-        ({"hand_time": np.append(np.arange(19) * 0.01, 5e8)}, "hand_time of sample 19 is 5e[+]08 s"),
+        (
+            {"hand_time": np.append(np.arange(19) * 0.01, 5e8)},
+            "hand_time of sample 19 is 5e[+]08 s",
+        ),
         ({"joint_position": np.full((10, 7), 57.3)}, "joint_position of sample 0 is 57.3 rad"),
-        ({"joint_velocity": np.full((10, 7), -1e300)}, "joint_velocity of sample 0 is 1e[+]300 rad/s"),
+        (
+            {"joint_velocity": np.full((10, 7), -1e300)},
+            "joint_velocity of sample 0 is 1e[+]300 rad/s",
+        ),
     ],
 )
 def test_what_is_no_demonstration_is_refused_by_name(changes, reason):
@@ -216,7 +249,9 @@ def test_joints_are_taken_by_their_names(types):
     """A driver may give them in another order; one with names of its own gives them in the arm's."""
     order, original = [6, 0, 5, 1, 4, 2, 3], make()
     msg = demonstration_message(types, original)
-    for state, position, velocity in zip(msg.joints, original.joint_position, original.joint_velocity, strict=True):
+    for state, position, velocity in zip(
+        msg.joints, original.joint_position, original.joint_velocity, strict=True
+    ):
         state.name = [joint_names()[k] for k in order]
         state.position, state.velocity = position[order], velocity[order]
     read = demonstration_from_message(msg)
@@ -225,4 +260,6 @@ def test_joints_are_taken_by_their_names(types):
     np.testing.assert_array_equal(read.joint_velocity, original.joint_velocity)
     for state in msg.joints:
         state.name = list("abcdefg")
-    np.testing.assert_array_equal(demonstration_from_message(msg).joint_position, original.joint_position[:, order])
+    np.testing.assert_array_equal(
+        demonstration_from_message(msg).joint_position, original.joint_position[:, order]
+    )

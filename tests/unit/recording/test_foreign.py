@@ -1,4 +1,6 @@
-"""Recordings from elsewhere: whatever its topics, files, axes and units are called, the same poses come out."""
+"""Recordings from elsewhere: whatever its topics, files, axes and units are called, the same poses
+come out.
+"""
 
 import json
 from itertools import permutations, product
@@ -10,9 +12,24 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.spatial.transform import Rotation
 
-from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, read_command, serialize, type_hash, typestore
+from dart_skill.recording import (
+    BagError,
+    BagReader,
+    BagWriter,
+    definition,
+    qos_yaml,
+    read_command,
+    serialize,
+    type_hash,
+    typestore,
+)
 from dart_skill.recording.imports.mapping import OWN, MappingError, load_mapping, parse_mapping
-from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform, transformed, with_continuous_signs
+from dart_skill.recording.imports.pose_stream import (
+    PoseStream,
+    RigidTransform,
+    transformed,
+    with_continuous_signs,
+)
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from tests.paths import CONFIG
 from tests.recorded_session import header
@@ -37,18 +54,28 @@ def types():
 
 @pytest.fixture(scope="module")
 def poses():
-    """Smooth motions of the three bodies, in our axes: positions (n, 3), quaternions (n, 4) by role."""
+    """Smooth motions of the three bodies, in our axes: positions (n, 3), quaternions (n, 4) by
+    role.
+    """
     rng, time = np.random.default_rng(0), np.linspace(0.0, 1.0, N)[:, None]
     found = {}
     for k, role in enumerate(ROLES):
-        position = np.array([1.5 * k, 0.3, 1.0]) + 0.3 * np.sin(2.0 * time + [0.0, 1.0, 2.0]) + 1e-4 * rng.standard_normal((N, 3))
-        quaternion = Rotation.from_euler("zyx", np.hstack([0.5 + time, 0.3 * time, -0.2 * time])).as_quat()
+        position = (
+            np.array([1.5 * k, 0.3, 1.0])
+            + 0.3 * np.sin(2.0 * time + [0.0, 1.0, 2.0])
+            + 1e-4 * rng.standard_normal((N, 3))
+        )
+        quaternion = Rotation.from_euler(
+            "zyx", np.hstack([0.5 + time, 0.3 * time, -0.2 * time])
+        ).as_quat()
         found[role] = position, quaternion
     return found
 
 
 def to_laboratory(position, quaternion):
-    """Our poses in a laboratory with y up, in millimetres, turned and moved: what Motive would have recorded."""
+    """Our poses in a laboratory with y up, in millimetres, turned and moved: what Motive would
+    have recorded.
+    """
     world = Rotation.from_euler("z", 90.0, degrees=True)
     position = world.inv().apply(position - np.array(TO_WORLD["position"]))
     up = Rotation.from_matrix([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -73,8 +100,16 @@ def pose_message(kind, stamp_ns, p, q, frame_id, child):
     """Content of a message of a type with one pose."""
     pose = {"position": vector(p), "orientation": vector(q, "xyzw")}
     top = {"header": header(stamp_ns, frame_id)}
-    transform = {**top, "child_frame_id": child, "transform": {"translation": vector(p), "rotation": vector(q, "xyzw")}}
-    other = {**transform, "child_frame_id": "other", "transform": {"translation": vector([9, 9, 9]), "rotation": {"w": 1.0}}}
+    transform = {
+        **top,
+        "child_frame_id": child,
+        "transform": {"translation": vector(p), "rotation": vector(q, "xyzw")},
+    }
+    other = {
+        **transform,
+        "child_frame_id": "other",
+        "transform": {"translation": vector([9, 9, 9]), "rotation": {"w": 1.0}},
+    }
     return {
         "geometry_msgs/msg/PoseStamped": {**top, "pose": pose},
         "geometry_msgs/msg/PoseWithCovarianceStamped": {**top, "pose": {"pose": pose}},
@@ -88,8 +123,16 @@ def pose_message(kind, stamp_ns, p, q, frame_id, child):
 def write_bag(path, types, messages):
     """A bag of (topic, type name, stamp, content)."""
     with BagWriter(path) as bag:
-        for topic, type_name in dict.fromkeys((topic, type_name) for topic, type_name, *_ in messages):
-            bag.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+        for topic, type_name in dict.fromkeys(
+            (topic, type_name) for topic, type_name, *_ in messages
+        ):
+            bag.add_topic(
+                topic,
+                type_name,
+                definition(types, type_name),
+                qos_yaml(),
+                type_hash(types, type_name),
+            )
         for topic, type_name, stamp, content in sorted(messages, key=lambda item: item[2]):
             bag.write(topic, stamp, stamp, serialize(types, type_name, content))
     return path
@@ -123,8 +166,12 @@ def test_poses_of_every_type_are_read(tmp_path, types, poses, kind):
 
 def test_a_ball_that_is_a_point_has_no_orientation(tmp_path, types, poses):
     messages = [m for m in pose_messages(KINDS[0], poses) if m[0] != "/lab/ball"]
-    messages += [m for m in pose_messages("geometry_msgs/msg/PointStamped", poses) if m[0] == "/lab/ball"]
-    recording = read_recording(write_bag(tmp_path / "bag", types, messages), parse_mapping(topics()))
+    messages += [
+        m for m in pose_messages("geometry_msgs/msg/PointStamped", poses) if m[0] == "/lab/ball"
+    ]
+    recording = read_recording(
+        write_bag(tmp_path / "bag", types, messages), parse_mapping(topics())
+    )
     np.testing.assert_array_equal(recording.bodies["ball"].position, poses["ball"][0])
     assert not [fault for fault in recording.faults if fault.body == "ball"]
 
@@ -162,14 +209,20 @@ def test_a_clock_can_be_shifted(tmp_path, types, poses):
 
 def test_a_basket_that_was_not_tracked_stands_where_the_mapping_says(tmp_path, types, poses):
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
-    recording = read_recording(bag, parse_mapping({**topics(), "basket": {"position": [2.0, 0.3, 0.4]}}))
-    np.testing.assert_array_equal(recording.bodies["basket"].position, np.tile([2.0, 0.3, 0.4], (N, 1)))
+    recording = read_recording(
+        bag, parse_mapping({**topics(), "basket": {"position": [2.0, 0.3, 0.4]}})
+    )
+    np.testing.assert_array_equal(
+        recording.bodies["basket"].position, np.tile([2.0, 0.3, 0.4], (N, 1))
+    )
 
 
 def test_sqlite_bags_are_read(tmp_path, types, poses):
     with Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
         connections = {}
-        for topic, kind, stamp, content in sorted(pose_messages(KINDS[0], poses), key=lambda item: item[2]):
+        for topic, kind, stamp, content in sorted(
+            pose_messages(KINDS[0], poses), key=lambda item: item[2]
+        ):
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=types)
             writer.write(connections[topic], stamp, serialize(types, kind, content))
@@ -178,7 +231,9 @@ def test_sqlite_bags_are_read(tmp_path, types, poses):
 
 def test_a_frame_that_is_not_the_named_one_is_an_error(tmp_path, types, poses):
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
-    with pytest.raises(ValueError, match="/lab/hand: all 200 poses of the hand are in 'map', not 'world'"):
+    with pytest.raises(
+        ValueError, match="/lab/hand: all 200 poses of the hand are in 'map', not 'world'"
+    ):
         read_recording(bag, parse_mapping(topics(frame="world")))
 
 
@@ -186,10 +241,17 @@ def test_poses_in_several_frames_are_not_mixed(tmp_path, types, poses):
     """Two drivers, or one that was set up anew, on one topic: which frame is meant must be said."""
     messages = pose_messages(KINDS[0], poses)
     messages += [
-        (topic, kind, stamp + 1, {**content, "header": header(stamp + 1, "camera")}) for topic, kind, stamp, content in messages[:50]
+        (topic, kind, stamp + 1, {**content, "header": header(stamp + 1, "camera")})
+        for topic, kind, stamp, content in messages[:50]
     ]
     bag = write_bag(tmp_path / "bag", types, messages)
-    with pytest.raises(ValueError, match="/lab/hand: .*several frames: 200 in 'map', 50 in 'camera': choose one, as hand: {frame: map};"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            "/lab/hand: .*several frames: 200 in 'map', 50 in 'camera': choose one, as hand:"
+            " {frame: map};"
+        ),
+    ):
         read_recording(bag, parse_mapping(topics()))
     mapping = topics()
     mapping["hand"] |= {"frame": "map"}
@@ -202,14 +264,21 @@ def test_poses_in_several_frames_are_not_mixed(tmp_path, types, poses):
 
 def test_a_missing_topic_is_named_with_those_there_are(tmp_path, types, poses):
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
-    with pytest.raises(BagError, match=r"no topic /vrpn_mocap/hand/pose for 'hand', only \['/lab/ball'"):
+    with pytest.raises(
+        BagError, match=r"no topic /vrpn_mocap/hand/pose for 'hand', only \['/lab/ball'"
+    ):
         read_recording(bag)
 
 
 def test_a_topic_of_a_wrong_type_is_an_error(tmp_path, types, poses):
-    messages = pose_messages(KINDS[0], poses) + [("/chat", "std_msgs/msg/String", START_NS, {"data": "hand"})]
+    messages = pose_messages(KINDS[0], poses) + [
+        ("/chat", "std_msgs/msg/String", START_NS, {"data": "hand"})
+    ]
     bag = write_bag(tmp_path / "bag", types, messages)
-    with pytest.raises(BagError, match="/chat has type std_msgs/msg/String; for 'hand' it must be one of PoseStamped"):
+    with pytest.raises(
+        BagError,
+        match="/chat has type std_msgs/msg/String; for 'hand' it must be one of PoseStamped",
+    ):
         read_recording(bag, parse_mapping({**topics(), "hand": {"topic": "/chat"}}))
 
 
@@ -225,17 +294,31 @@ def test_joints_are_taken_by_their_names(tmp_path, types, poses):
     recorded = ["gripper", *names[::-1]]
     angles = np.linspace(0.0, 1.0, N)[:, None] + np.arange(7)
     states = [
-        ("/lab/joints", "sensor_msgs/msg/JointState", int(stamp), joint_state(stamp, recorded, [9.0, *row[::-1]], []))
+        (
+            "/lab/joints",
+            "sensor_msgs/msg/JointState",
+            int(stamp),
+            joint_state(stamp, recorded, [9.0, *row[::-1]], []),
+        )
         for stamp, row in zip(STAMPS, angles, strict=True)
     ]
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + states)
-    joints = read_recording(bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints", "names": names}})).joints
+    joints = read_recording(
+        bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints", "names": names}})
+    ).joints
     np.testing.assert_array_equal(joints.position, angles)
     np.testing.assert_allclose(joints.velocity, 100.0 / (N - 1), rtol=1e-9)
-    with pytest.raises(ValueError, match="messages that list gripper, j7, .*: name the arm's joints"):
+    with pytest.raises(
+        ValueError, match="messages that list gripper, j7, .*: name the arm's joints"
+    ):
         read_recording(bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints"}}))
     with pytest.raises(ValueError, match="no joint 'elbow', only"):
-        read_recording(bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints", "names": [*names[:6], "elbow"]}}))
+        read_recording(
+            bag,
+            parse_mapping(
+                {**topics(), "joints": {"topic": "/lab/joints", "names": [*names[:6], "elbow"]}}
+            ),
+        )
 
 
 def test_joints_are_counted_as_our_arm_counts_them(tmp_path, types, poses):
@@ -243,34 +326,57 @@ def test_joints_are_counted_as_our_arm_counts_them(tmp_path, types, poses):
     angles = np.linspace(0.0, 1.0, N)[:, None] + np.arange(7)
     recorded = np.rad2deg(signs * (angles - zeros))
     states = [
-        ("/lab/joints", "sensor_msgs/msg/JointState", int(stamp), joint_state(stamp, [f"j{k}" for k in range(7)], row, signs * 180.0))
+        (
+            "/lab/joints",
+            "sensor_msgs/msg/JointState",
+            int(stamp),
+            joint_state(stamp, [f"j{k}" for k in range(7)], row, signs * 180.0),
+        )
         for stamp, row in zip(STAMPS, recorded, strict=True)
     ]
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + states)
-    where = {"topic": "/lab/joints", "angle": "deg", "signs": signs.tolist(), "zeros": zeros.tolist()}
+    where = {
+        "topic": "/lab/joints",
+        "angle": "deg",
+        "signs": signs.tolist(),
+        "zeros": zeros.tolist(),
+    }
     joints = read_recording(bag, parse_mapping({**topics(), "joints": where})).joints
     np.testing.assert_allclose(joints.position, angles, atol=1e-14)
     np.testing.assert_allclose(joints.velocity, np.pi, rtol=1e-14)
 
 
-@pytest.mark.parametrize("kind", ["std_msgs/msg/Bool", "std_msgs/msg/Empty", "dart_skill_msgs/msg/WamCommand"])
+@pytest.mark.parametrize(
+    "kind", ["std_msgs/msg/Bool", "std_msgs/msg/Empty", "dart_skill_msgs/msg/WamCommand"]
+)
 def test_buttons_of_every_type(tmp_path, types, poses, kind):
     pressed, released = int(STAMPS[50]), int(STAMPS[60])
     grips = ((pressed - 5, 0), (pressed, 2), (released, 1))
     content = {
-        "std_msgs/msg/Bool": [(pressed - 5, {"data": False}), (pressed, {"data": True}), (pressed + 5, {"data": True}), (released, {})],
+        "std_msgs/msg/Bool": [
+            (pressed - 5, {"data": False}),
+            (pressed, {"data": True}),
+            (pressed + 5, {"data": True}),
+            (released, {}),
+        ],
         "std_msgs/msg/Empty": [(pressed, {})],
-        "dart_skill_msgs/msg/WamCommand": [(stamp, {"header": header(stamp), "grip": grip}) for stamp, grip in grips],
+        "dart_skill_msgs/msg/WamCommand": [
+            (stamp, {"header": header(stamp), "grip": grip}) for stamp, grip in grips
+        ],
     }[kind]
     messages = [("/button", kind, stamp, one) for stamp, one in content]
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + messages)
     for role, taught in (("teacher", True), ("command", False)):
         recording = read_recording(bag, parse_mapping({**topics(), role: {"topic": "/button"}}))
-        assert [(one.stamp_ns, one.taught) for one in recording.openings] == [(pressed, taught)] and recording.has_button
+        assert [(one.stamp_ns, one.taught) for one in recording.openings] == [
+            (pressed, taught)
+        ] and recording.has_button
 
 
 @pytest.mark.parametrize(("early", "guided"), [(100_000_000, True), (2_000_000_000, False)])
-def test_an_opening_by_the_controller_while_a_person_pushes_is_taught(tmp_path, types, poses, early, guided):
+def test_an_opening_by_the_controller_while_a_person_pushes_is_taught(
+    tmp_path, types, poses, early, guided
+):
     opened = int(STAMPS[-1])
     push = {"header": header(opened - early), "wrench": {"force": {"y": 3.0}}}
     idle = {"header": header(opened - 1), "wrench": {}}
@@ -278,7 +384,10 @@ def test_an_opening_by_the_controller_while_a_person_pushes_is_taught(tmp_path, 
     messages = [("/push", kind, opened - early, push), ("/push", kind, opened - 1, idle)]
     messages.append(("/arm", kind, opened, {"header": header(opened), "grip": 2}))
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + messages)
-    recording = read_recording(bag, parse_mapping({**topics(), "teacher": {"topic": "/push"}, "command": {"topic": "/arm"}}))
+    recording = read_recording(
+        bag,
+        parse_mapping({**topics(), "teacher": {"topic": "/push"}, "command": {"topic": "/arm"}}),
+    )
     assert [one.taught for one in recording.openings] == [guided]
 
 
@@ -286,7 +395,18 @@ def test_an_opening_by_the_controller_while_a_person_pushes_is_taught(tmp_path, 
 
 
 def write_csv(path, poses, lost=()):
-    lines = [",".join(["t", *(f"{role}_{c}" for role in ROLES for c in ("x", "y", "z", "qx", "qy", "qz", "qw"))])]
+    lines = [
+        ",".join(
+            [
+                "t",
+                *(
+                    f"{role}_{c}"
+                    for role in ROLES
+                    for c in ("x", "y", "z", "qx", "qy", "qz", "qw")
+                ),
+            ]
+        )
+    ]
     for k, stamp in enumerate(STAMPS):
         cells = [f"{stamp // 10**9}.{stamp % 10**9:09d}"]
         for role in ROLES:
@@ -298,38 +418,68 @@ def write_csv(path, poses, lost=()):
 
 def csv_mapping(role):
     names = [f"{role}_{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw")]
-    return {"csv": "throws.csv", "columns": {"time": "t", "position": names[:3], "quaternion": names[3:]}}
+    return {
+        "csv": "throws.csv",
+        "columns": {"time": "t", "position": names[:3], "quaternion": names[3:]},
+    }
 
 
 def test_empty_cells_are_a_body_that_was_not_seen(tmp_path, poses):
     write_csv(tmp_path / "throws.csv", poses, lost={("ball", k) for k in range(50, 60)})
     mapping = {role: csv_mapping(role) for role in ROLES}
     recording = read_recording(tmp_path, parse_mapping(mapping))
-    assert [(fault.kind, fault.body, fault.count) for fault in recording.faults] == [("gap", "ball", 10)]
+    assert [(fault.kind, fault.body, fault.count) for fault in recording.faults] == [
+        ("gap", "ball", 10)
+    ]
 
 
 def test_joints_and_instants_from_tables(tmp_path, poses):
     write_csv(tmp_path / "throws.csv", poses)
-    rows = [[1e-9 * k * 10_000_000, *(0.1 * k + np.arange(7)), *np.full(7, 10.0)] for k in range(N)]
-    (tmp_path / "joints.csv").write_text("\n".join(",".join(map(repr, map(float, row))) for row in rows))
+    rows = [
+        [1e-9 * k * 10_000_000, *(0.1 * k + np.arange(7)), *np.full(7, 10.0)] for k in range(N)
+    ]
+    (tmp_path / "joints.csv").write_text(
+        "\n".join(",".join(map(repr, map(float, row))) for row in rows)
+    )
     (tmp_path / "opened.csv").write_text(f"when\n{START_NS + 500_000_000}\n")
     mapping = {role: csv_mapping(role) for role in ROLES}
     columns = {"time": 1, "position": list(range(2, 9)), "velocity": list(range(9, 16))}
-    mapping["joints"] = {"csv": "joints.csv", "header_lines": 0, "columns": columns, "time_shift": 2.0}
+    mapping["joints"] = {
+        "csv": "joints.csv",
+        "header_lines": 0,
+        "columns": columns,
+        "time_shift": 2.0,
+    }
     mapping["teacher"] = {"csv": "opened.csv", "columns": {"time": "when"}, "time": "ns"}
     recording = read_recording(tmp_path, parse_mapping(mapping))
     np.testing.assert_allclose(recording.joints.position[:, 6], 6.0 + 0.1 * np.arange(N))
-    assert recording.joints.stamp_ns[0] == 2_000_000_000 and np.all(recording.joints.velocity == 10.0)
-    assert [(one.stamp_ns, one.taught) for one in recording.openings] == [(START_NS + 500_000_000, True)]
+    assert recording.joints.stamp_ns[0] == 2_000_000_000 and np.all(
+        recording.joints.velocity == 10.0
+    )
+    assert [(one.stamp_ns, one.taught) for one in recording.openings] == [
+        (START_NS + 500_000_000, True)
+    ]
 
 
 BROKEN_TABLES = [
     ("t,hand_x\n", "1 lines, of which 1 are the header: there are no numbers"),
     ("", "the file is empty"),
-    ("t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz\n1,2,3,4,5,6,7\n", "no column is called 'hand_qw'; the columns are t, hand_x"),
-    ("t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz,hand_qw\n0,0,0,0,0,0,0,1\n0,0,zero,0,0,0,0,1\n", "line 3: 'zero' is no number"),
-    ("t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz,hand_qw\nnoon,0,0,0,0,0,0,1\n", "line 2: time 'noon' is no number"),
-    ("t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz,hand_qw\n0,0,0\n", "line 2: 3 columns, column 4 is missing"),
+    (
+        "t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz\n1,2,3,4,5,6,7\n",
+        "no column is called 'hand_qw'; the columns are t, hand_x",
+    ),
+    (
+        "t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz,hand_qw\n0,0,0,0,0,0,0,1\n0,0,zero,0,0,0,0,1\n",
+        "line 3: 'zero' is no number",
+    ),
+    (
+        "t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz,hand_qw\nnoon,0,0,0,0,0,0,1\n",
+        "line 2: time 'noon' is no number",
+    ),
+    (
+        "t,hand_x,hand_y,hand_z,hand_qx,hand_qy,hand_qz,hand_qw\n0,0,0\n",
+        "line 2: 3 columns, column 4 is missing",
+    ),
 ]
 
 
@@ -340,16 +490,30 @@ def test_broken_tables_name_file_and_line(tmp_path, text, message):
         read_recording(tmp_path, parse_mapping({role: csv_mapping("hand") for role in ROLES}))
 
 
-def write_motive(path, poses, extra_rows=(), units="Millimeters", bodies=ROLES, rotation="Quaternion"):
-    """A Motive export: two rigid bodies' worth of columns per body, its pose and the mean error, and a marker of it."""
-    about = f"Format Version,1.23,Take Name,throws,Rotation Type,{rotation},Length Units,{units},Coordinate Space,Global"
+def write_motive(
+    path, poses, extra_rows=(), units="Millimeters", bodies=ROLES, rotation="Quaternion"
+):
+    """A Motive export: two rigid bodies' worth of columns per body, its pose and the mean error,
+    and a marker of it.
+    """
+    about = (
+        f"Format Version,1.23,Take Name,throws,Rotation Type,{rotation},Length"
+        f" Units,{units},Coordinate Space,Global"
+    )
     kind, name, what, axis = ["", "Type"], ["", "Name"], ["", ""], ["Frame", "Time (Seconds)"]
     for body in bodies:
         kind += ["Rigid Body"] * 8 + ["Rigid Body Marker"] * 3
         name += [body] * 8 + [f"{body}:Marker1"] * 3
         what += ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"] + ["Position"] * 3
         axis += ["X", "Y", "Z", "W", "X", "Y", "Z", "", "X", "Y", "Z"]
-    lines = [about, "", *(",".join(row) for row in (kind, name)), *extra_rows, ",".join(what), ",".join(axis)]
+    lines = [
+        about,
+        "",
+        *(",".join(row) for row in (kind, name)),
+        *extra_rows,
+        ",".join(what),
+        ",".join(axis),
+    ]
     for k, stamp in enumerate(STAMPS):
         cells = [str(k), f"{(stamp - START_NS) * 1e-9:.6f}"]
         for role in ROLES:
@@ -362,18 +526,27 @@ def write_motive(path, poses, extra_rows=(), units="Millimeters", bodies=ROLES, 
 
 @pytest.mark.parametrize("rows", [(), (',ID,"4CF0"', ",Parent,"), (",ID",)])
 def test_an_export_of_motive_needs_no_columns(tmp_path, poses, rows):
-    write_motive(tmp_path / "take.csv", {role: to_laboratory(*poses[role]) for role in ROLES}, rows)
-    mapping = {"axes": {"up": "y", "transform": TO_WORLD}, **{role: {"motive": "take.csv"} for role in ROLES}}
+    write_motive(
+        tmp_path / "take.csv", {role: to_laboratory(*poses[role]) for role in ROLES}, rows
+    )
+    mapping = {
+        "axes": {"up": "y", "transform": TO_WORLD},
+        **{role: {"motive": "take.csv"} for role in ROLES},
+    }
     recording = read_recording(tmp_path, parse_mapping(mapping))
     np.testing.assert_allclose(recording.bodies["hand"].position, poses["hand"][0], atol=1e-9)
     np.testing.assert_array_equal(recording.bodies["hand"].stamp_ns, STAMPS - START_NS)
-    assert [(fault.kind, fault.body, fault.count) for fault in recording.faults] == [("gap", "ball", 2)]
+    assert [(fault.kind, fault.body, fault.count) for fault in recording.faults] == [
+        ("gap", "ball", 2)
+    ]
 
 
 def test_what_is_no_export_of_motive_says_what_is_missing(tmp_path, poses):
     mapping = parse_mapping({role: {"motive": "take.csv", "body": "Hand"} for role in ROLES})
     write_motive(tmp_path / "take.csv", poses)
-    with pytest.raises(ValueError, match="nothing is called 'Hand' in it, only hand, hand:Marker1, ball"):
+    with pytest.raises(
+        ValueError, match="nothing is called 'Hand' in it, only hand, hand:Marker1, ball"
+    ):
         read_recording(tmp_path, mapping)
     (tmp_path / "take.csv").write_text("t,x\n0,1\n")
     with pytest.raises(ValueError, match="no export of a motion capture program that is known"):
@@ -384,9 +557,15 @@ def test_what_is_no_export_of_motive_says_what_is_missing(tmp_path, poses):
 
 
 def test_y_up_axes_are_turned_about_x():
-    """x stays, up (y) becomes z, and what comes towards the viewer (z) becomes -y; a body turned about up stays turned about up."""
-    stream = PoseStream("hand", np.arange(3), np.eye(3), np.tile(Rotation.from_euler("y", 0.3).as_quat(), (3, 1)))
-    up = transformed(stream, RigidTransform(quaternion=np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])))
+    """x stays, up (y) becomes z, and what comes towards the viewer (z) becomes -y; a body turned
+    about up stays turned about up.
+    """
+    stream = PoseStream(
+        "hand", np.arange(3), np.eye(3), np.tile(Rotation.from_euler("y", 0.3).as_quat(), (3, 1))
+    )
+    up = transformed(
+        stream, RigidTransform(quaternion=np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]))
+    )
     np.testing.assert_allclose(up.position, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
     about = Rotation.from_quat(up.quaternion) * Rotation.from_euler("x", 90.0, degrees=True).inv()
     np.testing.assert_allclose(about.as_rotvec(), np.tile([0.0, 0.0, 0.3], (3, 1)), atol=1e-12)
@@ -394,31 +573,55 @@ def test_y_up_axes_are_turned_about_x():
 
 def test_poses_are_turned_and_moved_as_rotations_do_and_faulty_norms_stay_what_they_are():
     rng = np.random.default_rng(1)
-    body, world, offset = Rotation.random(50, random_state=1), Rotation.random(random_state=2), Rotation.random(random_state=3)
-    norm, position = np.where(np.arange(50) % 5, 1.0, [0.0, 0.9] * 25)[:, None], rng.standard_normal((50, 3))
+    body, world, offset = (
+        Rotation.random(50, random_state=1),
+        Rotation.random(random_state=2),
+        Rotation.random(random_state=3),
+    )
+    norm, position = (
+        np.where(np.arange(50) % 5, 1.0, [0.0, 0.9] * 25)[:, None],
+        rng.standard_normal((50, 3)),
+    )
     stream = PoseStream("hand", np.arange(50), position, norm * body.as_quat())
     p, q = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3])
-    moved = transformed(stream, RigidTransform(p, world.as_quat()), RigidTransform(q, offset.as_quat()))
+    moved = transformed(
+        stream, RigidTransform(p, world.as_quat()), RigidTransform(q, offset.as_quat())
+    )
     np.testing.assert_allclose(np.linalg.norm(moved.quaternion, axis=1), norm[:, 0], atol=1e-12)
     seen = norm[:, 0] > 0.0
     turned = world * body[seen]
-    np.testing.assert_allclose(moved.position[seen], world.apply(position[seen]) + p + turned.apply(q), atol=1e-12)
-    assert ((turned * offset).inv() * Rotation.from_quat(moved.quaternion[seen])).magnitude().max() < 1e-12
-    np.testing.assert_allclose(moved.position[~seen], world.apply(position[~seen]) + p + q, atol=1e-12)
+    np.testing.assert_allclose(
+        moved.position[seen], world.apply(position[seen]) + p + turned.apply(q), atol=1e-12
+    )
+    assert (
+        (turned * offset).inv() * Rotation.from_quat(moved.quaternion[seen])
+    ).magnitude().max() < 1e-12
+    np.testing.assert_allclose(
+        moved.position[~seen], world.apply(position[~seen]) + p + q, atol=1e-12
+    )
 
 
 SIGNED_AXES = [
-    [s + a for s, a in zip(signs, order, strict=True)] for order in permutations("xyz") for signs in product(("", "-"), repeat=3)
+    [s + a for s, a in zip(signs, order, strict=True)]
+    for order in permutations("xyz")
+    for signs in product(("", "-"), repeat=3)
 ]
 
 
 @pytest.mark.parametrize("xyz", SIGNED_AXES, ids="".join)
 def test_poses_in_axes_that_point_anywhere_become_ours(tmp_path, types, poses, xyz):
-    """All 24 right-handed axes, in which the body keeps its own, and the 24 left-handed ones, in which its z axis is mirrored."""
-    matrix = np.array([[(-1.0 if one[0] == "-" else 1.0) * (one[-1] == axis) for axis in "xyz"] for one in xyz])
+    """All 24 right-handed axes, in which the body keeps its own, and the 24 left-handed ones, in
+    which its z axis is mirrored.
+    """
+    matrix = np.array(
+        [[(-1.0 if one[0] == "-" else 1.0) * (one[-1] == axis) for axis in "xyz"] for one in xyz]
+    )
     mirror = np.diag([1.0, 1.0, np.linalg.det(matrix)])
     lab = {
-        role: (p @ matrix, Rotation.from_matrix(matrix.T @ Rotation.from_quat(q).as_matrix() @ mirror).as_quat())
+        role: (
+            p @ matrix,
+            Rotation.from_matrix(matrix.T @ Rotation.from_quat(q).as_matrix() @ mirror).as_quat(),
+        )
         for role, (p, q) in poses.items()
     }
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], lab))
@@ -427,14 +630,21 @@ def test_poses_in_axes_that_point_anywhere_become_ours(tmp_path, types, poses, x
 
 def test_a_clock_that_runs_fast_can_be_told(tmp_path, types, poses):
     bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
-    recording = read_recording(bag, parse_mapping({"axes": {"time_drift": -1e-3, "time_shift": 1.0}, **topics()}))
+    recording = read_recording(
+        bag, parse_mapping({"axes": {"time_drift": -1e-3, "time_shift": 1.0}, **topics()})
+    )
     slower = STAMPS + 1_000_000_000 - ((STAMPS - STAMPS[0]) / 1000).astype(int)
     np.testing.assert_array_equal(recording.bodies["hand"].stamp_ns, slower)
 
 
 def test_signs_are_made_continuous():
     turns = Rotation.from_rotvec(np.linspace(0.0, 12.0, 100)[:, None] * [1.0, 0.0, 0.0]).as_quat()
-    stream = PoseStream("hand", np.arange(100), np.zeros((100, 3)), np.where(np.arange(100) % 3, 1.0, -1.0)[:, None] * turns)
+    stream = PoseStream(
+        "hand",
+        np.arange(100),
+        np.zeros((100, 3)),
+        np.where(np.arange(100) % 3, 1.0, -1.0)[:, None] * turns,
+    )
     signed = with_continuous_signs(stream).quaternion
     assert np.all(np.sum(signed[1:] * signed[:-1], axis=1) > 0.9)
     np.testing.assert_allclose(np.abs(np.sum(signed * turns, axis=1)), 1.0)
@@ -446,32 +656,69 @@ def test_signs_are_made_continuous():
 def test_the_example_names_every_key():
     mapping = load_mapping(EXAMPLE)
     assert mapping.bodies["hand"].table.delimiter == ";" and mapping.bodies["hand"].order == "wxyz"
-    assert mapping.bodies["ball"].capture.file == "take_001.csv" and mapping.bodies["basket"].fixed == (2.0, 0.3, 0.4)
-    np.testing.assert_allclose(mapping.bodies["ball"].world.quaternion, Rotation.from_euler("z", 90, degrees=True).as_quat())
-    assert mapping.joints.names[0] == "j1" and mapping.teacher.topic == "/teach/button" and mapping.command is None
+    assert mapping.bodies["ball"].capture.file == "take_001.csv" and mapping.bodies[
+        "basket"
+    ].fixed == (2.0, 0.3, 0.4)
+    np.testing.assert_allclose(
+        mapping.bodies["ball"].world.quaternion,
+        Rotation.from_euler("z", 90, degrees=True).as_quat(),
+    )
+    assert (
+        mapping.joints.names[0] == "j1"
+        and mapping.teacher.topic == "/teach/button"
+        and mapping.command is None
+    )
 
 
 WRONG = [
     ("hand", {"topic": "/h", "colour": 1}, "hand: unknown key 'colour'; known are .*topic"),
     ("axes", {"up": "w"}, "axes: up is 'w'; give one of z, y, x"),
-    ("axes", {"xyz": ["x", "y", "-y"]}, r"axes: xyz is .*; give where our x, y, z point in the recorded axes, as \[x, -z, y\]"),
+    (
+        "axes",
+        {"xyz": ["x", "y", "-y"]},
+        r"axes: xyz is .*; give where our x, y, z point in the recorded axes, as \[x, -z, y\]",
+    ),
     ("axes", {"xyz": ["x", "y", "z"], "up": "y"}, "axes: give up or xyz, not both"),
     ("axes", {"inverse": "yes"}, "axes: inverse is 'yes'; give true or false"),
     ("axes", {"length": "inch"}, "axes: length is 'inch'; give one of m, cm, mm"),
-    ("axes", {"transform": {"position": [1, 2]}}, r"axes: transform: position is \[1, 2\]; give a list of 3 numbers"),
-    ("axes", {"transform": {"quaternion": [1, 1, 1, 1]}}, "axes: transform: quaternion is .*norm 1"),
-    ("axes", {"transform": {"quaternion": [0, 0, 0, 1], "roll_pitch_yaw_deg": [0, 0, 0]}}, "not both"),
+    (
+        "axes",
+        {"transform": {"position": [1, 2]}},
+        r"axes: transform: position is \[1, 2\]; give a list of 3 numbers",
+    ),
+    (
+        "axes",
+        {"transform": {"quaternion": [1, 1, 1, 1]}},
+        "axes: transform: quaternion is .*norm 1",
+    ),
+    (
+        "axes",
+        {"transform": {"quaternion": [0, 0, 0, 1], "roll_pitch_yaw_deg": [0, 0, 0]}},
+        "not both",
+    ),
     ("hand", {}, "hand: give exactly one of topic, table, capture, position; got none of them"),
     ("hand", {"topic": "/h", "csv": "h.csv"}, "hand: give exactly one of .*; got topic, csv"),
     ("hand", {"csv": "h.csv"}, "hand: columns are missing"),
-    ("hand", {"csv": "h.csv", "columns": {"time": 1}}, "hand: columns: position is missing: give 3 names or numbers"),
-    ("hand", {"csv": "h.csv", "columns": {"time": 1, "position": [1, 2, 0]}}, r"position is \[1, 2, 0\]; give 3 names"),
+    (
+        "hand",
+        {"csv": "h.csv", "columns": {"time": 1}},
+        "hand: columns: position is missing: give 3 names or numbers",
+    ),
+    (
+        "hand",
+        {"csv": "h.csv", "columns": {"time": 1, "position": [1, 2, 0]}},
+        r"position is \[1, 2, 0\]; give 3 names",
+    ),
     (
         "hand",
         {"csv": "h.csv", "columns": {"time": "t", "position": [1, 2, 3]}, "header_lines": 0},
         "column 't' has a name, but header_lines is 0",
     ),
-    ("hand", {"csv": "h.csv", "delimiter": "::", "columns": {}}, "delimiter is '::'; give one character"),
+    (
+        "hand",
+        {"csv": "h.csv", "delimiter": "::", "columns": {}},
+        "delimiter is '::'; give one character",
+    ),
     (
         "hand",
         {"csv": "h.csv", "columns": {"time": 1, "position": [1, 2, 3]}, "time": "min"},
@@ -479,11 +726,30 @@ WRONG = [
     ),
     ("hand", {"topic": 5}, "hand: topic is 5; give a text"),
     ("hand", "h.csv", "hand: need keys and values, got 'h.csv'"),
-    ("joints", {"topic": "/j", "csv": "j.csv"}, "joints: give exactly one of topic, table; got topic, csv"),
-    ("joints", {"topic": "/j", "names": ["a", "b"]}, "joints: names is .*; give the names of 7 joints"),
-    ("joints", {"topic": "/j", "signs": [1, 1, 1, 2, 1, 1, 1]}, "joints: signs is .*; give 1 or -1 for each of 7 joints"),
+    (
+        "joints",
+        {"topic": "/j", "csv": "j.csv"},
+        "joints: give exactly one of topic, table; got topic, csv",
+    ),
+    (
+        "joints",
+        {"topic": "/j", "names": ["a", "b"]},
+        "joints: names is .*; give the names of 7 joints",
+    ),
+    (
+        "joints",
+        {"topic": "/j", "signs": [1, 1, 1, 2, 1, 1, 1]},
+        "joints: signs is .*; give 1 or -1 for each of 7 joints",
+    ),
     ("joints", {"topic": "/j", "angle": "grad"}, "joints: angle is 'grad'; give one of rad, deg"),
-    ("button", {"topic": "/b"}, "unknown key 'button'; known are axes, hand, ball, basket, joints, teacher, command, frame"),
+    (
+        "button",
+        {"topic": "/b"},
+        (
+            "unknown key 'button'; known are axes, hand, ball, basket, joints, teacher, command,"
+            " frame"
+        ),
+    ),
     ("frame", 3, "frame is 3; give a text"),
 ]
 
@@ -499,7 +765,11 @@ def test_a_wrong_mapping_is_an_error_that_names_the_place(tmp_path, key, value, 
 def test_a_mapping_without_a_body_or_that_is_no_mapping_is_an_error(tmp_path):
     with pytest.raises(MappingError, match="nothing says where the ball is"):
         parse_mapping({"hand": {"topic": "/h"}, "basket": {"topic": "/b"}})
-    for text, message in (("- 1", "need keys and values"), ("a: [", "no YAML"), ("", "need keys and values")):
+    for text, message in (
+        ("- 1", "need keys and values"),
+        ("a: [", "no YAML"),
+        ("", "need keys and values"),
+    ):
         (tmp_path / "mapping.yaml").write_text(text)
         with pytest.raises(MappingError, match=message):
             load_mapping(tmp_path / "mapping.yaml")
@@ -518,9 +788,16 @@ def test_our_own_bags_need_no_mapping_and_have_no_fault(own_bag):
     with BagReader(own_bag) as bag:
         for role in ROLES:
             messages = [item.data for item in bag.messages([OWN.bodies[role].topic])]
-            written = np.array([[m.pose.position.x, m.pose.position.y, m.pose.position.z, m.pose.orientation.w] for m in messages])
+            written = np.array(
+                [
+                    [m.pose.position.x, m.pose.position.y, m.pose.position.z, m.pose.orientation.w]
+                    for m in messages
+                ]
+            )
             body = recording.bodies[role]
-            np.testing.assert_array_equal(np.column_stack([body.position, body.quaternion[:, 3]]), written)
+            np.testing.assert_array_equal(
+                np.column_stack([body.position, body.quaternion[:, 3]]), written
+            )
 
 
 def test_a_converted_recording_is_a_bag_of_ours(tmp_path, types, poses):
@@ -530,19 +807,34 @@ def test_a_converted_recording_is_a_bag_of_ours(tmp_path, types, poses):
     for k in ball[20:23]:
         messages[k] = (*messages[k][:3], {**messages[k][3], "pose": messages[ball[19]][3]["pose"]})
     messages.append(("/button", "std_msgs/msg/Empty", int(STAMPS[100]), {}))
-    mapping = parse_mapping({"axes": {"up": "y", "length": "mm", "transform": TO_WORLD}, **topics(), "teacher": {"topic": "/button"}})
+    mapping = parse_mapping(
+        {
+            "axes": {"up": "y", "length": "mm", "transform": TO_WORLD},
+            **topics(),
+            "teacher": {"topic": "/button"},
+        }
+    )
     convert(write_bag(tmp_path / "lab", types, messages), tmp_path / "ours", mapping)
     recording = read_recording(tmp_path / "ours")
     np.testing.assert_allclose(recording.bodies["hand"].position, poses["hand"][0], atol=1e-9)
-    np.testing.assert_array_equal(recording.bodies["ball"].stamp_ns, np.delete(STAMPS, [20, 21, 22]))
+    np.testing.assert_array_equal(
+        recording.bodies["ball"].stamp_ns, np.delete(STAMPS, [20, 21, 22])
+    )
     assert [(one.stamp_ns, one.taught) for one in recording.openings] == [(STAMPS[100], True)]
     with BagReader(tmp_path / "ours") as bag:
         faults = json.loads(bag.custom_data["faults"])
-        assert [(one["kind"], one["body"], one["count"], one["repaired"]) for one in faults] == [("stale", "ball", 3, True)]
+        assert [(one["kind"], one["body"], one["count"], one["repaired"]) for one in faults] == [
+            ("stale", "ball", 3, True)
+        ]
         assert bag.custom_data["source"] == "lab"
     with AnyReader([tmp_path / "ours"]) as reader:
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
-    assert counts == {"/vrpn_mocap/hand/pose": N, "/vrpn_mocap/ball/pose": N - 3, "/vrpn_mocap/basket/pose": N, "/wam/teacher_wrench": 1}
+    assert counts == {
+        "/vrpn_mocap/hand/pose": N,
+        "/vrpn_mocap/ball/pose": N - 3,
+        "/vrpn_mocap/basket/pose": N,
+        "/wam/teacher_wrench": 1,
+    }
 
 
 def test_converting_never_overwrites(tmp_path, own_bag):
@@ -559,13 +851,17 @@ def test_a_source_that_is_not_there_is_an_error(tmp_path):
 
 
 def test_a_body_without_a_single_pose_is_named(tmp_path, types, poses):
-    bag = write_bag(tmp_path / "bag", types, pose_messages("geometry_msgs/msg/TransformStamped", poses))
+    bag = write_bag(
+        tmp_path / "bag", types, pose_messages("geometry_msgs/msg/TransformStamped", poses)
+    )
     with pytest.raises(ValueError, match="/lab/hand: no pose of the hand: was it tracked"):
         read_recording(bag, parse_mapping(topics(child="glove")))
 
 
 def test_grips_are_found_in_serialised_commands(types):
-    """The offsets at which a command is looked into are those of the type's definition, whatever the frame is called."""
+    """The offsets at which a command is looked into are those of the type's definition, whatever
+    the frame is called.
+    """
     for frame_id in ("", "w", "world", "a_longer_name"):
         for grip, force in ((0, 0.0), (1, -2.0), (2, 1e-9)):
             content = {

@@ -9,7 +9,16 @@ from scipy.spatial.transform import Rotation, Slerp
 from dart_skill.recording import typestore
 from dart_skill.recording.imports import parse_mapping, read_recording
 from dart_skill.recording.imports.frame_tree import FrameTransform, FrameTree, read_frame_tree
-from tests.unit.recording.test_foreign import KINDS, ROLES, STAMPS, header, pose_messages, topics, vector, write_bag
+from tests.unit.recording.test_foreign import (
+    KINDS,
+    ROLES,
+    STAMPS,
+    header,
+    pose_messages,
+    topics,
+    vector,
+    write_bag,
+)
 
 SECOND = 1_000_000_000
 RIG = np.array([0.4, -0.2, 1.1, *Rotation.from_euler("zyx", [0.7, -0.4, 2.0]).as_quat()])
@@ -27,7 +36,9 @@ def poses():
     time = np.linspace(0.0, 1.0, len(STAMPS))[:, None]
     return {
         role: (
-            np.array([k, 0.3, 1.0]) + 0.3 * np.sin(2.0 * time + [0.0, 1.0, 2.0]) + 1e-4 * rng.standard_normal((len(STAMPS), 3)),
+            np.array([k, 0.3, 1.0])
+            + 0.3 * np.sin(2.0 * time + [0.0, 1.0, 2.0])
+            + 1e-4 * rng.standard_normal((len(STAMPS), 3)),
             Rotation.from_euler("zyx", np.hstack([0.5 + time, 0.3 * time, -0.2 * time])).as_quat(),
         )
         for k, role in enumerate(ROLES)
@@ -54,12 +65,17 @@ def test_a_chain_of_transforms_is_the_product_of_its_matrices(seed, order):
     """Frames hang in each other in any order, so some are gone through upwards and some downwards."""
     stamps = np.arange(20) * SECOND // 10
     transforms = {
-        edge: moving(seed + k, stamps) for k, edge in enumerate([(order[0], order[1]), (order[1], order[2]), (order[0], order[3])])
+        edge: moving(seed + k, stamps)
+        for k, edge in enumerate(
+            [(order[0], order[1]), (order[1], order[2]), (order[0], order[3])]
+        )
     }
     rows = drawn_rows(seed + 9, len(stamps))
     found = FrameTree(transforms).moved(rows, order[2], order[3], stamps)
     up, middle, down = (matrices_of(one.rows) for one in transforms.values())
-    np.testing.assert_allclose(matrices_of(found), np.linalg.inv(down) @ up @ middle @ matrices_of(rows), atol=1e-12)
+    np.testing.assert_allclose(
+        matrices_of(found), np.linalg.inv(down) @ up @ middle @ matrices_of(rows), atol=1e-12
+    )
 
 
 def test_between_two_messages_a_transform_is_interpolated_and_beyond_them_unknown():
@@ -72,19 +88,26 @@ def test_between_two_messages_a_transform_is_interpolated_and_beyond_them_unknow
     assert (turned.inv() * Rotation.from_quat(found[1:-1, 3:])).magnitude().max() < 1e-7
     np.testing.assert_allclose(found[1:-1, 0], np.interp(inside, stamps, transform.rows[:, 0]))
     assert np.isnan(found[[0, -1]]).all()
-    np.testing.assert_array_equal(transform.at(stamps + 7, by_log=True), transform.at(stamps, by_log=False))
+    np.testing.assert_array_equal(
+        transform.at(stamps + 7, by_log=True), transform.at(stamps, by_log=False)
+    )
 
 
 def test_a_transform_that_nobody_told_for_seconds_is_unknown_between():
     transform = moving(4, np.array([0, SECOND, 4 * SECOND]))
     assert np.isnan(transform.at(np.array([2 * SECOND]), by_log=False)).all()
     same = FrameTransform(transform.stamp_ns, transform.log_ns, np.tile(RIG, (3, 1)))
-    np.testing.assert_array_equal(same.at(np.array([-SECOND, 2 * SECOND, 9 * SECOND]), by_log=False), np.tile(RIG, (3, 1)))
+    np.testing.assert_array_equal(
+        same.at(np.array([-SECOND, 2 * SECOND, 9 * SECOND]), by_log=False), np.tile(RIG, (3, 1))
+    )
 
 
 def in_rig(position, quaternion):
     rig = Rotation.from_quat(RIG[3:])
-    return rig.inv().apply(position - RIG[:3]), (rig.inv() * Rotation.from_quat(quaternion)).as_quat()
+    return (
+        rig.inv().apply(position - RIG[:3]),
+        (rig.inv() * Rotation.from_quat(quaternion)).as_quat(),
+    )
 
 
 def tf(topic, stamp, parent, child, row):
@@ -94,57 +117,101 @@ def tf(topic, stamp, parent, child, row):
 
 
 def written(path, types, poses, *more, kind=KINDS[0]):
-    """A bag of which the hand is told in the rig's frame in the first half, and in the world's in the second."""
+    """A bag of which the hand is told in the rig's frame in the first half, and in the world's in
+    the second.
+    """
     n, hand = len(STAMPS) // 2, poses["hand"]
-    told = [one for one in pose_messages(kind, poses, "world") if one[0] != "/lab/hand" or one[2] >= STAMPS[n]]
-    told += [one for one in pose_messages(kind, {**poses, "hand": in_rig(*hand)}, "rig") if one[0] == "/lab/hand" and one[2] < STAMPS[n]]
+    told = [
+        one
+        for one in pose_messages(kind, poses, "world")
+        if one[0] != "/lab/hand" or one[2] >= STAMPS[n]
+    ]
+    told += [
+        one
+        for one in pose_messages(kind, {**poses, "hand": in_rig(*hand)}, "rig")
+        if one[0] == "/lab/hand" and one[2] < STAMPS[n]
+    ]
     return write_bag(path, types, [*told, *more])
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_poses_in_two_frames_are_one_path(tmp_path, types, poses, kind):
-    bag = written(tmp_path / "bag", types, poses, tf("/tf_static", STAMPS[0] - 5, "/world", "rig", RIG), kind=kind)
+    bag = written(
+        tmp_path / "bag",
+        types,
+        poses,
+        tf("/tf_static", STAMPS[0] - 5, "/world", "rig", RIG),
+        kind=kind,
+    )
     mapping = {role: {"topic": f"/lab/{role}", "frame": "world", "child": role} for role in ROLES}
     recording = read_recording(bag, parse_mapping(mapping))
     hand = recording.bodies["hand"]
     np.testing.assert_array_equal(hand.stamp_ns, STAMPS)
     np.testing.assert_allclose(hand.position, poses["hand"][0], atol=1e-12)
-    assert (Rotation.from_quat(hand.quaternion) * Rotation.from_quat(poses["hand"][1]).inv()).magnitude().max() < 1e-7
-    assert [fault.message for fault in recording.faults] == ["100 poses in 'rig' are taken to 'world' by /tf"]
+    assert (
+        Rotation.from_quat(hand.quaternion) * Rotation.from_quat(poses["hand"][1]).inv()
+    ).magnitude().max() < 1e-7
+    assert [fault.message for fault in recording.faults] == [
+        "100 poses in 'rig' are taken to 'world' by /tf"
+    ]
 
 
 def test_what_tf_does_not_tell_is_left_out(tmp_path, types, poses):
     """A rig that moves, and of which /tf tells from the 50th frame on."""
-    ends = [tf("/tf", STAMPS[k], "world", "rig", RIG + [1e-3 * (k > 50), *np.zeros(6)]) for k in (50, 120)]
-    recording = read_recording(written(tmp_path / "bag", types, poses, *ends), parse_mapping(topics(frame="world")))
+    ends = [
+        tf("/tf", STAMPS[k], "world", "rig", RIG + [1e-3 * (k > 50), *np.zeros(6)])
+        for k in (50, 120)
+    ]
+    recording = read_recording(
+        written(tmp_path / "bag", types, poses, *ends), parse_mapping(topics(frame="world"))
+    )
     assert len(recording.bodies["hand"]) == 150
     told = [fault.message for fault in recording.faults if fault.body == "hand"]
     assert "50 poses in 'rig' are left out, for /tf does not tell where 'world' was then" in told
 
 
 def test_a_frame_of_which_tf_says_nothing_is_left_out(tmp_path, types, poses):
-    bag = written(tmp_path / "bag", types, poses, tf("/tf_static", STAMPS[0], "world", "another", RIG))
+    bag = written(
+        tmp_path / "bag", types, poses, tf("/tf_static", STAMPS[0], "world", "another", RIG)
+    )
     recording = read_recording(bag, parse_mapping(topics(frame="world")))
     assert len(recording.bodies["hand"]) == 100
-    assert recording.faults[0].message == "100 poses in 'rig', and not in 'world', are left out, for no /tf leads there"
+    assert (
+        recording.faults[0].message
+        == "100 poses in 'rig', and not in 'world', are left out, for no /tf leads there"
+    )
 
 
 def test_bodies_in_frames_that_differ_are_not_mixed(tmp_path, types, poses):
     """The hand of one camera system and the ball of another: which axes are meant must be said."""
     told = pose_messages(KINDS[0], {**poses, "hand": in_rig(*poses["hand"])}, "world")
-    told = [(*one[:3], {**one[3], "header": header(one[2], "rig")}) if one[0] == "/lab/hand" else one for one in told]
-    bag = write_bag(tmp_path / "bag", types, [*told, tf("/tf_static", STAMPS[0], "world", "rig", RIG)])
-    with pytest.raises(ValueError, match=r"the hand is told in 'rig' and the ball in 'world'.*ball: \{frame: rig\}"):
+    told = [
+        (*one[:3], {**one[3], "header": header(one[2], "rig")}) if one[0] == "/lab/hand" else one
+        for one in told
+    ]
+    bag = write_bag(
+        tmp_path / "bag", types, [*told, tf("/tf_static", STAMPS[0], "world", "rig", RIG)]
+    )
+    with pytest.raises(
+        ValueError,
+        match=r"the hand is told in 'rig' and the ball in 'world'.*ball: \{frame: rig\}",
+    ):
         read_recording(bag, parse_mapping(topics()))
     hand = read_recording(bag, parse_mapping(topics(frame="world"))).bodies["hand"]
     np.testing.assert_allclose(hand.position, poses["hand"][0], atol=1e-12)
-    as_told = {role: {"topic": f"/lab/{role}", "frame": "rig" if role == "hand" else "world"} for role in ROLES}
+    as_told = {
+        role: {"topic": f"/lab/{role}", "frame": "rig" if role == "hand" else "world"}
+        for role in ROLES
+    }
     hand = read_recording(bag, parse_mapping(as_told)).bodies["hand"]
     np.testing.assert_array_equal(hand.position, in_rig(*poses["hand"])[0])
 
 
 def test_what_is_no_transform_is_not_taken_for_one(tmp_path, types):
-    broken = [tf("/tf", 10, "world", "rig", np.zeros(7)), tf("/tf", 20, "world", "rig", np.full(7, np.nan))]
+    broken = [
+        tf("/tf", 10, "world", "rig", np.zeros(7)),
+        tf("/tf", 20, "world", "rig", np.full(7, np.nan)),
+    ]
     tree = read_frame_tree(write_bag(tmp_path / "bag", types, broken))
     assert not tree.connects("rig", "world")
     with pytest.raises(ValueError, match="no transform leads from 'rig' to 'world'"):

@@ -14,7 +14,16 @@ from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording import (
+    BagError,
+    BagReader,
+    BagWriter,
+    definition,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 from dart_skill.recording.bags import Finding, check_bag, check_file, describe
 from dart_skill.recording.mcap.records import packed
 
@@ -27,9 +36,17 @@ def record(path, stamps=None, **options):
     """A bag of poses on two topics."""
     with BagWriter(path, custom_data={"seed": "7"}, **options) as bag:
         for name in ("/hand", "/ball"):
-            bag.add_topic(name, POSE, definition(TYPES, POSE), qos_yaml("best_effort"), type_hash(TYPES, POSE))
+            bag.add_topic(
+                name,
+                POSE,
+                definition(TYPES, POSE),
+                qos_yaml("best_effort"),
+                type_hash(TYPES, POSE),
+            )
         bag.add_attachment("wam.yaml", "joints: 7\n", "application/yaml")
-        for stamp in range(START_NS, START_NS + 300 * STEP_NS, STEP_NS) if stamps is None else stamps:
+        for stamp in (
+            range(START_NS, START_NS + 300 * STEP_NS, STEP_NS) if stamps is None else stamps
+        ):
             bag.write("/hand", stamp, stamp, POSE_CDR)
             bag.write("/ball", stamp, stamp, POSE_CDR)
     return path
@@ -72,12 +89,24 @@ def test_bags_of_ours_and_of_others_have_no_faults(tmp_path, bag):
         connection = writer.add_connection("/hand", POSE, typestore=TYPES)
         for stamp in range(1000):
             writer.write(connection, stamp, POSE_CDR)
-    assert texts(check_bag(tmp_path / "foreign")) == texts(check_bag(tmp_path / "foreign"), "warning") == []
+    assert (
+        texts(check_bag(tmp_path / "foreign"))
+        == texts(check_bag(tmp_path / "foreign"), "warning")
+        == []
+    )
     messages = [(1, stamp, stamp, POSE_CDR) for stamp in range(500)]
     for number, options in enumerate(
-        ({}, {"compression": CompressionType.LZ4}, {"use_chunking": False}, {"index_types": IndexType.NONE}, {"enable_crcs": False})
+        (
+            {},
+            {"compression": CompressionType.LZ4},
+            {"use_chunking": False},
+            {"index_types": IndexType.NONE},
+            {"enable_crcs": False},
+        )
     ):
-        assert texts(check_file(plain(tmp_path / f"{number}.mcap", messages, **options))) == [], options
+        assert texts(check_file(plain(tmp_path / f"{number}.mcap", messages, **options))) == [], (
+            options
+        )
 
 
 @pytest.mark.slow
@@ -96,7 +125,17 @@ def test_each_changed_byte_is_found(bag):
 def test_each_missing_end_is_found(bag):
     file = bag / "bag_0.mcap"
     whole = file.read_bytes()
-    for length in (0, 1, 8, 9, 100, len(whole) // 2, len(whole) - 300, len(whole) - 8, len(whole) - 1):
+    for length in (
+        0,
+        1,
+        8,
+        9,
+        100,
+        len(whole) // 2,
+        len(whole) - 300,
+        len(whole) - 8,
+        len(whole) - 1,
+    ):
         file.write_bytes(whole[:length])
         reason = "empty .0 bytes" if length == 0 else "end|magic"
         found = texts(check_bag(bag))
@@ -112,10 +151,16 @@ def test_an_index_that_disagrees_with_the_messages_is_found(bag):
     place = index.message_index_offsets[1] + 15  # log time of the first entry
     patched(file, place, struct.pack("<Q", START_NS + 5))
     found = texts(check_bag(bag))
-    assert any(f"chunk at byte {index.chunk_start_offset}: its message index does not agree" in text for text in found), found
+    assert any(
+        f"chunk at byte {index.chunk_start_offset}: its message index does not agree" in text
+        for text in found
+    ), found
     file.write_bytes(whole)
     patched(file, index.chunk_start_offset + 9, struct.pack("<Q", START_NS - 5))
-    assert any("its first and last time are not those of its messages" in text for text in texts(check_bag(bag)))
+    assert any(
+        "its first and last time are not those of its messages" in text
+        for text in texts(check_bag(bag))
+    )
 
 
 def resealed(whole, change):
@@ -123,7 +168,9 @@ def resealed(whole, change):
     (start,) = struct.unpack_from("<Q", whole, len(whole) - 28)
     summary = change(bytearray(whole[start : len(whole) - 37]))
     tail = whole[len(whole) - 37 : len(whole) - 12]
-    return whole[:start] + summary + tail + struct.pack("<I", zlib.crc32(summary + tail)) + whole[-8:]
+    return (
+        whole[:start] + summary + tail + struct.pack("<I", zlib.crc32(summary + tail)) + whole[-8:]
+    )
 
 
 def test_statistics_and_chunk_indexes_that_disagree_are_found(bag):
@@ -137,15 +184,22 @@ def test_statistics_and_chunk_indexes_that_disagree_are_found(bag):
 
     def other_chunk(summary):
         place = summary.index(struct.pack("<Q", START_NS))
-        place = summary.index(struct.pack("<Q", START_NS), place + 8)  # the first chunk's, after that of the statistics
+        place = summary.index(
+            struct.pack("<Q", START_NS), place + 8
+        )  # the first chunk's, after that of the statistics
         struct.pack_into("<Q", summary, place, START_NS + 1)
         return summary
 
     file.write_bytes(resealed(whole, lambda summary: summary))
     assert check_bag(bag) == []
     file.write_bytes(resealed(whole, more_messages))
-    told = "warning: bag_0.mcap: the statistics say 601 for messages, found are 600 (write its index anew: dart-skill bag recover)"
-    assert texts(check_bag(bag)) == [] and texts(check_bag(bag), "warning") == [told], "no message is lost"
+    told = (
+        "warning: bag_0.mcap: the statistics say 601 for messages, found are 600 (write its index"
+        " anew: dart-skill bag recover)"
+    )
+    assert texts(check_bag(bag)) == [] and texts(check_bag(bag), "warning") == [told], (
+        "no message is lost"
+    )
     file.write_bytes(resealed(whole, other_chunk))
     (found,) = texts(check_bag(bag))
     assert "the summary disagrees with it (message_start_time)" in found
@@ -168,7 +222,10 @@ def test_messages_of_a_chunk_that_the_summary_does_not_name_are_read(bag):
         return bytes(summary).replace(packed(lost), b"").replace(before, packed(statistics))
 
     file.write_bytes(resealed(file.read_bytes(), without_it))
-    assert any("1 chunks are not in the summary: readers miss their messages" in text for text in texts(check_bag(bag)))
+    assert any(
+        "1 chunks are not in the summary: readers miss their messages" in text
+        for text in texts(check_bag(bag))
+    )
     with BagReader(bag) as reader:
         assert reader.message_count == len(list(reader.messages())) == 600
 
@@ -178,12 +235,29 @@ def test_messages_of_a_chunk_that_the_summary_does_not_name_are_read(bag):
     [
         (lambda told: told.update(message_count=7), "7 for messages in all, the files say 600"),
         (lambda told: told["duration"].update(nanoseconds=3), "3 for the duration"),
-        (lambda told: told["starting_time"].update(nanoseconds_since_epoch=3), "3 for the time of the first message"),
-        (lambda told: told["topics_with_message_count"][0].update(message_count=3), "3 for messages on /hand, the files say 300"),
-        (lambda told: told["topics_with_message_count"].pop(), "topics it does not name, the files say .*/ball"),
-        (lambda told: told["topics_with_message_count"][0]["topic_metadata"].update(type="a/msg/B"), "a/msg/B for the type of /hand"),
+        (
+            lambda told: told["starting_time"].update(nanoseconds_since_epoch=3),
+            "3 for the time of the first message",
+        ),
+        (
+            lambda told: told["topics_with_message_count"][0].update(message_count=3),
+            "3 for messages on /hand, the files say 300",
+        ),
+        (
+            lambda told: told["topics_with_message_count"].pop(),
+            "topics it does not name, the files say .*/ball",
+        ),
+        (
+            lambda told: told["topics_with_message_count"][0]["topic_metadata"].update(
+                type="a/msg/B"
+            ),
+            "a/msg/B for the type of /hand",
+        ),
         (lambda told: told["files"][0].update(message_count=3), "3 for messages in bag_0.mcap"),
-        (lambda told: told["files"][0]["duration"].update(nanoseconds=3), "start and duration of bag_0.mcap"),
+        (
+            lambda told: told["files"][0]["duration"].update(nanoseconds=3),
+            "start and duration of bag_0.mcap",
+        ),
         (lambda told: told.update(duration=[3]), "misuses duration: it must be a mapping"),
     ],
 )
@@ -208,9 +282,15 @@ def test_a_file_that_the_metadata_names_and_that_is_missing_is_an_error(bag):
 
 def test_a_metadata_file_that_is_missing_or_damaged_is_found(bag):
     (bag / "metadata.yaml").write_text("a: [")
-    assert texts(check_bag(bag)) == [] and "metadata.yaml is no YAML" in texts(check_bag(bag), "warning")[0]
+    assert (
+        texts(check_bag(bag)) == []
+        and "metadata.yaml is no YAML" in texts(check_bag(bag), "warning")[0]
+    )
     (bag / "metadata.yaml").unlink()
-    assert texts(check_bag(bag)) == [] and "there is no metadata.yaml" in texts(check_bag(bag), "warning")[0]
+    assert (
+        texts(check_bag(bag)) == []
+        and "there is no metadata.yaml" in texts(check_bag(bag), "warning")[0]
+    )
 
 
 def test_files_of_different_bags_in_a_folder_are_found(tmp_path, bag):
@@ -221,21 +301,42 @@ def test_files_of_different_bags_in_a_folder_are_found(tmp_path, bag):
     found = texts(check_bag(bag), "warning")
     assert any("different names (bag, other)" in text for text in found)
     assert any("it begins before bag_0.mcap ends" in text for text in found)
-    plain(bag / "bag_1.mcap", [(1, 5, 0, b"\0\1\0\0\1\0\0\0\0")], definition_text="string data\n", type_name="std_msgs/msg/String")
-    assert any("topic /hand has type std_msgs/msg/String here and geometry_msgs" in text for text in texts(check_bag(bag), "warning"))
-    assert any("3 files and no metadata.yaml" in text for text in texts(check_bag(bag))), "the reader refuses them"
+    plain(
+        bag / "bag_1.mcap",
+        [(1, 5, 0, b"\0\1\0\0\1\0\0\0\0")],
+        definition_text="string data\n",
+        type_name="std_msgs/msg/String",
+    )
+    assert any(
+        "topic /hand has type std_msgs/msg/String here and geometry_msgs" in text
+        for text in texts(check_bag(bag), "warning")
+    )
+    assert any("3 files and no metadata.yaml" in text for text in texts(check_bag(bag))), (
+        "the reader refuses them"
+    )
 
 
 def test_types_encodings_and_messages_that_cannot_be_read_are_found(tmp_path):
     good = [(1, 5, 0, POSE_CDR), (1, 6, 1, POSE_CDR)]
     cases = {
-        "topic /hand: it has type a/msg/B, which the bag does not define": ("warning", dict(definition_text="", type_name="a/msg/B")),
-        "whose definition in the bag is damaged": ("error", dict(definition_text="float64[ x of no kind\n", type_name="a/msg/B")),
+        "topic /hand: it has type a/msg/B, which the bag does not define": (
+            "warning",
+            dict(definition_text="", type_name="a/msg/B"),
+        ),
+        "whose definition in the bag is damaged": (
+            "error",
+            dict(definition_text="float64[ x of no kind\n", type_name="a/msg/B"),
+        ),
         "topic /hand: it has no type: its schema names none": ("warning", dict(type_name="")),
-        "topic /hand: its messages are encoded as 'json', not as cdr": ("note", dict(encoding="json")),
+        "topic /hand: its messages are encoded as 'json', not as cdr": (
+            "note",
+            dict(encoding="json"),
+        ),
     }
     for reason, (severity, options) in cases.items():
-        (found,) = check_file(plain(tmp_path / "bad.mcap", good, **options))  # and nothing of the topic without messages
+        (found,) = check_file(
+            plain(tmp_path / "bad.mcap", good, **options)
+        )  # and nothing of the topic without messages
         assert reason in str(found) and found.severity == severity, (reason, found)
     bad = [*good, (1, 7, 2, POSE_CDR[:40]), (1, 8, 3, b"\0\1\0\0" + b"\xff" * 80)]
     (found,) = texts(check_file(plain(tmp_path / "bad.mcap", bad)))
@@ -245,25 +346,38 @@ def test_types_encodings_and_messages_that_cannot_be_read_are_found(tmp_path):
 def test_a_given_type_makes_an_undefined_one_known(tmp_path):
     file = plain(tmp_path / "bare.mcap", [(1, 5, 0, POSE_CDR)], definition_text="")
     assert check_file(file) == check_file(file, TYPES) == [], "ROS 2 Jazzy has it"
-    file = plain(tmp_path / "bare.mcap", [(1, 5, 0, POSE_CDR)], definition_text="", type_name="lab_msgs/msg/Pose")
+    file = plain(
+        tmp_path / "bare.mcap",
+        [(1, 5, 0, POSE_CDR)],
+        definition_text="",
+        type_name="lab_msgs/msg/Pose",
+    )
     given = typestore()
     given.register({"lab_msgs/msg/Pose": given.fielddefs[POSE]})
     assert len(texts(check_file(file), "warning")) == 1 and check_file(file, given) == []
 
 
 def test_time_that_jumps_back_and_gaps_in_the_sequence_are_told(tmp_path):
-    messages = [(1, stamp, sequence, POSE_CDR) for sequence, stamp in enumerate([100, 200, 300, 150, 160, 400])]
+    messages = [
+        (1, stamp, sequence, POSE_CDR)
+        for sequence, stamp in enumerate([100, 200, 300, 150, 160, 400])
+    ]
     messages[4:] = [(1, 160, 9, POSE_CDR), (1, 400, 10, POSE_CDR)]
     found = texts(check_file(plain(tmp_path / "odd.mcap", messages)), "warning")
     assert len(found) == 2
     assert any("5 messages are missing in 1 gaps" in text for text in found), found
-    assert any("log time jumps back 1 times, by up to 0.000000 s, first at 300 ns" in text for text in found), found
+    assert any(
+        "log time jumps back 1 times, by up to 0.000000 s, first at 300 ns" in text
+        for text in found
+    ), found
     looped = record(tmp_path / "looped", [*range(1, 50), *range(1, 50)])
     assert [finding.severity for finding in check_bag(looped)] == ["warning"]
 
 
 def test_an_empty_bag_is_told(tmp_path):
-    assert texts(check_bag(record(tmp_path / "bag", [])), "warning") == ["warning: bag: the bag holds no messages"]
+    assert texts(check_bag(record(tmp_path / "bag", [])), "warning") == [
+        "warning: bag: the bag holds no messages"
+    ]
     (tmp_path / "folder").mkdir()
     assert "no .mcap file in this folder" in texts(check_bag(tmp_path / "folder"))[0]
     assert "no such bag" in texts(check_bag(tmp_path / "nothing"))[0]
@@ -287,16 +401,40 @@ def test_a_finding_reads_as_a_sentence_and_is_data():
 
 def test_a_bag_is_described_in_json(bag):
     told = json.loads(json.dumps(describe(bag)))
-    assert (told["message_count"], told["start_ns"], told["duration_ns"]) == (600, START_NS, 299 * STEP_NS)
+    assert (told["message_count"], told["start_ns"], told["duration_ns"]) == (
+        600,
+        START_NS,
+        299 * STEP_NS,
+    )
     assert told["size_bytes"] == (bag / "bag_0.mcap").stat().st_size and told["has_metadata_file"]
     assert told["custom_data"] == {"seed": "7"} and told["ros_distro"] == "jazzy"
-    assert told["attachments"] == [{"name": "wam.yaml", "media_type": "application/yaml", "size_bytes": 10}]
+    assert told["attachments"] == [
+        {"name": "wam.yaml", "media_type": "application/yaml", "size_bytes": 10}
+    ]
     (file,) = told["files"]
-    assert (file["path"], file["message_count"], file["library"]) == ("bag_0.mcap", 600, "dart_skill")
+    assert (file["path"], file["message_count"], file["library"]) == (
+        "bag_0.mcap",
+        600,
+        "dart_skill",
+    )
     topic = told["topics"][0]
-    assert (topic["name"], topic["type"], topic["count"], topic["type_hash"]) == ("/hand", POSE, 300, type_hash(TYPES, POSE))
-    assert topic["rate_hz"] == pytest.approx(300 / 2.99) and topic["is_defined"] and topic["encoding"] == "cdr"
-    assert topic["qos"][0]["reliability"] == "best_effort" and topic["qos"][0]["deadline"] == {"sec": 9223372036, "nsec": 854775807}
-    assert {key: value for key, value in describe(bag / "bag_0.mcap").items() if key not in ("path", "has_metadata_file")} == {
-        key: value for key, value in told.items() if key not in ("path", "has_metadata_file")
+    assert (topic["name"], topic["type"], topic["count"], topic["type_hash"]) == (
+        "/hand",
+        POSE,
+        300,
+        type_hash(TYPES, POSE),
+    )
+    assert (
+        topic["rate_hz"] == pytest.approx(300 / 2.99)
+        and topic["is_defined"]
+        and topic["encoding"] == "cdr"
+    )
+    assert topic["qos"][0]["reliability"] == "best_effort" and topic["qos"][0]["deadline"] == {
+        "sec": 9223372036,
+        "nsec": 854775807,
     }
+    assert {
+        key: value
+        for key, value in describe(bag / "bag_0.mcap").items()
+        if key not in ("path", "has_metadata_file")
+    } == {key: value for key, value in told.items() if key not in ("path", "has_metadata_file")}

@@ -9,46 +9,85 @@ import numpy as np
 import pytest
 
 from dart_skill.common.world import joint_names, the_world
-from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording import (
+    BagReader,
+    BagWriter,
+    definition,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 from dart_skill.recording.bags import _message_check, check_bag, recover
 from dart_skill.recording.imports import read_in_parts, read_recording
-from dart_skill.recording.mcap import ChunkPlace, ChunkTable, McapFile, crc_of, mapped, read_summary, walk
+from dart_skill.recording.mcap import (
+    ChunkPlace,
+    ChunkTable,
+    McapFile,
+    crc_of,
+    mapped,
+    read_summary,
+    walk,
+)
 from dart_skill.session._finding import found_in
 from dart_skill.skills.observation import THRESHOLDS
 from tests.paths import ROOT
 from tests.recorded_session import same
 
 SECOND, STEP_NS = 1_000_000_000, 10_000_000
-STATE, POSE, COMMAND = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped", "dart_skill_msgs/msg/WamCommand"
+STATE, POSE, COMMAND = (
+    "sensor_msgs/msg/JointState",
+    "geometry_msgs/msg/PoseStamped",
+    "dart_skill_msgs/msg/WamCommand",
+)
 TYPES = typestore()
 BAG = ROOT / "bags" / "demonstrations"
 
 
 def record(path, seconds, pause_after=2):
-    """Joint states, commands and poses that differ in their numbers; the world is set anew, a second later, after every few seconds."""
-    topics = {"/joint_states": STATE, "/wam/command": COMMAND, **dict.fromkeys(the_world().pose_topics().values(), POSE)}
+    """Joint states, commands and poses that differ in their numbers; the world is set anew, a
+    second later, after every few seconds.
+    """
+    topics = {
+        "/joint_states": STATE,
+        "/wam/command": COMMAND,
+        **dict.fromkeys(the_world().pose_topics().values(), POSE),
+    }
     rng = np.random.default_rng(0)
-    places = {topic: np.full(3, float(k)) for k, topic in enumerate(topics)}  # apart: nobody takes one body for another
+    places = {
+        topic: np.full(3, float(k)) for k, topic in enumerate(topics)
+    }  # apart: nobody takes one body for another
     with BagWriter(path, chunk_size=4096) as bag:
         for topic, name in topics.items():
             bag.add_topic(topic, name, definition(TYPES, name), qos_yaml(), type_hash(TYPES, name))
         for step in range(seconds * SECOND // STEP_NS):
             now = (1 + step * STEP_NS // (pause_after * SECOND)) * SECOND + step * STEP_NS
-            header = {"stamp": {"sec": now // SECOND, "nanosec": now % SECOND}, "frame_id": "world"}
+            header = {
+                "stamp": {"sec": now // SECOND, "nanosec": now % SECOND},
+                "frame_id": "world",
+            }
             for topic, name in topics.items():
                 content = {"header": header}
                 if name == STATE:
-                    content |= {"name": joint_names(), **{field: rng.random(7) for field in ("position", "velocity", "effort")}}
+                    content |= {
+                        "name": joint_names(),
+                        **{field: rng.random(7) for field in ("position", "velocity", "effort")},
+                    }
                 if name == POSE:
                     places[topic] += rng.normal(0.0, 1e-3, 3)
-                    content["pose"] = {"position": dict(zip("xyz", places[topic].tolist(), strict=True)), "orientation": {"w": 1.0}}
+                    content["pose"] = {
+                        "position": dict(zip("xyz", places[topic].tolist(), strict=True)),
+                        "orientation": {"w": 1.0},
+                    }
                 bag.write(topic, now, now, serialize(TYPES, name, content))
     return bag.file
 
 
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory):
-    """Files of a short bag and of one that is three times as long; without metadata.yaml, for whose reading 8 MB are set aside."""
+    """Files of a short bag and of one that is three times as long; without metadata.yaml, for
+    whose reading 8 MB are set aside.
+    """
     folder = tmp_path_factory.mktemp("bags")
     return record(folder / "short", 4), record(folder / "long", 12)
 
@@ -64,11 +103,15 @@ def most_memory(task):
 
 
 def grows_by(task, bags):
-    """Memory by which the long bag needs more than the short one, in parts of the bytes by which it is longer."""
+    """Memory by which the long bag needs more than the short one, in parts of the bytes by which
+    it is longer.
+    """
     short, long = bags
     for bag in bags:
         task(bag)  # what is imported and cached the first time
-    return (most_memory(lambda: task(long)) - most_memory(lambda: task(short))) / (long.stat().st_size - short.stat().st_size)
+    return (most_memory(lambda: task(long)) - most_memory(lambda: task(short))) / (
+        long.stat().st_size - short.stat().st_size
+    )
 
 
 def test_a_check_keeps_little_of_each_chunk(bags):
@@ -87,14 +130,19 @@ def test_a_recovery_keeps_little_of_each_chunk(bags, tmp_path):
 def test_all_messages_are_read_one_chunk_after_the_other(bags):
     def task(bag):
         with BagReader(bag) as reader:
-            assert sum(len(message.data) for message in reader.messages(decode=False)) > bag.stat().st_size
+            assert (
+                sum(len(message.data) for message in reader.messages(decode=False))
+                > bag.stat().st_size
+            )
 
     assert grows_by(task, bags) < 0.4
 
 
 def test_a_recording_is_read_part_by_part(bags):
     def task(bag):
-        assert sum(len(part.command_stamps) for part in read_in_parts(bag, part_ns=2 * SECOND)) in (400, 1200)
+        assert sum(
+            len(part.command_stamps) for part in read_in_parts(bag, part_ns=2 * SECOND)
+        ) in (400, 1200)
 
     def whole(bag):
         read_recording(bag)
@@ -105,7 +153,9 @@ def test_a_recording_is_read_part_by_part(bags):
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_pages_of_a_file_are_given_back_once_they_were_read(tmp_path, monkeypatch):
     """They count as this process's memory, and of a file of 10 GB they were 10 GB."""
-    monkeypatch.setattr(importlib.import_module("dart_skill.recording.mcap._mapped"), "READ_AT_ONCE", 2**20)
+    monkeypatch.setattr(
+        importlib.import_module("dart_skill.recording.mcap._mapped"), "READ_AT_ONCE", 2**20
+    )
     file = McapFile(tmp_path / "large.mcap")
     for number in range(20):
         file.add_attachment(f"{number}", "x", bytes(2**20))
@@ -128,7 +178,12 @@ def test_pages_of_a_file_are_given_back_once_they_were_read(tmp_path, monkeypatc
 
 
 def test_a_table_of_chunks_gives_back_what_it_was_told():
-    places = [ChunkPlace(k, 2**63 + k, 3 * k, 4, 5, 6, 7, "zstd" if k % 2 else "", frozenset(range(k % 3))) for k in range(10)]
+    places = [
+        ChunkPlace(
+            k, 2**63 + k, 3 * k, 4, 5, 6, 7, "zstd" if k % 2 else "", frozenset(range(k % 3))
+        )
+        for k in range(10)
+    ]
     table = ChunkTable(places)
     assert len(table) == 10 and list(table) == places and table[3] == places[3]
 
@@ -136,7 +191,11 @@ def test_a_table_of_chunks_gives_back_what_it_was_told():
 def test_a_check_decodes_only_what_differs_in_more_than_stamp_and_numbers(bags, monkeypatch):
     decoded = []
     original = _message_check.deserialize
-    monkeypatch.setattr(_message_check, "deserialize", lambda types, name, data: decoded.append(name) or original(types, name, data))
+    monkeypatch.setattr(
+        _message_check,
+        "deserialize",
+        lambda types, name, data: decoded.append(name) or original(types, name, data),
+    )
     assert check_bag(bags[0]) == []
     assert 5 <= len(decoded) < 0.05 * 5 * 400
 
@@ -147,7 +206,12 @@ def test_a_check_still_finds_the_one_message_that_is_none(bags, tmp_path):
         info = bag.topics["/joint_states"]
         wrong.add_topic(info.name, STATE, definition(TYPES, STATE), qos_yaml(), info.type_hash)
         for k, message in enumerate(bag.messages([info.name], decode=False)):
-            wrong.write(info.name, message.stamp_ns, message.stamp_ns, message.data[: 100 if k == 300 else None])
+            wrong.write(
+                info.name,
+                message.stamp_ns,
+                message.stamp_ns,
+                message.data[: 100 if k == 300 else None],
+            )
     (finding,) = [one for one in check_bag(tmp_path / "wrong") if one.severity == "error"]
     assert "1 messages are no sensor_msgs/msg/JointState" in finding.message
 
@@ -173,14 +237,20 @@ def test_parts_are_all_of_the_recording(bags):
     parts, whole = list(read_in_parts(bags[0], part_ns=4 * SECOND // 5)), read_recording(bags[0])
     assert len(parts) == 4  # up to a pause, or twice as long
     for role, stream in whole.bodies.items():
-        assert np.array_equal(np.concatenate([part.bodies[role].position for part in parts]), stream.position)
-    assert np.array_equal(np.concatenate([part.joints.position for part in parts]), whole.joints.position)
+        assert np.array_equal(
+            np.concatenate([part.bodies[role].position for part in parts]), stream.position
+        )
+    assert np.array_equal(
+        np.concatenate([part.joints.position for part in parts]), whole.joints.position
+    )
 
 
 def test_a_body_that_is_never_seen_is_named_at_the_end(bags, tmp_path):
     with BagReader(bags[0]) as bag, BagWriter(tmp_path / "blind") as blind:
         for name, info in bag.topics.items():
-            blind.add_topic(name, info.type_name, definition(TYPES, info.type_name), qos_yaml(), info.type_hash)
+            blind.add_topic(
+                name, info.type_name, definition(TYPES, info.type_name), qos_yaml(), info.type_hash
+            )
         for message in bag.messages(decode=False):
             if message.topic != the_world().pose_topics()["ball"]:
                 blind.write(message.topic, message.stamp_ns, message.stamp_ns, message.data)

@@ -15,7 +15,9 @@ def mark(seconds, name, dropped):
 
 def test_the_newest_mark_counts_in_whatever_order_they_come():
     marks = Marks()
-    assert [marks.take(mark(*one)) for one in ((2, "a", False), (1, "a", True), (3, "b", True))] == [True, False, True]
+    assert [
+        marks.take(mark(*one)) for one in ((2, "a", False), (1, "a", True), (3, "b", True))
+    ] == [True, False, True]
     assert marks.dropped == {"b"}
 
 

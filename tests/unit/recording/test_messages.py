@@ -24,7 +24,11 @@ def types():
 
 def test_every_interface_of_our_package_is_known_and_has_a_hash(types):
     for file in interface_folder().glob("*/*"):
-        parts = {"msg": [""], "srv": ["_Request", "_Response"], "action": ["_Goal", "_Result", "_Feedback"]}
+        parts = {
+            "msg": [""],
+            "srv": ["_Request", "_Response"],
+            "action": ["_Goal", "_Result", "_Feedback"],
+        }
         for part in parts[file.parent.name]:
             name = f"dart_skill_msgs/{file.parent.name}/{file.stem}{part}"
             assert type_hash(types, name).startswith("RIHS01_"), name
@@ -40,7 +44,9 @@ def test_a_definition_holds_every_nested_type_once(types):
     text = definition(types, "dart_skill_msgs/msg/Demonstration")
     nested = [line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")]
     assert len(nested) == len(set(nested))
-    assert {"std_msgs/Header", "geometry_msgs/PoseStamped", "sensor_msgs/JointState"} <= set(nested)
+    assert {"std_msgs/Header", "geometry_msgs/PoseStamped", "sensor_msgs/JointState"} <= set(
+        nested
+    )
     assert "dart_skill_msgs/BodyTrack[] tracks" in text
 
 
@@ -49,22 +55,42 @@ def test_cdr_bytes_are_laid_out_as_the_standard_says(types):
     data = serialize(
         types,
         "geometry_msgs/msg/PointStamped",
-        {"header": {"stamp": {"sec": 7, "nanosec": 9}, "frame_id": "world"}, "point": {"x": 1.5, "z": -2.0}},
+        {
+            "header": {"stamp": {"sec": 7, "nanosec": 9}, "frame_id": "world"},
+            "point": {"x": 1.5, "z": -2.0},
+        },
     )
-    expected = b"\0\1\0\0" + struct.pack("<iII6s", 7, 9, 6, b"world\0") + bytes(6) + struct.pack("<ddd", 1.5, 0.0, -2.0)
+    expected = (
+        b"\0\1\0\0"
+        + struct.pack("<iII6s", 7, 9, 6, b"world\0")
+        + bytes(6)
+        + struct.pack("<ddd", 1.5, 0.0, -2.0)
+    )
     assert data == expected
 
 
 def test_objects_with_lists_tuples_or_arrays_give_the_same_bytes(types):
     header = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=2), frame_id="world")
     variants = [
-        SimpleNamespace(header=header, name=["a", "b"], position=kind([0.1, 0.2]), velocity=kind([1, 2]), effort=kind([]))
+        SimpleNamespace(
+            header=header,
+            name=["a", "b"],
+            position=kind([0.1, 0.2]),
+            velocity=kind([1, 2]),
+            effort=kind([]),
+        )
         for kind in (list, tuple, np.array)
     ]
-    first, *others = (serialize(types, "sensor_msgs/msg/JointState", variant) for variant in variants)
+    first, *others = (
+        serialize(types, "sensor_msgs/msg/JointState", variant) for variant in variants
+    )
     assert all(other == first for other in others)
     decoded = deserialize(types, "sensor_msgs/msg/JointState", first)
-    assert decoded.name == ["a", "b"] and decoded.position.tolist() == [0.1, 0.2] and decoded.effort.size == 0
+    assert (
+        decoded.name == ["a", "b"]
+        and decoded.position.tolist() == [0.1, 0.2]
+        and decoded.effort.size == 0
+    )
 
 
 def test_a_message_from_nothing_is_zero_and_survives_the_way_through_bytes(types):
@@ -86,7 +112,11 @@ def test_a_message_from_nothing_is_zero_and_survives_the_way_through_bytes(types
         ("builtin_interfaces/msg/Time", {"sec": 2**31}, "Time.sec is a int32"),
         ("builtin_interfaces/msg/Time", {"nanosec": 0.5}, "Time.nanosec is a uint32"),
         ("geometry_msgs/msg/Point", {"x": "far"}, "Point.x is a float64"),
-        ("dart_skill_msgs/msg/WamCommand", {"joint_torque": [0.0] * 6}, "joint_torque has 7 elements, got 6"),
+        (
+            "dart_skill_msgs/msg/WamCommand",
+            {"joint_torque": [0.0] * 6},
+            "joint_torque has 7 elements, got 6",
+        ),
         ("sensor_msgs/msg/JointState", {"position": 1.0}, "position is a sequence"),
     ],
 )
@@ -103,9 +133,16 @@ def test_bytes_of_another_type_are_refused(types):
 def test_definitions_of_another_package_are_loaded_from_its_folder(tmp_path):
     (tmp_path / "msg").mkdir()
     (tmp_path / "package.xml").write_text("<package><name>lab_msgs</name></package>")
-    (tmp_path / "msg" / "Grip.msg").write_text("geometry_msgs/Point centre  # [m]\nfloat64[<=3] force\n")
+    (tmp_path / "msg" / "Grip.msg").write_text(
+        "geometry_msgs/Point centre  # [m]\nfloat64[<=3] force\n"
+    )
     types = typestore(tmp_path)
-    assert deserialize(types, "lab_msgs/msg/Grip", serialize(types, "lab_msgs/msg/Grip", {"force": [1, 2]})).force.sum() == 3
+    assert (
+        deserialize(
+            types, "lab_msgs/msg/Grip", serialize(types, "lab_msgs/msg/Grip", {"force": [1, 2]})
+        ).force.sum()
+        == 3
+    )
     with pytest.raises(ValueError, match="4 elements, at most 3"):
         serialize(types, "lab_msgs/msg/Grip", {"force": [1.0] * 4})
     (tmp_path / "msg" / "Grip.msg").write_text("no such line\n/")

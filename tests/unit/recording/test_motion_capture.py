@@ -1,7 +1,9 @@
-"""Files of motion capture programs: the same poses come out of every form of every program, and what a file does not say is asked for.
+"""Files of motion capture programs: the same poses come out of every form of every program, and
+what a file does not say is asked for.
 
-The forms are made here anew. They follow OptiTrack's documentation of CSV exports, public parsers of exports of Motive 1.0 to 3.1, of Nexus
-and of Tracker, QTM's TSV files in public data sets, and the formats TRC, C3D and BVH.
+The forms are made here anew. They follow OptiTrack's documentation of CSV exports, public parsers
+of exports of Motive 1.0 to 3.1, of Nexus and of Tracker, QTM's TSV files in public data sets, and
+the formats TRC, C3D and BVH.
 """
 
 import sys
@@ -13,7 +15,13 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from dart_skill.common.extras import explained
-from dart_skill.recording.imports import MappingError, convert, mapping_text, parse_mapping, read_recording
+from dart_skill.recording.imports import (
+    MappingError,
+    convert,
+    mapping_text,
+    parse_mapping,
+    read_recording,
+)
 
 N, RATE = 40, 100
 TIME = np.arange(N) / RATE
@@ -36,7 +44,10 @@ def poses():
 
 
 def in_y_up(poses):
-    return {name: (Y_UP.inv().apply(position), Y_UP.inv() * turn) for name, (position, turn) in poses.items()}
+    return {
+        name: (Y_UP.inv().apply(position), Y_UP.inv() * turn)
+        for name, (position, turn) in poses.items()
+    }
 
 
 def read(folder, file="take.csv", hand=None, ball=None, key="capture", **axes):
@@ -65,15 +76,34 @@ def assert_read(recording, poses, is_turned=True, atol=2e-6, start=0.0):
 WORDS = ("Rotation", "Position")
 
 
-def motive_rows(poses, unit="m", rotation="Quaternion", kind="Rigid Body", time="Time (Seconds)", words=WORDS, extra="Error", prefix=""):
+def motive_rows(
+    poses,
+    unit="m",
+    rotation="Quaternion",
+    kind="Rigid Body",
+    time="Time (Seconds)",
+    words=WORDS,
+    extra="Error",
+    prefix="",
+):
     """Rows of cells below the first line."""
     axes = "XYZW" if rotation == "Quaternion" else "" if rotation == "None" else "XYZ"
-    what, axis, types, names, ids = ["", ""], ["Frame", time], ["", "Type"], ["", "Name"], ["", "ID"]
+    what, axis, types, names, ids = (
+        ["", ""],
+        ["Frame", time],
+        ["", "Type"],
+        ["", "Name"],
+        ["", "ID"],
+    )
     columns = []
     for k, (name, (position, turn)) in enumerate(poses.items(), 1):
         order = rotation if rotation in ORDERS else "XYZ"
         angles = turn.as_euler(order, degrees=True)[:, [order.index(one) for one in "XYZ"]]
-        columns += [turn.as_quat() if axes == "XYZW" else angles[:, : len(axes)], position / METRES[unit], np.full((N, 1), 1e-4)]
+        columns += [
+            turn.as_quat() if axes == "XYZW" else angles[:, : len(axes)],
+            position / METRES[unit],
+            np.full((N, 1), 1e-4),
+        ]
         width = len(axes) + 4
         types += [kind] * width
         names += [prefix + name] * width
@@ -81,14 +111,33 @@ def motive_rows(poses, unit="m", rotation="Quaternion", kind="Rigid Body", time=
         what += [words[0]] * len(axes) + [words[1]] * 3 + [extra]
         axis += [*axes, *"XYZ", ""]
     table = np.hstack(columns)
-    numbers = [[str(k), f"{TIME[k]:.6f}", *(f"{value:.6f}" for value in table[k])] for k in range(N)]
+    numbers = [
+        [str(k), f"{TIME[k]:.6f}", *(f"{value:.6f}" for value in table[k])] for k in range(N)
+    ]
     return {"types": types, "names": names, "ids": ids, "what": what, "axis": axis}, numbers
 
 
-def about(unit="Meters", rotation="Quaternion", space="Global", version="1.23", notes=("",), **more):
-    pairs = {"Format Version": version, "Take Name": "take", "Take Notes": notes, "Capture Frame Rate": "100.000000"}
-    pairs |= {"Export Frame Rate": "100.000000", "Capture Start Time": "2019-09-18 04.30.02.695 PM", "Total Frames in Take": str(N)}
-    pairs |= {"Total Exported Frames": str(N), "Rotation Type": rotation, "Length Units": unit, "Coordinate Space": space, **more}
+def about(
+    unit="Meters", rotation="Quaternion", space="Global", version="1.23", notes=("",), **more
+):
+    pairs = {
+        "Format Version": version,
+        "Take Name": "take",
+        "Take Notes": notes,
+        "Capture Frame Rate": "100.000000",
+    }
+    pairs |= {
+        "Export Frame Rate": "100.000000",
+        "Capture Start Time": "2019-09-18 04.30.02.695 PM",
+        "Total Frames in Take": str(N),
+    }
+    pairs |= {
+        "Total Exported Frames": str(N),
+        "Rotation Type": rotation,
+        "Length Units": unit,
+        "Coordinate Space": space,
+        **more,
+    }
     cells = []
     for name, value in pairs.items():
         cells += [] if value is None else [name, *([value] if isinstance(value, str) else value)]
@@ -96,13 +145,26 @@ def about(unit="Meters", rotation="Quaternion", space="Global", version="1.23", 
 
 
 def write(path, rows, delimiter=",", encoding="utf-8", end="\r\n", comma=False):
-    text = end.join(delimiter.join(cell.replace(".", ",") if comma else cell for cell in cells) for cells in rows) + end
+    text = (
+        end.join(
+            delimiter.join(cell.replace(".", ",") if comma else cell for cell in cells)
+            for cells in rows
+        )
+        + end
+    )
     path.write_bytes(text.encode(encoding))
 
 
 def write_motive(folder, poses, first=None, without=(), file="take.csv", written=None, **form):
     head, numbers = motive_rows(in_y_up(poses), **form)
-    rows = [first if first is not None else about(FORMATS[form.get("unit", "m")], form.get("rotation", "Quaternion")), []]
+    rows = [
+        (
+            first
+            if first is not None
+            else about(FORMATS[form.get("unit", "m")], form.get("rotation", "Quaternion"))
+        ),
+        [],
+    ]
     rows += [cells for name, cells in head.items() if name not in without] + numbers
     write(folder / file, rows, **(written or {}))
 
@@ -159,13 +221,18 @@ def test_labels_of_the_header_may_be_in_any_language(tmp_path, poses):
     head, numbers = motive_rows(in_y_up(poses), kind="Starrer Körper")
     head["types"][1], head["names"][1], head["ids"][1] = "Typ", "Bezeichnung", "Kennung"
     for order in (("types", "names", "ids"), ("types", "ids", "names")):
-        write(tmp_path / "take.csv", [about(), [], *(head[name] for name in (*order, "what", "axis")), *numbers])
+        write(
+            tmp_path / "take.csv",
+            [about(), [], *(head[name] for name in (*order, "what", "axis")), *numbers],
+        )
         assert_read(read(tmp_path, up="y"), poses)
 
 
 def test_bodies_without_names_are_called_by_their_numbers(tmp_path, poses):
     write_motive(tmp_path, poses, without=("names",))
-    assert_read(read(tmp_path, up="y", hand={"body": f"{1:032X}"}, ball={"body": f"{2:032X}"}), poses)
+    assert_read(
+        read(tmp_path, up="y", hand={"body": f"{1:032X}"}, ball={"body": f"{2:032X}"}), poses
+    )
     write_motive(tmp_path, poses, without=("names", "ids"))
     assert_read(read(tmp_path, up="y", hand={"body": "1"}, ball={"body": "2"}), poses)
 
@@ -173,18 +240,28 @@ def test_bodies_without_names_are_called_by_their_numbers(tmp_path, poses):
 def test_without_times_they_follow_from_frames_and_rate(tmp_path, poses):
     head, numbers = motive_rows(in_y_up(poses))
     rows = [[cell for k, cell in enumerate(cells) if k != 1] for cells in numbers]
-    head = [[cell for k, cell in enumerate(cells) if k != 1 or name != "axis"] for name, cells in head.items()]
+    head = [
+        [cell for k, cell in enumerate(cells) if k != 1 or name != "axis"]
+        for name, cells in head.items()
+    ]
     for cells in head[:4]:
         del cells[0]
     head[0][0], head[1][0], head[2][0], head[3][0] = "", "", "", ""
     write(tmp_path / "take.csv", [about(), [], *head, *rows])
     assert_read(read(tmp_path, up="y"), poses)
-    write(tmp_path / "take.csv", [about(**{"Capture Frame Rate": None, "Export Frame Rate": None}), [], *head, *rows])
-    with pytest.raises(ValueError, match="does not say its frame rate: add 'rate:' to the mapping"):
+    write(
+        tmp_path / "take.csv",
+        [about(**{"Capture Frame Rate": None, "Export Frame Rate": None}), [], *head, *rows],
+    )
+    with pytest.raises(
+        ValueError, match="does not say its frame rate: add 'rate:' to the mapping"
+    ):
         read(tmp_path, up="y")
     assert_read(read(tmp_path, up="y", hand={"rate": 100}, ball={"rate": 100}), poses)
     write(tmp_path / "take.csv", [about(), [], *head, *rows])
-    with pytest.raises(ValueError, match="rate is 50 in the mapping, but the file itself says 100"):
+    with pytest.raises(
+        ValueError, match="rate is 50 in the mapping, but the file itself says 100"
+    ):
         read(tmp_path, up="y", hand={"rate": 50})
 
 
@@ -204,9 +281,17 @@ def marker_places(position, turn):
     return [turn.apply(one) + position for one in shape]
 
 
-def write_motive_markers(folder, poses, kind="Rigid Body Marker", name="{0}:Marker{1}", lost=(), space="Global"):
+def write_motive_markers(
+    folder, poses, kind="Rigid Body Marker", name="{0}:Marker{1}", lost=(), space="Global"
+):
     """Columns of three markers of each body, and of one alone."""
-    rows = {"types": ["", "Type"], "names": ["", "Name"], "ids": ["", "ID"], "what": ["", ""], "axis": ["Frame", "Time (Seconds)"]}
+    rows = {
+        "types": ["", "Type"],
+        "names": ["", "Name"],
+        "ids": ["", "ID"],
+        "what": ["", ""],
+        "axis": ["Frame", "Time (Seconds)"],
+    }
     columns = []
     for body, (position, turn) in in_y_up(poses).items():
         places = [*marker_places(position, turn), position]
@@ -219,14 +304,21 @@ def write_motive_markers(folder, poses, kind="Rigid Body Marker", name="{0}:Mark
             rows["axis"] += [*"XYZ"]
             columns.append(at)
     table = np.hstack(columns)
-    numbers = [[str(k), f"{TIME[k]:.6f}", *(f"{value:.8f}" for value in table[k])] for k in range(N)]
+    numbers = [
+        [str(k), f"{TIME[k]:.6f}", *(f"{value:.8f}" for value in table[k])] for k in range(N)
+    ]
     for frame, column in lost:
         numbers[frame][2 + 3 * column : 5 + 3 * column] = [""] * 3
     write(folder / "take.csv", [about(rotation="None", space=space), [], *rows.values(), *numbers])
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [("Rigid Body Marker", "{0}:Marker{1}"), ("Marker", "{0}:Marker{1}"), ("Rigid Body Marker", "{0}_{1}")]
+    ("kind", "name"),
+    [
+        ("Rigid Body Marker", "{0}:Marker{1}"),
+        ("Marker", "{0}:Marker{1}"),
+        ("Rigid Body Marker", "{0}_{1}"),
+    ],
 )
 def test_markers_of_motive_give_a_body(tmp_path, poses, kind, name):
     write_motive_markers(tmp_path, poses, kind, name)
@@ -238,52 +330,104 @@ def test_markers_of_motive_give_a_body(tmp_path, poses, kind, name):
 
 def test_a_lone_marker_gives_a_position(tmp_path, poses):
     write_motive_markers(tmp_path, poses, lost=[(7, 3)])
-    recording = read(tmp_path, up="y", hand={"body": "Unlabeled Hand"}, ball={"markers": ["Unlabeled Ball"]})
+    recording = read(
+        tmp_path, up="y", hand={"body": "Unlabeled Hand"}, ball={"markers": ["Unlabeled Ball"]}
+    )
     assert len(recording.bodies["hand"]) == N - 1
     np.testing.assert_allclose(recording.bodies["ball"].position, poses["Ball"][0], atol=1e-6)
 
 
-def test_a_hidden_marker_of_three_is_a_body_that_was_not_seen_and_one_of_four_is_none(tmp_path, poses):
+def test_a_hidden_marker_of_three_is_a_body_that_was_not_seen_and_one_of_four_is_none(
+    tmp_path, poses
+):
     write_motive_markers(tmp_path, poses, lost=[(7, 1), (8, 4)])
     recording = read(tmp_path, up="y")
     assert [len(recording.bodies[role]) for role in ("hand", "ball")] == [N - 1, N - 1]
-    four = [{"markers": [*(f"{body}:Marker{k}" for k in (1, 2, 3)), f"Unlabeled {body}"]} for body in BODIES]
+    four = [
+        {"markers": [*(f"{body}:Marker{k}" for k in (1, 2, 3)), f"Unlabeled {body}"]}
+        for body in BODIES
+    ]
     assert_read(read(tmp_path, up="y", hand=four[0], ball=four[1]), poses)
 
 
 def test_markers_on_a_line_are_refused(tmp_path, poses):
     _, turn = poses["Hand"]
     position = np.tile([0.3, 0.4, 1.0], (N, 1))
-    head, numbers = motive_rows({name: (position + [0.0, 0.1 * k, 0.0], turn) for k, name in enumerate("abc")}, rotation="None")
+    head, numbers = motive_rows(
+        {name: (position + [0.0, 0.1 * k, 0.0], turn) for k, name in enumerate("abc")},
+        rotation="None",
+    )
     write(tmp_path / "take.csv", [about(rotation="None"), [], *head.values(), *numbers])
     with pytest.raises(ValueError, match="first three markers lie on a line"):
         read(tmp_path, up="y", hand={"markers": ["a", "b", "c"]}, ball={"body": "a"})
 
 
 ASKED = [
-    (about(unit=None), {}, {}, r"does not say its length: add 'length:' to the mapping, one of m, cm, mm, in, ft"),
+    (
+        about(unit=None),
+        {},
+        {},
+        r"does not say its length: add 'length:' to the mapping, one of m, cm, mm, in, ft",
+    ),
     (about(unit="Klafter"), {}, {}, "add 'length:' to the mapping"),
     (["Formatversion", "1.23", "Längeneinheit", "Meter"], {}, {}, "add 'length:' to the mapping"),
-    (about(), {"rotation": "XYZ"}, {}, r"how 'Hand' is turned: add 'rotation:' to the mapping, one of helical, XYZ"),
+    (
+        about(),
+        {"rotation": "XYZ"},
+        {},
+        r"how 'Hand' is turned: add 'rotation:' to the mapping, one of helical, XYZ",
+    ),
     (about(rotation=None), {"rotation": "ZYX"}, {}, "add 'rotation:' to the mapping"),
-    (about(space=None), {"kind": "Bone"}, {}, "does not say its Coordinate Space: add 'space: global' to the mapping"),
-    (about(space="Local"), {"kind": "Bone"}, {}, "relative to their parents: export it with world coordinates"),
-    (about(space="Local"), {"kind": "Bone"}, {"space": "global"}, "space is 'global' in the mapping, but the file itself says 'Local'"),
+    (
+        about(space=None),
+        {"kind": "Bone"},
+        {},
+        "does not say its Coordinate Space: add 'space: global' to the mapping",
+    ),
+    (
+        about(space="Local"),
+        {"kind": "Bone"},
+        {},
+        "relative to their parents: export it with world coordinates",
+    ),
+    (
+        about(space="Local"),
+        {"kind": "Bone"},
+        {"space": "global"},
+        "space is 'global' in the mapping, but the file itself says 'Local'",
+    ),
     (about(), {}, {"length": "mm"}, "length is 'mm' in the mapping, but the file itself says 'm'"),
-    (about(rotation="ZYX"), {"rotation": "ZYX"}, {"rotation": "XYZ"}, "rotation is 'XYZ' in the mapping, but the file itself says 'ZYX'"),
+    (
+        about(rotation="ZYX"),
+        {"rotation": "ZYX"},
+        {"rotation": "XYZ"},
+        "rotation is 'XYZ' in the mapping, but the file itself says 'ZYX'",
+    ),
     (
         about(rotation="ZYX"),
         {"rotation": "ZYX"},
         {"rotation": ["ZYX", "rad"]},
         "rotation is 'rad' in the mapping, but the file itself says 'deg'",
     ),
-    (about(), {}, {"rotation": "XYZ"}, "rotation is 'XYZ' in the mapping, but 'Hand' has a quaternion in the file"),
-    ([*about(), "Length Units", "Feet"], {}, {}, "'Length Units' is told twice, as 'Meters' and as 'Feet'"),
+    (
+        about(),
+        {},
+        {"rotation": "XYZ"},
+        "rotation is 'XYZ' in the mapping, but 'Hand' has a quaternion in the file",
+    ),
+    (
+        [*about(), "Length Units", "Feet"],
+        {},
+        {},
+        "'Length Units' is told twice, as 'Meters' and as 'Feet'",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("first", "form", "said", "message"), ASKED)
-def test_what_an_export_does_not_say_is_asked_for_and_contradictions_are_errors(tmp_path, poses, first, form, said, message):
+def test_what_an_export_does_not_say_is_asked_for_and_contradictions_are_errors(
+    tmp_path, poses, first, form, said, message
+):
     write_motive(tmp_path, poses, first=first, **form)
     with pytest.raises(ValueError, match=f"take.csv.*{message}"):
         read(tmp_path, up="y", hand=said)
@@ -306,7 +450,9 @@ def test_the_mapping_answers(tmp_path, poses, first, form, said):
 
 def test_axes_are_asked_for(tmp_path, poses):
     write_motive(tmp_path, poses)
-    with pytest.raises(ValueError, match="does not say which axis points up: add 'up:' to the mapping"):
+    with pytest.raises(
+        ValueError, match="does not say which axis points up: add 'up:' to the mapping"
+    ):
         read(tmp_path)
     turned = ["x", "-z", "y"]
     assert_read(read(tmp_path, xyz=turned), poses)
@@ -316,35 +462,66 @@ def test_bodies_of_one_name_are_told_apart_by_their_numbers(tmp_path, poses):
     head, numbers = motive_rows(in_y_up(poses))
     head["names"] = [name.replace("Ball", "Hand") for name in head["names"]]
     write(tmp_path / "take.csv", [about(), [], *head.values(), *numbers])
-    with pytest.raises(ValueError, match=rf"2 bodies are called 'Hand': name one of {1:032X}, {2:032X} instead"):
+    with pytest.raises(
+        ValueError, match=rf"2 bodies are called 'Hand': name one of {1:032X}, {2:032X} instead"
+    ):
         read(tmp_path, up="y")
-    assert_read(read(tmp_path, up="y", hand={"body": f"{1:032X}"}, ball={"body": f"{2:032X}"}), poses)
+    assert_read(
+        read(tmp_path, up="y", hand={"body": f"{1:032X}"}, ball={"body": f"{2:032X}"}), poses
+    )
     head["ids"] = ["", "ID", *["1"] * (len(head["ids"]) - 2)]
     write(tmp_path / "take.csv", [about(), [], *head.values(), *numbers])
-    with pytest.raises(ValueError, match="2 bodies are called 'Hand': give them different names in the program"):
+    with pytest.raises(
+        ValueError, match="2 bodies are called 'Hand': give them different names in the program"
+    ):
         read(tmp_path, up="y")
 
 
 def test_an_export_without_header_or_frames_is_told_what_is_missing(tmp_path, poses):
     head, numbers = motive_rows(in_y_up(poses))
     write(tmp_path / "take.csv", [about(), [], *head.values()])
-    with pytest.raises(ValueError, match="line 7: there are no frames below the names of its columns"):
+    with pytest.raises(
+        ValueError, match="line 7: there are no frames below the names of its columns"
+    ):
         read(tmp_path, up="y")
     write(tmp_path / "take.csv", [about(), [], *numbers])
     with pytest.raises(ValueError, match="lines above the numbers name the columns"):
         read(tmp_path, up="y")
     write(tmp_path / "take.csv", numbers)
-    with pytest.raises(ValueError, match="no export of a motion capture program that is known .*a table is read with 'table:' and columns"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            "no export of a motion capture program that is known .*a table is read with 'table:'"
+            " and columns"
+        ),
+    ):
         read(tmp_path, up="y")
 
 
 def test_the_first_versions_of_motive_have_a_line_for_each_frame(tmp_path, poses):
-    rows = [["comment", "Units"], ["righthanded"], ["info", "version", "1.1"], ["info", "rigidbodycount", "2"]]
+    rows = [
+        ["comment", "Units"],
+        ["righthanded"],
+        ["info", "version", "1.1"],
+        ["info", "rigidbodycount", "2"],
+    ]
     rows += [["rigidbody", "Hand", "1", "0"], ["rigidbody", "Ball", "7", "0"]]
     for k in range(N):
         seen = [("7", in_y_up(poses)["Ball"]), ("1", in_y_up(poses)["Hand"])][: 1 if k == 3 else 2]
-        cells = [[number, *(f"{x:.8f}" for x in (*p[k], *q.as_quat()[k])), "0", "0", "0"] for number, (p, q) in seen]
-        rows.append(["frame", str(k), f"{TIME[k]:.6f}", str(len(seen)), *(cell for one in cells for cell in one), "0"])
+        cells = [
+            [number, *(f"{x:.8f}" for x in (*p[k], *q.as_quat()[k])), "0", "0", "0"]
+            for number, (p, q) in seen
+        ]
+        rows.append(
+            [
+                "frame",
+                str(k),
+                f"{TIME[k]:.6f}",
+                str(len(seen)),
+                *(cell for one in cells for cell in one),
+                "0",
+            ]
+        )
         rows.append(["rigidbody", str(k), f"{TIME[k]:.6f}", "Hand", "1"])
     write(tmp_path / "take.csv", rows)
     with pytest.raises(ValueError, match="add 'length:'"):
@@ -352,17 +529,35 @@ def test_the_first_versions_of_motive_have_a_line_for_each_frame(tmp_path, poses
     recording = read(tmp_path, up="y", length="m")
     assert len(recording.bodies["hand"]) == N - 1
     np.testing.assert_allclose(recording.bodies["ball"].position, poses["Ball"][0], atol=1e-6)
-    assert (Rotation.from_quat(recording.bodies["ball"].quaternion) * poses["Ball"][1].inv()).magnitude().max() < 1e-5
+    assert (
+        Rotation.from_quat(recording.bodies["ball"].quaternion) * poses["Ball"][1].inv()
+    ).magnitude().max() < 1e-5
 
 
 # --- Vicon ---
 
 
-def write_vicon(folder, poses, title="Objects", turn="quaternion", angle="deg", blank=0, before=(), rate="100", units=True, zeros=()):
+def write_vicon(
+    folder,
+    poses,
+    title="Objects",
+    turn="quaternion",
+    angle="deg",
+    blank=0,
+    before=(),
+    rate="100",
+    units=True,
+    zeros=(),
+):
     names, columns, unit = ["", ""], ["Frame", "Sub Frame"], ["", ""]
     numbers = []
     for name, (position, turned) in poses.items():
-        values = {"quaternion": turned.as_quat(), "helical": turned.as_rotvec(), "XYZ": turned.as_euler("XYZ"), "": np.empty((N, 0))}[turn]
+        values = {
+            "quaternion": turned.as_quat(),
+            "helical": turned.as_rotvec(),
+            "XYZ": turned.as_euler("XYZ"),
+            "": np.empty((N, 0)),
+        }[turn]
         width = values.shape[1]
         values = np.degrees(values) if width == 3 and angle == "deg" else values
         numbers.append(np.hstack([values, 1e3 * position]))
@@ -372,7 +567,11 @@ def write_vicon(folder, poses, title="Objects", turn="quaternion", angle="deg", 
     table = np.hstack(numbers)
     for frame, first, last in zeros:
         table[frame, first:last] = 0.0
-    rows = [[""]] * blank + list(before) + [[title], [rate], names, columns, *([unit] if units else [])]
+    rows = (
+        [[""]] * blank
+        + list(before)
+        + [[title], [rate], names, columns, *([unit] if units else [])]
+    )
     rows += [[str(k), "0", *(f"{value:.6f}" for value in table[k])] for k in range(N)]
     write(folder / "take.csv", [*rows, []])
 
@@ -395,7 +594,10 @@ def test_semicolons_and_decimal_commas_of_vicon(tmp_path, poses):
 @pytest.mark.parametrize("angle", ["deg", "rad"])
 def test_three_numbers_of_an_orientation_of_vicon_are_asked_for(tmp_path, poses, turn, angle):
     write_vicon(tmp_path, poses, turn=turn, angle=angle)
-    with pytest.raises(ValueError, match="how 'Hand:Hand' is turned: add 'rotation:' to the mapping, one of helical, XYZ"):
+    with pytest.raises(
+        ValueError,
+        match="how 'Hand:Hand' is turned: add 'rotation:' to the mapping, one of helical, XYZ",
+    ):
         read(tmp_path)
     assert_read(read(tmp_path, hand={"rotation": turn}, ball={"rotation": turn}), poses, atol=1e-5)
 
@@ -411,7 +613,13 @@ def test_units_that_vicon_does_not_tell_are_asked_for(tmp_path, poses):
 
 
 def test_marker_trajectories_of_nexus_stand_behind_other_blocks(tmp_path, poses):
-    devices = [["Devices"], ["1000"], ["", "", "Force"], ["Frame", "Sub Frame", "Fx", "Fy", "Fz"], ["", "", "N", "N", "N"]]
+    devices = [
+        ["Devices"],
+        ["1000"],
+        ["", "", "Force"],
+        ["Frame", "Sub Frame", "Fx", "Fy", "Fz"],
+        ["", "", "N", "N", "N"],
+    ]
     devices += [[str(k), str(s), "1", "2", "3"] for k in range(3) for s in range(10)] + [[]]
     angles = [
         ["Model Outputs"],
@@ -423,8 +631,12 @@ def test_marker_trajectories_of_nexus_stand_behind_other_blocks(tmp_path, poses)
     angles += [["1", "0", "1", "2", "3"], []]
     markers = {}
     for name, (position, turn) in poses.items():
-        markers |= {f"{name}:m{k}": (at, turn) for k, at in enumerate(marker_places(position, turn), 1)}
-    write_vicon(tmp_path, markers, "Trajectories", turn="", before=[*devices, *angles], zeros=[(4, 0, 3)])
+        markers |= {
+            f"{name}:m{k}": (at, turn) for k, at in enumerate(marker_places(position, turn), 1)
+        }
+    write_vicon(
+        tmp_path, markers, "Trajectories", turn="", before=[*devices, *angles], zeros=[(4, 0, 3)]
+    )
     recording = read(tmp_path)
     assert len(recording.bodies["hand"]) == N - 1, "zeros are a marker that was not seen"
     np.testing.assert_allclose(recording.bodies["ball"].position, poses["Ball"][0], atol=1e-6)
@@ -437,24 +649,49 @@ def test_marker_trajectories_of_nexus_stand_behind_other_blocks(tmp_path, poses)
 
 def write_qualisys(path, poses, kind="6D", named=True, timed=True, matrix=True, end="", null=()):
     key = "BODY_NAMES" if kind == "6D" else "MARKER_NAMES"
-    rows = [["NO_OF_FRAMES", str(N)], ["NO_OF_CAMERAS", "8"], ["FREQUENCY", "100"], ["DESCRIPTION", "--"]]
-    rows += [["TIME_STAMP", "2020-01-22, 17:47:17", "22107.9"], ["DATA_INCLUDED", kind], [key, *poses]]
+    rows = [
+        ["NO_OF_FRAMES", str(N)],
+        ["NO_OF_CAMERAS", "8"],
+        ["FREQUENCY", "100"],
+        ["DESCRIPTION", "--"],
+    ]
+    rows += [
+        ["TIME_STAMP", "2020-01-22, 17:47:17", "22107.9"],
+        ["DATA_INCLUDED", kind],
+        [key, *poses],
+    ]
     columns = ["Frame", "Time"] if timed else []
     parts = []
     for name, (position, turn) in poses.items():
         parts.append(1e3 * position)
-        columns += [f"{name} X", "Y", "Z"] if kind == "6D" else [f"{name} X", f"{name} Y", f"{name} Z"]
+        columns += (
+            [f"{name} X", "Y", "Z"] if kind == "6D" else [f"{name} X", f"{name} Y", f"{name} Z"]
+        )
         if kind == "6D":
-            columns += ["Roll", "Pitch", "Yaw", "Residual", *([f"Rot[{k}]" for k in range(9)] if matrix else [])]
+            columns += [
+                "Roll",
+                "Pitch",
+                "Yaw",
+                "Residual",
+                *([f"Rot[{k}]" for k in range(9)] if matrix else []),
+            ]
             parts += [turn.as_euler("XYZ", degrees=True), np.ones((N, 1))]
             parts += [turn.as_matrix().transpose(0, 2, 1).reshape(N, 9)] if matrix else []
     rows += [["EVENT", "Start", "1", "0.0"]]
-    rows += [columns] if named else [["TRAJECTORY_TYPES", *["Measured"] * len(poses)]] if kind == "3D" else []
+    rows += (
+        [columns]
+        if named
+        else [["TRAJECTORY_TYPES", *["Measured"] * len(poses)]]
+        if kind == "3D"
+        else []
+    )
     table = np.hstack(parts)
     for k in range(N):
         cells = [f"{value:.6f}" for value in table[k]]
         cells = ["NULL"] * len(cells) if k in null else cells
-        rows.append([*([str(k + 1), f"{TIME[k]:.5f}"] if timed else []), *cells, *([""] if end else [])])
+        rows.append(
+            [*([str(k + 1), f"{TIME[k]:.5f}"] if timed else []), *cells, *([""] if end else [])]
+        )
     write(path, rows, "\t")
 
 
@@ -465,7 +702,16 @@ def test_bodies_of_qtm_are_read_by_their_matrices(tmp_path, poses):
 
 def test_the_columns_of_the_matrix_are_those_of_a_published_file(tmp_path):
     """A line of a public recording (shiplab/dt_cv): roll -0.6563 degrees, and Rot[5] is -0.01145."""
-    columns = ["PSVH X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{k}]" for k in range(9))]
+    columns = [
+        "PSVH X",
+        "Y",
+        "Z",
+        "Roll",
+        "Pitch",
+        "Yaw",
+        "Residual",
+        *(f"Rot[{k}]" for k in range(9)),
+    ]
     line = "-194.91974 2.24150 0.99661 -0.65630 0.09391 0.05772 4.98536"
     line += " 1.00000 0.00099 -0.00165 -0.00101 0.99993 -0.01145 0.00164 0.01145 0.99993"
     rows = [
@@ -485,7 +731,9 @@ def test_angles_of_qtm_are_asked_for(tmp_path, poses):
     write_qualisys(tmp_path / "take.tsv", poses, matrix=False)
     with pytest.raises(ValueError, match="how 'Hand' is turned: add 'rotation:'"):
         read(tmp_path, "take.tsv")
-    assert_read(read(tmp_path, "take.tsv", hand={"rotation": "XYZ"}, ball={"rotation": "XYZ"}), poses)
+    assert_read(
+        read(tmp_path, "take.tsv", hand={"rotation": "XYZ"}, ball={"rotation": "XYZ"}), poses
+    )
 
 
 @pytest.mark.parametrize("named", [True, False])
@@ -495,7 +743,9 @@ def test_markers_of_qtm_are_read_in_every_form(tmp_path, poses, named, timed, en
     write_qualisys(tmp_path / "take.tsv", poses, "3D", named, timed, end=end, null=(3,))
     recording = read(tmp_path, "take.tsv")
     assert len(recording.bodies["hand"]) == N - 1
-    np.testing.assert_allclose(recording.bodies["ball"].position, np.delete(poses["Ball"][0], 3, axis=0), atol=1e-6)
+    np.testing.assert_allclose(
+        recording.bodies["ball"].position, np.delete(poses["Ball"][0], 3, axis=0), atol=1e-6
+    )
 
 
 # --- markers of any program ---
@@ -504,13 +754,30 @@ def test_markers_of_qtm_are_read_in_every_form(tmp_path, poses, named, timed, en
 def write_trc(path, poses, unit="mm", spaced=False):
     names = list(poses)
     rows = [["PathFileType", "4", "(X/Y/Z)", "take.trc"]]
-    rows.append(["DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units", "OrigDataRate", "OrigDataStartFrame", "OrigNumFrames"])
+    rows.append(
+        [
+            "DataRate",
+            "CameraRate",
+            "NumFrames",
+            "NumMarkers",
+            "Units",
+            "OrigDataRate",
+            "OrigDataStartFrame",
+            "OrigNumFrames",
+        ]
+    )
     rows.append(["100", "100", str(N), str(len(names)), unit, "100", "1", str(N)])
     rows.append(["Frame#", "Time", *(cell for name in names for cell in (name, "", ""))])
     rows.append(["", "", *(f"{axis}{k}" for k in range(1, len(names) + 1) for axis in "XYZ")])
     table = np.hstack([position / METRES.get(unit, 1.0) for position, _ in poses.values()])
-    rows += [[]] + [[str(k + 1), f"{TIME[k]:.6f}", *(f"{value:.8f}" for value in table[k])] for k in range(N)]
-    write(path, [[cell for cell in cells if cell] for cells in rows] if spaced else rows, " " if spaced else "\t")
+    rows += [[]] + [
+        [str(k + 1), f"{TIME[k]:.6f}", *(f"{value:.8f}" for value in table[k])] for k in range(N)
+    ]
+    write(
+        path,
+        [[cell for cell in cells if cell] for cells in rows] if spaced else rows,
+        " " if spaced else "\t",
+    )
 
 
 @pytest.mark.parametrize("unit", ["mm", "m", "cm"])
@@ -533,7 +800,11 @@ def write_c3d(path, poses, unit="mm", rate=100.0, upright="+Z", lost=()):
 
     writer = c3d.Writer(point_rate=rate, point_units=unit)
     for k in range(N):
-        places = [1e3 * place[k] for position, turn in poses.values() for place in marker_places(position, turn)]
+        places = [
+            1e3 * place[k]
+            for position, turn in poses.values()
+            for place in marker_places(position, turn)
+        ]
         points = np.hstack([places, np.zeros((len(places), 2))])
         for _, marker in (one for one in lost if one[0] == k):
             points[marker, 3] = -1.0
@@ -617,16 +888,25 @@ def test_joints_of_a_skeleton_are_where_its_angles_put_them(tmp_path, indent):
         read(tmp_path, "take.bvh", up="y")
     recording = read(tmp_path, "take.bvh", length="cm", up="y")
     for k in (0, 17):
-        hips, ball = (Rotation.from_euler(order, values[k, at], degrees=True) for order, at in (("ZXY", [3, 4, 5]), ("ZYX", [15, 16, 17])))
+        hips, ball = (
+            Rotation.from_euler(order, values[k, at], degrees=True)
+            for order, at in (("ZXY", [3, 4, 5]), ("ZYX", [15, 16, 17]))
+        )
         arm = hips * Rotation.from_euler("ZXY", values[k, 6:9], degrees=True)
         hand = arm * Rotation.from_euler("YXZ", values[k, 9:12], degrees=True)
         place = values[k, :3] + hips.apply([10.0, 5.0, 0.0]) + arm.apply([0.0, 30.0, 0.0])
-        np.testing.assert_allclose(recording.bodies["hand"].position[k], Y_UP.apply(1e-2 * place), atol=1e-6)
+        np.testing.assert_allclose(
+            recording.bodies["hand"].position[k], Y_UP.apply(1e-2 * place), atol=1e-6
+        )
         turned = Rotation.from_quat(recording.bodies["hand"].quaternion[k])
         assert (turned * (Y_UP * hand).inv()).magnitude() < 1e-6
         place = values[k, :3] + hips.apply(values[k, 12:15])
-        np.testing.assert_allclose(recording.bodies["ball"].position[k], Y_UP.apply(1e-2 * place), atol=1e-6)
-        assert (Rotation.from_quat(recording.bodies["ball"].quaternion[k]) * (Y_UP * hips * ball).inv()).magnitude() < 1e-6
+        np.testing.assert_allclose(
+            recording.bodies["ball"].position[k], Y_UP.apply(1e-2 * place), atol=1e-6
+        )
+        assert (
+            Rotation.from_quat(recording.bodies["ball"].quaternion[k]) * (Y_UP * hips * ball).inv()
+        ).magnitude() < 1e-6
     assert recording.bodies["hand"].stamp_ns[-1] == (N - 1) * 10_000_000
 
 
@@ -646,7 +926,10 @@ def test_joints_of_a_skeleton_are_where_its_angles_put_them(tmp_path, indent):
     ],
 )
 def test_files_that_only_their_program_reads_say_what_to_export(tmp_path, file, message):
-    for content in (b"\0\1\2\3" * 100, b'<?xml version="1.0"?>\n<bones rotation="" position="" bone=""/>\n'):
+    for content in (
+        b"\0\1\2\3" * 100,
+        b'<?xml version="1.0"?>\n<bones rotation="" position="" bone=""/>\n',
+    ):
         (tmp_path / file).write_bytes(content)
         with pytest.raises(ValueError, match=f"{file}: {message}"):
             read(tmp_path, file, up="y")
@@ -687,23 +970,42 @@ WRONG = [
 @pytest.mark.parametrize(("said", "message"), WRONG)
 def test_a_wrong_mapping_of_a_file_is_an_error(said, message):
     with pytest.raises(MappingError, match=message):
-        parse_mapping({"hand": {"capture": "take.csv", **said}, "ball": {"topic": "/b"}, "basket": {"position": [1, 0, 0]}})
+        parse_mapping(
+            {
+                "hand": {"capture": "take.csv", **said},
+                "ball": {"topic": "/b"},
+                "basket": {"position": [1, 0, 0]},
+            }
+        )
 
 
 def test_a_file_becomes_a_bag(tmp_path, poses):
     write_motive(tmp_path, poses)
     mapping = {"axes": {"up": "y"}, "basket": {"position": [2.0, 0.3, 0.4]}}
-    mapping |= {role: {"capture": "take.csv", "body": name} for role, name in (("hand", "Hand"), ("ball", "Ball"))}
+    mapping |= {
+        role: {"capture": "take.csv", "body": name}
+        for role, name in (("hand", "Hand"), ("ball", "Ball"))
+    }
     convert(tmp_path, tmp_path / "bag", parse_mapping(mapping))
     assert_read(read_recording(tmp_path / "bag", mend=False), poses)
 
 
 def test_a_mapping_with_files_is_written_as_it_is_read():
-    hand = {"capture": "take.csv", "markers": ["a", "b", "c"], "up": "z", "length": "m", "rotation": ["XYZ", "deg"], "rate": 100.0}
+    hand = {
+        "capture": "take.csv",
+        "markers": ["a", "b", "c"],
+        "up": "z",
+        "length": "m",
+        "rotation": ["XYZ", "deg"],
+        "rate": 100.0,
+    }
     ball = {"capture": "take.csv", "body": "Ball", "space": "global", "xyz": ["x", "-z", "y"]}
     mapping = parse_mapping({"hand": hand, "ball": ball, "basket": {"position": [2.0, 0.3, 0.4]}})
     written = parse_mapping(yaml.safe_load(mapping_text(mapping)))
     for role in ("hand", "ball"):
         assert written.bodies[role].capture == mapping.bodies[role].capture
-        assert written.bodies[role].axes == mapping.bodies[role].axes and written.bodies[role].length == "m"
+        assert (
+            written.bodies[role].axes == mapping.bodies[role].axes
+            and written.bodies[role].length == "m"
+        )
     assert "length" in written.bodies["hand"].told and "length" not in written.bodies["ball"].told

@@ -1,6 +1,8 @@
-"""Bags between programs: ours read by others' code with every message equal, theirs read and planned for playing by ours.
+"""Bags between programs: ours read by others' code with every message equal, theirs read and
+planned for playing by ours.
 
-The viewer Rerun is asked too where there is one: `rerun` on the path, or the executable that DART_SKILL_RERUN names (docs/bags.md).
+The viewer Rerun is asked too where there is one: `rerun` on the path, or the executable that
+DART_SKILL_RERUN names (docs/bags.md).
 """
 
 import os
@@ -16,14 +18,36 @@ from mcap.writer import Writer as McapWriter
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer as Ros2Writer
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Nodetype, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.interfaces import (
+    Nodetype,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from dart_skill.arm import fixed_transforms, joint_transforms, wam_description, write_urdf
-from dart_skill.recording import BagReader, BagWriter, definition, deserialize, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording import (
+    BagReader,
+    BagWriter,
+    definition,
+    deserialize,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 from dart_skill.recording.bags import Playback, Selection
 
-POSE, TEXT, STATE, TF = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
+POSE, TEXT, STATE, TF = (
+    "geometry_msgs/msg/PoseStamped",
+    "std_msgs/msg/String",
+    "sensor_msgs/msg/JointState",
+    "tf2_msgs/msg/TFMessage",
+)
 TYPES = typestore()
 OWN = sorted(name for name in TYPES.fielddefs if name.startswith("dart_skill_msgs/msg/"))
 START_NS, STEP_NS = 1_700_000_000_000_000_000, 20_000_000
@@ -62,20 +86,38 @@ def plain(value):
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     names = getattr(value, "__slots__", None) or vars(value)
-    return {name: plain(getattr(value, name)) for name in names if not name.startswith("__") and not name.isupper()}
+    return {
+        name: plain(getattr(value, name))
+        for name in names
+        if not name.startswith("__") and not name.isupper()
+    }
 
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    """A bag of ours in several files with every message type of our package, and what was written: topic, log time, type, bytes."""
+    """A bag of ours in several files with every message type of our package, and what was written:
+    topic, log time, type, bytes.
+    """
     path, rng, written = tmp_path_factory.mktemp("ours") / "bag", np.random.default_rng(0), []
-    topics = {f"/{type_name.rsplit('/', 1)[1].lower()}": type_name for type_name in [*OWN, POSE, TEXT, STATE]}
+    topics = {
+        f"/{type_name.rsplit('/', 1)[1].lower()}": type_name
+        for type_name in [*OWN, POSE, TEXT, STATE]
+    }
     with BagWriter(path, max_bytes=60_000, chunk_size=8192) as writer:
         for topic, type_name in topics.items():
-            writer.add_topic(topic, type_name, definition(TYPES, type_name), qos_yaml(), type_hash(TYPES, type_name))
+            writer.add_topic(
+                topic,
+                type_name,
+                definition(TYPES, type_name),
+                qos_yaml(),
+                type_hash(TYPES, type_name),
+            )
         for step in range(12):
             for place, (topic, type_name) in enumerate(topics.items()):
-                stamp, data = START_NS + step * STEP_NS + place, serialize(TYPES, type_name, random_content(type_name, rng))
+                stamp, data = (
+                    START_NS + step * STEP_NS + place,
+                    serialize(TYPES, type_name, random_content(type_name, rng)),
+                )
                 writer.write(topic, stamp, stamp - 5, data)
                 written.append((topic, stamp, type_name, data))
     assert len(list(path.glob("*.mcap"))) > 1
@@ -89,11 +131,17 @@ def bag(tmp_path_factory):
 def test_rosbags_reads_every_type_of_ours_equal(bag):
     path, written = bag
     with Reader(path) as reader:
-        assert [(one.topic, stamp, one.msgtype, bytes(data)) for one, stamp, data in reader.messages()] == written
+        assert [
+            (one.topic, stamp, one.msgtype, bytes(data)) for one, stamp, data in reader.messages()
+        ] == written
     with AnyReader([path]) as reader:  # with the definitions in the bag
         for (one, _, data), (*_, type_name, ours) in zip(reader.messages(), written, strict=True):
-            assert plain(reader.deserialize(data, one.msgtype)) == plain(deserialize(TYPES, type_name, ours)), type_name
-        assert {one.msgtype: one.digest for one in reader.connections} == {name: type_hash(TYPES, name) for *_, name, _ in written}
+            assert plain(reader.deserialize(data, one.msgtype)) == plain(
+                deserialize(TYPES, type_name, ours)
+            ), type_name
+        assert {one.msgtype: one.digest for one in reader.connections} == {
+            name: type_hash(TYPES, name) for *_, name, _ in written
+        }
 
 
 def test_mcap_reads_every_message_of_ours_equal(bag):
@@ -101,7 +149,9 @@ def test_mcap_reads_every_message_of_ours_equal(bag):
     read = []
     for file in sorted(path.glob("*.mcap"), key=lambda file: int(file.stem.rsplit("_", 1)[1])):
         with open(file, "rb") as stream:
-            for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            for schema, channel, message in make_reader(
+                stream, validate_crcs=True
+            ).iter_messages():
                 assert message.publish_time == message.log_time - 5
                 read.append((channel.topic, message.log_time, schema.name, message.data))
     assert read == written
@@ -112,9 +162,14 @@ def test_mcap_ros2_support_decodes_every_type_of_ours_equal(bag):
     read = []
     for file in sorted(path.glob("*.mcap"), key=lambda file: int(file.stem.rsplit("_", 1)[1])):
         with open(file, "rb") as stream:
-            for schema, channel, message, decoded in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            for schema, channel, message, decoded in make_reader(
+                stream, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages():
                 read.append((channel.topic, message.log_time, schema.name, plain(decoded)))
-    assert read == [(topic, stamp, name, plain(deserialize(TYPES, name, data))) for topic, stamp, name, data in written]
+    assert read == [
+        (topic, stamp, name, plain(deserialize(TYPES, name, data)))
+        for topic, stamp, name, data in written
+    ]
 
 
 # theirs, played by ours
@@ -123,7 +178,11 @@ def test_mcap_ros2_support_decodes_every_type_of_ours_equal(bag):
 def texts(count=200):
     """Topic, log time and bytes of messages on two topics."""
     for k in range(count):
-        yield ("/said", "/heard")[k % 3 == 0], START_NS + k * STEP_NS, serialize(TYPES, TEXT, {"data": f"text {k}"})
+        yield (
+            ("/said", "/heard")[k % 3 == 0],
+            START_NS + k * STEP_NS,
+            serialize(TYPES, TEXT, {"data": f"text {k}"}),
+        )
 
 
 def by_rosbags(path, plugin):
@@ -134,7 +193,12 @@ def by_rosbags(path, plugin):
     )  # fmt: skip
     with Writer(path, version=9, storage_plugin=plugin) as writer:
         connections = {
-            topic: writer.add_connection(topic, TEXT, typestore=TYPES, offered_qos_profiles=[latched] if topic == "/said" else [])
+            topic: writer.add_connection(
+                topic,
+                TEXT,
+                typestore=TYPES,
+                offered_qos_profiles=[latched] if topic == "/said" else [],
+            )
             for topic in ("/said", "/heard")
         }
         for topic, stamp, data in texts():
@@ -147,7 +211,9 @@ def by_mcap(path, **options):
         writer = McapWriter(stream, chunk_size=2000, **options)
         writer.start("ros2")
         schema = writer.register_schema(TEXT, "ros2msg", definition(TYPES, TEXT).encode())
-        channels = {topic: writer.register_channel(topic, "cdr", schema) for topic in ("/said", "/heard")}
+        channels = {
+            topic: writer.register_channel(topic, "cdr", schema) for topic in ("/said", "/heard")
+        }
         for topic, stamp, data in texts():
             writer.add_message(channels[topic], stamp, data, stamp)
         writer.finish()
@@ -159,7 +225,9 @@ def by_mcap_ros2_support(path):
         writer = Ros2Writer(stream)
         schema = writer.register_msgdef(TEXT, definition(TYPES, TEXT))
         for topic, stamp, data in texts():
-            writer.write_message(topic, schema, {"data": deserialize(TYPES, TEXT, data).data}, stamp, stamp)
+            writer.write_message(
+                topic, schema, {"data": deserialize(TYPES, TEXT, data).data}, stamp, stamp
+            )
         writer.finish()
     return path
 
@@ -179,15 +247,27 @@ def test_bags_of_others_are_planned_message_by_message(tmp_path, writer):
     expected = list(texts())
     with BagReader(THEIRS[writer](tmp_path)) as reader:
         playback = Playback(reader, Selection(clock_rate=0.0))
-        assert {topic: info.type_name for topic, info in playback.topics.items()} == {"/said": TEXT, "/heard": TEXT}
+        assert {topic: info.type_name for topic, info in playback.topics.items()} == {
+            "/said": TEXT,
+            "/heard": TEXT,
+        }
         due = [(one.topic, one.stamp_ns, one.position_ns, bytes(one.data)) for one in playback]
         assert due == [(topic, stamp, stamp - START_NS, data) for topic, stamp, data in expected]
-        part = Playback(reader, Selection(["/said"], remap={"/said": "/new"}, start=1.0, duration=1.0, clock_rate=0.0))
+        part = Playback(
+            reader,
+            Selection(["/said"], remap={"/said": "/new"}, start=1.0, duration=1.0, clock_rate=0.0),
+        )
         since, until = START_NS + 10**9, START_NS + 2 * 10**9
-        assert [(one.topic, one.stamp_ns) for one in part] == [("/new", s) for t, s, _ in expected if t == "/said" and since <= s <= until]
+        assert [(one.topic, one.stamp_ns) for one in part] == [
+            ("/new", s) for t, s, _ in expected if t == "/said" and since <= s <= until
+        ]
         if writer.startswith("rosbags"):
             (quality,) = playback.topics["/said"].qos
-            assert (quality.reliability, quality.durability, quality.depth) == (QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, 7)
+            assert (quality.reliability, quality.durability, quality.depth) == (
+                QosReliability.RELIABLE,
+                QosDurability.TRANSIENT_LOCAL,
+                7,
+            )
             assert playback.topics["/said"].type_hash == type_hash(TYPES, TEXT)
 
 
@@ -199,10 +279,14 @@ def rerun():
     """Calls the command line of Rerun."""
     executable = os.environ.get("DART_SKILL_RERUN") or shutil.which("rerun")
     if executable is None:
-        pytest.skip("no 'rerun' on the path, and DART_SKILL_RERUN names none: see 'Rerun' in docs/bags.md")
+        pytest.skip(
+            "no 'rerun' on the path, and DART_SKILL_RERUN names none: see 'Rerun' in docs/bags.md"
+        )
 
     def call(*arguments):
-        done = subprocess.run([executable, *map(str, arguments)], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [executable, *map(str, arguments)], capture_output=True, text=True, check=False
+        )
         assert done.returncode == 0, done.stderr
         return re.sub(r"\x1b\[[0-9;]*m", "", done.stdout + done.stderr)
 
@@ -227,12 +311,26 @@ def tf_content(transforms, stamp):
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """A bag of an arm that moves, as the recorder writes it: description, transforms, joint states."""
+    """A bag of an arm that moves, as the recorder writes it: description, transforms, joint
+    states.
+    """
     path, arm = tmp_path_factory.mktemp("scene") / "bag", wam_description()
-    topics = {"/robot_description": TEXT, "/tf_static": TF, "/tf": TF, "/joint_states": STATE, "/demonstrations": OWN[0]}
+    topics = {
+        "/robot_description": TEXT,
+        "/tf_static": TF,
+        "/tf": TF,
+        "/joint_states": STATE,
+        "/demonstrations": OWN[0],
+    }
     with BagWriter(path, chunk_size=16_384) as bag:
         for topic, type_name in topics.items():
-            bag.add_topic(topic, type_name, definition(TYPES, type_name), qos_yaml(), type_hash(TYPES, type_name))
+            bag.add_topic(
+                topic,
+                type_name,
+                definition(TYPES, type_name),
+                qos_yaml(),
+                type_hash(TYPES, type_name),
+            )
 
         def write(topic, stamp_ns, content):
             bag.write(topic, stamp_ns, stamp_ns, serialize(TYPES, topics[topic], content))
@@ -245,7 +343,15 @@ def scene(tmp_path_factory):
             now = START_NS + step * STEP_NS
             stamp = dict(zip(("sec", "nanosec"), divmod(now, 10**9), strict=True))
             angles = np.full(7, 0.005 * step)
-            write("/joint_states", now, {"header": {"stamp": stamp}, "name": [f"wam_j{k}" for k in range(1, 8)], "position": angles})
+            write(
+                "/joint_states",
+                now,
+                {
+                    "header": {"stamp": stamp},
+                    "name": [f"wam_j{k}" for k in range(1, 8)],
+                    "position": angles,
+                },
+            )
             write("/tf", now, tf_content(joint_transforms(arm, angles), stamp))
     with BagReader(path) as bag:
         return bag.files[0].path, {topic: info.count for topic, info in bag.topics.items()}
@@ -255,13 +361,18 @@ def test_rerun_counts_every_message_and_finds_no_fault(scene, rerun):
     file, counts = scene
     said = rerun("mcap", "info", file)
     assert f"Messages                 {sum(counts.values())}" in said
-    assert {topic: int(count) for topic, count in re.findall(r"^ *\d+ +(/\S+) +(\d+) ", said, re.MULTILINE)} == counts
+    assert {
+        topic: int(count)
+        for topic, count in re.findall(r"^ *\d+ +(/\S+) +(\d+) ", said, re.MULTILINE)
+    } == counts
     said = rerun("mcap", "check", file)
     assert set(re.findall(r"^(\w+) +\d+ +\d+ +/\S+", said, re.MULTILINE)) == {"ok"}, said
 
 
 def test_rerun_shows_an_arm_that_moves(scene, rerun, tmp_path):
-    """Geometry of the arm's links from /robot_description, and a transform of each link at each instant."""
+    """Geometry of the arm's links from /robot_description, and a transform of each link at each
+    instant.
+    """
     file, counts = scene
     rerun("mcap", "convert", file, "-o", tmp_path / "bag.rrd")
     entities = rerun("rrd", "stats", tmp_path / "bag.rrd")
@@ -270,4 +381,6 @@ def test_rerun_shows_an_arm_that_moves(scene, rerun, tmp_path):
     said = rerun("rrd", "print", "-vvv", "--entity", "/tf", tmp_path / "bag.rrd")
     for parent, link in (("wam_base", "wam_link1"), ("wam_link6", "wam_link7")):
         turned = re.findall(rf"\[{link}\] +┆ \[{parent}\] +┆ \[\[([-+.e0-9, ]+)\]\]", said)
-        assert len(turned) == counts["/tf"] == len(set(turned)), f"{link}: {len(turned)} orientations, {len(set(turned))} different ones"
+        assert len(turned) == counts["/tf"] == len(set(turned)), (
+            f"{link}: {len(turned)} orientations, {len(set(turned))} different ones"
+        )

@@ -1,10 +1,19 @@
-"""What is due when: the order and the times of a bag that is played, on a clock that the test holds."""
+"""What is due when: the order and the times of a bag that is played, on a clock that the test
+holds.
+"""
 
 import math
 
 import pytest
 
-from dart_skill.recording import BagReader, BagWriter, definition, deserialize, serialize, types_for
+from dart_skill.recording import (
+    BagReader,
+    BagWriter,
+    definition,
+    deserialize,
+    serialize,
+    types_for,
+)
 from dart_skill.recording.bags import CLOCK_TYPE, Pace, Playback, Selection, clock_message
 
 TEXT = "std_msgs/msg/String"
@@ -36,13 +45,20 @@ def test_every_message_is_due_when_it_was_recorded(bag):
     dues = list(playback)
     assert not playback.makes_clock
     assert [text(due) for due in dues if due.topic == "/a"] == [f"a{k}" for k in range(31)]
-    assert [due.position_ns for due in dues if due.topic == "/b"] == [0, SECOND, 2 * SECOND, 3 * SECOND]
+    assert [due.position_ns for due in dues if due.topic == "/b"] == [
+        0,
+        SECOND,
+        2 * SECOND,
+        3 * SECOND,
+    ]
     assert [due.position_ns for due in dues] == sorted(due.position_ns for due in dues)
     assert all(due.stamp_ns == due.position_ns + 5 * SECOND for due in dues)
 
 
 def test_part_of_a_bag_under_another_name(bag):
-    playback = Playback(bag, Selection(topics=["/a"], remap={"/a": "/z"}, start=0.95, duration=1.0, clock_rate=0.0))
+    playback = Playback(
+        bag, Selection(topics=["/a"], remap={"/a": "/z"}, start=0.95, duration=1.0, clock_rate=0.0)
+    )
     assert list(playback.topics) == ["/z"]
     assert [text(due) for due in playback] == [f"a{k}" for k in range(10, 20)]
     assert next(iter(playback)).position_ns == SECOND // 20
@@ -56,7 +72,9 @@ def test_the_clock_ticks_between_messages_and_never_ahead_of_them(bag):
     for due in ticks:
         clock = deserialize(types_for(CLOCK_TYPE), CLOCK_TYPE, due.data).clock
         assert clock.sec * SECOND + clock.nanosec == due.stamp_ns
-    assert clock_message(7) == serialize(types_for(CLOCK_TYPE), CLOCK_TYPE, {"clock": {"sec": 0, "nanosec": 7}})
+    assert clock_message(7) == serialize(
+        types_for(CLOCK_TYPE), CLOCK_TYPE, {"clock": {"sec": 0, "nanosec": 7}}
+    )
 
 
 def test_a_loop_begins_again_and_its_positions_go_on(bag):
@@ -125,7 +143,9 @@ def test_playing_hurries_flat_out_or_when_it_is_behind():
     assert Pace(0.0, now=0.0).hurries(10, now=0.0)
     pace = Pace(4.0, now=0.0)
     assert not pace.hurries(2 * SECOND, now=0.5)
-    assert not pace.hurries(2 * SECOND, now=0.99) and pace.hurries(2 * SECOND, now=1.01), "half a second late"
+    assert not pace.hurries(2 * SECOND, now=0.99) and pace.hurries(2 * SECOND, now=1.01), (
+        "half a second late"
+    )
     pace.pause(True, now=1.0)
     pace.pause(False, now=9.0)
     assert not pace.hurries(4 * SECOND, now=9.0)

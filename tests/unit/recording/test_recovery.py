@@ -1,4 +1,6 @@
-"""Bags made new of damaged ones: cut off anywhere, with bytes changed anywhere, with files missing."""
+"""Bags made new of damaged ones: cut off anywhere, with bytes changed anywhere, with files
+missing.
+"""
 
 import struct
 
@@ -11,7 +13,16 @@ from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording import (
+    BagError,
+    BagReader,
+    BagWriter,
+    definition,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 from dart_skill.recording.bags import check_bag, recover
 from dart_skill.recording.bags._files import part_number
 
@@ -24,25 +35,38 @@ def messages(file):
     """All messages of a file by others' code that checks every CRC, in the order of the file."""
     with open(file, "rb") as stream:
         found = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
-        return [(channel.topic, one.log_time, one.publish_time, one.sequence, one.data) for _, channel, one in found]
+        return [
+            (channel.topic, one.log_time, one.publish_time, one.sequence, one.data)
+            for _, channel, one in found
+        ]
 
 
 def bag_messages(folder):
-    return [one for file in sorted(folder.glob("*.mcap"), key=part_number) for one in messages(file)]
+    return [
+        one for file in sorted(folder.glob("*.mcap"), key=part_number) for one in messages(file)
+    ]
 
 
 def record(path, n_steps=400, **options):
     rng = np.random.default_rng(0)
     with BagWriter(path, custom_data={"seed": "7"}, **options) as bag:
         for name, type_name in (("/point", POINT), ("/text", TEXT)):
-            bag.add_topic(name, type_name, definition(TYPES, type_name), qos_yaml(), type_hash(TYPES, type_name))
+            bag.add_topic(
+                name,
+                type_name,
+                definition(TYPES, type_name),
+                qos_yaml(),
+                type_hash(TYPES, type_name),
+            )
         bag.add_attachment("wam.yaml", "joints: 7\n")
         for step in range(n_steps):
             stamp = START_NS + step * STEP_NS
             point = dict(zip("xyz", rng.normal(size=3), strict=True))
             bag.write("/point", stamp, stamp - 5, serialize(TYPES, POINT, {"point": point}))
             if step % 10 == 0:
-                bag.write("/text", stamp + 1, stamp, serialize(TYPES, TEXT, {"data": f"step {step}"}))
+                bag.write(
+                    "/text", stamp + 1, stamp, serialize(TYPES, TEXT, {"data": f"step {step}"})
+                )
     return path
 
 
@@ -98,7 +122,12 @@ def test_a_whole_bag_is_recovered_to_the_same_messages(tmp_path, whole):
     path = record(tmp_path / "bag", chunk_size=4096)
     recovery = recover(path, tmp_path / "new")
     assert kept_of(recovery) == whole[1]
-    assert recovery.is_complete and recovery.places == () and recovery.lost == {} and recovery.unverified == 0
+    assert (
+        recovery.is_complete
+        and recovery.places == ()
+        and recovery.lost == {}
+        and recovery.unverified == 0
+    )
     assert (recovery.start_ns, recovery.end_ns) == (whole[1][0][1], whole[1][-1][1])
     assert recovery.messages == {"/point": 400, "/text": 40} and recovery.n_attachments == 1
     with BagReader(path) as before, BagReader(recovery.path) as after:
@@ -156,12 +185,18 @@ def test_a_changed_byte_costs_its_chunk_and_no_more_and_the_loss_is_told(whole, 
         recovery = damaged(changed)
         kept = kept_of(recovery)
         rest = iter(written)
-        assert all(one in rest for one in kept), f"byte {place}: messages that were not written, or in another order"
+        assert all(one in rest for one in kept), (
+            f"byte {place}: messages that were not written, or in another order"
+        )
         n_lost = len(written) - len(kept)
-        assert sum(recovery.lost.values()) == n_lost, f"byte {place}: {n_lost} lost, told are {recovery.lost}"
+        assert sum(recovery.lost.values()) == n_lost, (
+            f"byte {place}: {n_lost} lost, told are {recovery.lost}"
+        )
         hit = [chunk for chunk in chunks if chunk[0] <= place < chunk[1]]
         assert n_lost <= (61 if hit else 0), f"byte {place}: {n_lost} lost"
-        assert not n_lost or (recovery.lost_chunks == 1 and str(hit[0][0]) in str(recovery.places[0])), recovery.places
+        assert not n_lost or (
+            recovery.lost_chunks == 1 and str(hit[0][0]) in str(recovery.places[0])
+        ), recovery.places
 
 
 @pytest.mark.slow
@@ -181,16 +216,25 @@ def test_bytes_that_are_missing_or_too_many_do_not_hide_what_follows(whole, dama
     """No summary, no message index: only the looks of the records lead back to them."""
     data, written, _, chunks = whole
     (first, end), (second, _) = chunks[2], chunks[3]
-    for changed in (data[: first + 500] + data[end - 3 :], data[:end] + bytes(700) + data[second:], data[:first] + data[first + 50 :]):
+    for changed in (
+        data[: first + 500] + data[end - 3 :],
+        data[:end] + bytes(700) + data[second:],
+        data[:first] + data[first + 50 :],
+    ):
         kept = kept_of(damaged(changed[:-200]))
         assert len(kept) >= len(written) - 61
         rest = iter(written)
         assert all(one in rest for one in kept)
 
 
-def test_messages_of_a_chunk_that_was_cut_off_are_read_as_far_as_they_go_and_called_unverified(damaged, tmp_path):
+def test_messages_of_a_chunk_that_was_cut_off_are_read_as_far_as_they_go_and_called_unverified(
+    damaged, tmp_path
+):
     """Chunks of several blocks of the compressor (128 KiB)."""
-    file = record(tmp_path / "bag", n_steps=4000, chunk_size=300_000, flush_period_ns=10**12) / "bag_0.mcap"
+    file = (
+        record(tmp_path / "bag", n_steps=4000, chunk_size=300_000, flush_period_ns=10**12)
+        / "bag_0.mcap"
+    )
     data, written = file.read_bytes(), messages(file)
     ((begin, end),) = boundaries(data)[1][:1]
     recovery = damaged(data[: end - 100])
@@ -203,7 +247,11 @@ def test_a_changed_attachment_is_left_out_by_name(whole, damaged):
     changed = bytearray(whole[0])
     changed[whole[0].index(b"joints: 7")] ^= 1
     recovery = damaged(changed)
-    assert recovery.n_attachments == 0 and "'wam.yaml'" in recovery.places[0].reason and recovery.places[0].messages == 0
+    assert (
+        recovery.n_attachments == 0
+        and "'wam.yaml'" in recovery.places[0].reason
+        and recovery.places[0].messages == 0
+    )
     assert kept_of(recovery) == whole[1]
 
 
@@ -217,7 +265,10 @@ def test_split_bags_are_recovered_whatever_their_files_lack(tmp_path):
     recovery = recover(path, tmp_path / "new")
     assert kept_of(recovery) == [one for part in written[:1] + written[2:] for one in part]
     assert sum(recovery.lost.values()) == len(written[1])
-    assert [(place.file, place.reason) for place in recovery.places][0] == ("bag_1.mcap", "the file is empty (0 bytes)")
+    assert [(place.file, place.reason) for place in recovery.places][0] == (
+        "bag_1.mcap",
+        "the file is empty (0 bytes)",
+    )
     files[1].unlink()
     (path / "metadata.yaml").unlink()
     recovery = recover(path, tmp_path / "again")
@@ -229,16 +280,30 @@ def test_a_metadata_file_that_is_damaged_does_not_matter(tmp_path):
     path = record(tmp_path / "bag")
     (path / "metadata.yaml").write_text("rosbag2_bagfile_information: [")
     recovery = recover(path, tmp_path / "new")
-    assert recovery.messages == {"/point": 400, "/text": 40} and recovery.custom_data["seed"] == "7"
-    information = yaml.safe_load((recovery.path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-    assert information["message_count"] == 440 and information["relative_file_paths"] == ["new_0.mcap"]
+    assert (
+        recovery.messages == {"/point": 400, "/text": 40} and recovery.custom_data["seed"] == "7"
+    )
+    information = yaml.safe_load((recovery.path / "metadata.yaml").read_text())[
+        "rosbag2_bagfile_information"
+    ]
+    assert information["message_count"] == 440 and information["relative_file_paths"] == [
+        "new_0.mcap"
+    ]
 
 
 def test_bags_of_others_are_recovered(tmp_path):
-    """`rosbags` writes no CRC, so that what is kept is called unverified; its file ends before the second chunk does."""
-    data = serialize(TYPES, "std_msgs/msg/UInt8MultiArray", {"data": np.random.default_rng(0).integers(0, 255, 1000, np.uint8)})
+    """`rosbags` writes no CRC, so that what is kept is called unverified; its file ends before the
+    second chunk does.
+    """
+    data = serialize(
+        TYPES,
+        "std_msgs/msg/UInt8MultiArray",
+        {"data": np.random.default_rng(0).integers(0, 255, 1000, np.uint8)},
+    )
     with Writer(tmp_path / "foreign", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connection = writer.add_connection("/bytes", "std_msgs/msg/UInt8MultiArray", typestore=TYPES)
+        connection = writer.add_connection(
+            "/bytes", "std_msgs/msg/UInt8MultiArray", typestore=TYPES
+        )
         for stamp in range(2000):
             writer.write(connection, stamp, data)
     file = tmp_path / "foreign" / "foreign.mcap"
@@ -251,12 +316,22 @@ def test_bags_of_others_are_recovered(tmp_path):
         assert [stamp for _, stamp, _ in reader.messages()] == list(range(len(kept)))
 
 
-@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+@pytest.mark.parametrize(
+    "compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]
+)
 @pytest.mark.parametrize("chunked", [True, False])
-def test_files_of_plain_mcap_are_recovered_with_their_encodings_and_metadata(tmp_path, compression, chunked):
+def test_files_of_plain_mcap_are_recovered_with_their_encodings_and_metadata(
+    tmp_path, compression, chunked
+):
     file = tmp_path / "plain.mcap"
     with open(file, "wb") as stream:
-        writer = McapWriter(stream, chunk_size=2000, compression=compression, use_chunking=chunked, index_types=IndexType.NONE)
+        writer = McapWriter(
+            stream,
+            chunk_size=2000,
+            compression=compression,
+            use_chunking=chunked,
+            index_types=IndexType.NONE,
+        )
         writer.start("", "another")
         schema = writer.register_schema("T", "jsonschema", b"{}")
         for topic, number in (("a", schema), ("b", 0)):
@@ -275,7 +350,10 @@ def test_files_of_plain_mcap_are_recovered_with_their_encodings_and_metadata(tmp
         reader = make_reader(stream)
         summary = reader.get_summary()
         assert {record.name for record in reader.iter_metadata()} == {"rosbag2", "place"}
-        assert [(one.topic, one.message_encoding, one.schema_id, one.metadata) for one in summary.channels.values()] == [
+        assert [
+            (one.topic, one.message_encoding, one.schema_id, one.metadata)
+            for one in summary.channels.values()
+        ] == [
             ("a", "json", 1, {"key": "a"}),
             ("b", "json", 0, {"key": "b"}),
         ]
@@ -296,7 +374,9 @@ def test_nothing_is_overwritten_and_nonsense_is_refused(tmp_path):
     with pytest.raises(BagError, match="empty.mcap is empty .0 bytes."):
         recover(tmp_path / "empty.mcap", tmp_path / "new")
     (tmp_path / "random.mcap").write_bytes(np.random.default_rng(0).bytes(100_000))
-    with pytest.raises(BagError, match="nothing to recover: random.mcap: the file magic is invalid"):
+    with pytest.raises(
+        BagError, match="nothing to recover: random.mcap: the file magic is invalid"
+    ):
         recover(tmp_path / "random.mcap", tmp_path / "new")
     assert not (tmp_path / "new").exists()
     assert sorted(file.name for file in path.iterdir()) == ["bag_0.mcap", "metadata.yaml"]

@@ -1,4 +1,6 @@
-"""Recovery looks at every byte: several files in one, copies as text, indexes that point elsewhere, files that are no bags."""
+"""Recovery looks at every byte: several files in one, copies as text, indexes that point
+elsewhere, files that are no bags.
+"""
 
 import base64
 import gzip
@@ -21,28 +23,40 @@ from dart_skill.recording import BagError, BagReader, definition, serialize, typ
 from dart_skill.recording.bags import check_bag, recover
 from tests.unit.recording.test_recovery import bag_messages, boundaries, messages, record
 
-POINT, TEXT, BYTES = "geometry_msgs/msg/PointStamped", "std_msgs/msg/String", "std_msgs/msg/UInt8MultiArray"
+POINT, TEXT, BYTES = (
+    "geometry_msgs/msg/PointStamped",
+    "std_msgs/msg/String",
+    "std_msgs/msg/UInt8MultiArray",
+)
 MAGIC = b"\x89MCAP0\r\n"
 START_NS = 10**18
 TYPES = typestore()
 
 
 def mcap(path, topics=(("/point", POINT),), n_steps=200, start_ns=START_NS, seed=0, **options):
-    """Bytes of a file of the `mcap` package, whose topics have the numbers 1, 2 ... and messages that differ."""
+    """Bytes of a file of the `mcap` package, whose topics have the numbers 1, 2 ... and messages
+    that differ.
+    """
     rng = np.random.default_rng(seed)
     with open(path, "wb") as stream:
-        writer = McapWriter(stream, **{"chunk_size": 3000, "compression": CompressionType.ZSTD} | options)
+        writer = McapWriter(
+            stream, **{"chunk_size": 3000, "compression": CompressionType.ZSTD} | options
+        )
         writer.start("ros2", "another")
         numbers = []
         for topic, type_name in topics:
-            schema = writer.register_schema(type_name, "ros2msg", definition(TYPES, type_name).encode())
+            schema = writer.register_schema(
+                type_name, "ros2msg", definition(TYPES, type_name).encode()
+            )
             numbers.append(writer.register_channel(topic, "cdr", schema))
         for step in range(n_steps):
             which = step % len(topics)
             type_name, stamp = topics[which][1], start_ns + step * 10**7
             point = dict(zip("xyz", rng.normal(size=3), strict=True))
             value = {"point": point} if type_name == POINT else {"data": f"{seed} {step}"}
-            writer.add_message(numbers[which], stamp, serialize(TYPES, type_name, value), stamp, step)
+            writer.add_message(
+                numbers[which], stamp, serialize(TYPES, type_name, value), stamp, step
+            )
         writer.finish()
     return path.read_bytes()
 
@@ -68,12 +82,23 @@ def test_files_one_after_the_other_are_all_read(tmp_path):
     recovery, kept = recovered(tmp_path, data + data)
     assert kept == written + written and recovery.is_complete
     told = "\n".join(recovery.notes)
-    assert "is 2 files in one" in told and f"bytes 0 to {len(data)} hold 200 messages" in told and "byte for byte" in told
+    assert (
+        "is 2 files in one" in told
+        and f"bytes 0 to {len(data)} hold 200 messages" in told
+        and "byte for byte" in told
+    )
 
 
 def test_files_in_one_keep_their_own_meaning_of_the_same_numbers(tmp_path):
-    topics = [(("/point", POINT), ("/text", TEXT)), (("/text", TEXT), ("/point", POINT)), (("/other", TEXT),)]
-    parts = [mcap(tmp_path / f"{k}.mcap", its, start_ns=START_NS * (k + 1), seed=k) for k, its in enumerate(topics)]
+    topics = [
+        (("/point", POINT), ("/text", TEXT)),
+        (("/text", TEXT), ("/point", POINT)),
+        (("/other", TEXT),),
+    ]
+    parts = [
+        mcap(tmp_path / f"{k}.mcap", its, start_ns=START_NS * (k + 1), seed=k)
+        for k, its in enumerate(topics)
+    ]
     written = [one for k in range(3) for one in messages(tmp_path / f"{k}.mcap")]
     recovery, kept = recovered(tmp_path, b"".join(parts))
     assert kept == written and recovery.is_complete and len(recovery.files) == 3
@@ -82,14 +107,20 @@ def test_files_in_one_keep_their_own_meaning_of_the_same_numbers(tmp_path):
 
 
 def test_a_topic_of_another_type_in_a_later_file_gets_another_name(tmp_path):
-    parts = [mcap(tmp_path / f"{k}.mcap", [("/a", type_name)], start_ns=START_NS * (k + 1)) for k, type_name in enumerate((POINT, TEXT))]
+    parts = [
+        mcap(tmp_path / f"{k}.mcap", [("/a", type_name)], start_ns=START_NS * (k + 1))
+        for k, type_name in enumerate((POINT, TEXT))
+    ]
     recovery, kept = recovered(tmp_path, b"".join(parts))
     assert len(kept) == 400 and recovery.messages == {"/a": 200, "/a_2": 200}
     assert any("/a_2" in note for note in recovery.notes)
 
 
 def test_behind_a_footer_and_garbage_records_are_found(tmp_path):
-    data, other = mcap(tmp_path / "one.mcap"), mcap(tmp_path / "two.mcap", seed=1, start_ns=2 * START_NS)
+    data, other = (
+        mcap(tmp_path / "one.mcap"),
+        mcap(tmp_path / "two.mcap", seed=1, start_ns=2 * START_NS),
+    )
     headless = other[boundaries(other)[1][1][0] :]
     recovery, kept = recovered(tmp_path, data + np.random.default_rng(0).bytes(500) + headless)
     written = messages(tmp_path / "one.mcap") + messages(tmp_path / "two.mcap")
@@ -100,7 +131,9 @@ def test_behind_a_footer_and_garbage_records_are_found(tmp_path):
 @pytest.mark.parametrize("chunked", [True, False])
 def test_a_file_that_was_cut_off_and_another_one_behind_it(tmp_path, chunked):
     data = mcap(tmp_path / "one.mcap", use_chunking=chunked)
-    other = mcap(tmp_path / "two.mcap", [("/text", TEXT), ("/point", POINT)], seed=1, start_ns=2 * START_NS)
+    other = mcap(
+        tmp_path / "two.mcap", [("/text", TEXT), ("/point", POINT)], seed=1, start_ns=2 * START_NS
+    )
     recovery, kept = recovered(tmp_path, data[: len(data) // 2] + other)
     assert kept[-200:] == messages(tmp_path / "two.mcap") and 60 < len(kept) - 200 < 120
     assert not recovery.is_complete and not recovery.is_exact
@@ -121,7 +154,11 @@ def test_a_bag_that_is_kept_in_another_one_stays_there(tmp_path):
 def test_zero_bytes_behind_the_end_are_told_and_hold_nothing(tmp_path):
     data = mcap(tmp_path / "one.mcap")
     recovery, kept = recovered(tmp_path, data + bytes(5000))
-    assert len(kept) == 200 and recovery.is_complete and "5000 zero bytes" in recovery.places[0].reason
+    assert (
+        len(kept) == 200
+        and recovery.is_complete
+        and "5000 zero bytes" in recovery.places[0].reason
+    )
 
 
 def test_what_stands_there_twice_is_taken_once(tmp_path):
@@ -129,7 +166,11 @@ def test_what_stands_there_twice_is_taken_once(tmp_path):
     chunks = boundaries(data)[1]
     (begin, _), (end, _) = chunks[1], chunks[3]
     recovery, kept = recovered(tmp_path, data[:end] + data[begin:end] + data[end:-100])
-    assert kept == messages(tmp_path / "one.mcap") and "2 chunks" in recovery.repairs[0] and recovery.lost == {}
+    assert (
+        kept == messages(tmp_path / "one.mcap")
+        and "2 chunks" in recovery.repairs[0]
+        and recovery.lost == {}
+    )
 
 
 # indexes that point elsewhere
@@ -141,7 +182,9 @@ def own_index(content, channel=None, entry=None):
     return head + (struct.pack("<QQ", *entry) + content[22:] if entry is not None else content[6:])
 
 
-@pytest.mark.parametrize("change", [{"channel": 77}, {"entry": (START_NS + 1, 0)}, {"entry": (START_NS, 999_999)}])
+@pytest.mark.parametrize(
+    "change", [{"channel": 77}, {"entry": (START_NS + 1, 0)}, {"entry": (START_NS, 999_999)}]
+)
 def test_a_message_index_that_points_elsewhere_costs_nothing_and_is_told(tmp_path, change):
     data = bytearray(mcap(tmp_path / "one.mcap"))
     _, end = boundaries(data)[1][0]
@@ -154,7 +197,9 @@ def test_a_message_index_that_points_elsewhere_costs_nothing_and_is_told(tmp_pat
 
 def test_the_summary_of_another_file_is_not_believed(tmp_path):
     first = mcap(tmp_path / "one.mcap", [("/point", POINT), ("/text", TEXT)])
-    other = mcap(tmp_path / "two.mcap", [("/text", TEXT), ("/point", POINT)], start_ns=2 * START_NS)
+    other = mcap(
+        tmp_path / "two.mcap", [("/text", TEXT), ("/point", POINT)], start_ns=2 * START_NS
+    )
     end = first.index(b"\x0f\x04\0\0\0\0\0\0\0")
     begin = other.index(b"\x0f\x04\0\0\0\0\0\0\0")
     tail = bytearray(other[begin:-37])
@@ -163,7 +208,10 @@ def test_the_summary_of_another_file_is_not_believed(tmp_path):
     head = struct.pack("<BQQQ", 2, 20, footer[0] + move, footer[1] + move if footer[1] else 0)
     tail += head + struct.pack("<I", zlib.crc32(head, zlib.crc32(tail[13:]))) + MAGIC
     recovery, kept = recovered(tmp_path, first[:end] + tail)
-    assert kept == messages(tmp_path / "one.mcap") and "summary is none of this file" in recovery.repairs[0]
+    assert (
+        kept == messages(tmp_path / "one.mcap")
+        and "summary is none of this file" in recovery.repairs[0]
+    )
 
 
 def test_a_chunk_without_index_and_a_chunk_index_that_points_elsewhere(tmp_path):
@@ -172,7 +220,9 @@ def test_a_chunk_without_index_and_a_chunk_index_that_points_elsewhere(tmp_path)
     place = bytes(data).index(struct.pack("<BQ", 8, 78), end)
     struct.pack_into("<Q", data, place + 9 + 16, begin + 3)  # of the first chunk's index
     recovery, kept = recovered(tmp_path, data)
-    assert kept == messages(tmp_path / "one.mcap") and "names 1 chunks that are not where it says" in "".join(recovery.repairs)
+    assert kept == messages(
+        tmp_path / "one.mcap"
+    ) and "names 1 chunks that are not where it says" in "".join(recovery.repairs)
     (length,) = struct.unpack_from("<Q", data, end + 1)
     recovery, kept = recovered(tmp_path, data[:end] + data[end + 9 + length : -60])
     assert kept == messages(tmp_path / "one.mcap")
@@ -195,7 +245,11 @@ def test_a_block_of_zero_bytes_is_called_that(tmp_path):
     recovery, kept = recovered(tmp_path, data)
     assert 120 < len(kept) < 200 and set(kept) <= set(messages(tmp_path / "one.mcap"))
     assert "zero bytes, which the disk never stored" in recovery.places[0].reason
-    assert not recovery.is_complete and recovery.is_exact and recovery.lost == {"/point": 200 - len(kept)}, "the statistics count"
+    assert (
+        not recovery.is_complete
+        and recovery.is_exact
+        and recovery.lost == {"/point": 200 - len(kept)}
+    ), "the statistics count"
 
 
 def test_a_length_that_is_damaged_hides_no_messages(tmp_path):
@@ -208,11 +262,17 @@ def test_a_length_that_is_damaged_hides_no_messages(tmp_path):
 
 
 def test_messages_that_no_crc_vouches_for_are_kept_only_if_they_are_some(tmp_path):
-    data = bytearray(mcap(tmp_path / "one.mcap", [("/text", TEXT)], use_chunking=False, enable_crcs=False))
+    data = bytearray(
+        mcap(tmp_path / "one.mcap", [("/text", TEXT)], use_chunking=False, enable_crcs=False)
+    )
     place = bytes(data).index(b"0 50\0")
     data[place - 4] = 200  # the length of the text
     recovery, kept = recovered(tmp_path, data)
-    assert len(kept) == 199 and "no CRC vouches" in recovery.places[0].reason and not recovery.is_complete
+    assert (
+        len(kept) == 199
+        and "no CRC vouches" in recovery.places[0].reason
+        and not recovery.is_complete
+    )
 
 
 def test_a_definition_that_is_damaged_is_that_which_is_installed(tmp_path):
@@ -236,11 +296,15 @@ def test_what_is_not_cdr_is_kept_as_it_is_and_told(tmp_path):
         writer.finish()
     recovery = recover(tmp_path / "json.mcap", tmp_path / "new")
     assert recovery.is_complete and any("'ros1', not as cdr" in note for note in recovery.notes)
-    assert (recovery.path / "new_0.mcap").read_bytes()[17:25] == struct.pack("<I", 4) + b"ros1", "the profile says so, too"
+    assert (recovery.path / "new_0.mcap").read_bytes()[17:25] == struct.pack("<I", 4) + b"ros1", (
+        "the profile says so, too"
+    )
 
 
 def test_a_wrong_profile_of_ros_2_messages_is_mended(tmp_path):
-    data = mcap(tmp_path / "one.mcap").replace(b"\x04\0\0\0ros2\x07\0\0\0another", b"\x04\0\0\0ros3\x07\0\0\0another")
+    data = mcap(tmp_path / "one.mcap").replace(
+        b"\x04\0\0\0ros2\x07\0\0\0another", b"\x04\0\0\0ros3\x07\0\0\0another"
+    )
     recovery, kept = recovered(tmp_path, data)
     assert len(kept) == 200 and "the profile is 'ros2'" in recovery.repairs[0]
     assert [str(one) for one in check_bag(recovery.path)] == []
@@ -251,7 +315,11 @@ def test_messages_that_were_compressed_one_by_one_are_plain_afterwards(tmp_path)
     with open(tmp_path / "one.mcap", "wb") as stream:
         writer = McapWriter(stream)
         writer.start("ros2", "another")
-        channel = writer.register_channel("/text", "cdr", writer.register_schema(TEXT, "ros2msg", definition(TYPES, TEXT).encode()))
+        channel = writer.register_channel(
+            "/text",
+            "cdr",
+            writer.register_schema(TEXT, "ros2msg", definition(TYPES, TEXT).encode()),
+        )
         writer.add_message(channel, 5, zstandard.ZstdCompressor().compress(data), 5)
         writer.finish()
     recovery, kept = recovered(tmp_path, (tmp_path / "one.mcap").read_bytes()[:-10])
@@ -284,26 +352,40 @@ LOSSY = {
 def test_what_a_copy_as_text_put_in_is_taken_out_again(tmp_path, copy):
     data = (record(tmp_path / "bag", chunk_size=4096) / "bag_0.mcap").read_bytes()
     recovery, kept = recovered(tmp_path, copy(data))
-    assert kept == messages(tmp_path / "bag" / "bag_0.mcap") and recovery.is_complete and recovery.unverified == 0
+    assert (
+        kept == messages(tmp_path / "bag" / "bag_0.mcap")
+        and recovery.is_complete
+        and recovery.unverified == 0
+    )
     assert "copied as if it were text" in recovery.notes[0] and "undone" in recovery.notes[0]
 
 
 @pytest.mark.parametrize("copy", LOSSY.values(), ids=LOSSY)
 def test_what_a_copy_as_text_left_out_is_named(tmp_path, copy):
     data = (record(tmp_path / "bag", chunk_size=4096) / "bag_0.mcap").read_bytes()
-    with pytest.raises(BagError, match="copied as if it were text.*cannot be undone: fetch it again in binary mode"):
+    with pytest.raises(
+        BagError,
+        match="copied as if it were text.*cannot be undone: fetch it again in binary mode",
+    ):
         recovered(tmp_path, copy(data))
     assert not (tmp_path / "new0").exists()
 
 
 @pytest.mark.parametrize("copy", ["lost", "put in where none was"])
 def test_carriage_returns_are_put_back_where_a_crc_says_where(tmp_path, copy):
-    data = (record(tmp_path / "bag", n_steps=3000, chunk_size=4096, flush_period_ns=10**12) / "bag_0.mcap").read_bytes()
+    data = (
+        record(tmp_path / "bag", n_steps=3000, chunk_size=4096, flush_period_ns=10**12)
+        / "bag_0.mcap"
+    ).read_bytes()
     assert data.count(b"\r\n") > 5, "of chance"
     changed = data.replace(b"\r\n", b"\n")
-    recovery, kept = recovered(tmp_path, changed if copy == "lost" else changed.replace(b"\n", b"\r\n"))
+    recovery, kept = recovered(
+        tmp_path, changed if copy == "lost" else changed.replace(b"\n", b"\r\n")
+    )
     written = messages(tmp_path / "bag" / "bag_0.mcap")
-    assert set(kept) <= set(written) and len(kept) >= 0.95 * len(written) and recovery.unverified == 0
+    assert (
+        set(kept) <= set(written) and len(kept) >= 0.95 * len(written) and recovery.unverified == 0
+    )
 
 
 # files that are no bags
@@ -328,21 +410,31 @@ def test_a_file_of_another_kind_is_named_for_what_it_is(tmp_path, content, what)
         recovered(tmp_path, content, "odd.mcap")
 
 
-@pytest.mark.parametrize("pack", [gzip.compress, zstandard.ZstdCompressor().compress], ids=["gzip", "zstd"])
+@pytest.mark.parametrize(
+    "pack", [gzip.compress, zstandard.ZstdCompressor().compress], ids=["gzip", "zstd"]
+)
 def test_a_file_that_is_compressed_as_a_whole_is_unpacked_as_far_as_it_goes(tmp_path, pack):
     data = mcap(tmp_path / "one.mcap", n_steps=6000, compression=CompressionType.NONE)
     packed = pack(data)
     for name in ("packed_0.mcap", "packed_0.mcap.zstd"):
         recovery, kept = recovered(tmp_path, packed, name)
-        assert len(kept) == 6000 and recovery.is_complete and "compressed with" in recovery.notes[0]
+        assert (
+            len(kept) == 6000 and recovery.is_complete and "compressed with" in recovery.notes[0]
+        )
     recovery, kept = recovered(tmp_path, packed[: len(packed) // 2], name)
-    assert 1000 < len(kept) < 5000 and not recovery.is_complete and "only in part" in recovery.places[0].reason
+    assert (
+        1000 < len(kept) < 5000
+        and not recovery.is_complete
+        and "only in part" in recovery.places[0].reason
+    )
 
 
 # what is said
 
 
-def test_the_command_says_how_much_was_looked_at_and_at_least_how_much_is_lost(tmp_path, monkeypatch, capsys):
+def test_the_command_says_how_much_was_looked_at_and_at_least_how_much_is_lost(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     data = bytearray(mcap(tmp_path / "one_0.mcap")[:-300])
     begin, _ = boundaries(data)[1][1]
@@ -350,10 +442,18 @@ def test_the_command_says_how_much_was_looked_at_and_at_least_how_much_is_lost(t
     (tmp_path / "one_0.mcap").write_bytes(data)
     assert main(["bag", "recover", "one_0.mcap"]) == 0
     told = capsys.readouterr().out
-    assert f"looked at {len(data)} of {len(data)} bytes (100 %)" in told and "lost: at least" in told and "complete" not in told
+    assert (
+        f"looked at {len(data)} of {len(data)} bytes (100 %)" in told
+        and "lost: at least" in told
+        and "complete" not in told
+    )
     assert main(["bag", "recover", "one_0.mcap", "--output", "again", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["is_complete"] is False and told["is_exact"] is False and told["n_looked_at"] == len(data)
+    assert (
+        told["is_complete"] is False
+        and told["is_exact"] is False
+        and told["n_looked_at"] == len(data)
+    )
 
 
 # whatever happens
@@ -366,7 +466,10 @@ def whole(tmp_path_factory):
     ours = record(folder / "bag", n_steps=120, chunk_size=2000) / "bag_0.mcap"
     mcap(folder / "chunks.mcap", n_steps=60)
     mcap(folder / "plain.mcap", n_steps=60, use_chunking=False)
-    return [(file.read_bytes(), Counter(messages(file))) for file in (ours, folder / "chunks.mcap", folder / "plain.mcap")]
+    return [
+        (file.read_bytes(), Counter(messages(file)))
+        for file in (ours, folder / "chunks.mcap", folder / "plain.mcap")
+    ]
 
 
 def changed(data, kind, first, second, value):
@@ -381,7 +484,9 @@ def changed(data, kind, first, second, value):
         "twice": lambda: data[:end] + data[begin:end] + data[end:],
         "zero": lambda: data[:begin] + bytes(end - begin) + data[end:],
         "moved": lambda: data[:begin] + data[end:] + data[begin:end],
-        "text": lambda: data.replace(b"\n", b"\r\n") if value % 2 else data.replace(b"\r\n", b"\n"),
+        "text": lambda: (
+            data.replace(b"\n", b"\r\n") if value % 2 else data.replace(b"\r\n", b"\n")
+        ),
         "two": lambda: data[:begin] + data,
     }[kind]()
 
@@ -391,8 +496,15 @@ KINDS = ("cut", "head", "flip", "insert", "delete", "twice", "zero", "moved", "t
 
 
 @settings(max_examples=max(40, settings.default.max_examples // 2))
-@given(which=st.integers(0, 2), kind=st.sampled_from(KINDS), places=st.tuples(SHARE, SHARE), value=st.integers(1, 255))
-def test_however_a_bag_is_damaged_recovery_says_why_not_or_makes_one_that_is_right(tmp_path_factory, whole, which, kind, places, value):
+@given(
+    which=st.integers(0, 2),
+    kind=st.sampled_from(KINDS),
+    places=st.tuples(SHARE, SHARE),
+    value=st.integers(1, 255),
+)
+def test_however_a_bag_is_damaged_recovery_says_why_not_or_makes_one_that_is_right(
+    tmp_path_factory, whole, which, kind, places, value
+):
     data, written = whole[which]
     folder = tmp_path_factory.mktemp("any")
     try:
@@ -402,6 +514,12 @@ def test_however_a_bag_is_damaged_recovery_says_why_not_or_makes_one_that_is_rig
         return
     kept = Counter(kept)
     n_missing, n_changed = (written - kept).total(), (kept - written).total()
-    assert n_changed <= recovery.unverified, "a message that a CRC vouches for is none that was written"
-    assert sum(recovery.lost.values()) <= n_missing, f"{recovery.lost} are said to be lost, {n_missing} are"
-    assert not recovery.is_complete or n_missing == n_changed, "complete, but for bytes that no CRC vouches for"
+    assert n_changed <= recovery.unverified, (
+        "a message that a CRC vouches for is none that was written"
+    )
+    assert sum(recovery.lost.values()) <= n_missing, (
+        f"{recovery.lost} are said to be lost, {n_missing} are"
+    )
+    assert not recovery.is_complete or n_missing == n_changed, (
+        "complete, but for bytes that no CRC vouches for"
+    )

@@ -1,4 +1,6 @@
-"""The bags in bags/: whole, readable by others, small, and teaching what they were recorded to teach."""
+"""The bags in bags/: whole, readable by others, small, and teaching what they were recorded to
+teach.
+"""
 
 from functools import lru_cache
 
@@ -19,21 +21,35 @@ def throws_of(name):
     return find_throws(read_recording(BAGS / name))
 
 
-@pytest.mark.parametrize("name", [pytest.param("demonstrations", marks=pytest.mark.slow), "throws"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("demonstrations", marks=pytest.mark.slow), "throws"]
+)
 def test_nothing_is_wrong_with_a_bag_and_others_read_it(name):
     assert check_bag(BAGS / name) == []
     with BagReader(BAGS / name) as bag, Reader(BAGS / name) as reader:
-        assert sum(topic.count for topic in bag.topics.values()) == sum(1 for _ in reader.messages())
-        assert "/tf" in bag.topics and "/robot_description" in bag.topics and "/simulation/state" not in bag.topics
+        assert sum(topic.count for topic in bag.topics.values()) == sum(
+            1 for _ in reader.messages()
+        )
+        assert (
+            "/tf" in bag.topics
+            and "/robot_description" in bag.topics
+            and "/simulation/state" not in bag.topics
+        )
 
 
 @pytest.mark.parametrize("name", ["demonstrations", "throws"])
 def test_bags_that_are_shipped_are_of_today(name):
     with BagReader(BAGS / name) as bag:
-        ours = {topic: info for topic, info in bag.topics.items() if info.type_name.startswith("dart_skill_msgs/")}
+        ours = {
+            topic: info
+            for topic, info in bag.topics.items()
+            if info.type_name.startswith("dart_skill_msgs/")
+        }
         assert {"/demonstrations", "/wam/command"} <= set(ours)
         for topic, info in ours.items():
-            assert info.type_hash == type_hash(types_for(info.type_name), info.type_name), f"{topic}: make the bags again (bags/README.md)"
+            assert info.type_hash == type_hash(types_for(info.type_name), info.type_name), (
+                f"{topic}: make the bags again (bags/README.md)"
+            )
 
 
 def test_together_they_are_small():

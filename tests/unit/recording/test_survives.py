@@ -1,4 +1,6 @@
-"""What is left when a recorder dies: killed at random moments, with a full disk, beyond its file-size limit."""
+"""What is left when a recorder dies: killed at random moments, with a full disk, beyond its
+file-size limit.
+"""
 
 import errno
 import json
@@ -58,22 +60,31 @@ def message(step):
 
 
 def messages(folder):
-    """All messages of a bag, by others' code that checks every CRC: topic, log time, publish time, bytes."""
+    """All messages of a bag, by others' code that checks every CRC: topic, log time, publish time,
+    bytes.
+    """
     found = []
     for file in sorted(folder.glob("*.mcap"), key=lambda file: int(file.stem.rsplit("_", 1)[1])):
         with open(file, "rb") as stream:
             read = make_reader(stream, validate_crcs=True).iter_messages()
-            found += [(channel.topic, one.log_time, one.publish_time, one.data) for _, channel, one in read]
+            found += [
+                (channel.topic, one.log_time, one.publish_time, one.data)
+                for _, channel, one in read
+            ]
     return found
 
 
 def killed_recorder(start, path, n_messages, flush_at, max_bytes):
-    """Kill a recorder with SIGKILL once it has said that it wrote so many messages; returns what it said last: written, flushed."""
+    """Kill a recorder with SIGKILL once it has said that it wrote so many messages; returns what
+    it said last: written, flushed.
+    """
     told = path.with_suffix(".told")
     os.mkfifo(told)
     start([str(path), str(told), flush_at, max_bytes])
     written = flushed = 0
-    with open(told, "rb") as said:  # when it is closed, nobody hears a recorder any more, and it ends
+    with open(
+        told, "rb"
+    ) as said:  # when it is closed, nobody hears a recorder any more, and it ends
         (pid,) = struct.unpack("<q", said.read(8))
         while data := said.read(8):
             (number,) = struct.unpack("<q", data)
@@ -88,10 +99,17 @@ def kills(tmp_path_factory):
     """Recorders killed after random numbers of messages: folder, and what they said last."""
     rng, folder = np.random.default_rng(6), tmp_path_factory.mktemp("killed")
     jobs = [
-        (folder / f"bag{i}", int(rng.integers(1, MOST_MESSAGES)), int(rng.integers(1, MOST_MESSAGES)), 65536 * (i % 2))
+        (
+            folder / f"bag{i}",
+            int(rng.integers(1, MOST_MESSAGES)),
+            int(rng.integers(1, MOST_MESSAGES)),
+            65536 * (i % 2),
+        )
         for i in range(N_KILLS)
     ]
-    with subprocess.Popen([sys.executable, "-c", RECORDER], stdin=subprocess.PIPE, text=True) as recorders:
+    with subprocess.Popen(
+        [sys.executable, "-c", RECORDER], stdin=subprocess.PIPE, text=True
+    ) as recorders:
 
         def start(job):
             recorders.stdin.write(json.dumps(job) + "\n")
@@ -101,18 +119,24 @@ def kills(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_recorder_that_is_killed_at_50_random_moments_loses_at_most_the_last_second(kills, tmp_path):
+def test_a_recorder_that_is_killed_at_50_random_moments_loses_at_most_the_last_second(
+    kills, tmp_path
+):
     losses = []
     for i, (path, written, flushed) in enumerate(kills):
         recovery = recover(path, tmp_path / f"recovered{i}")
         kept = messages(recovery.path)
-        assert kept == [message(step) for step in range(len(kept))], f"{path.name}: not what was written"
+        assert kept == [message(step) for step in range(len(kept))], (
+            f"{path.name}: not what was written"
+        )
         lost_ns = (written - len(kept)) * STEP_NS
         assert lost_ns <= SECOND_NS, f"{path.name}: {written} written, {len(kept)} kept"
         assert len(kept) >= flushed, f"{path.name}: {flushed} flushed, {len(kept)} kept"
         assert recovery.lost == {} and recovery.unverified == 0, recovery
         losses.append(lost_ns)
-    assert max(losses) > 0, "no kill found a recorder with something to lose: the test tests nothing"
+    assert max(losses) > 0, (
+        "no kill found a recorder with something to lose: the test tests nothing"
+    )
     assert any(flushed for _, _, flushed in kills)
     assert any(len(list(path.glob("*.mcap"))) > 1 for path, *_ in kills), "no split bag was killed"
 
@@ -123,7 +147,9 @@ def test_what_was_killed_is_refused_by_name_and_what_was_recovered_is_whole(kill
             BagReader(path)
         assert any(finding.severity == "error" for finding in check_bag(path))
         recovery = recover(path, tmp_path / path.name)
-        assert [str(finding) for finding in check_bag(recovery.path) if finding.severity != "note"] == []
+        assert [
+            str(finding) for finding in check_bag(recovery.path) if finding.severity != "note"
+        ] == []
         with BagReader(recovery.path) as bag:
             assert bag.message_count == sum(recovery.messages.values())
 
@@ -149,7 +175,11 @@ def check_full(path, expected_errno):
     error, n_taken = write_until_it_fails(bag)
     assert error.errno == expected_errno and error.filename == str(bag.file)
     assert "writing of the bag stopped" in str(error) and "dart-skill bag recover" in str(error)
-    for again in (lambda: bag.write("/a", 0, 0, b"\0\1\0\0"), bag.flush, lambda: bag.add_attachment("a", b"x")):
+    for again in (
+        lambda: bag.write("/a", 0, 0, b"\0\1\0\0"),
+        bag.flush,
+        lambda: bag.add_attachment("a", b"x"),
+    ):
         with pytest.raises(BagWriteError) as caught:
             again()
         assert str(caught.value) == str(error)
@@ -174,23 +204,35 @@ print(n_taken, str(error).split("; ")[1].split()[0])
 
 def test_a_file_that_may_not_grow_leaves_a_bag_with_all_but_the_last_chunk(tmp_path):
     code = CHILD.format(folder=str(ROOT), code=errno.EFBIG)
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "bag")], capture_output=True, text=True, timeout=100)
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "bag")],
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
     assert done.returncode == 0, done.stderr
     n_taken, n_safe = map(int, done.stdout.split())
     assert 0 < n_taken - n_safe < 2 * 8192 / 60, (n_taken, n_safe)
     recovery = recover(tmp_path / "bag", tmp_path / "recovered")
     assert recovery.messages == {"/a": n_safe}
-    assert [one[1] for one in messages(recovery.path)] == [step * STEP_NS for step in range(n_safe)]
+    assert [one[1] for one in messages(recovery.path)] == [
+        step * STEP_NS for step in range(n_safe)
+    ]
 
 
 def test_a_full_disk_leaves_a_bag_with_all_but_the_last_chunk(tmp_path):
     """On a file system of 300 kB of our own, where the system lets us have one."""
     saved = Path("/dev/shm") / f"{os.getpid()}_saved"
-    script = f'mount -t tmpfs -o size=300k none {tmp_path} && exec {sys.executable} -c "$0" {tmp_path}/bag {saved}'
+    script = (
+        f'mount -t tmpfs -o size=300k none {tmp_path} && exec {sys.executable} -c "$0"'
+        f" {tmp_path}/bag {saved}"
+    )
     code = CHILD.format(folder=str(ROOT), code=errno.ENOSPC).replace("400_000", "40_000_000")
     code += "import shutil\nfrom dart_skill.recording.bags import recover\n"
     code += "print(recover(bag.path, sys.argv[2]).messages['/a'])\nshutil.rmtree(sys.argv[2])\n"
-    done = subprocess.run(["unshare", "-rm", "sh", "-c", script, code], capture_output=True, text=True, timeout=100)
+    done = subprocess.run(
+        ["unshare", "-rm", "sh", "-c", script, code], capture_output=True, text=True, timeout=100
+    )
     if done.returncode and ("unshare" in done.stderr or "mount" in done.stderr):
         pytest.skip(f"no file system of our own: {done.stderr.strip()}")
     assert done.returncode == 0, done.stderr
@@ -226,12 +268,16 @@ def open_bag(path):
 
 
 @pytest.mark.parametrize("part", np.linspace(0.0, 0.999, 12))
-def test_a_disk_that_is_full_while_the_bag_is_closed_is_one_error_and_leaves_the_messages(tmp_path, part):
+def test_a_disk_that_is_full_while_the_bag_is_closed_is_one_error_and_leaves_the_messages(
+    tmp_path, part
+):
     whole, size = open_bag(tmp_path / "whole" / "bag")
     whole.close()
     bag, size_again = open_bag(tmp_path / "bag")
     assert size == size_again
-    bag._file.stream = FailingStream(bag._file.stream, room=int(part * (whole.file.stat().st_size - size)) - 10)
+    bag._file.stream = FailingStream(
+        bag._file.stream, room=int(part * (whole.file.stat().st_size - size)) - 10
+    )
     with pytest.raises(BagWriteError, match="No space left.*40 messages, until log time 39 ns"):
         bag.close()
     bag.close()
@@ -252,7 +298,9 @@ def test_a_disk_with_room_again_gets_a_whole_bag_that_says_what_happened(tmp_pat
     assert [finding.severity for finding in check_bag(bag.path)] == ["warning"]
 
 
-def test_a_disk_without_room_for_the_next_file_leaves_the_files_before_whole(tmp_path, monkeypatch):
+def test_a_disk_without_room_for_the_next_file_leaves_the_files_before_whole(
+    tmp_path, monkeypatch
+):
     bag = BagWriter(tmp_path / "bag", max_duration_ns=100 * STEP_NS)
     bag.add_topic("/a", "geometry_msgs/msg/Point", DEFINITION)
     for step in range(200):
@@ -263,11 +311,15 @@ def test_a_disk_without_room_for_the_next_file_leaves_the_files_before_whole(tmp
 
     monkeypatch.setattr(bag_writer, "McapFile", no_room)
     for _ in range(2):
-        with pytest.raises(BagWriteError, match=f"200 messages, until log time {199 * STEP_NS} ns.*bag_1.mcap"):
+        with pytest.raises(
+            BagWriteError, match=f"200 messages, until log time {199 * STEP_NS} ns.*bag_1.mcap"
+        ):
             bag.write("/a", 200 * STEP_NS, 0, message(200)[3])
     bag.close()
     with BagReader(bag.path) as reader:
-        assert [m.stamp_ns for m in reader.messages(decode=False)] == [step * STEP_NS for step in range(200)]
+        assert [m.stamp_ns for m in reader.messages(decode=False)] == [
+            step * STEP_NS for step in range(200)
+        ]
         assert "No space left" in reader.custom_data["writing_stopped"]
 
 

@@ -1,4 +1,6 @@
-"""The page of a run: one file that asks nobody for anything, the same bytes for the same bag, and everything that was thrown on it."""
+"""The page of a run: one file that asks nobody for anything, the same bytes for the same bag, and
+everything that was thrown on it.
+"""
 
 import json
 import platform
@@ -27,7 +29,9 @@ from dart_skill.skills.protocol import Situation, TaskOutcome
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
 
-ABOUT = About("<b>Title</b>", {"Seed": "7"}, [("seed", 7, 0), ("throws", 20, 20)], {"a.yaml": "x: 1 < 2\n"})
+ABOUT = About(
+    "<b>Title</b>", {"Seed": "7"}, [("seed", 7, 0), ("throws", 20, 20)], {"a.yaml": "x: 1 < 2\n"}
+)
 DRAWN = ["curve", "landings", "gaussians", "execution"]
 ADDRESSES = ("src", "href", "xlink:href", "action", "data", "poster", "srcset")
 
@@ -53,7 +57,14 @@ class Document(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.fetched, self.frames, self.ids, self.cells, self.policy, self._in = [], [], [], [], "", ""
+        self.fetched, self.frames, self.ids, self.cells, self.policy, self._in = (
+            [],
+            [],
+            [],
+            [],
+            "",
+            "",
+        )
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
@@ -61,7 +72,9 @@ class Document(HTMLParser):
         self._in = tag
         self.ids += [attributes["id"]] if "id" in attributes else []
         self.fetched += [attributes[name] for name in ADDRESSES if attributes.get(name)]
-        self.fetched += re.findall(r"url\(([^)]*)\)", attributes.get("style", "") + attributes.get("clip-path", ""))
+        self.fetched += re.findall(
+            r"url\(([^)]*)\)", attributes.get("style", "") + attributes.get("clip-path", "")
+        )
         self.frames += [attributes["srcdoc"]] if "srcdoc" in attributes else []
         if attributes.get("http-equiv") == "Content-Security-Policy":
             self.policy = attributes["content"]
@@ -77,7 +90,9 @@ def test_nothing_is_fetched_from_outside():
     page = Document(page_text("throws"))
     assert len(page.frames) == 1, "the replay stands in the page itself"
     fetched = page.fetched + Document(page.frames[0]).fetched
-    assert fetched and [where for where in fetched if not re.match(r"['\"]?(#|data:)", where)] == []
+    assert (
+        fetched and [where for where in fetched if not re.match(r"['\"]?(#|data:)", where)] == []
+    )
     assert "default-src 'none'" in page.policy and "http" not in page.policy
 
 
@@ -127,9 +142,13 @@ def test_a_narrow_screen_gets_figures_of_its_own_whose_letters_it_can_read():
     for picture in drawn_of("throws"):
         for kind, form in picture.forms.items():
             width = float(re.search(r'viewBox="0 0 ([\d.]+)', form).group(1))
-            assert (width < 340) == (kind == "narrow"), f"{picture.name}, {kind}: {width} points; a telephone has about 330 pixels"
+            assert (width < 340) == (kind == "narrow"), (
+                f"{picture.name}, {kind}: {width} points; a telephone has about 330 pixels"
+            )
             assert f'<div class="{kind}"><svg' in picture.element
-    assert "@media (prefers-color-scheme: dark)" in page_text("throws") and "figure .narrow { display: block; }" in page_text("throws")
+    assert "@media (prefers-color-scheme: dark)" in page_text(
+        "throws"
+    ) and "figure .narrow { display: block; }" in page_text("throws")
 
 
 # practice
@@ -147,24 +166,51 @@ def practised_run():
 def test_practice_is_judged_by_its_tests_and_not_by_the_throws_that_were_learned_from(monkeypatch):
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
     run = practised_run()
-    assert run.practised == run.results[5:15] and [results for _, results in run.tests] == [run.results[:5], run.results[15:]]
+    assert run.practised == run.results[5:15] and [results for _, results in run.tests] == [
+        run.results[:5],
+        run.results[15:],
+    ]
     drawn = pictures(run)
     assert [picture.name for picture in drawn[:3]] == ["tests", "curve", "landings"]
-    assert "does not tell whether practice helps" in drawn[1].caption.replace("this curve alone ", "")
+    assert "does not tell whether practice helps" in drawn[1].caption.replace(
+        "this curve alone ", ""
+    )
     text = page_of(run, drawn)
-    for name, throws in (("before practice", run.results[:5]), ("after practice", run.results[15:])):
+    for name, throws in (
+        ("before practice", run.results[:5]),
+        ("after practice", run.results[15:]),
+    ):
         median = 100 * np.median([throw.error_m for throw in throws])
-        assert f"<b>{median:.2f} cm</b><span>{name}: median landing error at 5 fixed baskets" in text
-    assert "own throws in the basket" not in text, "one number of throws of three purposes says nothing"
-    assert [text.count(f"<td>{phase.name}</td>") for phase in PHASES] == [5, 10, 5], "the purpose of each throw"
+        assert (
+            f"<b>{median:.2f} cm</b><span>{name}: median landing error at 5 fixed baskets" in text
+        )
+    assert "own throws in the basket" not in text, (
+        "one number of throws of three purposes says nothing"
+    )
+    assert [text.count(f"<td>{phase.name}</td>") for phase in PHASES] == [
+        5,
+        10,
+        5,
+    ], "the purpose of each throw"
 
 
 def test_a_learning_curve_is_shown_only_where_something_was_learned():
     titles = {picture.name: picture.title for picture in drawn_of("throws")}
-    assert titles["curve"] == "Landing error, throw by throw" and "Learning curve" not in page_text("throws")
-    labels = [text.get_text() for text in curve_figure(run_of("throws").results).legends[0].get_texts()]
-    assert labels == ["quartiles", "median", "in"], "no running median of throws whose order means nothing"
-    learned = [text.get_text() for text in curve_figure(run_of("throws").results, learned=True).legends[0].get_texts()]
+    assert titles[
+        "curve"
+    ] == "Landing error, throw by throw" and "Learning curve" not in page_text("throws")
+    labels = [
+        text.get_text() for text in curve_figure(run_of("throws").results).legends[0].get_texts()
+    ]
+    assert labels == [
+        "quartiles",
+        "median",
+        "in",
+    ], "no running median of throws whose order means nothing"
+    learned = [
+        text.get_text()
+        for text in curve_figure(run_of("throws").results, learned=True).legends[0].get_texts()
+    ]
     assert f"median of the last {WINDOW} throws" in learned
 
 
@@ -177,7 +223,9 @@ def test_tests_are_compared_basket_by_basket():
     before, after = run_of("throws").results[:5], run_of("throws").results[15:]
     axes = compared_figure([("before", before), ("after", after)]).axes
     assert [text.get_text() for text in axes[0].get_xticklabels()] == ["before", "after"]
-    medians = [f"{100 * np.median([throw.error_m for throw in throws]):.2f}" for throws in (before, after)]
+    medians = [
+        f"{100 * np.median([throw.error_m for throw in throws]):.2f}" for throws in (before, after)
+    ]
     assert [text.get_text() for text in axes[0].texts] == medians
     assert len(axes[1].texts) == 5, "an arrow for each basket"
     for wrong in ([("before", before)], [("before", before), ("after", after[:3])]):
@@ -212,7 +260,9 @@ def test_what_became_of_a_throw_is_told_when_the_ball_is_down():
         assert len(stage.told) == 1, "once"
         heights, rim = np.array(stage.ball)[:, 2], throw.demonstration.target[2]
         assert heights[: stage.told[0]].min() > rim, "not while it flies"
-        assert heights[stage.told[0]] < rim + 0.06, "in the picture in which it passes the rim: a sample is at most 10 ms older"
+        assert heights[stage.told[0]] < rim + 0.06, (
+            "in the picture in which it passes the rim: a sample is at most 10 ms older"
+        )
     unseen = replace(throw, outcome=replace(throw.outcome, landing_seen=False))
     stage = Stage()
     play(stage, stage, run.recording, unseen, when_down=stage.when_down)
@@ -221,27 +271,43 @@ def test_what_became_of_a_throw_is_told_when_the_ball_is_down():
 
 def test_each_throw_is_shown_with_the_gaussians_for_its_own_basket(monkeypatch):
     run, asked = run_of("throws"), []
-    monkeypatch.setattr("dart_skill.report._replay_of_run.make_replay", lambda *arguments: asked.extend(arguments))
+    monkeypatch.setattr(
+        "dart_skill.report._replay_of_run.make_replay", lambda *arguments: asked.extend(arguments)
+    )
     replay_of(replace(run, own=run.own[:2]))
     recording, throws, shown, gaussians, names = asked
     assert (recording, throws, shown) == (run.recording, run.own[:2], run.shown)
     assert names == {0: "throw 1", 1: "throw 2"}
     for k, throw in enumerate(throws):
-        for one, other in zip(gaussians[k], component_ellipsoids(run.skill.mixture(throw.demonstration.target)), strict=True):
+        for one, other in zip(
+            gaussians[k],
+            component_ellipsoids(run.skill.mixture(throw.demonstration.target)),
+            strict=True,
+        ):
             for value, wanted in zip(one, other, strict=True):
                 np.testing.assert_array_equal(value, wanted)
 
 
 def test_an_element_keeps_what_it_draws():
-    svg = '<?xml version="1.0"?><!DOCTYPE svg><svg><metadata>x</metadata><g id="a"/><use xlink:href="#a"/><g clip-path="url(#a)"/></svg>'
-    assert embeddable(svg, "p") == '<svg><g id="p-a"/><use xlink:href="#p-a"/><g clip-path="url(#p-a)"/></svg>'
+    svg = (
+        '<?xml version="1.0"?><!DOCTYPE svg><svg><metadata>x</metadata><g id="a"/><use'
+        ' xlink:href="#a"/><g clip-path="url(#a)"/></svg>'
+    )
+    assert (
+        embeddable(svg, "p")
+        == '<svg><g id="p-a"/><use xlink:href="#p-a"/><g clip-path="url(#p-a)"/></svg>'
+    )
 
 
 def test_a_bag_of_guided_throws_shows_these_and_says_what_it_has_not():
     run, text = run_of("demonstrations"), page_text("demonstrations")
     assert not run.own and len(run.shown) == 13 == sum(throw.shows for throw in run.guided)
-    missing = {picture.name: picture.caption for picture in drawn_of("demonstrations") if not picture.svg}
-    assert set(missing) == {"curve", "landings", "execution"} and all(text.startswith("Not drawn: ") for text in missing.values())
+    missing = {
+        picture.name: picture.caption for picture in drawn_of("demonstrations") if not picture.svg
+    }
+    assert set(missing) == {"curve", "landings", "execution"} and all(
+        text.startswith("Not drawn: ") for text in missing.values()
+    )
     assert "All 13 guided throws" in text and "The arm made no throws of its own." in text
     assert [throw.demonstration.id in text for throw in run.guided].count(True) == 13
 
@@ -252,19 +318,27 @@ def test_without_viser_the_page_says_what_to_install(monkeypatch):
 
     monkeypatch.setattr("dart_skill.view._server.load_viser", missing)
     text = page_of(run_of("throws"), drawn_of("throws"))
-    assert "<iframe" not in text and "pip install &#x27;dart_skill[view]" in text and len(text) > 100_000
+    assert (
+        "<iframe" not in text
+        and "pip install &#x27;dart_skill[view]" in text
+        and len(text) > 100_000
+    )
 
 
 def test_throws_that_never_came_about_have_a_row_and_no_place_in_the_replay():
     run = run_of("throws")
     refused = ThrowResult((2.0, 0.0, 0.4), None, None, False, "refused: out of reach")
     other = replace(run, results=(refused, *run.results[:2], refused, *run.results[2:]))
-    assert list(other.numbers.values()) == [2, 3, *range(5, 23)] and list(other.numbers) == list(range(20))
+    assert list(other.numbers.values()) == [2, 3, *range(5, 23)] and list(other.numbers) == list(
+        range(20)
+    )
 
 
 def test_commands_are_read_once_and_their_stamps_are_those_of_the_bag():
     with GraphBag(BAGS / "throws") as bag:
-        stamps = [read_command(one.data)[0] for one in bag.messages(["/wam/command"], decode=False)]
+        stamps = [
+            read_command(one.data)[0] for one in bag.messages(["/wam/command"], decode=False)
+        ]
     np.testing.assert_array_equal(run_of("throws").command_stamps, np.unique(stamps))
     assert len(stamps) > 10_000
 
@@ -272,7 +346,9 @@ def test_commands_are_read_once_and_their_stamps_are_those_of_the_bag():
 def test_results_of_the_bag_are_those_of_the_cameras():
     run = run_of("throws")
     assert [result_of(throw) for throw in run.own] == list(run.results)
-    errors = [np.linalg.norm(np.subtract(throw.landing[:2], throw.target[:2])) for throw in run.results]
+    errors = [
+        np.linalg.norm(np.subtract(throw.landing[:2], throw.target[:2])) for throw in run.results
+    ]
     np.testing.assert_allclose(errors, [throw.error_m for throw in run.results], atol=1e-3)
 
 
@@ -291,17 +367,28 @@ def test_a_curve_needs_a_landing_and_marks_what_happened():
     with pytest.raises(ValueError, match="no landing was seen"):
         curve_figure([unseen])
     axes = curve_figure([unseen, *run_of("throws").results], marks={5: "base_turned"}).axes[0]
-    assert "base turned" in [text.get_text() for text in axes.texts] and "n = 21 throws, 20 landings seen" in axes.get_title(loc="left")
+    assert "base turned" in [
+        text.get_text() for text in axes.texts
+    ] and "n = 21 throws, 20 landings seen" in axes.get_title(loc="left")
 
 
 # files and command line
 
 
 def test_figures_are_written_beside_the_page(tmp_path, monkeypatch):
-    monkeypatch.setattr("dart_skill.report._writing.read_run", lambda bag, about, results: replace(run_of("throws"), results=results))
+    monkeypatch.setattr(
+        "dart_skill.report._writing.read_run",
+        lambda bag, about, results: replace(run_of("throws"), results=results),
+    )
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
-    written = write_page(BAGS / "throws", tmp_path / "new" / "page.html", results=[], figures=tmp_path / "new")
-    assert {path.name for path in written} == {"page.html", "gaussians.svg", "gaussians.png"} and all(path.is_file() for path in written)
+    written = write_page(
+        BAGS / "throws", tmp_path / "new" / "page.html", results=[], figures=tmp_path / "new"
+    )
+    assert {path.name for path in written} == {
+        "page.html",
+        "gaussians.svg",
+        "gaussians.png",
+    } and all(path.is_file() for path in written)
 
 
 def test_a_bag_that_cannot_be_read_leaves_nothing_behind(tmp_path, capsys):
@@ -328,14 +415,29 @@ def test_an_unknown_configuration_is_told_before_anything_is_read(tmp_path, caps
 
 @pytest.mark.parametrize("at_rest", [1.0, 3.0])
 def test_what_a_world_does_while_nobody_asks_for_anything_is_no_trial(at_rest):
-    """A graph rests after half a second of its own time; that stretch counted as one of the arm's, and no trial was matched."""
+    """A graph rests after half a second of its own time; that stretch counted as one of the arm's,
+    and no trial was matched.
+    """
     since = (1.0, 3.0, 6.0)  # [s]
-    stamps = np.concatenate([begin + np.arange(0.0, 0.6 if begin == at_rest else 1.5, 0.02) for begin in since])
-    places = np.random.default_rng(0).normal(scale=3e-4, size=(len(stamps), 7)) + [1.2, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0]
+    stamps = np.concatenate(
+        [begin + np.arange(0.0, 0.6 if begin == at_rest else 1.5, 0.02) for begin in since]
+    )
+    places = np.random.default_rng(0).normal(scale=3e-4, size=(len(stamps), 7)) + [
+        1.2,
+        0.0,
+        1.5,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    ]
     moves = (stamps < at_rest) | (stamps > at_rest + 1.8)
     places[moves, 0] += 0.3 * (stamps[moves] % 3.0)
     hand = (np.round(1e9 * stamps).astype(np.int64), places)
-    trials = [SkillResult(Situation({}), TaskOutcome(True, 0.001)), SkillResult(Situation({}), TaskOutcome(False, 0.03))]
+    trials = [
+        SkillResult(Situation({}), TaskOutcome(True, 0.001)),
+        SkillResult(Situation({}), TaskOutcome(False, 0.03)),
+    ]
     movements, notes = _movements(hand, np.empty(0, dtype=np.int64), [], trials, [])
     assert notes == () and [one.name for one in movements] == ["trial 1", "trial 2"]
     assert [one.result for one in movements] == trials
@@ -344,14 +446,21 @@ def test_what_a_world_does_while_nobody_asks_for_anything_is_no_trial(at_rest):
 def test_the_page_lies_beside_the_bag():
     assert page_beside(Path("/runs/one/bag")) == Path("/runs/one/report.html")
     assert page_beside(Path("/bags/throws")) == Path("/bags/throws_report.html")
-    assert page_beside(Path("/bags/throws/throws_0.mcap")) == Path("/bags/throws/throws_0_report.html")
+    assert page_beside(Path("/bags/throws/throws_0.mcap")) == Path(
+        "/bags/throws/throws_0_report.html"
+    )
 
 
 def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatch):
     monkeypatch.setattr("dart_skill.report.read_run", lambda bag, about: run_of("demonstrations"))
     monkeypatch.setattr("dart_skill.report.pictures", lambda run: [])
-    monkeypatch.setattr("dart_skill.report.page_of", lambda run, drawn: "<html>" + "\ud800")  # no text that a file takes
-    assert main(["report", str(BAGS / "demonstrations"), "--output", str(tmp_path / "page.html")]) == 1
+    monkeypatch.setattr(
+        "dart_skill.report.page_of", lambda run, drawn: "<html>" + "\ud800"
+    )  # no text that a file takes
+    assert (
+        main(["report", str(BAGS / "demonstrations"), "--output", str(tmp_path / "page.html")])
+        == 1
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -362,5 +471,7 @@ def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatc
     page = tmp_path / "page.html"
     assert main(["report", str(BAGS / "demonstrations"), "--output", str(page), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    assert said["report"] == str(page) and len(said["demonstrations"]) == 13 and said["throws"] == []
+    assert (
+        said["report"] == str(page) and len(said["demonstrations"]) == 13 and said["throws"] == []
+    )
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")

@@ -1,4 +1,6 @@
-"""The imports of a module without the syntax tree of all of it: to parse all modules takes seconds, and several tests do."""
+"""The imports of a module without the syntax tree of all of it: to parse all modules takes
+seconds, and several tests do.
+"""
 
 import ast
 import re

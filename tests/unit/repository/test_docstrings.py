@@ -1,4 +1,6 @@
-"""What docstrings say of parameters, results and errors becomes fields of the website, and nothing of it is forgotten."""
+"""What docstrings say of parameters, results and errors becomes fields of the website, and nothing
+of it is forgotten.
+"""
 
 import ast
 import importlib
@@ -31,15 +33,19 @@ class Basket:
 
 
 def throw(ball: str, target: "fields.Part", speed: float = 1.0, *, rng: object = None) -> bool:
-    """Throw a ball (e.g. red: it is fast) at a place; returns whether it is in. target: of a_b; speed [m/s]: of it. At least 1.
+    """Throw a ball (e.g. red: it is fast) at a place; returns whether it is in. target: of a_b;
+    speed [m/s]: of it. At least 1.
 
-    More; ValueError for a speed below 1. FileNotFoundError, OSError if `there; is: none`. It may be slow.
+    More; ValueError for a speed below 1. FileNotFoundError, OSError if `there; is: none`. It may
+    be slow.
     """
     return bool(ball)
 
 
 def shown(obj) -> str:
-    return "\n".join(fields.as_rest(inspect.cleandoc(obj.__doc__).splitlines(), fields.documented(obj)))
+    return "\n".join(
+        fields.as_rest(inspect.cleandoc(obj.__doc__).splitlines(), fields.documented(obj))
+    )
 
 
 def test_a_function_has_fields_and_keeps_the_rest_of_its_prose():
@@ -82,7 +88,9 @@ def test_a_class_has_its_attributes_too():
 
 
 def public():
-    """Every function, class and method with a docstring that the pages of the API show: its name, itself, and the docstring."""
+    """Every function, class and method with a docstring that the pages of the API show: its name,
+    itself, and the docstring.
+    """
     seen = set()
     for page in sorted((DOCS / "api").glob("*.rst")):
         for name in re.findall(r"automodule:: (\S+)", page.read_text(encoding="utf-8")):
@@ -90,15 +98,27 @@ def public():
                 module = importlib.import_module(name)
             except ModuleNotFoundError:
                 continue  # of an extra that is not installed here
-            for offered in getattr(module, "__all__", None) or [key for key, value in vars(module).items() if _is_of(value, name, key)]:
+            for offered in getattr(module, "__all__", None) or [
+                key for key, value in vars(module).items() if _is_of(value, name, key)
+            ]:
                 thing = getattr(module, offered)
-                if id(thing) in seen or not (inspect.isclass(thing) or inspect.isroutine(thing)) or not thing.__doc__:
+                if (
+                    id(thing) in seen
+                    or not (inspect.isclass(thing) or inspect.isroutine(thing))
+                    or not thing.__doc__
+                ):
                     continue
                 seen.add(id(thing))
                 yield f"{name}.{offered}", thing, inspect.cleandoc(thing.__doc__)
                 for key, value in vars(thing).items() if inspect.isclass(thing) else ():
-                    method = value.__func__ if isinstance(value, (classmethod, staticmethod)) else value
-                    text = inspect.getdoc(getattr(thing, key)) if inspect.isfunction(method) and not key.startswith("_") else None
+                    method = (
+                        value.__func__ if isinstance(value, (classmethod, staticmethod)) else value
+                    )
+                    text = (
+                        inspect.getdoc(getattr(thing, key))
+                        if inspect.isfunction(method) and not key.startswith("_")
+                        else None
+                    )
                     if text:
                         yield f"{name}.{offered}.{key}", method, text
 
@@ -131,20 +151,32 @@ def test_no_word_of_a_docstring_is_lost_and_none_is_shown_twice():
 
 
 def test_every_parameter_has_words():
-    """In its docstring, in that of a base class, in one that it names, or in `fields.COMMON` for a name that means the same everywhere."""
+    """In its docstring, in that of a base class, in one that it names, or in `fields.COMMON` for a
+    name that means the same everywhere.
+    """
     told = [(name, known, text.splitlines()) for name, _, known, text in all_public()]
-    without = [f"{name}: {one}" for name, known, lines in told for one in sorted(fields.without_words(known, lines) - fields.COMMON.keys())]
+    without = [
+        f"{name}: {one}"
+        for name, known, lines in told
+        for one in sorted(fields.without_words(known, lines) - fields.COMMON.keys())
+    ]
     assert len(told) > 1000 and sum(len(known.parameters) for _, known, _ in told) > 3000
     assert not without, f"{len(without)} parameters without words:\n" + "\n".join(without)
 
 
 def test_each_parameter_of_a_class_stands_in_a_list():
-    """`* name: ...`, or `* name, other: ...` where one text is of several; not `name: ...` without the mark of an item."""
+    """`* name: ...`, or `* name, other: ...` where one text is of several; not `name: ...` without
+    the mark of an item.
+    """
     found = []
     for name, thing, known, text in all_public():
         parameters = set(known.parameters) if inspect.isclass(thing) else set()
         heads = (re.match(r"(\w+(?:, \w+)*): ", line) for line in text.splitlines())
-        found += [f"{name}: {head[0]}" for head in heads if head and set(head[1].split(", ")) <= parameters]
+        found += [
+            f"{name}: {head[0]}"
+            for head in heads
+            if head and set(head[1].split(", ")) <= parameters
+        ]
     assert not found, "\n".join(found)
 
 
@@ -156,20 +188,37 @@ def test_nothing_is_said_twice_of_a_parameter():
 
 
 def test_common_words_are_for_names_of_which_a_docstring_may_say_nothing():
-    unsaid = {one for _, _, known, text in all_public() for one in fields.without_words(known, text.splitlines())}
+    unsaid = {
+        one
+        for _, _, known, text in all_public()
+        for one in fields.without_words(known, text.splitlines())
+    }
     assert fields.COMMON.keys() <= unsaid, f"no parameter needs {fields.COMMON.keys() - unsaid}"
 
 
 def raised(thing, known) -> set[str]:
     """Exceptions that the body of a function raises itself, by name."""
     body = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(thing))))
-    calls = [node.exc.func for node in ast.walk(body) if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
+    calls = [
+        node.exc.func
+        for node in ast.walk(body)
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)
+    ]
     names = {ast.unparse(call).rsplit(".", 1)[-1] for call in calls}
     return {name for name in names if known.is_error(name)}
 
 
 def test_errors_that_a_function_raises_are_named_in_its_docstring():
-    unnamed = [(name, raised(thing, known), text) for name, thing, known, text in all_public() if not inspect.isclass(thing)]
+    unnamed = [
+        (name, raised(thing, known), text)
+        for name, thing, known, text in all_public()
+        if not inspect.isclass(thing)
+    ]
     assert sum(bool(errors) for _, errors, _ in unnamed) > 150
-    missing = [f"{name}: {error}" for name, errors, text in unnamed for error in sorted(errors) if not re.search(rf"\b{error}\b", text)]
+    missing = [
+        f"{name}: {error}"
+        for name, errors, text in unnamed
+        for error in sorted(errors)
+        if not re.search(rf"\b{error}\b", text)
+    ]
     assert not missing, "errors that no docstring names:\n" + "\n".join(missing)

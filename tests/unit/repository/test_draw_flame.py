@@ -1,4 +1,6 @@
-"""The flame graph of docs/performance.md: stacks that py-spy wrote become boxes of the right width, below the right node."""
+"""The flame graph of docs/performance.md: stacks that py-spy wrote become boxes of the right
+width, below the right node.
+"""
 
 import importlib.util
 
@@ -10,8 +12,14 @@ spec = importlib.util.spec_from_file_location("draw_flame", ROOT / "tools" / "dr
 draw_flame = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(draw_flame)
 
-BELOW = "thread (1): MainThread;run (dart_skill_nodes/process/node_base.py:148);spin_once (dart_skill_nodes/comms/in_process.py:189)"
-STEP = f"{BELOW};WamSimulator._step (dart_skill_nodes/executables/wam_simulator.py:200);Plant.step (dart_skill/simulation/_plant.py"
+BELOW = (
+    "thread (1): MainThread;run (dart_skill_nodes/process/node_base.py:148);spin_once"
+    " (dart_skill_nodes/comms/in_process.py:189)"
+)
+STEP = (
+    f"{BELOW};WamSimulator._step (dart_skill_nodes/executables/wam_simulator.py:200);Plant.step"
+    " (dart_skill/simulation/_plant.py"
+)
 SAMPLES = f"""\
 {STEP}:80);0x7fc81364524a (libc.so.6);pybullet_stepSimulation (pybullet.so) 30
 {STEP}:81) 10
@@ -24,7 +32,9 @@ thread (1): MainThread;run (dart_skill_nodes/process/node_base.py:141);_started 
 
 def test_a_box_is_as_wide_as_its_share_of_the_samples_and_has_the_colour_of_its_node():
     found = {box.name: box for box in draw_flame.boxes(draw_flame.stacks_of(SAMPLES))}
-    shares = {name: (pytest.approx(box.share), box.depth, box.kind[0]) for name, box in found.items()}
+    shares = {
+        name: (pytest.approx(box.share), box.depth, box.kind[0]) for name, box in found.items()
+    }
     assert shares == {
         "WamSimulator._step": (0.4, 0, "simulator"),
         "Plant.step": (0.4, 1, "simulator"),
@@ -33,12 +43,18 @@ def test_a_box_is_as_wide_as_its_share_of_the_samples_and_has_the_colour_of_its_
         "rcl_publish": (0.2, 0, "executor and middleware"),
     }
     starts = sorted((box.start, box.share) for box in found.values() if box.depth == 0)
-    assert [start for start, _ in starts] == pytest.approx([0.0, *(start + share for start, share in starts[:-1])])
+    assert [start for start, _ in starts] == pytest.approx(
+        [0.0, *(start + share for start, share in starts[:-1])]
+    )
 
 
 def test_the_key_says_the_share_of_each_node_and_leaves_the_rest_to_the_executor():
     key = draw_flame.key_of(draw_flame.boxes(draw_flame.stacks_of(SAMPLES)))
-    assert sorted(patch.get_label() for patch in key) == ["commander, 40%", "executor and middleware, 20%", "simulator, 40%"]
+    assert sorted(patch.get_label() for patch in key) == [
+        "commander, 40%",
+        "executor and middleware, 20%",
+        "simulator, 40%",
+    ]
 
 
 def test_samples_of_another_process_are_refused():

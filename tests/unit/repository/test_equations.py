@@ -10,7 +10,9 @@ from tests.paths import DOCS
 
 TEXT = (DOCS / "equations.md").read_text(encoding="utf-8")
 NAMES = sorted(set(re.findall(r"`(dart_skill\.[\w.]+)`", TEXT)))
-EQUATIONS = re.findall(r"\$\$(.+?)\$\$", TEXT, re.DOTALL) + re.findall(r"(?<!\$)\$([^$\n]+)\$(?!\$)", TEXT)
+EQUATIONS = re.findall(r"\$\$(.+?)\$\$", TEXT, re.DOTALL) + re.findall(
+    r"(?<!\$)\$([^$\n]+)\$(?!\$)", TEXT
+)
 
 
 @pytest.mark.parametrize("name", NAMES)

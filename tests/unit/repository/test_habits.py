@@ -1,4 +1,6 @@
-"""Habits of the code that no linter knows: absolute imports, `if` for a choice, and a line of its own for each change of state."""
+"""Habits of the code that no linter knows: absolute imports, `if` for a choice, and a line of its
+own for each change of state.
+"""
 
 import ast
 import re
@@ -20,10 +22,21 @@ def is_choice_without_if(node):
 
 
 def changes_state_beside_a_variable(node):
-    """`taken, self._state = self._state, None`: an attribute changes on a line that is about something else."""
-    if not (isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)):
+    """`taken, self._state = self._state, None`: an attribute changes on a line that is about
+    something else.
+    """
+    if not (
+        isinstance(node, ast.Assign)
+        and isinstance(node.targets[0], ast.Tuple)
+        and isinstance(node.value, ast.Tuple)
+    ):
         return False
-    return len({isinstance(target, (ast.Attribute, ast.Subscript)) for target in node.targets[0].elts}) == 2
+    return (
+        len(
+            {isinstance(target, (ast.Attribute, ast.Subscript)) for target in node.targets[0].elts}
+        )
+        == 2
+    )
 
 
 HABITS = {
@@ -39,7 +52,12 @@ ASSIGNS = re.compile(r"^ +(?=[^=\n]*\w\.\w)[^=\n]*, [^=\n]*= ", re.MULTILINE)
 
 def broken(source):
     """(habit, line) of every habit that a module breaks."""
-    return [(habit, node.lineno) for node in ast.walk(ast.parse(source)) for habit, breaks in HABITS.items() if breaks(node)]
+    return [
+        (habit, node.lineno)
+        for node in ast.walk(ast.parse(source))
+        for habit, breaks in HABITS.items()
+        if breaks(node)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -48,7 +66,10 @@ def broken(source):
         ("from .conftest import graphs", "imports are absolute"),
         ("go() if there else None", "a choice is an if statement"),
         ("there and go()", "a choice is an if statement"),
-        ("taken, self.waiting = self.waiting, []", "an attribute is not assigned in one line with a variable"),
+        (
+            "taken, self.waiting = self.waiting, []",
+            "an attribute is not assigned in one line with a variable",
+        ),
         ("self.a, self.b = 0, 0", None),
         ("a, b = b, a", None),
         ("self.a = 1 if there else 2", None),
@@ -72,7 +93,9 @@ def test_all_modules_keep_the_habits():
     assert not found, "\n".join(found)
 
 
-QUATERNIONS = re.compile(r"def _?(rotate|multiply|hamilton)\w*\(|\w+ \* \w+ - x\w* \* x\w* - y\w* \* y\w* - z")
+QUATERNIONS = re.compile(
+    r"def _?(rotate|multiply|hamilton)\w*\(|\w+ \* \w+ - x\w* \* x\w* - y\w* \* y\w* - z"
+)
 WITH_QUATERNIONS = {
     "dart_skill/common/quaternions.py": "the one place",
     "dart_skill/movement/_orientation.py": "checks what a caller of the library gives",
@@ -81,22 +104,39 @@ WITH_QUATERNIONS = {
 
 def test_quaternions_are_multiplied_in_one_module():
     files = [path for folder in ("dart_skill", "nodes") for path in (ROOT / folder).rglob("*.py")]
-    found = {path.relative_to(ROOT).as_posix() for path in files if QUATERNIONS.search(path.read_text(encoding="utf-8"))}
+    found = {
+        path.relative_to(ROOT).as_posix()
+        for path in files
+        if QUATERNIONS.search(path.read_text(encoding="utf-8"))
+    }
     assert found == set(WITH_QUATERNIONS)
 
 
-A_GRIP_AS_A_NUMBER = re.compile(r"^_?(OPEN = 2|CLOSE = 1)\b|grip['\"\]]* ?(==|!=|:) ?\d", re.MULTILINE)
+A_GRIP_AS_A_NUMBER = re.compile(
+    r"^_?(OPEN = 2|CLOSE = 1)\b|grip['\"\]]* ?(==|!=|:) ?\d", re.MULTILINE
+)
 
 
 def test_what_the_hand_shall_do_is_no_bare_number():
     """`grip == 2` says nothing to a reader; `Grip.OPEN` of `dart_skill.common.constants` does."""
-    files = [path for folder in ("dart_skill", "nodes", "tools", "launch") for path in (ROOT / folder).rglob("*.py")]
-    assert not [path for path in files if A_GRIP_AS_A_NUMBER.search(path.read_text(encoding="utf-8"))]
-    assert all(A_GRIP_AS_A_NUMBER.search(line) for line in ("OPEN = 2", "if command.grip == 2:", '{"grip": 2}', "row['grip'] != 1"))
+    files = [
+        path
+        for folder in ("dart_skill", "nodes", "tools", "launch")
+        for path in (ROOT / folder).rglob("*.py")
+    ]
+    assert not [
+        path for path in files if A_GRIP_AS_A_NUMBER.search(path.read_text(encoding="utf-8"))
+    ]
+    assert all(
+        A_GRIP_AS_A_NUMBER.search(line)
+        for line in ("OPEN = 2", "if command.grip == 2:", '{"grip": 2}', "row['grip'] != 1")
+    )
 
 
 def test_no_private_name_is_imported_from_another_module():
-    """Modules whose names begin with an underscore are parts of their package; functions and classes with one are not."""
+    """Modules whose names begin with an underscore are parts of their package; functions and
+    classes with one are not.
+    """
     paths = [path for folder in ("dart_skill", "nodes") for path in (ROOT / folder).rglob("*.py")]
     modules = {path.stem for path in paths}
     imported = [
@@ -107,4 +147,8 @@ def test_no_private_name_is_imported_from_another_module():
         for name in node.names
     ]
     assert len(imported) > 1000
-    assert not [one for one in imported if one[1].startswith("_") and not one[1].startswith("__") and one[1] not in modules]
+    assert not [
+        one
+        for one in imported
+        if one[1].startswith("_") and not one[1].startswith("__") and one[1] not in modules
+    ]

@@ -11,7 +11,10 @@ import pytest
 from tests.paths import BAGS, ROOT
 from tests.unit.repository.import_lines import imports
 
-SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
+SOURCES = {
+    "dart_skill": ROOT / "dart_skill",
+    "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes",
+}
 LAYERS = (
     {"__version__", "common"},
     {"mixture"},
@@ -29,10 +32,22 @@ LAYERS = (
     {"cli"},
     {"__main__"},
 )
-"""Rooms of the library, from the ground up: a room imports from lower layers, and from nowhere else."""
+"""Rooms of the library, from the ground up: a room imports from lower layers, and from nowhere
+else.
+"""
 NODE_LAYERS = ({"comms"}, {"process"}, {"skills"}, {"client"}, {"executables"}, {"verbs"})
 """The same for the nodes."""
-ROS = {"rclpy", "rcl_interfaces", "dart_skill_msgs", "dart_skill_nodes", "std_msgs", "std_srvs", "geometry_msgs", "sensor_msgs", "launch"}
+ROS = {
+    "rclpy",
+    "rcl_interfaces",
+    "dart_skill_msgs",
+    "dart_skill_nodes",
+    "std_msgs",
+    "std_srvs",
+    "geometry_msgs",
+    "sensor_msgs",
+    "launch",
+}
 
 
 def sources(package):
@@ -46,11 +61,16 @@ def sources(package):
 @cache
 def modules(package):
     """Module name -> names that it imports, of every module of a package."""
-    return {module: list(imported(imports(path.read_text(encoding="utf-8")))) for module, path in sources(package)}
+    return {
+        module: list(imported(imports(path.read_text(encoding="utf-8"))))
+        for module, path in sources(package)
+    }
 
 
 def imported(tree):
-    """Every module that a syntax tree imports, in functions too; `from package import module` as package.module."""
+    """Every module that a syntax tree imports, in functions too; `from package import module` as
+    package.module.
+    """
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -62,12 +82,16 @@ def imported(tree):
 def room(module):
     """The room of a module of the library or of the nodes."""
     package, *parts = module.split(".")
-    has_rooms = package == "dart_skill" and (parts[:1] == ["skills"] or parts[:2] == ["arm", "check"])
+    has_rooms = package == "dart_skill" and (
+        parts[:1] == ["skills"] or parts[:2] == ["arm", "check"]
+    )
     return ".".join(parts[:2]) if has_rooms else ".".join(parts[:1])
 
 
 def arrows(package):
-    """(from room, to room, module, imported module) of all imports within a package that lead from room to room."""
+    """(from room, to room, module, imported module) of all imports within a package that lead from
+    room to room.
+    """
     for module, names in modules(package).items():
         for name in names:
             if name.split(".")[0] == package and room(name) != room(module):
@@ -78,7 +102,9 @@ def layer_of(name, layers):
     return next(number for number, layer in enumerate(layers) if name in layer)
 
 
-@pytest.mark.parametrize(("package", "layers"), [("dart_skill", LAYERS), ("dart_skill_nodes", NODE_LAYERS)])
+@pytest.mark.parametrize(
+    ("package", "layers"), [("dart_skill", LAYERS), ("dart_skill_nodes", NODE_LAYERS)]
+)
 def test_rooms_import_from_lower_layers_only(package, layers):
     wrong = [
         f"{module} imports {name}"
@@ -89,7 +115,12 @@ def test_rooms_import_from_lower_layers_only(package, layers):
 
 
 def test_the_library_knows_no_ros():
-    wrong = [f"{module} imports {name}" for module, names in modules("dart_skill").items() for name in names if name.split(".")[0] in ROS]
+    wrong = [
+        f"{module} imports {name}"
+        for module, names in modules("dart_skill").items()
+        for name in names
+        if name.split(".")[0] in ROS
+    ]
     assert not wrong, "\n".join(wrong)
 
 
@@ -99,7 +130,8 @@ def test_only_the_command_of_experiments_imports_them():
         for package in SOURCES
         for module, names in modules(package).items()
         for name in names
-        if name.startswith("dart_skill.experiments") and not module.startswith(("dart_skill.experiments", "dart_skill.cli.experiment"))
+        if name.startswith("dart_skill.experiments")
+        and not module.startswith(("dart_skill.experiments", "dart_skill.cli.experiment"))
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -111,7 +143,8 @@ def test_a_module_with_an_underscore_is_imported_by_its_own_package_only():
         for module, names in modules(package).items()
         for name in names
         for private in [part for part in name.split(".")[1:-1] if part.startswith("_")]
-        if name.startswith("dart_skill") and not module.startswith(name[: name.index(f".{private}")])
+        if name.startswith("dart_skill")
+        and not module.startswith(name[: name.index(f".{private}")])
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -122,7 +155,11 @@ WITHOUT_A_FACE = ("dart_skill.common.", "dart_skill.experiments.", "dart_skill.c
 
 def test_a_room_imports_from_the_face_of_another_package():
     """`from dart_skill.figures import draw_path`, not `from dart_skill.figures.board`."""
-    inside = {name for name, path in sources("dart_skill") if path.name != "__init__.py" and name.count(".") > 1}
+    inside = {
+        name
+        for name, path in sources("dart_skill")
+        if path.name != "__init__.py" and name.count(".") > 1
+    }
     wrong = [
         f"{module} imports {name}"
         for package in SOURCES
@@ -136,18 +173,44 @@ def test_a_room_imports_from_the_face_of_another_package():
 
 
 def test_the_packages_of_the_nodes_import_nothing_of_ours_by_themselves():
-    """A process pays at its start for what it imports; `faults` and `soak` are verbs, with parts of their own."""
-    packages = {module for module, path in sources("dart_skill_nodes") if path.name == "__init__.py" and ".verbs." not in module}
-    wrong = {module: [name for name in modules("dart_skill_nodes")[module] if name.startswith("dart_skill")] for module in packages}
+    """A process pays at its start for what it imports; `faults` and `soak` are verbs, with parts
+    of their own.
+    """
+    packages = {
+        module
+        for module, path in sources("dart_skill_nodes")
+        if path.name == "__init__.py" and ".verbs." not in module
+    }
+    wrong = {
+        module: [
+            name for name in modules("dart_skill_nodes")[module] if name.startswith("dart_skill")
+        ]
+        for module in packages
+    }
     assert not any(wrong.values()), wrong
 
 
 def lazily_imported(tree):
-    """The names that a package imports on first use, as it says them to type checkers and as it says them to `on_first_use`."""
-    blocks = (node.body for node in tree.body if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING")
+    """The names that a package imports on first use, as it says them to type checkers and as it
+    says them to `on_first_use`.
+    """
+    blocks = (
+        node.body
+        for node in tree.body
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+    )
     told = {alias.name for block in blocks for line in block for alias in line.names}
-    homes = (node.args[1] for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "on_first_use")
-    return told, {name for home in homes for names in ast.literal_eval(home).values() for name in names.split()}
+    homes = (
+        node.args[1]
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "on_first_use"
+    )
+    return told, {
+        name
+        for home in homes
+        for names in ast.literal_eval(home).values()
+        for name in names.split()
+    }
 
 
 LAZY = {
@@ -167,28 +230,79 @@ def test_a_package_has_all_that_it_imports_on_first_use(package):
         _ = module.nonsense
 
 
-@pytest.mark.parametrize("module", ["dart_skill_nodes.client.graph_client", "dart_skill_nodes.executables.recorder", "dart_skill.session"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "dart_skill_nodes.client.graph_client",
+        "dart_skill_nodes.executables.recorder",
+        "dart_skill.session",
+    ],
+)
 def test_who_neither_moves_an_arm_nor_learns_starts_without_what_that_takes(module):
-    """Half of the time in which a script, a recorder or a command on a running graph starts was for packages that it never used."""
-    heavy = ("pinocchio", "pybullet", "scipy.spatial", "scipy.optimize", "scipy.ndimage", "matplotlib", "dart_skill.mixture")
+    """Half of the time in which a script, a recorder or a command on a running graph starts was
+    for packages that it never used.
+    """
+    heavy = (
+        "pinocchio",
+        "pybullet",
+        "scipy.spatial",
+        "scipy.optimize",
+        "scipy.ndimage",
+        "matplotlib",
+        "dart_skill.mixture",
+    )
     shown = f"import sys, {module}; print(*sorted(set(sys.modules) & set({heavy})))"
-    assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", shown], capture_output=True, text=True, check=True
+        ).stdout.split()
+        == []
+    )
 
 
 @pytest.mark.parametrize("module", ["composed", "skill_learner"])
 def test_the_graph_of_throws_starts_without_the_parts_of_scipy(module):
     """They took a third of a second of each process, before which nobody could give a lesson."""
-    heavy = ("scipy.linalg", "scipy.spatial", "scipy.special", "scipy.optimize", "scipy.sparse", "numpy.ma", "dart_skill.session")
-    shown = f"import sys, dart_skill_nodes.executables.{module}; print(*sorted(set(sys.modules) & set({heavy})))"
-    assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
+    heavy = (
+        "scipy.linalg",
+        "scipy.spatial",
+        "scipy.special",
+        "scipy.optimize",
+        "scipy.sparse",
+        "numpy.ma",
+        "dart_skill.session",
+    )
+    shown = (
+        f"import sys, dart_skill_nodes.executables.{module}; print(*sorted(set(sys.modules) &"
+        f" set({heavy})))"
+    )
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", shown], capture_output=True, text=True, check=True
+        ).stdout.split()
+        == []
+    )
 
 
 def test_what_is_in_a_bag_is_told_without_what_reads_its_messages():
-    """Half of the time of `dart-skill bag info` was for NumPy, and for the parsers of types of which it says nothing."""
-    heavy = ("numpy", "scipy", "rosbags.typesys", "rosbags.rosbag2", "ruamel.yaml", "sqlite3", "zipfile", "dart_skill.cli.darts")
-    shown = (
-        "import sys; from dart_skill.cli import main; "
-        f"main(['bag', 'info', {str(BAGS / 'throws')!r}]); print(*sorted(set(sys.modules) & set({heavy})))"
+    """Half of the time of `dart-skill bag info` was for NumPy, and for the parsers of types of
+    which it says nothing.
+    """
+    heavy = (
+        "numpy",
+        "scipy",
+        "rosbags.typesys",
+        "rosbags.rosbag2",
+        "ruamel.yaml",
+        "sqlite3",
+        "zipfile",
+        "dart_skill.cli.darts",
     )
-    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True)
+    shown = (
+        "import sys; from dart_skill.cli import main; main(['bag', 'info',"
+        f" {str(BAGS / 'throws')!r}]); print(*sorted(set(sys.modules) & set({heavy})))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", shown], capture_output=True, text=True, check=True
+    )
     assert "/joint_states" in done.stdout and done.stdout.splitlines()[-1] == ""

@@ -1,4 +1,6 @@
-"""`colcon build` of a clone below src/, without another word, builds the messages, too: setup.py sees to it."""
+"""`colcon build` of a clone below src/, without another word, builds the messages, too: setup.py
+sees to it.
+"""
 
 import runpy
 import subprocess
@@ -15,7 +17,9 @@ DEVELOP = ["setup.py", "develop", "--editable", "--build-directory"]
 
 @pytest.fixture
 def colcon(tmp_path, monkeypatch):
-    """What colcon makes of Python when it calls setup.py, and what is started then; `call()`: the part of setup.py that builds messages."""
+    """What colcon makes of Python when it calls setup.py, and what is started then; `call()`: the
+    part of setup.py that builds messages.
+    """
     monkeypatch.setattr(sys, "argv", ["setup.py", "--version"])
     monkeypatch.setattr(setuptools, "setup", lambda **arguments: None)
     monkeypatch.chdir(ROOT)
@@ -23,7 +27,14 @@ def colcon(tmp_path, monkeypatch):
     build, install = tmp_path / "build" / "dart_skill", tmp_path / "install"
     (tmp_path / "build" / "dart_skill_msgs").mkdir(parents=True)
     build.mkdir()
-    seen = SimpleNamespace(call=names["build_messages"], commands=[], environments=[], status=0, install=install, workspace=tmp_path)
+    seen = SimpleNamespace(
+        call=names["build_messages"],
+        commands=[],
+        environments=[],
+        status=0,
+        install=install,
+        workspace=tmp_path,
+    )
 
     def run(command, env, **_):
         seen.commands.append(command)
@@ -48,13 +59,20 @@ def after(command, option):
     return command[command.index(option) + 1]
 
 
-def test_the_messages_are_built_beside_the_package_and_brought_up_to_date_the_next_time(colcon, monkeypatch):
+def test_the_messages_are_built_beside_the_package_and_brought_up_to_date_the_next_time(
+    colcon, monkeypatch
+):
     colcon.call()
     [command] = colcon.commands
     assert after(command, "--base-paths") == str(ROOT / "msg_schemas")
-    assert (after(command, "--install-base"), after(command, "--build-base")) == (str(colcon.install), str(colcon.workspace / "build"))
+    assert (after(command, "--install-base"), after(command, "--build-base")) == (
+        str(colcon.install),
+        str(colcon.workspace / "build"),
+    )
     assert "--merge-install" not in command
-    assert colcon.environments[0]["PYTHONPATH"] == "/somewhere", "colcon would install into the prefix of this package"
+    assert colcon.environments[0]["PYTHONPATH"] == "/somewhere", (
+        "colcon would install into the prefix of this package"
+    )
     provide(colcon.install / "dart_skill_msgs")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(colcon.install / "dart_skill_msgs"))
     colcon.call()
@@ -65,7 +83,17 @@ def test_in_a_merged_workspace_they_are_installed_with_the_rest(colcon, monkeypa
     colcon.install.mkdir()
     (colcon.install / ".colcon_install_layout").write_text("merged\n")
     monkeypatch.setattr(sys, "prefix", str(colcon.install))
-    monkeypatch.setattr(sys, "argv", ["setup.py", "build", "--build-base", str(colcon.workspace / "build/dart_skill/build"), "install"])
+    monkeypatch.setattr(
+        sys,
+        "argv",
+        [
+            "setup.py",
+            "build",
+            "--build-base",
+            str(colcon.workspace / "build/dart_skill/build"),
+            "install",
+        ],
+    )
     colcon.call()
     [command] = colcon.commands
     assert after(command, "--install-base") == str(colcon.install) and "--merge-install" in command
@@ -79,7 +107,15 @@ def test_what_another_build_brings_is_left_alone(colcon, monkeypatch, where):
     assert not colcon.commands
 
 
-@pytest.mark.parametrize("asked", [["--version"], ["--help-commands"], ["develop", "--help"], [*DEVELOP[1:], "x/y", "--uninstall"]])
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ["--version"],
+        ["--help-commands"],
+        ["develop", "--help"],
+        [*DEVELOP[1:], "x/y", "--uninstall"],
+    ],
+)
 def test_nothing_is_built_where_colcon_only_asks_or_takes_away(colcon, monkeypatch, asked):
     monkeypatch.setattr(sys, "argv", ["setup.py", *asked])
     colcon.call()

@@ -1,4 +1,6 @@
-"""What tools of ROS read of this repository can be read by them: with catkin_pkg, which colcon, rosdep and bloom read it with."""
+"""What tools of ROS read of this repository can be read by them: with catkin_pkg, which colcon,
+rosdep and bloom read it with.
+"""
 
 import re
 
@@ -23,6 +25,10 @@ def test_the_manifest_is_one_and_warns_of_nothing(name):
 
 def test_launch_files_and_bags_name_what_they_need():
     needed = {dependency.name for dependency in parse_package(str(ROOT)).exec_depends}
-    launched = set(re.findall(r'package="(\w+)"', LAUNCHED.read_text(encoding="utf-8"))) - {"dart_skill"}
-    assert launched >= {"robot_state_publisher", "rviz2"}, "what launch files start is not found any more"
+    launched = set(re.findall(r'package="(\w+)"', LAUNCHED.read_text(encoding="utf-8"))) - {
+        "dart_skill"
+    }
+    assert launched >= {"robot_state_publisher", "rviz2"}, (
+        "what launch files start is not found any more"
+    )
     assert launched | {"tf2_msgs", "launch_ros", "dart_skill_msgs"} <= needed

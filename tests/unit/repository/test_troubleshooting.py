@@ -1,4 +1,6 @@
-"""Every line that docs/troubleshooting.md quotes is still said somewhere in the code, word by word."""
+"""Every line that docs/troubleshooting.md quotes is still said somewhere in the code, word by
+word.
+"""
 
 import ast
 import re
@@ -19,12 +21,21 @@ def said_by(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
         elif isinstance(node, ast.JoinedStr):
-            yield "".join(part.value if isinstance(part, ast.Constant) else GAP for part in node.values)
+            yield "".join(
+                part.value if isinstance(part, ast.Constant) else GAP for part in node.values
+            )
 
 
 @cache
 def sources():
-    files = [ROOT / "setup.py", *(file for folder in ("dart_skill", "nodes", "tools") for file in (ROOT / folder).rglob("*.py"))]
+    files = [
+        ROOT / "setup.py",
+        *(
+            file
+            for folder in ("dart_skill", "nodes", "tools")
+            for file in (ROOT / folder).rglob("*.py")
+        ),
+    ]
     return [file.read_text(encoding="utf-8") for file in files]
 
 
@@ -36,8 +47,15 @@ def texts_of(source):
 def is_said(line):
     """Only modules that have all words of the line are parsed: all of them would take seconds."""
     words = re.findall(r"[^\W_]{4,}", line)
-    texts = (text for source in sources() if all(word in source for word in words) for text in texts_of(source))
-    return any(line in text for text in texts) or line in re.sub(r"\$\w+", GAP, (ROOT / "tools/env.sh").read_text(encoding="utf-8"))
+    texts = (
+        text
+        for source in sources()
+        if all(word in source for word in words)
+        for text in texts_of(source)
+    )
+    return any(line in text for text in texts) or line in re.sub(
+        r"\$\w+", GAP, (ROOT / "tools/env.sh").read_text(encoding="utf-8")
+    )
 
 
 LINES = [

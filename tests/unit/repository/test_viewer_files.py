@@ -1,4 +1,6 @@
-"""The files for RViz, Foxglove and PlotJuggler name topics that nodes publish, of types that the displays take."""
+"""The files for RViz, Foxglove and PlotJuggler name topics that nodes publish, of types that the
+displays take.
+"""
 
 import json
 import re
@@ -40,22 +42,35 @@ def private_topics():
 
 def test_rviz_shows_topics_that_there_are():
     described = yaml.safe_load((VIEWERS / "throwing.rviz").read_text())["Visualization Manager"]
-    displays = [display for display in described["Displays"] if "Topic" in display or "Description Topic" in display]
-    topics = {display.get("Topic", display.get("Description Topic"))["Value"] for display in displays}
+    displays = [
+        display
+        for display in described["Displays"]
+        if "Topic" in display or "Description Topic" in display
+    ]
+    topics = {
+        display.get("Topic", display.get("Description Topic"))["Value"] for display in displays
+    }
     assert len(topics) == len(displays) and topics <= PUBLISHED | set(private_topics())
     assert described["Global Options"]["Fixed Frame"] == "world"
 
 
 def test_rviz_is_given_the_types_that_its_displays_take():
-    displays = yaml.safe_load((VIEWERS / "throwing.rviz").read_text())["Visualization Manager"]["Displays"]
+    displays = yaml.safe_load((VIEWERS / "throwing.rviz").read_text())["Visualization Manager"][
+        "Displays"
+    ]
     for display in displays:
-        kind, topic = display["Class"].split("/")[1], display.get("Topic", display.get("Description Topic"))
+        kind, topic = (
+            display["Class"].split("/")[1],
+            display.get("Topic", display.get("Description Topic")),
+        )
         if topic is not None:
             assert type_of(topic["Value"]) == RVIZ[kind], display["Name"]
 
 
 def series_of(topic, frame):
-    """Names of the curves that PlotJuggler 3 makes of a topic: the path of each number; of joint states by the names of the joints."""
+    """Names of the curves that PlotJuggler 3 makes of a topic: the path of each number; of joint
+    states by the names of the joints.
+    """
     numbers = [name for name in frame.columns if frame[name].dtype.kind in "fiu"]
     if "name[0]" not in frame:
         return {f"{topic}/{name.replace('.', '/')}" for name in numbers}
@@ -66,14 +81,26 @@ def series_of(topic, frame):
 def test_plotjuggler_plots_curves_that_there_are():
     root = ElementTree.parse(VIEWERS / "plotjuggler.xml").getroot()
     curves = {curve.get("name") for curve in root.iter("curve")}
-    assert [tab.get("tab_name") for tab in root.iter("Tab")] == ["joints", "throw"] and len(curves) == 3 * 7 + 4 * 3
+    assert [tab.get("tab_name") for tab in root.iter("Tab")] == ["joints", "throw"] and len(
+        curves
+    ) == 3 * 7 + 4 * 3
     there = set()
     with BagReader(BAGS / "demonstrations") as bag:
-        for topic in ("/joint_states", "/vrpn_mocap/hand/pose", "/vrpn_mocap/ball/pose", "/wam/command", "/wam/teacher_wrench"):
+        for topic in (
+            "/joint_states",
+            "/vrpn_mocap/hand/pose",
+            "/vrpn_mocap/ball/pose",
+            "/wam/command",
+            "/wam/teacher_wrench",
+        ):
             there |= series_of(topic, bag.to_pandas(topic, stop_ns=bag.start_ns + 10**9))
     assert curves <= there
     for splitter in root.iter("DockSplitter"):
-        assert len(splitter.get("sizes").split(";")) == int(splitter.get("count")) == len(list(splitter))
+        assert (
+            len(splitter.get("sizes").split(";"))
+            == int(splitter.get("count"))
+            == len(list(splitter))
+        )
 
 
 def test_foxglove_shows_topics_that_there_are_and_every_panel_is_placed():
@@ -81,7 +108,9 @@ def test_foxglove_shows_topics_that_there_are_and_every_panel_is_placed():
     panels = layout["configById"]
     topics = set(panels["3D!arm"]["topics"])
     for panel in ("Plot!joints", "Plot!ball"):
-        topics |= {re.split(r"\.(?:position|pose)", path["value"])[0] for path in panels[panel]["paths"]}
+        topics |= {
+            re.split(r"\.(?:position|pose)", path["value"])[0] for path in panels[panel]["paths"]
+        }
     assert topics <= PUBLISHED | set(private_topics())
 
     def placed(node):

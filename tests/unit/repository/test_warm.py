@@ -45,7 +45,11 @@ def test_it_works_in_its_own_folder(popen, tmp_path):
 
 
 def test_a_signal_ends_it_and_a_killed_one_says_so(popen, tmp_path):
-    node = [sys.executable, "-m", "dart_skill_nodes.executables.recorder"]  # starts in half the time of those that move an arm
+    node = [
+        sys.executable,
+        "-m",
+        "dart_skill_nodes.executables.recorder",
+    ]  # starts in half the time of those that move an arm
     for number, status in ((signal.SIGINT, 0), (signal.SIGKILL, -signal.SIGKILL)):
         folder = tmp_path / signal.Signals(number).name  # a bag is named after the second
         folder.mkdir()
@@ -58,11 +62,21 @@ def test_a_signal_ends_it_and_a_killed_one_says_so(popen, tmp_path):
 
 
 def test_a_node_ends_with_its_starter():
-    begin = "from tests.warm import WarmPopen; import sys; p = WarmPopen([sys.executable, '-m', 'dart_skill_nodes.executables.teacher'])"
+    begin = (
+        "from tests.warm import WarmPopen; import sys; p = WarmPopen([sys.executable, '-m',"
+        " 'dart_skill_nodes.executables.teacher'])"
+    )
     environment = {**os.environ, warm.STARTER: "1"}
     environment[warm.ADDRESS] = warm._address()
-    starter = subprocess.Popen([sys.executable, "-c", f"{begin}; print(p.pid, flush=True); input()"], env=environment, cwd=warm.ROOT,
-                               stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)  # fmt: skip
+    starter = subprocess.Popen(
+        [sys.executable, "-c", f"{begin}; print(p.pid, flush=True); input()"],
+        env=environment,
+        cwd=warm.ROOT,  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
     pid = int(starter.stdout.readline())
     assert os.path.exists(f"/proc/{pid}")
     starter.kill()

@@ -1,6 +1,8 @@
-"""The wheel, as somebody without ROS installs it: in an environment that has what the wheel declares, and nothing else.
+"""The wheel, as somebody without ROS installs it: in an environment that has what the wheel
+declares, and nothing else.
 
-No network: the environment borrows the packages that the wheel declares from the one in which the tests run, with all that those need.
+No network: the environment borrows the packages that the wheel declares from the one in which the
+tests run, with all that those need.
 """
 
 import importlib.metadata
@@ -24,7 +26,17 @@ from dart_skill.common.extras import EXTRA_OF
 from tests.paths import BAGS, CONFIG, ROOT
 from tests.unit.repository.test_workspace import imported, workspace
 
-BUILT_FROM = ("dart_skill", "config", "msg_schemas", "setup.py", "setup.cfg", "pyproject.toml", "README.md", "LICENSE", "MANIFEST.in")
+BUILT_FROM = (
+    "dart_skill",
+    "config",
+    "msg_schemas",
+    "setup.py",
+    "setup.cfg",
+    "pyproject.toml",
+    "README.md",
+    "LICENSE",
+    "MANIFEST.in",
+)
 CORE_ROOMS = ("mixture", "movement", "policy_search", "darts")
 SMALL_DEMO = ("demo", "--layout", "in-process", "--demonstrations", "3", "--throws", "1")
 
@@ -33,7 +45,10 @@ SMALL_DEMO = ("demo", "--layout", "in-process", "--demonstrations", "3", "--thro
 def arguments_of_setup():
     """What setup.py hands to setuptools for the wheel, asked of one process for all extras."""
     script = "import json, runpy, setuptools, sys\nsys.argv = ['setup.py', 'dist_info']\n"
-    script += "setuptools.setup = lambda **arguments: print(json.dumps(arguments))\nrunpy.run_path('setup.py')"
+    script += (
+        "setuptools.setup = lambda **arguments:"
+        " print(json.dumps(arguments))\nrunpy.run_path('setup.py')"
+    )
     return json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
 
 
@@ -52,7 +67,9 @@ EXTRAS = ("sim", "plot", "view", "lerobot", "pandas", "foxglove", "c3d")
 
 
 def test_every_import_of_the_library_is_declared():
-    provided = {workspace.module_of(str(one)) for extra in ("", *EXTRAS) for one in declared(extra)} | {"pybullet_utils"}
+    provided = {
+        workspace.module_of(str(one)) for extra in ("", *EXTRAS) for one in declared(extra)
+    } | {"pybullet_utils"}
     missing = {name: file for name, file in imported("dart_skill").items() if name not in provided}
     assert not missing
 
@@ -69,13 +86,26 @@ def test_what_is_not_in_an_extra_needs_the_core_only():
 
 @pytest.mark.parametrize(("module", "extra"), EXTRA_OF.items())
 def test_an_error_names_the_extra_that_brings_what_is_missing(module, extra):
-    assert module.removesuffix("_utils") in {workspace.module_of(str(one)) for one in declared(extra)}
+    assert module.removesuffix("_utils") in {
+        workspace.module_of(str(one)) for one in declared(extra)
+    }
 
 
 def test_the_wheel_and_the_workspace_want_the_same_versions():
-    lines = [line for name in ("runtime", "test") for line in (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()]
-    wanted = {(one.name, str(one.specifier), str(one.marker)) for one in map(Requirement, (line for line in lines if line[:1].isalnum()))}
-    own = {(one.name, str(one.specifier), str(one.marker)) for extra in ("", *EXTRAS) for one in declared(extra)}
+    lines = [
+        line
+        for name in ("runtime", "test")
+        for line in (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()
+    ]
+    wanted = {
+        (one.name, str(one.specifier), str(one.marker))
+        for one in map(Requirement, (line for line in lines if line[:1].isalnum()))
+    }
+    own = {
+        (one.name, str(one.specifier), str(one.marker))
+        for extra in ("", *EXTRAS)
+        for one in declared(extra)
+    }
     assert own <= wanted
 
 
@@ -88,8 +118,13 @@ def newest(folder):
 
 
 def _keep_compiled(source):
-    """What set-up compiled from the same sources with the same setup.py is newer than they are, and not compiled again."""
-    places = [ROOT / "build" / "dart_skill" / "build" / "cython", ROOT / "build" / "cython"]  # of `make setup`, and of a build by hand
+    """What set-up compiled from the same sources with the same setup.py is newer than they are,
+    and not compiled again.
+    """
+    places = [
+        ROOT / "build" / "dart_skill" / "build" / "cython",
+        ROOT / "build" / "cython",
+    ]  # of `make setup`, and of a build by hand
     if there := [place for place in places if place.is_dir()]:
         shutil.copytree(max(there, key=newest), source / "build" / "cython")
     built = source / "build" / f"lib.{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
@@ -102,16 +137,37 @@ def _keep_compiled(source):
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     """The wheel, built from a copy: setuptools leaves its work beside the sources."""
-    pytest.importorskip("wheel", reason="the wheel is built without a network: pip install -r requirements/test.txt, or make setup")
+    pytest.importorskip(
+        "wheel",
+        reason=(
+            "the wheel is built without a network: pip install -r requirements/test.txt, or make"
+            " setup"
+        ),
+    )
     source, output = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
     for name in BUILT_FROM:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+            shutil.copytree(
+                ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.so")
+            )
         else:
-            shutil.copy2(ROOT / name, source)  # as old as it is: what is older than setup.py is compiled anew
+            shutil.copy2(
+                ROOT / name, source
+            )  # as old as it is: what is older than setup.py is compiled anew
     _keep_compiled(source)
-    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
-    done = subprocess.run([*pip, "--wheel-dir", str(output), str(source)], capture_output=True, text=True)
+    pip = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+        "--no-build-isolation",
+    ]
+    done = subprocess.run(
+        [*pip, "--wheel-dir", str(output), str(source)], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     return next(output.glob("dart_skill-*.whl"))
 
@@ -119,34 +175,83 @@ def wheel(tmp_path_factory):
 def test_the_wheel_has_the_library_its_parameters_and_messages_and_one_command(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-        commands = archive.read(next(name for name in names if name.endswith("entry_points.txt"))).decode()
-    config = {f"dart_skill/config/{path.relative_to(CONFIG)}" for path in CONFIG.rglob("*") if path.is_file()}
-    messages = {f"dart_skill/{path.relative_to(ROOT)}" for path in (ROOT / "msg_schemas").glob("*/*.*")}
-    assert config | messages | {"dart_skill/py.typed", "dart_skill/msg_schemas/package.xml"} <= names
-    assert not [name for name in names if name.startswith(("dart_skill_nodes", "nodes", "tests")) or ".data/" in name]
-    typed = {path.relative_to(ROOT).with_suffix("").as_posix() for path in (ROOT / "dart_skill").rglob("*.pxd")}
-    assert typed == {"dart_skill/_arrays"} ^ {name.split(".")[0] for name in names if name.endswith(tuple(EXTENSION_SUFFIXES))}
+        commands = archive.read(
+            next(name for name in names if name.endswith("entry_points.txt"))
+        ).decode()
+    config = {
+        f"dart_skill/config/{path.relative_to(CONFIG)}"
+        for path in CONFIG.rglob("*")
+        if path.is_file()
+    }
+    messages = {
+        f"dart_skill/{path.relative_to(ROOT)}" for path in (ROOT / "msg_schemas").glob("*/*.*")
+    }
+    assert (
+        config | messages | {"dart_skill/py.typed", "dart_skill/msg_schemas/package.xml"} <= names
+    )
+    assert not [
+        name
+        for name in names
+        if name.startswith(("dart_skill_nodes", "nodes", "tests")) or ".data/" in name
+    ]
+    typed = {
+        path.relative_to(ROOT).with_suffix("").as_posix()
+        for path in (ROOT / "dart_skill").rglob("*.pxd")
+    }
+    assert typed == {"dart_skill/_arrays"} ^ {
+        name.split(".")[0] for name in names if name.endswith(tuple(EXTENSION_SUFFIXES))
+    }
     assert re.findall(r"^([\w-]+) = ", commands, re.MULTILINE) == ["dart-skill"]
 
 
 class Environment:
-    """A virtual environment with the wheel, its core and some extras; nothing of ROS, and nothing else of the one of the tests."""
+    """A virtual environment with the wheel, its core and some extras; nothing of ROS, and nothing
+    else of the one of the tests.
+    """
 
     def __init__(self, folder, wheel, *extras):
-        subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True, env=bare(folder))
+        subprocess.run(
+            [sys.executable, "-m", "venv", "--without-pip", str(folder)],
+            check=True,
+            env=bare(folder),
+        )
         self.folder, self.python = folder, folder / "bin" / "python3"
-        site = folder / "lib" / f"python{sys.version_info[0]}.{sys.version_info[1]}" / "site-packages"
+        site = (
+            folder / "lib" / f"python{sys.version_info[0]}.{sys.version_info[1]}" / "site-packages"
+        )
         for name in needed([one for extra in ("", *extras) for one in declared(extra)]):
             borrow(name, site)
-        pip = [sys.executable, "-m", "pip", "--python", str(self.python), "install", "--quiet", "--no-deps", "--no-index", str(wheel)]
-        done = subprocess.run([*pip, "--disable-pip-version-check"], capture_output=True, text=True)
+        pip = [
+            sys.executable,
+            "-m",
+            "pip",
+            "--python",
+            str(self.python),
+            "install",
+            "--quiet",
+            "--no-deps",
+            "--no-index",
+            str(wheel),
+        ]
+        done = subprocess.run(
+            [*pip, "--disable-pip-version-check"], capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stderr
 
     def run(self, *command, status=0):
         """What a command says on stdout and stderr; it must end with this status."""
         words = [str(word) for word in command]
-        done = subprocess.run(words, cwd=self.folder, env=bare(self.folder), capture_output=True, text=True, timeout=300)
-        assert done.returncode == status, f"{words}: status {done.returncode}\n{done.stdout}\n{done.stderr}"
+        done = subprocess.run(
+            words,
+            cwd=self.folder,
+            env=bare(self.folder),
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        assert done.returncode == status, (
+            f"{words}: status {done.returncode}\n{done.stdout}\n{done.stderr}"
+        )
         return done.stdout, done.stderr
 
     def dart_skill(self, *words, status=0):
@@ -156,7 +261,12 @@ class Environment:
 
 def bare(folder):
     """The variables of somebody who has sourced nothing."""
-    return {"PATH": os.defpath, "HOME": str(folder), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return {
+        "PATH": os.defpath,
+        "HOME": str(folder),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
 
 
 def needed(requirements):
@@ -169,7 +279,7 @@ def needed(requirements):
             continue
         found.add(name)
         for text in distribution(name).requires or ():
-            waiting += [(Requirement(text), extra) for extra in (one.extras or [""])]
+            waiting += [(Requirement(text), extra) for extra in one.extras or [""]]
     return found
 
 
@@ -207,7 +317,8 @@ def simulating(wheel, tmp_path_factory):
 
 def test_there_is_no_ros_and_no_checkout_in_reach(core):
     script = (
-        "import importlib.util as u, dart_skill; print(dart_skill.__file__, *map(u.find_spec, ('rclpy', 'dart_skill_nodes', 'pinocchio')))"
+        "import importlib.util as u, dart_skill; print(dart_skill.__file__, *map(u.find_spec,"
+        " ('rclpy', 'dart_skill_nodes', 'pinocchio')))"
     )
     out, _ = core.run(core.python, "-c", script)
     where, *others = out.split()
@@ -216,9 +327,21 @@ def test_there_is_no_ros_and_no_checkout_in_reach(core):
 
 def test_it_says_its_version_in_three_ways(core):
     version = workspace_version()
-    assert core.dart_skill("--version")[0] == core.run(core.python, "-m", "dart_skill", "--version")[0] == f"dart-skill {version}\n"
-    assert core.run(core.python, "-c", "import dart_skill; print(dart_skill.__version__)")[0] == f"{version}\n"
-    assert importlib.metadata.PathDistribution(next(core.folder.rglob("dart_skill-*.dist-info"))).version == version
+    assert (
+        core.dart_skill("--version")[0]
+        == core.run(core.python, "-m", "dart_skill", "--version")[0]
+        == f"dart-skill {version}\n"
+    )
+    assert (
+        core.run(core.python, "-c", "import dart_skill; print(dart_skill.__version__)")[0]
+        == f"{version}\n"
+    )
+    assert (
+        importlib.metadata.PathDistribution(
+            next(core.folder.rglob("dart_skill-*.dist-info"))
+        ).version
+        == version
+    )
 
 
 def workspace_version():
@@ -226,7 +349,25 @@ def workspace_version():
 
 
 def test_the_core_knows_where_to_aim_and_what_is_in_a_bag(core):
-    assert "sigma" in core.dart_skill("darts", "estimate", "12", "16", "19", "3", "17", "1", "25", "19", "17", "50", "18", "1")[0]
+    assert (
+        "sigma"
+        in core.dart_skill(
+            "darts",
+            "estimate",
+            "12",
+            "16",
+            "19",
+            "3",
+            "17",
+            "1",
+            "25",
+            "19",
+            "17",
+            "50",
+            "18",
+            "1",
+        )[0]
+    )
     assert "/demonstrations" in core.dart_skill("bag", "info", BAGS / "demonstrations")[0]
     assert "nothing is wrong" in "".join(core.dart_skill("bag", "check", BAGS / "demonstrations"))
 
@@ -242,7 +383,16 @@ MISSING = {
         ("darts", "heatmap", "--sigma", "20", "--output", "heat"),
         *(
             ("experiment", name)
-            for name in ("throws", "basket", "practice", "darts", "repeatability", "search", "landscapes", "compliance")
+            for name in (
+                "throws",
+                "basket",
+                "practice",
+                "darts",
+                "repeatability",
+                "search",
+                "landscapes",
+                "compliance",
+            )
         ),
         *(("experiment", name) for name in ("place", "reach")),
         ("experiment", "figure", "7.1"),
@@ -266,14 +416,22 @@ print(json.dumps(told))
 
 def in_one_process(environment, commands):
     """Status, and what is said on stderr, of each command, without a process of its own."""
-    return json.loads(environment.run(environment.python, "-c", IN_ONE_PROCESS, json.dumps(commands))[0])
+    return json.loads(
+        environment.run(environment.python, "-c", IN_ONE_PROCESS, json.dumps(commands))[0]
+    )
 
 
 def test_a_verb_that_needs_more_names_the_extra_in_a_line(core):
     cases = [(extra, words) for extra, verbs in MISSING.items() for words in verbs]
-    for (extra, words), (status, said) in zip(cases, in_one_process(core, [words for _, words in cases]), strict=True):
+    for (extra, words), (status, said) in zip(
+        cases, in_one_process(core, [words for _, words in cases]), strict=True
+    ):
         last = said.splitlines()[-1]
-        assert status == 1 and f"pip install 'dart_skill[{extra}]'" in last and "Traceback" not in said, f"{words}: {status}\n{said}"
+        assert (
+            status == 1
+            and f"pip install 'dart_skill[{extra}]'" in last
+            and "Traceback" not in said
+        ), f"{words}: {status}\n{said}"
 
 
 def test_a_verb_of_the_nodes_says_what_it_needs_in_a_line(core):
@@ -298,12 +456,21 @@ def test_the_main_job_runs_without_ros_and_says_what_it_leaves_out(simulating):
     summary = json.loads((simulating.folder / "run" / "summary.json").read_text())
     assert (summary["layout"], summary["in"], summary["thrown"]) == ("in-process", 1, 1)
     assert "no nodes run, so there are no logs" in said
-    assert "no report and no pictures" in said and "pip install 'dart_skill[plot]', then dart-skill report" in said
-    assert "learned from 3 of 4 throws" in simulating.dart_skill("learn", "run/bag", "--output", "again.npz")[0]
+    assert (
+        "no report and no pictures" in said
+        and "pip install 'dart_skill[plot]', then dart-skill report" in said
+    )
+    assert (
+        "learned from 3 of 4 throws"
+        in simulating.dart_skill("learn", "run/bag", "--output", "again.npz")[0]
+    )
 
 
 def test_pictures_and_the_live_view_need_what_their_extras_bring(wheel, tmp_path):
     one = Environment(tmp_path / "one", wheel, "plot", "view")
-    script = "import dart_skill.report, dart_skill.figures; from dart_skill.view import open_server; open_server(port=0).stop()"
+    script = (
+        "import dart_skill.report, dart_skill.figures; from dart_skill.view import open_server;"
+        " open_server(port=0).stop()"
+    )
     one.run(one.python, "-c", script)
     assert "pip install 'dart_skill[sim]'" in one.dart_skill("experiment", "throws", status=1)[1]

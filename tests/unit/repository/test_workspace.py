@@ -1,4 +1,6 @@
-"""The workspace holds together: package descriptions, set-up, the stand-in for `ros2`, domains of tests."""
+"""The workspace holds together: package descriptions, set-up, the stand-in for `ros2`, domains of
+tests.
+"""
 
 import ast
 import importlib.metadata
@@ -72,7 +74,8 @@ def texts(element, *tags):
 def setup_arguments():
     """What setup.py hands to setuptools, run as colcon runs it: in the folder of the package."""
     script = (
-        "import json, runpy, setuptools\nsetuptools.setup = lambda **arguments: print(json.dumps(arguments))\nrunpy.run_path('setup.py')"
+        "import json, runpy, setuptools\nsetuptools.setup = lambda **arguments:"
+        " print(json.dumps(arguments))\nrunpy.run_path('setup.py')"
     )
     return json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
 
@@ -93,10 +96,14 @@ def imported(*folders):
     """Top-level modules that the Python files below some folders import, with one file that does."""
     files = [file for folder in folders for file in (ROOT / folder).rglob("*.py")]
     found = {name: str(file.relative_to(ROOT)) for file in files for name in imports_of(file)}
-    return {name: file for name, file in found.items() if name not in sys.stdlib_module_names | OWN}
+    return {
+        name: file for name, file in found.items() if name not in sys.stdlib_module_names | OWN
+    }
 
 
-@pytest.mark.parametrize("folder", [ROOT, ROOT / "msg_schemas"], ids=["dart_skill", "dart_skill_msgs"])
+@pytest.mark.parametrize(
+    "folder", [ROOT, ROOT / "msg_schemas"], ids=["dart_skill", "dart_skill_msgs"]
+)
 def test_package_description_has_what_format_3_asks_for(folder):
     text = (folder / "package.xml").read_text()
     root = package(folder)
@@ -127,13 +134,22 @@ def test_every_executable_has_a_module_with_a_main(setup_arguments):
         assert path.is_file(), f"{name}: {path.relative_to(ROOT)} does not exist"
         tree = ast.parse(path.read_text())
         defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-        defined |= {alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+        defined |= {
+            alias.name
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
         assert function in defined, f"{path.relative_to(ROOT)} has no {function}()"
 
 
 def test_every_node_is_an_executable(setup_arguments):
-    installed = {line.split(" = ")[0] for line in setup_arguments["entry_points"]["console_scripts"]}
-    executables = {path.stem for path in (ROOT / "nodes" / "dart_skill_nodes" / "executables").glob("*.py")} - {"__init__"}
+    installed = {
+        line.split(" = ")[0] for line in setup_arguments["entry_points"]["console_scripts"]
+    }
+    executables = {
+        path.stem for path in (ROOT / "nodes" / "dart_skill_nodes" / "executables").glob("*.py")
+    } - {"__init__"}
     assert executables == installed - {"dart-skill"}
 
 
@@ -163,7 +179,9 @@ def test_what_is_locked_is_what_the_requirements_allow(python):
         text, *of_file = [part.strip() for part in line.split("--hash=sha256:")]
         if text and not text.startswith("#"):
             requirement = Requirement(text)
-            assert of_file and all(re.fullmatch("[0-9a-f]{64}", one) for one in of_file), f"{text} has no hash: make lock"
+            assert of_file and all(re.fullmatch("[0-9a-f]{64}", one) for one in of_file), (
+                f"{text} has no hash: make lock"
+            )
             if requirement.marker is None or requirement.marker.evaluate(here):
                 (locked[canonicalize_name(requirement.name)],) = requirement.specifier
     for file in ("build", "runtime", "test", "ros-pypi"):
@@ -171,13 +189,24 @@ def test_what_is_locked_is_what_the_requirements_allow(python):
             wanted = None if line.startswith("#") else Requirement(line)
             if wanted is not None and (wanted.marker is None or wanted.marker.evaluate(here)):
                 version = locked[canonicalize_name(wanted.name)].version
-                assert wanted.specifier.contains(version), f"{line}: {version} is locked: make lock"
+                assert wanted.specifier.contains(version), (
+                    f"{line}: {version} is locked: make lock"
+                )
 
 
-@pytest.mark.skipif("/opt/ros" in os.environ.get("AMENT_PREFIX_PATH", ""), reason="the lock is for the wheels of ROS")
+@pytest.mark.skipif(
+    "/opt/ros" in os.environ.get("AMENT_PREFIX_PATH", ""),
+    reason="the lock is for the wheels of ROS",
+)
 def test_the_lock_holds_all_that_its_packages_need():
-    """Set-up installs it without resolving: a newer release of what a package needs would stop pip, for want of a hash."""
-    locked = [canonicalize_name(line.split("==")[0]) for line in workspace.LOCK.read_text().splitlines() if line[:1].isalnum()]
+    """Set-up installs it without resolving: a newer release of what a package needs would stop
+    pip, for want of a hash.
+    """
+    locked = [
+        canonicalize_name(line.split("==")[0])
+        for line in workspace.LOCK.read_text().splitlines()
+        if line[:1].isalnum()
+    ]
     installed = {canonicalize_name(one.name): one for one in importlib.metadata.distributions()}
     for distribution in (installed[name] for name in locked if name in installed):
         for text in distribution.requires or ():
@@ -185,16 +214,23 @@ def test_the_lock_holds_all_that_its_packages_need():
             if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
                 name = canonicalize_name(requirement.name)
                 assert name in locked, f"{distribution.name} needs {text}: make lock"
-                assert requirement.specifier.contains(installed[name].version, prereleases=True), f"{distribution.name} needs {text}"
+                assert requirement.specifier.contains(installed[name].version, prereleases=True), (
+                    f"{distribution.name} needs {text}"
+                )
 
 
 @pytest.fixture
 def installing(tmp_path, monkeypatch):
-    """Carries out the installation of the lock without running anything; what would run, and what the files that are named there hold."""
+    """Carries out the installation of the lock without running anything; what would run, and what
+    the files that are named there hold.
+    """
     commands, fails = [], set()
 
     def note(some, environment):
-        texts = ["".join(Path(name).read_text() for name in one if name.endswith(".txt")) for one in some]
+        texts = [
+            "".join(Path(name).read_text() for name in one if name.endswith(".txt"))
+            for one in some
+        ]
         commands.extend(zip(some, texts, [environment] * len(some), strict=True))
         if any(name in Path(one[0]).name for one in some for name in fails):
             raise workspace.SetupError("the package index cannot be reached")
@@ -202,7 +238,9 @@ def installing(tmp_path, monkeypatch):
     def install(settings="", failing=()):
         fails.update(failing)
         monkeypatch.setattr(subprocess, "check_output", lambda *_, **__: settings)
-        work = workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), sys.version_info[:2]))
+        work = workspace.Workspace(
+            None, workspace.Interpreter(Path(sys.executable), sys.version_info[:2])
+        )
         workspace.install_packages(work)
         return commands, workspace.modules_step(work)
 
@@ -217,24 +255,40 @@ def installing(tmp_path, monkeypatch):
 
 
 def test_locked_packages_are_not_resolved_anew_and_modules_are_compiled_meanwhile(installing):
-    commands, modules = installing(settings="global.cert='/etc/certificates.crt'\nglobal.extra-index-url='file:///more'\n")
+    commands, modules = installing(
+        settings="global.cert='/etc/certificates.crt'\nglobal.extra-index-url='file:///more'\n"
+    )
     (_, first, _), (uv, locked, environment), (compiling, _, _) = commands
     assert {"--require-hashes", "--no-deps"} <= set(commands[0][0]) & set(uv)
-    assert sorted(re.findall(r"(?m)^[\w-]+", first)) == ["cython", "setuptools", "setuptools", "uv"], (
-        "one setuptools for each range of Pythons"
-    )
+    assert sorted(re.findall(r"(?m)^[\w-]+", first)) == [
+        "cython",
+        "setuptools",
+        "setuptools",
+        "uv",
+    ], "one setuptools for each range of Pythons"
     assert first.count("--hash") > 10 and locked == workspace.LOCK.read_text()
     assert "build_ext" in compiling and modules.is_done()
     assert environment["SSL_CERT_FILE"] == os.environ.get("SSL_CERT_FILE", "/etc/certificates.crt")
 
 
-def test_a_module_that_was_not_compiled_meanwhile_is_compiled_in_a_step_of_its_own(installing, monkeypatch):
-    monkeypatch.setattr(workspace, "stale_modules", lambda: [workspace.ROOT / "dart_skill" / "rotations.py"])
+def test_a_module_that_was_not_compiled_meanwhile_is_compiled_in_a_step_of_its_own(
+    installing, monkeypatch
+):
+    monkeypatch.setattr(
+        workspace, "stale_modules", lambda: [workspace.ROOT / "dart_skill" / "rotations.py"]
+    )
     _, modules = installing()
     assert not modules.is_done()
     monkeypatch.setattr(workspace, "run", lambda *_: None)
-    with pytest.raises(workspace.SetupError, match=r"dart_skill/common/rotations\.py was not compiled: .* says why"):
-        modules.work(workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), sys.version_info[:2])))
+    with pytest.raises(
+        workspace.SetupError,
+        match=r"dart_skill/common/rotations\.py was not compiled: .* says why",
+    ):
+        modules.work(
+            workspace.Workspace(
+                None, workspace.Interpreter(Path(sys.executable), sys.version_info[:2])
+            )
+        )
 
 
 def test_what_was_compiled_before_a_change_is_stale(tmp_path, monkeypatch):
@@ -251,36 +305,56 @@ def test_what_was_compiled_before_a_change_is_stale(tmp_path, monkeypatch):
     assert [path.name for path in workspace.stale_modules()] == ["changed.py", "failed.py"]
 
 
-@pytest.mark.parametrize("setting", ["global.index-url='https://here/simple'", ":env:.no-index='1'", "user.proxy='here:3128'"])
+@pytest.mark.parametrize(
+    "setting",
+    ["global.index-url='https://here/simple'", ":env:.no-index='1'", "user.proxy='here:3128'"],
+)
 def test_an_index_or_proxy_of_pip_is_used_by_pip_alone(installing, setting):
     commands, modules = installing(settings=setting)
     assert [command[1:4] for command, _, _ in commands] == [["-m", "pip", "install"]]
-    assert commands[0][1] == workspace.LOCK.read_text() and {"--require-hashes", "--no-deps"} <= set(commands[0][0])
+    assert commands[0][1] == workspace.LOCK.read_text() and {
+        "--require-hashes",
+        "--no-deps",
+    } <= set(commands[0][0])
     assert not modules.is_done()
 
 
 def test_where_uv_fails_pip_tries(installing, capsys):
     commands, modules = installing(failing=["uv"])
-    assert [Path(command[0]).name for command, _, _ in commands] == ["python3", "uv", "python3", "python3"]
+    assert [Path(command[0]).name for command, _, _ in commands] == [
+        "python3",
+        "uv",
+        "python3",
+        "python3",
+    ]
     assert commands[-1][1] == workspace.LOCK.read_text() and not modules.is_done()
     assert "cannot be reached; pip tries the same" in capsys.readouterr().out
 
 
-def test_a_file_that_is_changed_is_not_changed_in_the_cache_that_holds_it_too(tmp_path, monkeypatch):
+def test_a_file_that_is_changed_is_not_changed_in_the_cache_that_holds_it_too(
+    tmp_path, monkeypatch
+):
     cached, file = tmp_path / "cached", tmp_path / "share/some.cmake"
     file.parent.mkdir()
     cached.write_text("/opt/python/cp311-cp311/include/python3.11")
     file.hardlink_to(cached)
     monkeypatch.setattr(workspace, "VENV", tmp_path)
     monkeypatch.setattr(workspace.Workspace, "ask", lambda *_: "/here/include\n/here/numpy\n")
-    workspace.rewrite_include_paths(workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), (3, 11))))
+    workspace.rewrite_include_paths(
+        workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), (3, 11)))
+    )
     assert file.read_text() == "/here/include" and cached.read_text().startswith("/opt/python")
 
 
 def test_what_was_compiled_of_a_module_without_types_is_taken_away(tmp_path, monkeypatch):
     folder = tmp_path / "dart_skill" / "robot"
     folder.mkdir(parents=True)
-    for name in ("kept.pxd", "kept.cpython-311-x86_64-linux-gnu.so", "former.cpython-311-x86_64-linux-gnu.so", "_arrays.cpython-311.so"):
+    for name in (
+        "kept.pxd",
+        "kept.cpython-311-x86_64-linux-gnu.so",
+        "former.cpython-311-x86_64-linux-gnu.so",
+        "_arrays.cpython-311.so",
+    ):
         (folder / name).touch()
     monkeypatch.setattr(workspace, "ROOT", tmp_path)
     workspace.forget_modules_without_types()
@@ -290,18 +364,30 @@ def test_what_was_compiled_of_a_module_without_types_is_taken_away(tmp_path, mon
 def test_over_an_installed_ros_what_is_not_there_or_too_old_is_installed(tmp_path, monkeypatch):
     """Ubuntu 24.04 has Matplotlib 3.6, where figures ended with an error."""
     file = tmp_path / "runtime.txt"
-    file.write_text('numpy>=1.26\nscipy>=99  # newer\nno_such_package>=1\nno_such_other; python_version < "3"\npyyaml>=6\n')
+    file.write_text(
+        "numpy>=1.26\nscipy>=99  # newer\nno_such_package>=1\nno_such_other; python_version <"
+        ' "3"\npyyaml>=6\n'
+    )
     monkeypatch.setattr(workspace, "requirement_files", lambda _: [file])
-    missing, numpy = workspace.missing_requirements(workspace.Workspace(None, workspace.probe(sys.executable)))
-    assert missing == ["scipy>=99", "no_such_package>=1"] and numpy == importlib.metadata.version("numpy")
+    missing, numpy = workspace.missing_requirements(
+        workspace.Workspace(None, workspace.probe(sys.executable))
+    )
+    assert missing == ["scipy>=99", "no_such_package>=1"] and numpy == importlib.metadata.version(
+        "numpy"
+    )
 
 
 def test_of_commands_side_by_side_one_that_fails_ends_the_others(tmp_path, monkeypatch):
     in_the_log(tmp_path, monkeypatch, "")
     monkeypatch.setattr(workspace, "ROOT", tmp_path)
     with pytest.raises(workspace.SetupError, match="the disk is full"):
-        workspace.run_side_by_side([["sleep", "600"], ["sh", "-c", "echo No space left on device; exit 1"]], dict(os.environ))
-    workspace.run_side_by_side([["true"], ["sh", "-c", f"touch {tmp_path}/done"]], dict(os.environ))
+        workspace.run_side_by_side(
+            [["sleep", "600"], ["sh", "-c", "echo No space left on device; exit 1"]],
+            dict(os.environ),
+        )
+    workspace.run_side_by_side(
+        [["true"], ["sh", "-c", f"touch {tmp_path}/done"]], dict(os.environ)
+    )
     assert (tmp_path / "done").exists()
 
 
@@ -311,12 +397,19 @@ def test_everything_that_is_installed_exists(setup_arguments):
     assert [file for file in files if not (ROOT / file).is_file()] == []
     assert setup_arguments["package_dir"] == {"dart_skill_nodes": "nodes/dart_skill_nodes"}
     # without it nobody's type checker looks at the hints
-    assert setup_arguments["package_data"] == {"dart_skill": ["py.typed", "*.pxd", "*/*.pxd", "*/*/*.pxd"]}
-    assert {len(path.relative_to(ROOT / "dart_skill").parts) for path in (ROOT / "dart_skill").rglob("*.pxd")} <= {1, 2, 3}
+    assert setup_arguments["package_data"] == {
+        "dart_skill": ["py.typed", "*.pxd", "*/*.pxd", "*/*/*.pxd"]
+    }
+    assert {
+        len(path.relative_to(ROOT / "dart_skill").parts)
+        for path in (ROOT / "dart_skill").rglob("*.pxd")
+    } <= {1, 2, 3}
     assert (ROOT / "dart_skill" / "py.typed").is_file()
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / "dart_skill").rglob("*.py")}
     folders |= {path.parent.relative_to(ROOT / "nodes") for path in (ROOT / "nodes").rglob("*.py")}
-    missing = {str(folder).replace("/", ".") for folder in folders} - set(setup_arguments["packages"])
+    missing = {str(folder).replace("/", ".") for folder in folders} - set(
+        setup_arguments["packages"]
+    )
     assert not missing, f"folders without __init__.py: {missing}"
 
 
@@ -331,9 +424,15 @@ def test_every_interface_is_generated():
 def test_packages_of_all_field_types_are_dependencies_of_the_interfaces():
     folder = ROOT / "msg_schemas"
     lines = [line for path in folder.glob("*/*.*") for line in path.read_text().splitlines()]
-    used = {match.group(1) for line in lines if (match := re.match(r"(\w+)/\w+", line))} - {"dart_skill_msgs"}
+    used = {match.group(1) for line in lines if (match := re.match(r"(\w+)/\w+", line))} - {
+        "dart_skill_msgs"
+    }
     assert used, "no field of another package was found: is the pattern right?"
-    generated = re.search(r"DEPENDENCIES ([\w ]+)", (folder / "CMakeLists.txt").read_text()).group(1).split()
+    generated = (
+        re.search(r"DEPENDENCIES ([\w ]+)", (folder / "CMakeLists.txt").read_text())
+        .group(1)
+        .split()
+    )
     assert used <= texts(package(folder), "depend")
     assert used <= set(generated)
     assert "rosidl_interface_packages" in texts(package(folder), "member_of_group")
@@ -353,12 +452,16 @@ def fake_ros(prefix, python="3.12"):
     marker.parent.mkdir(parents=True)
     marker.touch()
     (prefix / f"lib/python{python}/site-packages/rclpy").mkdir(parents=True)
-    (prefix / "setup.bash").write_text(f"export AMENT_PREFIX_PATH={prefix}\nexport ROS_DISTRO=jazzy\n")
+    (prefix / "setup.bash").write_text(
+        f"export AMENT_PREFIX_PATH={prefix}\nexport ROS_DISTRO=jazzy\n"
+    )
     return prefix
 
 
 def test_an_interpreter_that_does_not_start_is_passed_over(tmp_path):
-    shim = write_executable(tmp_path / "python3.11", "#!/bin/sh\necho 'pyenv: not found' >&2\nexit 127\n")
+    shim = write_executable(
+        tmp_path / "python3.11", "#!/bin/sh\necho 'pyenv: not found' >&2\nexit 127\n"
+    )
     good = fake_python(tmp_path / "python3.10", (3, 10))
     probed = map(workspace.probe, [str(shim), "/nowhere/python3.11", good])
     chosen = workspace.choose(probed, workspace.PREFERRED)
@@ -370,25 +473,40 @@ def test_an_interpreter_that_lacks_something_is_named_when_there_is_no_other(tmp
     whole = fake_python(tmp_path / "python3.12", (3, 12))
     probed = [workspace.probe(lame), workspace.probe(whole)]
     assert workspace.choose(probed, workspace.PREFERRED).version == (3, 12)
-    with pytest.raises(workspace.SetupError, match=r"python3\.11 lacks its headers.*apt-get install"):
+    with pytest.raises(
+        workspace.SetupError, match=r"python3\.11 lacks its headers.*apt-get install"
+    ):
         workspace.choose(probed[:1], workspace.PREFERRED)
-    with pytest.raises(workspace.SetupError, match=r"no usable Python 3\.10 or 3\.11 or .* was found$"):
+    with pytest.raises(
+        workspace.SetupError, match=r"no usable Python 3\.10 or 3\.11 or .* was found$"
+    ):
         workspace.choose([], workspace.PREFERRED)
 
 
-def test_interpreters_are_looked_for_in_the_system_on_the_path_and_in_pyenv_best_version_first(tmp_path, monkeypatch):
-    on_path = [fake_python(tmp_path / "bin" / f"python3.{minor}", (3, minor)) for minor in (97, 98)]
+def test_interpreters_are_looked_for_in_the_system_on_the_path_and_in_pyenv_best_version_first(
+    tmp_path, monkeypatch
+):
+    on_path = [
+        fake_python(tmp_path / "bin" / f"python3.{minor}", (3, minor)) for minor in (97, 98)
+    ]
     in_pyenv = fake_python(tmp_path / "root/versions/3.98.4/bin/python3.98", (3, 98))
     write_executable(tmp_path / "bin/pyenv", f"#!/bin/sh\necho {tmp_path}/root\n")
     of_system = fake_python(tmp_path / "system/python3.98", (3, 98))
     monkeypatch.setenv("PATH", f"{tmp_path}/bin")
     monkeypatch.setattr(workspace, "SYSTEM", tmp_path / "system")
-    assert list(workspace.interpreter_paths([(3, 98), (3, 97)])) == [of_system, on_path[1], in_pyenv, on_path[0]]
+    assert list(workspace.interpreter_paths([(3, 98), (3, 97)])) == [
+        of_system,
+        on_path[1],
+        in_pyenv,
+        on_path[0],
+    ]
 
 
 def test_a_named_interpreter_must_have_a_version_that_is_supported(tmp_path):
     named = fake_python(tmp_path / "python3.14", (3, 14))
-    with pytest.raises(workspace.SetupError, match=r"is Python 3\.14; needed is 3\.10 or 3\.11 or"):
+    with pytest.raises(
+        workspace.SetupError, match=r"is Python 3\.14; needed is 3\.10 or 3\.11 or"
+    ):
         workspace.choose_interpreter(None, named)
     with pytest.raises(workspace.SetupError, match="nowhere does not run"):
         workspace.choose_interpreter(None, "/nowhere")
@@ -406,7 +524,9 @@ def test_a_sourced_ros_comes_before_an_installed_one_and_decides_the_python(tmp_
     assert found.python_version == (3, 12)
     beside = fake_python(sourced / "bin/python3.12", (3, 12))
     assert workspace.choose_interpreter(found, "").path == Path(beside)
-    assert workspace.find_system_ros({}, installed) == workspace.SystemRos(installed, is_sourced=False)
+    assert workspace.find_system_ros({}, installed) == workspace.SystemRos(
+        installed, is_sourced=False
+    )
     assert workspace.find_system_ros({}, tmp_path / "nowhere") is None
 
 
@@ -418,7 +538,9 @@ def test_an_installed_ros_is_sourced_for_the_build(tmp_path):
 def test_the_wheels_of_a_workspace_are_no_installed_ros(tmp_path):
     wheels = fake_ros(tmp_path / "wheels")
     (wheels / "pyvenv.cfg").touch()
-    assert workspace.find_system_ros({"AMENT_PREFIX_PATH": str(wheels)}, tmp_path / "nowhere") is None
+    assert (
+        workspace.find_system_ros({"AMENT_PREFIX_PATH": str(wheels)}, tmp_path / "nowhere") is None
+    )
 
 
 def test_another_distribution_is_refused_by_name(tmp_path):
@@ -429,8 +551,16 @@ def test_another_distribution_is_refused_by_name(tmp_path):
 
 def test_a_build_does_not_see_the_former_one():
     own, guard = f"{workspace.INSTALL}/dart_skill", workspace.BOOTSTRAP_GUARD
-    environment = {"AMENT_PREFIX_PATH": f"{own}:/opt/other", "PYTHONPATH": own, guard: "1", "HOME": "/h"}
-    assert workspace.without_workspace(environment) == {"AMENT_PREFIX_PATH": "/opt/other", "HOME": "/h"}
+    environment = {
+        "AMENT_PREFIX_PATH": f"{own}:/opt/other",
+        "PYTHONPATH": own,
+        guard: "1",
+        "HOME": "/h",
+    }
+    assert workspace.without_workspace(environment) == {
+        "AMENT_PREFIX_PATH": "/opt/other",
+        "HOME": "/h",
+    }
     assert workspace.without_ros(environment) == {"HOME": "/h"}
 
 
@@ -441,7 +571,11 @@ def test_a_missing_compiler_gets_one_line(tmp_path, monkeypatch):
     for variable in ("CC", "CXX", "MAKE"):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    for program, complaint in (("cc", "a C compiler"), ("g++", "a C++ compiler"), ("make", "make")):
+    for program, complaint in (
+        ("cc", "a C compiler"),
+        ("g++", "a C++ compiler"),
+        ("make", "make"),
+    ):
         with pytest.raises(workspace.SetupError, match=f"^{re.escape(complaint)} is missing"):
             workspace.check_machine(needs_wheels=False)
         write_executable(tmp_path / program, "#!/bin/sh\n")
@@ -454,8 +588,12 @@ def test_a_full_disk_gets_one_line(monkeypatch):
         workspace.check_machine(needs_wheels=False)
 
 
-@pytest.mark.parametrize(("folder", "named"), [("my darts", "contains a space"), ("würfe", "contains ü, which")])
-def test_a_folder_whose_path_the_build_does_not_bear_is_refused_before_anything_is_downloaded(folder, named, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("folder", "named"), [("my darts", "contains a space"), ("würfe", "contains ü, which")]
+)
+def test_a_folder_whose_path_the_build_does_not_bear_is_refused_before_anything_is_downloaded(
+    folder, named, tmp_path, monkeypatch
+):
     monkeypatch.setattr(workspace, "ROOT", tmp_path / folder)
     with pytest.raises(workspace.SetupError, match=f"the folder's path {named}.*{folder}"):
         workspace.check_machine(needs_wheels=False)
@@ -470,11 +608,23 @@ def test_a_machine_without_wheels_is_told_so(monkeypatch):
 @pytest.mark.parametrize(
     ("output", "line"),
     [
-        ("Temporary failure in name resolution\nERROR: No matching distribution found for a", "network"),
-        ("ERROR: No matching distribution found for pin<5,>=2.7", "index has no fitting pin<5,>=2.7"),
+        (
+            "Temporary failure in name resolution\nERROR: No matching distribution found for a",
+            "network",
+        ),
+        (
+            "ERROR: No matching distribution found for pin<5,>=2.7",
+            "index has no fitting pin<5,>=2.7",
+        ),
         ("OSError: [Errno 28] No space left on device", "the disk is full"),
-        ("x.c:1:10: fatal error: Python.h: No such file or directory", "Python's headers are missing"),
-        ("warning: this\na.cpp:3: error: expected ';'\nninja: build stopped", "a.cpp:3: error: expected ';'"),
+        (
+            "x.c:1:10: fatal error: Python.h: No such file or directory",
+            "Python's headers are missing",
+        ),
+        (
+            "warning: this\na.cpp:3: error: expected ';'\nninja: build stopped",
+            "a.cpp:3: error: expected ';'",
+        ),
         ("one\ntwo\n", "two"),
         ("", "said nothing"),
     ],
@@ -528,9 +678,18 @@ def in_the_log(tmp_path, monkeypatch, text):
     ("log", "said"),
     [
         ("", "at work"),
-        ("  Downloading numpy-2.1-cp311.whl (18.3 MB)\n  Using cached x_y-1.0-py3.whl (3 kB)\n", r"x_y (3 kB), 2 packages so far"),
-        ("  Downloading a-1.whl (1 MB)\nInstalling collected packages: a\n", "installing what was downloaded"),
-        ("  Building wheel for pybullet (setup.py): started\n", "compiling pybullet, which takes minutes"),
+        (
+            "  Downloading numpy-2.1-cp311.whl (18.3 MB)\n  Using cached x_y-1.0-py3.whl (3 kB)\n",
+            r"x_y (3 kB), 2 packages so far",
+        ),
+        (
+            "  Downloading a-1.whl (1 MB)\nInstalling collected packages: a\n",
+            "installing what was downloaded",
+        ),
+        (
+            "  Building wheel for pybullet (setup.py): started\n",
+            "compiling pybullet, which takes minutes",
+        ),
         ("[12/480] Building C object x.o\n", "step 12 of 480"),
         ("[ 37%] Building C object x.o\n", "37 % are compiled"),
     ],
@@ -552,7 +711,9 @@ def test_the_command_of_the_workspace_is_called_by_its_path_without_sourcing_any
     if not command.is_file():
         pytest.skip("the workspace is not built here")
     bare = {"PATH": os.defpath, "HOME": os.environ.get("HOME", "/")}
-    done = subprocess.run([command, "status", "--help"], env=bare, cwd="/", capture_output=True, text=True)
+    done = subprocess.run(
+        [command, "status", "--help"], env=bare, cwd="/", capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert "--json" in done.stdout, "the nodes are not found: the options of 'status' are theirs"
 
@@ -605,7 +766,9 @@ def test_run_passes_arguments_and_exit_status(ros2):
 
 def test_run_puts_a_command_in_front(ros2):
     path = ros2.add("pack", "tell", "#!/bin/sh\n")
-    assert ros2("run", "--prefix", "echo in front", "pack", "tell", "x")[1] == f"in front {path} x\n"
+    assert (
+        ros2("run", "--prefix", "echo in front", "pack", "tell", "x")[1] == f"in front {path} x\n"
+    )
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -669,7 +832,9 @@ def test_what_it_recommends_are_commands():
 
     known = {command.prog for command in commands_of(_parser())}
     instead = runpy.run_path(str(ROOT / "tools" / "ros2_stand_in.py"))["INSTEAD"]
-    named = [found[0] for text in instead.values() for found in re.finditer(r"dart-skill \w+", text)]
+    named = [
+        found[0] for text in instead.values() for found in re.finditer(r"dart-skill \w+", text)
+    ]
     assert named and set(named) <= known
 
 
@@ -689,16 +854,34 @@ def test_runs_side_by_side_get_domains_of_their_own(request):
 
 # --- what an import costs ---
 
-HEAVY = ("scipy.linalg", "scipy.sparse", "scipy.spatial", "scipy.optimize", "scipy.interpolate", "matplotlib", "pybullet", "numba")
+HEAVY = (
+    "scipy.linalg",
+    "scipy.sparse",
+    "scipy.spatial",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "matplotlib",
+    "pybullet",
+    "numba",
+)
 
 
-@pytest.mark.parametrize("package", ["dart_skill.mixture", "dart_skill.movement", "dart_skill.policy_search"])
+@pytest.mark.parametrize(
+    "package", ["dart_skill.mixture", "dart_skill.movement", "dart_skill.policy_search"]
+)
 def test_importing_the_core_loads_only_what_it_needs_at_once(package):
     program = f"import sys, {package}; print([name for name in {HEAVY} if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == "[]"
+    )
 
 
-@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="a checkout by git says what git leaves out of sight")
+@pytest.mark.skipif(
+    not (ROOT / ".git").exists(), reason="a checkout by git says what git leaves out of sight"
+)
 @pytest.mark.parametrize(
     "left",
     (

@@ -1,6 +1,8 @@
-"""Calls of the library, right and wrong ones, for mypy, which reads this module with the library (pyproject.toml); nobody runs it.
+"""Calls of the library, right and wrong ones, for mypy, which reads this module with the library
+(pyproject.toml); nobody runs it.
 
-A wrong call says which error mypy must find in it. mypy does not pass where it finds another one, or none (`warn_unused_ignores`).
+A wrong call says which error mypy must find in it. mypy does not pass where it finds another one,
+or none (`warn_unused_ignores`).
 """
 
 import numpy as np

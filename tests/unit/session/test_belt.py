@@ -54,7 +54,9 @@ def test_a_hand_that_is_held_waits_and_does_not_hurry_after_the_cup(taught):
     def push():
         plant = session.plant
         held = 1.7 <= plant.time < 2.5
-        (phases if held else speeds).append(guide.phase if held else np.linalg.norm(hand_velocity(plant)))
+        (phases if held else speeds).append(
+            guide.phase if held else np.linalg.norm(hand_velocity(plant))
+        )
         return holder.push(plant.arm_state, held)
 
     trial = session.execute(guide, BELT, push)
@@ -91,10 +93,15 @@ def test_poses_come_as_late_as_the_cameras_deliver_them(taught):
 
 @pytest.mark.slow
 def test_three_demonstrations_are_enough(taught):
-    """Without a prior all of them missed by centimetres: what three have in common by chance was taken for certain."""
+    """Without a prior all of them missed by centimetres: what three have in common by chance was
+    taken for certain.
+    """
     session, _, shown = taught
     learned = ReactiveSkill(session.skill, shown[:3])
-    outcomes = [session.execute(learned.guide(), replace(BELT, way=way)).outcome for way in ((0.0, 0.2, 0.0), (0.05, -0.1, 0.0))]
+    outcomes = [
+        session.execute(learned.guide(), replace(BELT, way=way)).outcome
+        for way in ((0.0, 0.2, 0.0), (0.05, -0.1, 0.0))
+    ]
     assert all(one.success for one in outcomes), [one.reason for one in outcomes]
 
 
@@ -112,14 +119,26 @@ def test_a_policy_arrives_as_it_was_sent_to_the_last_bit(taught):
     learned.remember(np.array([[0.001, 0.0, 0.002]]))
     policy = Policy.from_bytes(learned.policy.to_bytes(), Reach())
     learned.remember([])
-    assert policy.skill.settings == session.skill.settings and policy.events == learned.policy.events
-    assert policy.registration == learned.registration and policy.offset == pytest.approx([0.0005, 0.0, 0.001])
+    assert (
+        policy.skill.settings == session.skill.settings and policy.events == learned.policy.events
+    )
+    assert policy.registration == learned.registration and policy.offset == pytest.approx(
+        [0.0005, 0.0, 0.001]
+    )
     moving = BodyMotion(*np.eye(3) * 0.3, np.array([0.0, 0.0, 0.0, 1.0]), 0.01)
     frames = learned._frames(Situation({"hand": learned.start}), {"cup": moving})
     for phase in (0.0, 0.7, learned.duration):
-        for here, there in zip(*(vars(model.moment(frames, phase)).values() for model in (learned.model, policy.model)), strict=True):
+        for here, there in zip(
+            *(
+                vars(model.moment(frames, phase)).values()
+                for model in (learned.model, policy.model)
+            ),
+            strict=True,
+        ):
             np.testing.assert_array_equal(here, there)
-    assert policy.model.ends == learned.model.ends and policy.start_posture == pytest.approx(learned.policy.start_posture, abs=0.0)
+    assert policy.model.ends == learned.model.ends and policy.start_posture == pytest.approx(
+        learned.policy.start_posture, abs=0.0
+    )
     assert session.execute(policy.guide(), BELT).outcome.success
 
 
@@ -129,7 +148,10 @@ def test_a_policy_arrives_as_it_was_sent_to_the_last_bit(taught):
         (b"", "these 0 bytes are not the policy of a skill"),
         (b"PK\x03\x04 nonsense", "are not the policy of a skill"),
         (lambda policy: policy.to_bytes()[:-200], "are not the policy of a skill"),
-        (lambda policy: replace(policy, skill=Other(policy.skill.settings)).to_bytes(), "it is of the skill 'other', not of 'reach'"),
+        (
+            lambda policy: replace(policy, skill=Other(policy.skill.settings)).to_bytes(),
+            "it is of the skill 'other', not of 'reach'",
+        ),
     ],
 )
 def test_bytes_that_are_no_policy_are_refused(taught, data, said):
@@ -145,20 +167,32 @@ class Other(Reach):
 
 
 def seen(path, turn=0.0, way=(0.0, 0.1, 0.0), until=5.0):
-    """A hand that a cup sees along a path: rows of time [s] and place in the cup [m], linear in between, smoothed a little."""
+    """A hand that a cup sees along a path: rows of time [s] and place in the cup [m], linear in
+    between, smoothed a little.
+    """
     time = np.arange(0.0, until, 0.01)
     rows = np.array(path, dtype=float)
     local = np.column_stack([np.interp(time, rows[:, 0], column) for column in rows[:, 1:].T])
     cup = np.outer(time, way) + [0.6, 0.0, 1.1]
     rotation = Rotation.from_rotvec([0.0, 0.0, turn])
     quaternion = np.tile(rotation.as_quat(), (len(time), 1))
-    tracks = {"hand": Track(time, cup + rotation.apply(local), quaternion), "cup": Track(time, cup, quaternion)}
+    tracks = {
+        "hand": Track(time, cup + rotation.apply(local), quaternion),
+        "cup": Track(time, cup, quaternion),
+    }
     return TaskDemonstration("one", tracks, np.empty(0), np.empty((0, 7)), np.empty((0, 7)))
 
 
 def into(x, y=0.0, end=(0.0, 0.0, 0.0)):
     """A path over the rim, past it at (x, y), and on to an end."""
-    return [(0.0, -0.2, 0.1, 0.2), (1.0, -0.2, 0.1, 0.2), (2.0, x, y, 0.12), (2.5, x, y, 0.06), (3.0, *end), (9.0, *end)]
+    return [
+        (0.0, -0.2, 0.1, 0.2),
+        (1.0, -0.2, 0.1, 0.2),
+        (2.0, x, y, 0.12),
+        (2.5, x, y, 0.06),
+        (3.0, *end),
+        (9.0, *end),
+    ]
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
@@ -169,7 +203,10 @@ def into(x, y=0.0, end=(0.0, 0.0, 0.0)):
         (into(0.006, -0.004, (0.003, 0.0, 0.004)), ""),
         (into(0.03), "30 mm from the axis of the cup at its rim"),
         (into(0.0, end=(0.0, 0.015, -0.008)), "ended 17 mm from the middle"),
-        (into(0.0)[:3] + [(9.0, 0.0, 0.0, 0.12)], "did not come into the cup: it was seen last 120 mm above its floor"),
+        (
+            into(0.0)[:3] + [(9.0, 0.0, 0.0, 0.12)],
+            "did not come into the cup: it was seen last 120 mm above its floor",
+        ),
     ],
 )
 def test_a_reach_is_judged_at_the_rim_and_at_the_end_as_the_cup_sees_it(path, said, turn):
@@ -185,7 +222,11 @@ def test_the_distances_are_those_of_the_path():
 
 def test_a_hand_that_does_not_come_to_rest_in_the_cup_has_not_reached_it():
     outcome = Reach().judge(seen([*into(0.0)[:4], (5.0, 0.2, 0.0, 0.0)]), Situation({}))
-    assert not outcome.success and np.isnan(outcome.error) and "did not come to rest in the cup" in outcome.reason
+    assert (
+        not outcome.success
+        and np.isnan(outcome.error)
+        and "did not come to rest in the cup" in outcome.reason
+    )
 
 
 def test_a_recording_in_which_nothing_moves_is_no_reach():
@@ -205,16 +246,24 @@ def test_the_cut_is_from_the_first_movement_to_the_rest_in_the_cup():
 def test_belts_are_drawn_where_the_arm_reaches_them():
     skill, rng = Reach.configured(), np.random.default_rng(0)
     belts = [drawn(skill, rng, wide=True) for _ in range(200)]
-    far = [np.hypot(*belt.at(belt.start + after)[0][:2]) for belt in belts for after in (0.0, skill.settings.awhile)]
+    far = [
+        np.hypot(*belt.at(belt.start + after)[0][:2])
+        for belt in belts
+        for after in (0.0, skill.settings.awhile)
+    ]
     assert skill.settings.reach[0] < min(far) and max(far) < skill.settings.reach[1]
     assert {belt.steady for belt in belts} == {True, False}
     assert np.abs([belt.way for belt in belts]).max() > 0.22
-    assert np.abs([drawn(skill, rng).way for _ in range(50)]).max() < 0.2 + 1e-9, "where it is shown, belts are slower"
+    assert np.abs([drawn(skill, rng).way for _ in range(50)]).max() < 0.2 + 1e-9, (
+        "where it is shown, belts are slower"
+    )
 
 
 def test_how_the_belt_will_run_is_nothing_that_is_learned_from():
     skill = Reach.configured()
-    assert skill.draw(np.random.default_rng(0)).numbers and not skill.inputs(skill.draw(np.random.default_rng(0)))
+    assert skill.draw(np.random.default_rng(0)).numbers and not skill.inputs(
+        skill.draw(np.random.default_rng(0))
+    )
 
 
 @pytest.mark.slow
@@ -226,11 +275,27 @@ def test_a_seed_is_the_same_each_time():
 def test_the_table_counts_and_names_each_failure():
     nan = float("nan")
     free = Reached(0, "free", True, 0.1, True, "", 0.002, 0.004, 0.4, nan)
-    missed = replace(free, success=False, reason="the hand ended 12 mm from the middle of the cup", end=0.012, steady=False)
+    missed = replace(
+        free,
+        success=False,
+        reason="the hand ended 12 mm from the middle of the cup",
+        end=0.012,
+        steady=False,
+    )
     held = replace(free, kind="held", crept=0.1, fastest=0.5)
-    lost = replace(free, kind="lost", success=False, reason="the cup was last seen 0.15 s ago: too long", rim=nan, end=nan)
+    lost = replace(
+        free,
+        kind="lost",
+        success=False,
+        reason="the cup was last seen 0.15 s ago: too long",
+        rim=nan,
+        end=nan,
+    )
     text = table([free, missed, held, lost])
     assert "1 of 2" in text and "8.0   12.0" in text and "goes on by 0.10 s" in text
     assert "1 of 1 stopped because of that" in text
-    assert "seed 0, free, a cup from rest to rest of 0.10 m/s: the hand ended 12 mm" in text and text.count("seed 0") == 1
+    assert (
+        "seed 0, free, a cup from rest to rest of 0.10 m/s: the hand ended 12 mm" in text
+        and text.count("seed 0") == 1
+    )
     assert "0 of 1" in table([missed]) and "held" not in table([missed])

@@ -28,7 +28,9 @@ def taught():
 def test_a_demonstration_holds_what_the_cameras_saw_and_what_the_fingers_were_told(taught):
     _, _, shown, _ = taught
     for one in shown:
-        assert set(one.tracks) == {"hand", "part", "holder"} and [told.grip for told in one.told] == [Grip.CLOSE, Grip.OPEN]
+        assert set(one.tracks) == {"hand", "part", "holder"} and [
+            told.grip for told in one.told
+        ] == [Grip.CLOSE, Grip.OPEN]
         assert 0.008 < np.median(np.diff(one.hand_time)) < 0.012 and len(one.joint_time) > 300
 
 
@@ -38,20 +40,43 @@ def test_parts_go_into_holders_that_stand_elsewhere(taught):
     for _ in range(2):
         holder = session.skill.draw(rng, wide=True).pose("holder")
         trials.append(session.execute(learned.plan(session.situation(holder))))
-    assert all(trial.outcome.success and trial.outcome.error < 0.006 for trial in trials), [trial.outcome for trial in trials]
+    assert all(trial.outcome.success and trial.outcome.error < 0.006 for trial in trials), [
+        trial.outcome for trial in trials
+    ]
 
 
 def test_the_part_and_the_holder_on_the_bench_are_those_of_the_settings():
-    """Their size stood in the settings, in the bench and in what viewers show: who changed one of them had another part."""
-    skill = Place(replace(Place.configured().settings, size=(0.04, 0.04, 0.08), mass=0.2, depth=0.03, grasp=(0.0, 0.0, 0.13)))
+    """Their size stood in the settings, in the bench and in what viewers show: who changed one of
+    them had another part.
+    """
+    skill = Place(
+        replace(
+            Place.configured().settings,
+            size=(0.04, 0.04, 0.08),
+            mass=0.2,
+            depth=0.03,
+            grasp=(0.0, 0.0, 0.13),
+        )
+    )
     session = BenchSession(skill)
-    bench, world = session.plant.bench, make_world(skill.world, PlantSettings(), own=skill.world_settings)
+    bench, world = (
+        session.plant.bench,
+        make_world(skill.world, PlantSettings(), own=skill.world_settings),
+    )
     session.close()
     world.close()
-    assert (bench.size, bench.mass, bench.depth, bench.grasp) == ((0.04, 0.04, 0.08), 0.2, 0.03, (0.0, 0.0, 0.13))
+    assert (bench.size, bench.mass, bench.depth, bench.grasp) == (
+        (0.04, 0.04, 0.08),
+        0.2,
+        0.03,
+        (0.0, 0.0, 0.13),
+    )
     assert world.bench == bench
     floor, *walls = skill.solids("holder")
-    assert floor.lengths[0] == pytest.approx(bench.size[0] + 2.0 * (bench.clearance + bench.wall)) and walls[0].lengths[2] == bench.depth
+    assert (
+        floor.lengths[0] == pytest.approx(bench.size[0] + 2.0 * (bench.clearance + bench.wall))
+        and walls[0].lengths[2] == bench.depth
+    )
 
 
 def test_a_world_without_what_a_skill_says_of_it_names_it():
@@ -74,11 +99,18 @@ def test_a_holder_that_is_moved_after_planning_is_missed_and_said_so(taught):
 def test_what_the_commander_stops_is_a_failure_with_its_reason(taught):
     session, learned, _, rng = taught
     plan = learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
-    sinks = np.outer(np.linspace(0.0, 1.2, len(plan.path.time)), [0.0, 0.0, 1.0])  # it pulls the hand away from where it is expected
+    sinks = np.outer(
+        np.linspace(0.0, 1.2, len(plan.path.time)), [0.0, 0.0, 1.0]
+    )  # it pulls the hand away from where it is expected
     away = replace(plan, attractor_position=plan.attractor_position + sinks)
     trial = session.execute(away)
     assert not trial.outcome.success and "from the plan" in trial.message
-    assert session.execute(learned.plan(session.situation(session.skill.draw(rng).pose("holder")))).message == ""
+    assert (
+        session.execute(
+            learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
+        ).message
+        == ""
+    )
 
 
 def lies_at(local, opened=3.0, until=4.0, drop=0.12):
@@ -89,7 +121,14 @@ def lies_at(local, opened=3.0, until=4.0, drop=0.12):
     part = Track(time, path, np.tile(local.quaternion, (len(time), 1)))
     still = Track(time, np.zeros((len(time), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1)))
     told = (Told(0.5, Grip.CLOSE), Told(opened, Grip.OPEN))
-    seen = TaskDemonstration("one", {"hand": still, "part": part, "holder": still}, np.empty(0), np.empty((0, 7)), np.empty((0, 7)), told)
+    seen = TaskDemonstration(
+        "one",
+        {"hand": still, "part": part, "holder": still},
+        np.empty(0),
+        np.empty((0, 7)),
+        np.empty((0, 7)),
+        told,
+    )
     return Place().judge(seen, Situation({"holder": Pose(np.zeros(3))}))
 
 
@@ -112,16 +151,25 @@ def test_a_part_is_in_where_it_lies_in_its_seat(place, said):
 
 
 def test_a_part_that_leans_is_not_in():
-    assert "leans by 17 degrees" in lies_at(Pose(np.array([0.0, 0.0, 0.05]), np.array([0.0, 0.15, 0.0, 0.9887]))).reason
+    assert (
+        "leans by 17 degrees"
+        in lies_at(Pose(np.array([0.0, 0.0, 0.05]), np.array([0.0, 0.15, 0.0, 0.9887]))).reason
+    )
 
 
 def test_a_part_that_nobody_sees_afterwards_is_not_in():
     outcome = lies_at(Pose(np.array([0.0, 0.0, 0.05])), opened=3.9)
-    assert not outcome.success and np.isnan(outcome.error) and "not seen after the hand had opened" in outcome.reason
+    assert (
+        not outcome.success
+        and np.isnan(outcome.error)
+        and "not seen after the hand had opened" in outcome.reason
+    )
 
 
 def test_the_miss_is_where_the_part_came_down_and_not_where_it_fell():
-    assert lies_at(Pose(np.array([0.004, -0.003, 0.05]))).miss == pytest.approx([0.004, -0.003, 0.0])
+    assert lies_at(Pose(np.array([0.004, -0.003, 0.05]))).miss == pytest.approx(
+        [0.004, -0.003, 0.0]
+    )
     assert np.isnan(lies_at(Pose(np.array([0.2, 0.0, 0.05]))).miss).all()
 
 
@@ -130,7 +178,10 @@ def test_holders_are_drawn_where_the_arm_reaches_them():
     (near, far), middle = skill.settings.reach, np.array(skill.settings.shown_at)
     for wide, most in ((False, skill.settings.shown_within), (True, skill.settings.asked_within)):
         places = np.array([skill.draw(rng, wide).pose("holder").position for _ in range(200)])
-        away, reach = np.linalg.norm(places[:, :2] - middle, axis=1), np.linalg.norm(places[:, :2], axis=1)
+        away, reach = (
+            np.linalg.norm(places[:, :2] - middle, axis=1),
+            np.linalg.norm(places[:, :2], axis=1),
+        )
         assert 0.8 * most < away.max() < most and near < reach.min() and reach.max() < far
     assert places[:, 2].min() > 1.16 and places[:, 2].max() < 1.2103
 
@@ -140,5 +191,7 @@ def test_a_seed_is_the_same_each_time_and_its_table_counts():
     first, second = (run_seed(43, demonstrations=3, parts=1) for _ in range(2))
     assert first == second and len(first) == 1
     placed = [Placed(0, 0.1, 0.5, True, 0.001, ""), Placed(0, 0.2, -0.5, False, 0.04, "it jammed")]
-    assert "1 of 2 parts" in table(placed) and "20 cm away, turned by -29 degrees: it jammed" in table(placed)
+    assert "1 of 2 parts" in table(
+        placed
+    ) and "20 cm away, turned by -29 degrees: it jammed" in table(placed)
     assert "0 of 1 parts" in table(placed[1:])

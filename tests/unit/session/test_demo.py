@@ -1,4 +1,6 @@
-"""The demo of each skill in one process: its bag teaches what was learned, and what cannot be done is said."""
+"""The demo of each skill in one process: its bag teaches what was learned, and what cannot be done
+is said.
+"""
 
 from dataclasses import replace
 
@@ -8,7 +10,14 @@ from dart_skill.cli import main
 from dart_skill.common.fleet import arm_with
 from dart_skill.experiments import arm_darts
 from dart_skill.recording import BagReader
-from dart_skill.session import Job, darts_demo, learn_skill_from_bag, learn_throws_from_bag, skill_demo, throwing_demo
+from dart_skill.session import (
+    Job,
+    darts_demo,
+    learn_skill_from_bag,
+    learn_throws_from_bag,
+    skill_demo,
+    throwing_demo,
+)
 from dart_skill.skills.protocol import load_skill
 
 
@@ -24,19 +33,35 @@ def test_the_bag_teaches_what_was_learned_to_the_last_bit(name, job):
     summary = skill_demo(job, load_skill(name), said.append)
     learned, left_out = learn_skill_from_bag(job.bag, load_skill(name))
     assert not left_out and any(f"model {learned.model_id}" in line for line in said)
-    assert summary.succeeded == 1 and summary.layout == "in-process" and summary.real_time_factor > 0.0
+    assert (
+        summary.succeeded == 1
+        and summary.layout == "in-process"
+        and summary.real_time_factor > 0.0
+    )
     with BagReader(job.bag) as bag:
-        assert {"/joint_states", "/wam/command", "/wam/teacher_wrench", "/demonstrations"} < set(bag.topics)
-        assert len([topic for topic in bag.topics if topic.startswith("/vrpn_mocap/")]) == 1 + len(load_skill(name).bodies)
+        assert {"/joint_states", "/wam/command", "/wam/teacher_wrench", "/demonstrations"} < set(
+            bag.topics
+        )
+        assert len([topic for topic in bag.topics if topic.startswith("/vrpn_mocap/")]) == 1 + len(
+            load_skill(name).bodies
+        )
 
 
 @pytest.mark.slow
 def test_darts_are_those_of_the_experiment_to_the_last_bit(job):
     """Which are those of the graph (tests/integration/test_darts.py)."""
     skill, job = load_skill("darts"), replace(job, throws=2)
-    summary, said = darts_demo(job, skill, lambda line: None), arm_darts.run(0, throws=2, demonstrations=3)
-    assert [(dart.aim, dart.hit, dart.score) for dart in summary.run.darts] == [(dart.aim, dart.hit, dart.score) for dart in said.darts]
-    assert [one.outcome.success for one in summary.of.trials] == [True, True] and summary.leg is None
+    summary, said = (
+        darts_demo(job, skill, lambda line: None),
+        arm_darts.run(0, throws=2, demonstrations=3),
+    )
+    assert [(dart.aim, dart.hit, dart.score) for dart in summary.run.darts] == [
+        (dart.aim, dart.hit, dart.score) for dart in said.darts
+    ]
+    assert [one.outcome.success for one in summary.of.trials] == [
+        True,
+        True,
+    ] and summary.leg is None
     practice, left_out = learn_throws_from_bag(job.bag, skill)
     assert len(practice.demonstrations) == 3 and not left_out
 
@@ -48,7 +73,17 @@ def test_a_parameter_that_no_session_has_is_refused(job):
 
 
 def test_what_fails_is_said_in_a_line(tmp_path, capsys):
-    arguments = ["demo", "--layout", "in-process", "--set", "coach.candidates=3", "--demonstrations", "2", "--throws", "1"]
+    arguments = [
+        "demo",
+        "--layout",
+        "in-process",
+        "--set",
+        "coach.candidates=3",
+        "--demonstrations",
+        "2",
+        "--throws",
+        "1",
+    ]
     assert main([*arguments, "--output", str(tmp_path / "run")]) == 1
     said = capsys.readouterr().err.splitlines()
     assert said[-1].startswith("the demo failed: ") and "coach" in said[-1]

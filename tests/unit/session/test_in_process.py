@@ -1,4 +1,6 @@
-"""The whole chain in one process: guided throws, learning, a throw at a new basket, and who knows what."""
+"""The whole chain in one process: guided throws, learning, a throw at a new basket, and who knows
+what.
+"""
 
 import numpy as np
 import pytest
@@ -33,11 +35,15 @@ def test_a_learned_throw_lands_at_the_basket(thrown):
 def test_the_cameras_and_the_simulator_agree(thrown, taught):
     for trial in (thrown[1], *taught):
         assert trial.outcome.in_basket == trial.ball_was_in
-        below = next(s for s in trial.states if not s.ball_held and s.ball_position[2] < trial.demonstration.target[2])
-        assert np.linalg.norm(trial.outcome.landing - below.ball_position) < 0.02
-        assert trial.outcome.landing_time * 1e9 + (trial.demonstration.stamp_ns + trial.demonstration.hand_opened * 1e9) == pytest.approx(
-            below.stamp_ns, abs=6e6
+        below = next(
+            s
+            for s in trial.states
+            if not s.ball_held and s.ball_position[2] < trial.demonstration.target[2]
         )
+        assert np.linalg.norm(trial.outcome.landing - below.ball_position) < 0.02
+        assert trial.outcome.landing_time * 1e9 + (
+            trial.demonstration.stamp_ns + trial.demonstration.hand_opened * 1e9
+        ) == pytest.approx(below.stamp_ns, abs=6e6)
 
 
 def test_the_throw_itself_is_a_demonstration(thrown, learned):
@@ -60,8 +66,20 @@ def test_teaching_tries_again_until_the_ball_is_in(taught):
 
 
 def same_trial(first, second):
-    names = ("stamp_ns", "hand_position", "hand_quaternion", "ball_time", "ball_position", "joint_position", "target", "hand_opened")
-    return all(np.array_equal(getattr(first.demonstration, name), getattr(second.demonstration, name)) for name in names)
+    names = (
+        "stamp_ns",
+        "hand_position",
+        "hand_quaternion",
+        "ball_time",
+        "ball_position",
+        "joint_position",
+        "target",
+        "hand_opened",
+    )
+    return all(
+        np.array_equal(getattr(first.demonstration, name), getattr(second.demonstration, name))
+        for name in names
+    )
 
 
 def test_the_same_seed_gives_the_same_throw_to_the_last_bit(thrown, learned):
@@ -75,7 +93,9 @@ def test_the_same_seed_gives_the_same_throw_to_the_last_bit(thrown, learned):
 
 
 def test_learning_sees_nothing_that_only_the_simulator_knows(demonstrations, taught_targets):
-    """A session whose plant tells lies in every field that no sensor reads gives the same demonstrations and the same plan."""
+    """A session whose plant tells lies in every field that no sensor reads gives the same
+    demonstrations and the same plan.
+    """
     session = Session(seed=3)
     truthful = type(session.plant).state
 
@@ -83,13 +103,21 @@ def test_learning_sees_nothing_that_only_the_simulator_knows(demonstrations, tau
         @property
         def state(self):
             state, rng = truthful.fget(self), np.random.default_rng(self.step_count)
-            vars(state).update(effort=rng.normal(size=7), ball_velocity=rng.normal(size=3), ball_held=False, ball_in_basket=True)
+            vars(state).update(
+                effort=rng.normal(size=7),
+                ball_velocity=rng.normal(size=3),
+                ball_held=False,
+                ball_in_basket=True,
+            )
             return state
 
     session.plant.__class__ = Lying
     told = [session.teach(target, attempts=1)[0] for target in taught_targets[:2]]
     assert all(trial.ball_was_in for trial in told), "the lies were told"
-    plans = [learn_throwing(shown).plan(BASKET) for shown in ([trial.demonstration for trial in told], demonstrations[:2])]
+    plans = [
+        learn_throwing(shown).plan(BASKET)
+        for shown in ([trial.demonstration for trial in told], demonstrations[:2])
+    ]
     assert same_plan(*plans)
     session.close()
 
@@ -117,10 +145,21 @@ def test_a_throw_that_is_stopped_before_the_release_says_why(learned):
 
 
 def test_a_person_who_is_too_fast_is_stopped_and_the_next_throw_can_be_made(learned):
-    """The limit holds for this throw of the person only: nothing is latched in a world that is built anew."""
-    session = Session(seed=11, commander=CommanderSettings.configured(fastest_hand=2.9, fastest_elbow=0.3))
-    for attempt in (lambda: session.teach(BASKET), lambda: session.teach(BASKET), lambda: session.throw(learned)):
+    """The limit holds for this throw of the person only: nothing is latched in a world that is
+    built anew.
+    """
+    session = Session(
+        seed=11, commander=CommanderSettings.configured(fastest_hand=2.9, fastest_elbow=0.3)
+    )
+    for attempt in (
+        lambda: session.teach(BASKET),
+        lambda: session.teach(BASKET),
+        lambda: session.throw(learned),
+    ):
         with pytest.raises(ValueError, match="stopped.* moves at") as caught:
             attempt()
-        assert not isinstance(caught.value, PlanRefused) and "the elbow moves at" in session.commander.stopped_by
+        assert (
+            not isinstance(caught.value, PlanRefused)
+            and "the elbow moves at" in session.commander.stopped_by
+        )
     session.close()

@@ -1,4 +1,6 @@
-"""The arm from the joints of its URDF against the controller's model, from the DH table by Pinocchio."""
+"""The arm from the joints of its URDF against the controller's model, from the DH table by
+Pinocchio.
+"""
 
 from dataclasses import replace
 
@@ -20,7 +22,10 @@ def postures(n):
 def test_capsules_are_where_the_model_of_the_arm_has_them(base_turn):
     arm, model = ArmGeometry(), ArmModel()
     for q in postures(20):
-        (ends, radii), (expected, thick) = arm.capsules(q, base_turn), model.link_capsules(q, base_turn)
+        (ends, radii), (expected, thick) = (
+            arm.capsules(q, base_turn),
+            model.link_capsules(q, base_turn),
+        )
         np.testing.assert_allclose(ends, expected, atol=1e-13)
         np.testing.assert_array_equal(radii, thick)
     assert len(radii) == len(wam_description().capsules)
@@ -38,7 +43,9 @@ def test_a_wrench_in_the_joints_is_that_of_the_transposed_jacobian():
     arm, model, rng = ArmGeometry(), ArmModel(), np.random.default_rng(1)
     for q in postures(20):
         wrench = rng.normal(size=6)
-        np.testing.assert_allclose(arm.in_joints(q, wrench), model.jacobian(q).T @ wrench, atol=1e-13)
+        np.testing.assert_allclose(
+            arm.in_joints(q, wrench), model.jacobian(q).T @ wrench, atol=1e-13
+        )
     force_alone = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(arm.in_joints(q, force_alone), model.jacobian(q)[2], atol=1e-13)
     assert arm.in_joints(q, np.zeros(6)) is None
@@ -80,14 +87,24 @@ def test_dynamics_are_those_of_the_controllers_model_from_other_frames(ball_in_h
 def test_dynamics_are_those_of_pybullet(ball, tmp_path):
     """PyBullet turns inertias to principal axes, which costs it some digits."""
     description = replace(wam_description(), ball=ball or DART)
-    (tmp_path / "arm.urdf").write_text(write_urdf(description, ball is not None, shapes=False), encoding="utf-8")
+    (tmp_path / "arm.urdf").write_text(
+        write_urdf(description, ball is not None, shapes=False), encoding="utf-8"
+    )
     client, arm = connect(), ArmDynamics(description, ball is not None)
     client.setGravity(0, 0, -description.gravity)
-    body = client.loadURDF(str(tmp_path / "arm.urdf"), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+    body = client.loadURDF(
+        str(tmp_path / "arm.urdf"), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+    )
     for q, qd in motions(20):
         inertia, bias = arm.terms(q, qd)
-        np.testing.assert_allclose(inertia, client.calculateMassMatrix(body, q.tolist()), atol=1e-8)
-        np.testing.assert_allclose(bias, client.calculateInverseDynamics(body, q.tolist(), qd.tolist(), [0.0] * 7), atol=1e-7)
+        np.testing.assert_allclose(
+            inertia, client.calculateMassMatrix(body, q.tolist()), atol=1e-8
+        )
+        np.testing.assert_allclose(
+            bias,
+            client.calculateInverseDynamics(body, q.tolist(), qd.tolist(), [0.0] * 7),
+            atol=1e-7,
+        )
     client.disconnect()
 
 

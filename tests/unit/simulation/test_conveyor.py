@@ -1,11 +1,22 @@
-"""The belt: a cup that moves beside the arm, the person who guides the hand into it, and the one who holds the hand."""
+"""The belt: a cup that moves beside the arm, the person who guides the hand into it, and the one
+who holds the hand.
+"""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Command
-from dart_skill.simulation import Belt, Conveyor, Holder, Person, PlantSettings, Reacher, Reaching, make_world
+from dart_skill.simulation import (
+    Belt,
+    Conveyor,
+    Holder,
+    Person,
+    PlantSettings,
+    Reacher,
+    Reaching,
+    make_world,
+)
 
 EXACT = Reaching(wait_spread=0.0, duration_spread=0.0, height_spread=0.0, aim_spread=0.0)
 STEADY = Person(tremble=0.0)
@@ -35,14 +46,20 @@ def test_a_steady_belt_has_the_same_speed_before_its_way_and_after_it():
 
 def test_another_belt_goes_from_rest_to_rest():
     belt = Belt(begin=(0.6, 0.1, 1.1), way=(0.05, 0.24, 0.0), steady=False)
-    assert belt.at(0.0)[0] == pytest.approx(belt.begin) and belt.at(1.0)[0] == pytest.approx(belt.begin)
-    assert belt.at(3.4)[0] == pytest.approx([0.65, 0.34, 1.1]) and belt.at(9.0)[0] == pytest.approx([0.65, 0.34, 1.1])
+    assert belt.at(0.0)[0] == pytest.approx(belt.begin) and belt.at(1.0)[0] == pytest.approx(
+        belt.begin
+    )
+    assert belt.at(3.4)[0] == pytest.approx([0.65, 0.34, 1.1]) and belt.at(9.0)[
+        0
+    ] == pytest.approx([0.65, 0.34, 1.1])
     middle = (belt.at(2.201)[0] - belt.at(2.199)[0]) / 0.002
     assert middle == pytest.approx(1.875 * np.array(belt.way) / 2.4, rel=1e-4)
 
 
 def test_a_cup_is_turned_about_the_vertical():
-    assert Rotation.from_quat(Belt(turn=0.4).at(0.0)[1]).as_rotvec() == pytest.approx([0.0, 0.0, 0.4])
+    assert Rotation.from_quat(Belt(turn=0.4).at(0.0)[1]).as_rotvec() == pytest.approx(
+        [0.0, 0.0, 0.4]
+    )
 
 
 def test_the_cup_moves_with_the_clock_of_the_world_and_begins_anew_with_a_reset(conveyor):
@@ -72,12 +89,16 @@ def test_a_situation_says_where_the_cup_goes(conveyor):
     assert plant.set_up({"cup": (np.array([0.6, -0.1, 1.0]), upright)}, way).episode == 3
     for time in (0.0, 1.0, 2.0, 3.0):
         place, turn = plant._belt.at(time)
-        assert place == pytest.approx(Belt((0.6, -0.1, 1.0), (0.02, 0.24, 0.0), 0.3, steady=False, duration=2.0).at(time)[0])
+        assert place == pytest.approx(
+            Belt((0.6, -0.1, 1.0), (0.02, 0.24, 0.0), 0.3, steady=False, duration=2.0).at(time)[0]
+        )
         assert turn == pytest.approx(upright)
     plant.set_up({})
     assert plant._belt.way == (0.02, 0.24, 0.0), "where nothing is said, it runs as before"
     plant.put("cup", np.array([0.5, 0.1, 1.0]), upright)
-    assert plant.cup[0] == pytest.approx([0.5, 0.1, 1.0]) and plant.state.ball_position == pytest.approx([0.5, 0.1, 1.0])
+    assert plant.cup[0] == pytest.approx(
+        [0.5, 0.1, 1.0]
+    ) and plant.state.ball_position == pytest.approx([0.5, 0.1, 1.0])
     assert plant.state.ball_velocity == pytest.approx(np.zeros(3))
 
 
@@ -90,7 +111,11 @@ def test_the_velocity_of_the_cup_is_that_of_the_belt(conveyor):
     ("bodies", "numbers", "said"),
     [
         (["basket"], {}, "this world can put the cup somewhere, not 'basket'"),
-        ([], {"speed": 0.1}, "this world knows no number 'speed'; it knows way_x, way_y, way_z, steady"),
+        (
+            [],
+            {"speed": 0.1},
+            "this world knows no number 'speed'; it knows way_x, way_y, way_z, steady",
+        ),
         ([], {"duration": 0.0}, "duration is 0.0 s"),
         (["cup"], {}, "the cup leans by 0.50 rad"),
     ],
@@ -114,7 +139,9 @@ def test_worlds_are_found_by_name():
     world = make_world("belt", PlantSettings())
     assert set(world.bodies) == {"hand", "cup"}
     world.close()
-    with pytest.raises(ValueError, match="no world 'moon': choose one of basket, board, bench, belt"):
+    with pytest.raises(
+        ValueError, match="no world 'moon': choose one of basket, board, bench, belt"
+    ):
         make_world("moon", PlantSettings())
 
 
@@ -123,7 +150,9 @@ def guided(plant, reacher):
     reacher.begin(plant.arm_state)
     rows = []
     while not reacher.done(plant.arm_state):
-        reacher.watch(plant.arm_state, plant.cup[0], np.array(plant.state.ball_velocity), np.zeros(3))
+        reacher.watch(
+            plant.arm_state, plant.cup[0], np.array(plant.state.ball_velocity), np.zeros(3)
+        )
         plant.step(Command(plant.state_stamp_ns), reacher.step(plant.arm_state))
         rows.append(plant.hand_position - plant.cup[0])
     return np.array(rows)
@@ -131,7 +160,10 @@ def guided(plant, reacher):
 
 @pytest.mark.parametrize("steady", [True, False])
 def test_a_person_comes_over_the_rim_and_stays_in_a_cup_that_moves(conveyor, steady):
-    local = guided(conveyor(Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0), steady=steady)), Reacher(1, EXACT, STEADY))
+    local = guided(
+        conveyor(Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0), steady=steady)),
+        Reacher(1, EXACT, STEADY),
+    )
     rim = local[np.flatnonzero(local[:, 2] > 0.06)[-1]]
     assert np.hypot(*rim[:2]) < 0.005 and np.linalg.norm(local[-100:], axis=1).max() < 0.004
     over = local[np.hypot(local[:, 0], local[:, 1]) > 0.05]
@@ -155,7 +187,9 @@ def test_who_holds_the_hand_keeps_it_where_it_was_met(conveyor):
     assert holder.push(plant.arm_state, False) is None
     for _ in range(300):
         plant.step(Command(plant.state_stamp_ns, lift), holder.push(plant.arm_state, True))
-    assert np.linalg.norm(plant.hand_position - met) == pytest.approx(40.0 / STEADY.firm_hand[0], abs=0.003)
+    assert np.linalg.norm(plant.hand_position - met) == pytest.approx(
+        40.0 / STEADY.firm_hand[0], abs=0.003
+    )
     for _ in range(150):
         plant.step(Command(plant.state_stamp_ns, lift), holder.push(plant.arm_state, False))
     assert plant.hand_position[2] - met[2] > 0.03

@@ -1,4 +1,6 @@
-"""The hold of a hand, and a swing as a quintic: what the formulas say, and the same compiled and interpreted."""
+"""The hold of a hand, and a swing as a quintic: what the formulas say, and the same compiled and
+interpreted.
+"""
 
 import numpy as np
 import pytest
@@ -20,8 +22,13 @@ def hands(rng):
 
 def test_a_hold_is_a_spring_and_a_damper():
     wanted, wanted_velocity, stray, position, velocity, error = hands(np.random.default_rng(1))
-    wrench = Hold(5000.0, 300.0, 25.0, 0.5).pull(wanted, wanted_velocity, stray, position, velocity, error)
-    assert_array_equal(wrench[:3], 5000.0 * (wanted + stray - position) + 300.0 * (wanted_velocity[:3] - velocity[:3]))
+    wrench = Hold(5000.0, 300.0, 25.0, 0.5).pull(
+        wanted, wanted_velocity, stray, position, velocity, error
+    )
+    assert_array_equal(
+        wrench[:3],
+        5000.0 * (wanted + stray - position) + 300.0 * (wanted_velocity[:3] - velocity[:3]),
+    )
     assert_array_equal(wrench[3:], 25.0 * error + 0.5 * (wanted_velocity[3:] - velocity[3:]))
 
 
@@ -32,7 +39,11 @@ def test_a_quintic_has_its_ends_and_no_acceleration_there(ends):
         position, velocity = quintic.at(time)
         assert_allclose(position, place, atol=1e-12)
         assert_allclose(velocity, rate, atol=1e-12)
-        assert_allclose((quintic.at(time + step)[1] - quintic.at(time - step)[1]) / (2.0 * step), np.zeros(7), atol=1e-5)
+        assert_allclose(
+            (quintic.at(time + step)[1] - quintic.at(time - step)[1]) / (2.0 * step),
+            np.zeros(7),
+            atol=1e-5,
+        )
 
 
 def test_a_quintic_has_the_bits_of_its_formula(ends):
@@ -57,7 +68,9 @@ def test_compiled_and_interpreted_have_the_same_bits(ends):
     plain = interpreted("dart_skill.simulation._hold")
     rng = np.random.default_rng(2)
     for time in rng.uniform(0.0, 0.7, 50).tolist():
-        for ours, theirs in zip(Quintic(*ends).at(time), plain.Quintic(*ends).at(time), strict=True):
+        for ours, theirs in zip(
+            Quintic(*ends).at(time), plain.Quintic(*ends).at(time), strict=True
+        ):
             assert_array_equal(ours, theirs)
         numbers, firm = hands(rng), rng.uniform(0.1, 1e4, 4).tolist()
         assert_array_equal(Hold(*firm).pull(*numbers), plain.Hold(*firm).pull(*numbers))

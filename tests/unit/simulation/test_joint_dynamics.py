@@ -37,8 +37,12 @@ def test_joints_are_read_as_lists_and_as_arrays(rng):
 def test_motors_are_asked_for_what_the_command_says_and_for_their_share_of_gravity(rng):
     torque, pull, gravity = rng.normal(size=(3, 7))
     joints = JointDynamics(Actuation(WAM), REFLECTED, 0.95, STEP)
-    np.testing.assert_allclose(joints.asked(torque, None, gravity), torque + 0.95 * gravity, atol=1e-15)
-    np.testing.assert_allclose(joints.asked(torque, pull, gravity), torque + pull + 0.95 * gravity, atol=1e-15)
+    np.testing.assert_allclose(
+        joints.asked(torque, None, gravity), torque + 0.95 * gravity, atol=1e-15
+    )
+    np.testing.assert_allclose(
+        joints.asked(torque, pull, gravity), torque + pull + 0.95 * gravity, atol=1e-15
+    )
 
 
 def moved(inertia, bias, torque):
@@ -76,7 +80,13 @@ def test_compiled_and_interpreted_have_the_same_bits(rng, inertia):
     actuation = Actuation(WAM)
     for elastic in (False, True):
         pair = [
-            module.JointDynamics(actuation, REFLECTED, 0.95, STEP, Transmission(STIFFNESS, REFLECTED, actuation) if elastic else None)
+            module.JointDynamics(
+                actuation,
+                REFLECTED,
+                0.95,
+                STEP,
+                Transmission(STIFFNESS, REFLECTED, actuation) if elastic else None,
+            )
             for module in (_joint_dynamics, plain)
         ]
         ours, theirs = (one.torque(inertia, bias, effort, push, q, v) for one in pair)

@@ -1,4 +1,6 @@
-"""The motion-capture model: who is seen, with what error, when, and the same again for the same seed."""
+"""The motion-capture model: who is seen, with what error, when, and the same again for the same
+seed.
+"""
 
 from dataclasses import replace
 
@@ -7,7 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.common.configuration import node_parameters
-from dart_skill.simulation import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig
+from dart_skill.simulation import (
+    BasketWalls,
+    Camera,
+    Frame,
+    LatencyQueue,
+    MotionCapture,
+    MotionCaptureConfig,
+)
 from dart_skill.simulation._motion_capture import NO_CAPSULES, Sample, _check_capsules, _walls
 
 FRAME_NS = 10_000_000
@@ -18,7 +27,10 @@ QUIET = {**PARAMETERS, "dropout_rate": 0.0}
 
 def scene(ball=(0.4, 0.1, 1.9)):
     return {
-        "hand": (np.array([0.3, 0.1, 1.8]), Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_quat()),
+        "hand": (
+            np.array([0.3, 0.1, 1.8]),
+            Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_quat(),
+        ),
         "ball": (np.array(ball), IDENTITY),
         "basket": (np.array([2.0, 0.5, 0.6]), IDENTITY),
     }
@@ -33,7 +45,9 @@ def visible_cameras(system, points, capsules=NO_CAPSULES, basket=None):
     """How many cameras see each of the points (n, 3): integers (n,)."""
     ends, radii = _check_capsules([capsules])
     walls, cameras = _walls([Frame(0, {}, capsules, basket)]), len(system.config.cameras)
-    return system._view.count(np.asarray(points, dtype=float)[None], ends, radii, walls, cameras)[0]
+    return system._view.count(np.asarray(points, dtype=float)[None], ends, radii, walls, cameras)[
+        0
+    ]
 
 
 def in_front_of(camera, distance, right=0.0, down=0.0):
@@ -43,11 +57,17 @@ def in_front_of(camera, distance, right=0.0, down=0.0):
 def test_the_configured_cameras_cover_the_arm_and_the_flights():
     system = MotionCapture(PARAMETERS, seed=0)
     assert len(system.config.cameras) == 12
-    radius, azimuth, height = np.meshgrid(np.linspace(0.2, 2.75, 18), np.deg2rad(np.linspace(-60, 60, 17)), np.linspace(0.1, 2.5, 9))
-    points = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1).reshape(-1, 3)
+    radius, azimuth, height = np.meshgrid(
+        np.linspace(0.2, 2.75, 18), np.deg2rad(np.linspace(-60, 60, 17)), np.linspace(0.1, 2.5, 9)
+    )
+    points = np.stack(
+        [radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1
+    ).reshape(-1, 3)
     seen = visible_cameras(system, points)
     assert seen.min() >= 2, points[seen.argmin()]
-    around = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2, np.linspace(0.8, 2.5, 7)), axis=-1).reshape(-1, 3)
+    around = np.stack(
+        np.meshgrid(*[np.linspace(-1, 1, 7)] * 2, np.linspace(0.8, 2.5, 7)), axis=-1
+    ).reshape(-1, 3)
     seen = visible_cameras(system, around)
     assert seen.min() >= 4, around[seen.argmin()]
 
@@ -114,11 +134,16 @@ def test_a_holder_closer_than_the_clearance_does_not_hide_the_ball():
 
 
 def test_a_body_needs_two_cameras():
-    left, right = Camera([-1.0, -3.0, 1.0], [0.0, 0.0, 1.0]), Camera([1.0, -3.0, 1.0], [0.0, 0.0, 1.0])
+    left, right = (
+        Camera([-1.0, -3.0, 1.0], [0.0, 0.0, 1.0]),
+        Camera([1.0, -3.0, 1.0], [0.0, 0.0, 1.0]),
+    )
     shield = np.array([[[-0.4, -1.0, 0.0], [-0.4, -1.0, 2.0]]])
     bodies = {"ball": (np.array([0.0, 0.0, 1.0]), IDENTITY)}
     for min_cameras, capsules, seen in ((2, None, 1), (2, shield, 0), (1, shield, 1)):
-        system = MotionCapture(MotionCaptureConfig((left, right), min_cameras=min_cameras, dropout_rate=0.0), seed=0)
+        system = MotionCapture(
+            MotionCaptureConfig((left, right), min_cameras=min_cameras, dropout_rate=0.0), seed=0
+        )
         occluders = {} if capsules is None else {"capsules": (capsules, np.array([0.2]))}
         assert len(system.observe(0, 0, bodies, **occluders)) == seen
 
@@ -128,7 +153,9 @@ def test_inside_the_basket_only_cameras_that_look_in_from_above_see_the_ball():
     basket = BasketWalls(rim, radius=0.15, depth=0.3)
     low = Camera([2.0, -3.0, 0.5], [2.0, 0.0, 0.5])
     slanted = Camera([2.0, -1.0, 1.6], [2.0, 0.0, 0.5])
-    over_the_edge = rim + [0.0, -0.15, 0.0] + 0.1 * np.array([0.0, 0.85, -1.0])  # on its line over the near edge
+    over_the_edge = (
+        rim + [0.0, -0.15, 0.0] + 0.1 * np.array([0.0, 0.85, -1.0])
+    )  # on its line over the near edge
     above_rim, inside = rim + [0.0, 0.0, 0.05], rim - [0.0, 0.0, 0.05]
     higher, deeper = over_the_edge + [0.0, 0.0, 0.002], over_the_edge - [0.0, 0.0, 0.002]
     for camera, ball, seen in (
@@ -142,7 +169,9 @@ def test_inside_the_basket_only_cameras_that_look_in_from_above_see_the_ball():
     above = MotionCapture(PARAMETERS, seed=0)
     depths = np.array([-0.1, 0.03, 0.1, 0.25])
     counts = visible_cameras(above, rim - np.outer(depths, [0.0, 0.0, 1.0]), basket=basket)
-    assert counts[0] >= counts[1] >= counts[2] >= counts[3] and counts[1] >= 2 and counts[3] == 0, counts
+    assert (
+        counts[0] >= counts[1] >= counts[2] >= counts[3] and counts[1] >= 2 and counts[3] == 0
+    ), counts
 
 
 def test_the_basket_hides_what_is_behind_it_but_not_its_own_rim():
@@ -175,7 +204,9 @@ def test_the_calibration_error_turns_with_the_body_and_differs_between_runs():
         return frames[0][0].position - bodies["ball"][0]
 
     turned = Rotation.from_euler("xyz", [0.4, 1.0, -2.0])
-    np.testing.assert_allclose(offset(1, turned), turned.apply(offset(1, Rotation.identity())), atol=1e-15)
+    np.testing.assert_allclose(
+        offset(1, turned), turned.apply(offset(1, Rotation.identity())), atol=1e-15
+    )
     assert np.linalg.norm(offset(1, turned) - offset(2, turned)) > 1e-5
 
 
@@ -186,8 +217,14 @@ def test_the_offset_is_one_for_all_episodes_of_a_run():
 
 
 def same(a, b):
-    return [(s.name, s.stamp_ns, s.publish_ns, *s.position, *s.quaternion) for frame in a for s in frame] == [
-        (s.name, s.stamp_ns, s.publish_ns, *s.position, *s.quaternion) for frame in b for s in frame
+    return [
+        (s.name, s.stamp_ns, s.publish_ns, *s.position, *s.quaternion)
+        for frame in a
+        for s in frame
+    ] == [
+        (s.name, s.stamp_ns, s.publish_ns, *s.position, *s.quaternion)
+        for frame in b
+        for s in frame
     ]
 
 
@@ -197,7 +234,10 @@ def test_same_seed_and_episode_give_the_same_samples_whatever_came_before():
     run(two, 5, episode=3)
     assert same(run(one, 100, episode=1), run(two, 100, episode=1))
     assert not same(run(one, 100, episode=2), run(two, 100, episode=1))
-    assert not same(run(MotionCapture(PARAMETERS, seed=8), 100, 1), run(MotionCapture(PARAMETERS, seed=7), 100, 1))
+    assert not same(
+        run(MotionCapture(PARAMETERS, seed=8), 100, 1),
+        run(MotionCapture(PARAMETERS, seed=7), 100, 1),
+    )
 
 
 def moving_frames(n_frames, seed):
@@ -207,11 +247,17 @@ def moving_frames(n_frames, seed):
         s = i / n_frames
         rim = np.array([2.0, 0.5 - s, 0.6])
         bodies = {
-            "hand": (np.array([0.3, 0.1, 1.8 - s]), Rotation.from_euler("xyz", [0.3, -1.0 + 2 * s, 2.0]).as_quat()),
+            "hand": (
+                np.array([0.3, 0.1, 1.8 - s]),
+                Rotation.from_euler("xyz", [0.3, -1.0 + 2 * s, 2.0]).as_quat(),
+            ),
             "ball": ((1 - s) * np.array([0.4, 0.1, 1.9]) + s * (rim - [0.0, 0.0, 0.2]), IDENTITY),
             "basket": (rim, IDENTITY),
         }
-        capsules = (rng.normal([0.3, 0.0, 1.5], 0.3, size=(4, 2, 3)), rng.uniform(0.05, 0.2, size=4))
+        capsules = (
+            rng.normal([0.3, 0.0, 1.5], 0.3, size=(4, 2, 3)),
+            rng.uniform(0.05, 0.2, size=4),
+        )
         yield Frame(i * FRAME_NS, bodies, capsules, BasketWalls(rim, 0.15, 0.3))
 
 
@@ -220,11 +266,21 @@ def test_many_frames_at_once_are_the_frames_one_by_one_to_the_last_bit():
     one_by_one, at_once = MotionCapture(parameters, seed=7), MotionCapture(parameters, seed=7)
     for episode in (1, 2):
         frames = list(moving_frames(150, seed=episode))
-        single = [one_by_one.observe(f.stamp_ns, episode, f.bodies, f.capsules, f.basket) for f in frames]
-        parts = [at_once.observe_frames(episode, part) for part in (frames[:1], frames[1:60], frames[60:60], frames[60:])]
+        single = [
+            one_by_one.observe(f.stamp_ns, episode, f.bodies, f.capsules, f.basket) for f in frames
+        ]
+        parts = [
+            at_once.observe_frames(episode, part)
+            for part in (frames[:1], frames[1:60], frames[60:60], frames[60:])
+        ]
         assert same(parts, single)
-        counts = [sum(sample.name == name for frame in single for sample in frame) for name in ("hand", "ball", "basket")]
-        assert all(20 < count < 145 for count in counts), f"{counts} of 150 frames: some must be lost, some seen"
+        counts = [
+            sum(sample.name == name for frame in single for sample in frame)
+            for name in ("hand", "ball", "basket")
+        ]
+        assert all(20 < count < 145 for count in counts), (
+            f"{counts} of 150 frames: some must be lost, some seen"
+        )
 
 
 def test_a_frame_that_never_came_changes_nothing_in_those_after_it():
@@ -269,7 +325,9 @@ def test_dropouts_last_one_to_ten_frames_at_the_configured_rate():
     seen = np.array([len(system.observe(i * FRAME_NS, 0, bodies)) for i in range(n_frames)])
     edges = np.flatnonzero(np.diff(np.concatenate([[1], seen, [1]])))
     lengths = np.diff(edges.reshape(-1, 2), axis=1)[:, 0]
-    assert lengths.min() == 1 and 10 <= lengths.max() <= 25, "longer ones are dropouts that overlap"
+    assert lengths.min() == 1 and 10 <= lengths.max() <= 25, (
+        "longer ones are dropouts that overlap"
+    )
     assert np.mean(lengths <= 10) > 0.95
     assert len(lengths) / (n_frames / 100.0) == pytest.approx(1.0, rel=0.3)
 
@@ -279,7 +337,9 @@ def test_latency_is_five_milliseconds_and_a_little_and_stamps_are_of_the_exposur
     delay = np.array([(frame[0].publish_ns - frame[0].stamp_ns) * 1e-9 for frame in frames])
     assert delay.min() >= 5e-3 and np.mean(delay) == pytest.approx(5.4e-3, abs=1e-4)
     assert [frame[0].stamp_ns for frame in frames] == [i * FRAME_NS for i in range(1000)]
-    assert all(len({sample.publish_ns for sample in frame}) == 1 for frame in frames), "a frame is one packet"
+    assert all(len({sample.publish_ns for sample in frame}) == 1 for frame in frames), (
+        "a frame is one packet"
+    )
 
 
 def test_the_queue_hands_out_each_sample_once_when_it_is_due():
@@ -300,7 +360,9 @@ def test_a_body_that_is_not_there_is_not_reported_and_takes_no_draws():
     with_ball, without = MotionCapture(QUIET, seed=1), MotionCapture(QUIET, seed=1)
     bodies = scene()
     lone = {name: bodies[name] for name in ("hand", "basket")}
-    complete = [[sample for sample in frame if sample.name != "ball"] for frame in run(with_ball, 20)]
+    complete = [
+        [sample for sample in frame if sample.name != "ball"] for frame in run(with_ball, 20)
+    ]
     assert same(complete, run(without, 20, bodies=lone))
     assert without.observe(0, 0, {}) == []
 
@@ -357,15 +419,23 @@ def poses(system):
 def test_the_ball_alone_has_a_noise_and_an_offset_of_its_own():
     system = clean(ball_noise=1e-3)
     samples = [one for frame in run(system, 300) for one in frame]
-    spread = {name: np.std([one.position for one in samples if one.name == name], axis=0) for name in system.config.bodies}
+    spread = {
+        name: np.std([one.position for one in samples if one.name == name], axis=0)
+        for name in system.config.bodies
+    }
     assert spread["ball"] == pytest.approx(1e-3, rel=0.2) and spread["hand"].max() < 1e-12
-    off = {name: one.position - scene()[name][0] for name, one in poses(clean(ball_offset=3e-3)).items()}
+    off = {
+        name: one.position - scene()[name][0]
+        for name, one in poses(clean(ball_offset=3e-3)).items()
+    }
     assert np.linalg.norm(off["ball"]) == pytest.approx(3e-3) and np.abs(off["hand"]).max() < 1e-12
 
 
 def test_the_axes_of_the_hand_can_be_turned_and_nothing_else_is():
     seen = poses(clean(hand_turn=0.02))
-    turn = Rotation.from_quat(scene()["hand"][1]).inv() * Rotation.from_quat(seen["hand"].quaternion)
+    turn = Rotation.from_quat(scene()["hand"][1]).inv() * Rotation.from_quat(
+        seen["hand"].quaternion
+    )
     assert turn.magnitude() == pytest.approx(0.02)
     np.testing.assert_array_equal(seen["basket"].quaternion, IDENTITY)
 
@@ -387,7 +457,10 @@ def test_stamps_of_receipt_are_late_and_messages_are_not():
 def test_a_frame_that_is_hours_away_asks_for_no_memory_and_changes_nothing():
     """The number comes with a message, and every frame before it would be drawn."""
     system, other = MotionCapture(PARAMETERS, seed=0), MotionCapture(PARAMETERS, seed=0)
-    with pytest.raises(ValueError, match="frame 858993459 of the episode is 858993459 frames after .*: reset the world"):
+    with pytest.raises(
+        ValueError,
+        match="frame 858993459 of the episode is 858993459 frames after .*: reset the world",
+    ):
         system.observe(0, 0, scene(), number=858_993_459)
     seen, expected = system.observe(0, 0, scene()), other.observe(0, 0, scene())
     assert [one.position.tolist() for one in seen] == [one.position.tolist() for one in expected]

@@ -1,4 +1,6 @@
-"""The simulated world against independent mechanics: Pinocchio for the arm, Runge-Kutta for the ball, statistics for the hand."""
+"""The simulated world against independent mechanics: Pinocchio for the arm, Runge-Kutta for the
+ball, statistics for the hand.
+"""
 
 import gc
 import os
@@ -32,7 +34,12 @@ def run(plant, steps, wrench=None, joint_torque=None, push=None, grip=Grip.UNSPE
     states = [plant.state]
     for _ in range(steps):
         stamp = plant.state_stamp_ns
-        command = Command(stamp, np.zeros(6) if wrench is None else wrench, np.zeros(7) if joint_torque is None else joint_torque, grip)
+        command = Command(
+            stamp,
+            np.zeros(6) if wrench is None else wrench,
+            np.zeros(7) if joint_torque is None else joint_torque,
+            grip,
+        )
         plant.step(command, None if push is None else Command(stamp, *push))
         states.append(plant.state)
         grip = Grip.UNSPECIFIED
@@ -49,7 +56,11 @@ def launch(plant, position, velocity=(0.0, 0.0, 0.0)):
     """Put the free ball somewhere; the plant itself offers no such thing."""
     world, ball = plant._world, plant._ball
     world.resetBasePositionAndOrientation(ball, list(position), [0, 0, 0, 1])
-    half_a_step_earlier = np.array(velocity) + [0.0, 0.0, 0.5 * STEP * WAM.gravity]  # the plant's steps are a leapfrog
+    half_a_step_earlier = np.array(velocity) + [
+        0.0,
+        0.0,
+        0.5 * STEP * WAM.gravity,
+    ]  # the plant's steps are a leapfrog
     world.resetBaseVelocity(ball, half_a_step_earlier.tolist(), [0, 0, 0])
     plant._observe()
 
@@ -74,7 +85,9 @@ def same(first: PlantState, second: PlantState, but=()):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_joints_accelerate_as_an_arm_with_rotors_does(make_plant, seed):
-    """qdd = (M + MR)^-1 (tau - h), with M, h by Pinocchio from the DH table and MR by the transmission."""
+    """qdd = (M + MR)^-1 (tau - h), with M, h by Pinocchio from the DH table and MR by the
+    transmission.
+    """
     rng = np.random.default_rng(seed)
     plant = make_plant(start_posture=tuple(rng.uniform(-0.6, 0.6, 7)), **IDEAL)
     free_ball(plant)
@@ -83,21 +96,31 @@ def test_joints_accelerate_as_an_arm_with_rotors_does(make_plant, seed):
     assert np.abs(states[-1].velocity).max() > 0.5
     for before, after in zip(states[:-1], states[1:], strict=True):
         realised = (after.velocity - before.velocity) / STEP
-        bias = model.coriolis_torque(before.position, before.velocity) + model.gravity_torque(before.position)
+        bias = model.coriolis_torque(before.position, before.velocity) + model.gravity_torque(
+            before.position
+        )
         expected = np.linalg.solve(model.mass_matrix(before.position), after.effort - bias)
-        np.testing.assert_allclose(realised, expected, atol=1e-4 * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(
+            realised, expected, atol=1e-4 * max(1.0, np.abs(expected).max())
+        )
 
 
 def test_an_arm_without_rotor_inertia_would_accelerate_otherwise(make_plant):
-    """The check above can fail: at this posture rotors change the acceleration by far more than its tolerance."""
+    """The check above can fail: at this posture rotors change the acceleration by far more than
+    its tolerance.
+    """
     model, q = ArmModel(), np.array([0.1, -0.9, 0.2, -0.7, 0.1, -0.3, 0.0])
     torque = np.ones(7)
-    with_rotors, without = (np.linalg.solve(model.mass_matrix(q, rotors), torque) for rotors in (True, False))
+    with_rotors, without = (
+        np.linalg.solve(model.mass_matrix(q, rotors), torque) for rotors in (True, False)
+    )
     assert np.abs(with_rotors - without).max() > 0.1 * np.abs(without).max()
 
 
 def test_the_held_ball_weighs_on_the_arm(make_plant):
-    """From rest: gravity compensation knows the hand but not the ball, and the ball's inertia counts."""
+    """From rest: gravity compensation knows the hand but not the ball, and the ball's inertia
+    counts.
+    """
     plant = make_plant(start_posture=(0.2, 0.7, 0.1, 0.4, 0.0, 0.3, 0.0), **IDEAL)
     empty, loaded = ArmModel(), ArmModel(ball_in_hand=True)
     torque = np.array([2.0, -3.0, 1.0, 2.0, 0.3, -0.5, 0.05])
@@ -105,7 +128,9 @@ def test_the_held_ball_weighs_on_the_arm(make_plant):
     q = before.position
     net = torque + empty.gravity_torque(q) - loaded.gravity_torque(q)
     expected = np.linalg.solve(loaded.mass_matrix(q), net)
-    np.testing.assert_allclose(after.velocity / STEP, expected, rtol=0.02, atol=0.02 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        after.velocity / STEP, expected, rtol=0.02, atol=0.02 * np.abs(expected).max()
+    )
 
 
 def test_the_arm_sees_of_the_state_its_joints_and_nothing_else(make_plant):
@@ -123,37 +148,54 @@ def test_the_wrench_of_a_command_acts_at_the_hand_frame(make_plant):
     wrench = np.array([3.0, -2.0, 4.0, 0.2, -0.3, 0.1])
     effort = run(plant, 1, wrench=wrench)[-1].effort
     model, q = ArmModel(), np.array(plant.settings.start_posture)
-    np.testing.assert_allclose(effort, model.jacobian(q).T @ wrench + model.gravity_torque(q), atol=1e-6)
+    np.testing.assert_allclose(
+        effort, model.jacobian(q).T @ wrench + model.gravity_torque(q), atol=1e-6
+    )
 
 
 def test_a_push_moves_the_arm_without_the_motors(make_plant):
-    """Force at the hand and, as joint torque, at the elbow: both act, neither goes through the motors' limits."""
-    wrench, elbow = np.array([5.0, 8.0, -3.0, 0.1, 0.2, 0.3]), np.array([4.0, -2.0, 3.0, 1.0, 0.2, 0.3, 0.1])
+    """Force at the hand and, as joint torque, at the elbow: both act, neither goes through the
+    motors' limits.
+    """
+    wrench, elbow = (
+        np.array([5.0, 8.0, -3.0, 0.1, 0.2, 0.3]),
+        np.array([4.0, -2.0, 3.0, 1.0, 0.2, 0.3, 0.1]),
+    )
     commanded, pushed = make_plant(**IDEAL), make_plant(**IDEAL)
     expected = run(commanded, 30, wrench, elbow)[-1]
     actual = run(pushed, 30, push=(wrench, elbow))[-1]
     np.testing.assert_allclose(actual.position, expected.position, atol=1e-9)
     np.testing.assert_allclose(actual.velocity, expected.velocity, atol=1e-7)
     gravity = ArmModel().gravity_torque(np.array(make_plant(**IDEAL).settings.start_posture))
-    np.testing.assert_allclose(run(make_plant(**IDEAL), 1, push=(wrench, elbow))[-1].effort, gravity, atol=1e-6)
+    np.testing.assert_allclose(
+        run(make_plant(**IDEAL), 1, push=(wrench, elbow))[-1].effort, gravity, atol=1e-6
+    )
 
 
 def test_motor_limits_hold_for_commands_and_not_for_pushes(make_plant):
     strong = one(6, 20.0)
-    assert run(make_plant(**IDEAL), 1, joint_torque=strong)[-1].effort[6] == pytest.approx(WAM.joints[6].peak_torque)
-    pushed, commanded = (run(make_plant(**IDEAL), 2, **{key: value})[-1].velocity[6]
-                         for key, value in (("push", (np.zeros(6), strong)), ("joint_torque", strong)))  # fmt: skip
+    assert run(make_plant(**IDEAL), 1, joint_torque=strong)[-1].effort[6] == pytest.approx(
+        WAM.joints[6].peak_torque
+    )
+    pushed, commanded = (
+        run(make_plant(**IDEAL), 2, **{key: value})[-1].velocity[6]  # fmt: skip
+        for key, value in (("push", (np.zeros(6), strong)), ("joint_torque", strong))
+    )
     assert pushed == pytest.approx(commanded * 20.0 / WAM.joints[6].peak_torque, rel=0.05)
 
 
 def test_no_motor_drives_its_joint_beyond_the_no_load_speed(make_plant):
-    """J1 free of gravity, full torque for long: the speed approaches the no-load speed and stays below it."""
+    """J1 free of gravity, full torque for long: the speed approaches the no-load speed and stays
+    below it.
+    """
     plant = make_plant(start_posture=(-2.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), **IDEAL)
     speeds = []
     while plant.state.position[0] < 2.3:
         run(plant, 1, joint_torque=one(0, 200.0))
         speeds.append(plant.joint_velocity[0])
-    assert 0.9 * WAM.joints[0].no_load_speed < max(speeds) <= 1.001 * WAM.joints[0].no_load_speed, max(speeds)
+    assert (
+        0.9 * WAM.joints[0].no_load_speed < max(speeds) <= 1.001 * WAM.joints[0].no_load_speed
+    ), max(speeds)
 
 
 def test_effort_is_what_the_actuation_delivers(make_plant):
@@ -162,11 +204,15 @@ def test_effort_is_what_the_actuation_delivers(make_plant):
     states = run(plant, 80, joint_torque=torque)
     for before, after in zip(states[::8], states[1::8], strict=False):
         asked = torque + 0.95 * model.gravity_torque(before.position)
-        np.testing.assert_allclose(after.effort, actuation.deliverable(asked, before.velocity), atol=1e-6)
+        np.testing.assert_allclose(
+            after.effort, actuation.deliverable(asked, before.velocity), atol=1e-6
+        )
 
 
 def test_gravity_compensation_without_an_error_holds_the_arm_still(make_plant):
-    """Without friction, too; the hand is opened at once, since nobody compensates the weight of the ball."""
+    """Without friction, too; the hand is opened at once, since nobody compensates the weight of
+    the ball.
+    """
     posture = (0.3, 0.9, 0.2, 0.8, 0.1, 0.4, 0.2)
     plant = make_plant(start_posture=posture, hand_delay=0.0, hand_spread=0.0, **IDEAL)
     states = run(plant, 250, grip=Grip.OPEN)
@@ -181,7 +227,9 @@ def test_gravity_compensation_with_an_error_lets_the_arm_sag(make_plant):
     loaded, q = ArmModel(ball_in_hand=True), np.array(posture)
     missing = loaded.gravity_torque(q) - 0.95 * ArmModel().gravity_torque(q)
     expected = np.linalg.solve(loaded.mass_matrix(q), -missing)
-    np.testing.assert_allclose(states[1].velocity / STEP, expected, atol=0.02 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        states[1].velocity / STEP, expected, atol=0.02 * np.abs(expected).max()
+    )
     assert states[-1].hand_position[2] < states[0].hand_position[2] - 0.003
 
 
@@ -194,35 +242,48 @@ def test_friction_holds_an_arm_whose_gravity_is_nearly_compensated(make_plant):
 @pytest.mark.parametrize("joint", range(7))
 def test_a_joint_under_less_than_its_coulomb_torque_does_not_move(make_plant, joint):
     plant = make_plant(start_posture=(0.0,) * 7, gravity_error=0.0)
-    velocity = np.array([s.velocity for s in run(plant, 150, joint_torque=one(joint, 0.9 * COULOMB[joint]))])
+    velocity = np.array(
+        [s.velocity for s in run(plant, 150, joint_torque=one(joint, 0.9 * COULOMB[joint]))]
+    )
     assert np.abs(velocity).max() < 1e-3, np.abs(velocity).max(axis=0)
 
 
 @pytest.mark.parametrize("joint", [0, 2, 4, 6])
 def test_a_joint_above_its_coulomb_torque_moves_as_newton_says(make_plant, joint):
-    """The twist joints of the straight arm: coaxial, so all but one are held by their friction. v = (tau - c) / d (1 - exp(-d t / I))."""
+    """The twist joints of the straight arm: coaxial, so all but one are held by their friction. v
+    = (tau - c) / d (1 - exp(-d t / I)).
+    """
     plant = make_plant(start_posture=(0.0, 0.6, 0.0, -0.5, 0.0, 0.5, 0.0), gravity_error=0.0)
     free_ball(plant)
     torque, duration = 4.0 * COULOMB[joint], 0.06
     before, *_, after = run(plant, round(duration / STEP), joint_torque=one(joint, torque))
     others_free = np.linalg.norm(np.delete(after.velocity, joint)) > 1e-3
-    if others_free:  # what moves with it moves under its own friction: integrate the whole arm finely
+    if (
+        others_free
+    ):  # what moves with it moves under its own friction: integrate the whole arm finely
         expected = finely_integrated(before, one(joint, torque), duration)[joint]
     else:
-        inertia, damping = ArmModel().mass_matrix(before.position)[joint, joint], WAM.of_joints("viscous_friction")[joint]
+        inertia, damping = (
+            ArmModel().mass_matrix(before.position)[joint, joint],
+            WAM.of_joints("viscous_friction")[joint],
+        )
         expected = (torque - COULOMB[joint]) / damping * -np.expm1(-damping * duration / inertia)
     assert after.velocity[joint] == pytest.approx(expected, rel=0.08), (after.velocity, expected)
 
 
 def finely_integrated(state, torque, duration, parts=100):
-    """Joint velocities after `duration`: explicit steps of 1/100 of the plant's, Coulomb friction smoothed over 1e-3 rad/s."""
+    """Joint velocities after `duration`: explicit steps of 1/100 of the plant's, Coulomb friction
+    smoothed over 1e-3 rad/s.
+    """
     model, q, v = ArmModel(), state.position.copy(), state.velocity.copy()
     viscous, h = WAM.of_joints("viscous_friction"), STEP / parts
     for k in range(round(duration / h)):
         if k % parts == 0:
             inverse = np.linalg.inv(model.mass_matrix(q))
             coriolis = model.coriolis_torque(q, v)
-        v = v + h * inverse @ (torque - coriolis - viscous * v - COULOMB * np.clip(v / 1e-3, -1, 1))
+        v = v + h * inverse @ (
+            torque - coriolis - viscous * v - COULOMB * np.clip(v / 1e-3, -1, 1)
+        )
         q = q + h * v
     return v
 
@@ -269,11 +330,15 @@ def opening_delay(plant):
 
 @pytest.mark.parametrize(("delay", "steps"), [(0.0, 0), (0.030, 15), (0.0307, 15), (0.0313, 16)])
 def test_a_hand_without_spread_lets_go_at_the_step_nearest_to_its_delay(make_plant, delay, steps):
-    assert opening_delay(make_plant(hand_delay=delay, hand_spread=0.0)) == pytest.approx(steps * STEP)
+    assert opening_delay(make_plant(hand_delay=delay, hand_spread=0.0)) == pytest.approx(
+        steps * STEP
+    )
 
 
 def test_delay_and_spread_of_many_openings_are_the_ones_asked_for(make_plant):
-    """Standard errors of n = 100 openings: 0.4 ms of the mean, 7 % of the spread; limits are at three and a half of them."""
+    """Standard errors of n = 100 openings: 0.4 ms of the mean, 7 % of the spread; limits are at
+    three and a half of them.
+    """
     plant, delays = make_plant(seed=5), []
     for _ in range(100):
         plant.reset()
@@ -304,7 +369,11 @@ def test_the_open_hand_does_not_touch_the_ball_that_leaves_it(make_plant):
     plant = make_plant(start_posture=(0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0), hand_spread=0.0)
     begin, *_, end = (s for s in run(plant, 75, grip=Grip.OPEN) if s.step >= 15)
     assert begin.ball_held and not end.ball_held
-    expected, _ = flight(begin.ball_position, begin.ball_velocity, np.array([(end.stamp_ns - begin.stamp_ns) * 1e-9]))
+    expected, _ = flight(
+        begin.ball_position,
+        begin.ball_velocity,
+        np.array([(end.stamp_ns - begin.stamp_ns) * 1e-9]),
+    )
     np.testing.assert_allclose(end.ball_position, expected[0], atol=2e-4)
 
 
@@ -312,9 +381,14 @@ def test_the_open_hand_does_not_touch_the_ball_that_leaves_it(make_plant):
 
 
 def swung_release(plant):
-    """The state in which the ball leaves the hand of a fast swing, and those after it until it is low."""
+    """The state in which the ball leaves the hand of a fast swing, and those after it until it is
+    low.
+    """
     forwards = np.array([0.0, 75.0, 0.0, 4.0, 0.0, 0.5, 0.0])
-    states = run(plant, 180, joint_torque=forwards) + run(plant, 25, joint_torque=forwards, grip=Grip.OPEN)[1:]
+    states = (
+        run(plant, 180, joint_torque=forwards)
+        + run(plant, 25, joint_torque=forwards, grip=Grip.OPEN)[1:]
+    )
     while states[-1].ball_position[2] > 0.1:
         states += run(plant, 1, joint_torque=-20 * plant.state.velocity)[1:]
     return states[next(k for k, s in enumerate(states) if not s.ball_held) - 1 :]
@@ -349,7 +423,10 @@ def rebound(plant, height):
     """Height of the first rebound and ratio of the speeds after and before it."""
     launch(plant, [1.5, 0.0, height + WAM.ball.radius])
     states = run(plant, round((2.2 * np.sqrt(2 * height / 9.81)) / STEP))
-    z, speed = (np.array([getattr(s, name)[2] for s in states]) for name in ("ball_position", "ball_velocity"))
+    z, speed = (
+        np.array([getattr(s, name)[2] for s in states])
+        for name in ("ball_position", "ball_velocity")
+    )
     up = np.argmax(speed > 0.05)
     return z[up:].max() - WAM.ball.radius, speed[up] / -speed.min()
 
@@ -359,9 +436,16 @@ def test_the_ball_bounces_off_the_floor_with_its_restitution(make_plant):
     plant = make_plant()
     plant.place_basket(CLEAR_OF_BASKET)
     free_ball(plant)
-    drops = np.array([rebound(plant, height) for height in (2.540, 2.5435, 2.547, 2.5505, 1.0, 1.003, 0.6, 0.602)])
+    drops = np.array(
+        [
+            rebound(plant, height)
+            for height in (2.540, 2.5435, 2.547, 2.5505, 1.0, 1.003, 0.6, 0.602)
+        ]
+    )
     np.testing.assert_allclose(drops[:, 1], WAM.ball.restitution, rtol=0.01)
-    _, velocity = flight(np.array([0.0, 0.0, 2.54]), np.zeros(3), np.array([0.7294]))  # it hits the floor then
+    _, velocity = flight(
+        np.array([0.0, 0.0, 2.54]), np.zeros(3), np.array([0.7294])
+    )  # it hits the floor then
     up = WAM.ball.restitution * -velocity[0, 2]
     rise, _ = flight(np.zeros(3), np.array([0.0, 0.0, up]), np.linspace(0.3, 0.8, 300))
     np.testing.assert_allclose(drops[:4, 0], rise[:, 2].max(), atol=0.02)
@@ -374,7 +458,10 @@ def test_a_ball_comes_to_rest_on_the_floor(make_plant):
     free_ball(plant)
     launch(plant, [1.5, 0.0, 0.3])
     last = run(plant, 1500)[-1]
-    assert last.ball_position[2] == pytest.approx(WAM.ball.radius, abs=2e-3) and np.linalg.norm(last.ball_velocity) < 0.02
+    assert (
+        last.ball_position[2] == pytest.approx(WAM.ball.radius, abs=2e-3)
+        and np.linalg.norm(last.ball_velocity) < 0.02
+    )
 
 
 def test_a_heavier_ball_weighs_more_but_for_drag_falls_alike(make_plant):
@@ -384,7 +471,9 @@ def test_a_heavier_ball_weighs_more_but_for_drag_falls_alike(make_plant):
     launch(plant, [0.9, 0.0, 1.8], (3.5, 0.0, 2.5))
     states = run(plant, 250)
     heavy = replace(TENNIS_BALL, mass=2.0 * TENNIS_BALL.mass)
-    expected, _ = flight(states[0].ball_position, np.array([3.5, 0.0, 2.5]), np.array([0.5]), heavy)
+    expected, _ = flight(
+        states[0].ball_position, np.array([3.5, 0.0, 2.5]), np.array([0.5]), heavy
+    )
     np.testing.assert_allclose(states[-1].ball_position, expected[0], atol=1e-3)
 
 
@@ -416,7 +505,9 @@ def test_a_ball_dropped_through_the_opening_stays_in(thrown):
         assert states[-1].ball_in_basket, (radius, angle, states[-1].ball_position - RIM)
         assert np.linalg.norm(states[-1].ball_velocity) < 0.3
         floor = RIM[2] - BASKET.depth + WAM.ball.radius
-        assert states[-1].ball_position[2] > floor - 5e-3, "it rests on the basket's floor, not in it"
+        assert states[-1].ball_position[2] > floor - 5e-3, (
+            "it rests on the basket's floor, not in it"
+        )
 
 
 def test_a_ball_beside_the_opening_is_not_in(thrown):
@@ -427,7 +518,9 @@ def test_a_ball_beside_the_opening_is_not_in(thrown):
 
 
 def test_the_rim_throws_a_ball_back(thrown):
-    """Dropped on the outer side of the rim, in the line of the wall: it hits the rim, high above the floor, and leaves."""
+    """Dropped on the outer side of the rim, in the line of the wall: it hits the rim, high above
+    the floor, and leaves.
+    """
     for angle in np.linspace(0.1, 6.1, 7):
         launch(thrown, around(0.172, angle, 0.2))
         states = run(thrown, 140)
@@ -436,38 +529,58 @@ def test_the_rim_throws_a_ball_back(thrown):
 
 
 def test_walls_stop_balls_from_all_around(thrown):
-    """48 azimuths: the middles of the sides and the seams between them, at 5 m/s and three heights."""
+    """48 azimuths: the middles of the sides and the seams between them, at 5 m/s and three
+    heights.
+    """
     for k, angle in enumerate(2 * np.pi * np.arange(48) / 48):
         height = (-0.05, -0.17, -0.30)[k % 3]
         inwards = -5.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
         launch(thrown, around(0.30, angle, height), inwards)
         for state in run(thrown, 60):
-            assert np.linalg.norm((state.ball_position - RIM)[:2]) > BASKET.radius, (np.rad2deg(angle), height)
+            assert np.linalg.norm((state.ball_position - RIM)[:2]) > BASKET.radius, (
+                np.rad2deg(angle),
+                height,
+            )
             assert not state.ball_in_basket
 
 
 def test_walls_keep_balls_in_all_around(thrown):
     for k, angle in enumerate(2 * np.pi * np.arange(48) / 48):
-        launch(thrown, around(0.0, 0.0, (-0.08, -0.17, -0.30)[k % 3]), 4.0 * np.array([np.cos(angle), np.sin(angle), 0.0]))
+        launch(
+            thrown,
+            around(0.0, 0.0, (-0.08, -0.17, -0.30)[k % 3]),
+            4.0 * np.array([np.cos(angle), np.sin(angle), 0.0]),
+        )
         for state in run(thrown, 60):
-            assert np.linalg.norm((state.ball_position - RIM)[:2]) < BASKET.radius, np.rad2deg(angle)
+            assert np.linalg.norm((state.ball_position - RIM)[:2]) < BASKET.radius, np.rad2deg(
+                angle
+            )
 
 
 def test_all_sides_of_the_basket_are_there(thrown):
-    """Rays from the axis outwards meet the wall within its inner and outer circle, whatever the azimuth and height."""
+    """Rays from the axis outwards meet the wall within its inner and outer circle, whatever the
+    azimuth and height.
+    """
     launch(thrown, [1.0, -2.0, 0.1])
     angles = 2 * np.pi * np.arange(96) / 96 + 0.01
     for height in (-0.02, -0.17, -0.33):
         begin = [list(around(0.0, 0.0, height))] * len(angles)
-        hits = thrown._world.rayTestBatch(begin, [list(around(0.4, angle, height)) for angle in angles])
+        hits = thrown._world.rayTestBatch(
+            begin, [list(around(0.4, angle, height)) for angle in angles]
+        )
         bodies, shares = [hit[0] for hit in hits], np.array([hit[2] for hit in hits])
         assert set(bodies) == {thrown._basket_body}, f"a gap at {height} m"
-        assert (shares * 0.4 > BASKET.radius - 2e-3).all() and (shares * 0.4 < BASKET.radius + BASKET.wall).all()
+        assert (shares * 0.4 > BASKET.radius - 2e-3).all() and (
+            shares * 0.4 < BASKET.radius + BASKET.wall
+        ).all()
 
 
 def test_the_rim_is_as_wide_and_the_basket_as_deep_as_it_says(thrown):
     launch(thrown, [1.0, -2.0, 0.1])
-    down = [[list(around(radius, 0.3, height)) for radius in (0.0, 0.10, 0.155)] for height in (0.2, -0.5)]
+    down = [
+        [list(around(radius, 0.3, height)) for radius in (0.0, 0.10, 0.155)]
+        for height in (0.2, -0.5)
+    ]
     hits = thrown._world.rayTestBatch(*down)
     depths = np.array([hit[3][2] for hit in hits]) - RIM[2]
     np.testing.assert_allclose(depths, [-BASKET.depth, -BASKET.depth, BASKET.rim / 2], atol=3e-3)
@@ -498,7 +611,9 @@ def episode(plant, basket=None):
     """A throw with a release, and every state of it."""
     plant.reset(basket)
     torque = np.array([3.0, 75.0, 2.0, 4.0, 0.0, 0.5, 0.1])
-    return run(plant, 60, joint_torque=torque) + run(plant, 200, joint_torque=0.5 * torque, grip=Grip.OPEN)
+    return run(plant, 60, joint_torque=torque) + run(
+        plant, 200, joint_torque=0.5 * torque, grip=Grip.OPEN
+    )
 
 
 def test_the_same_seed_gives_the_same_episode_to_the_last_bit(make_plant):
@@ -519,7 +634,9 @@ def test_seeds_and_episodes_differ_in_when_the_hand_opens(make_plant):
     plant = make_plant(seed=7)
     released = {sum(s.ball_held for s in episode(plant)) for _ in range(5)}
     assert len(released) > 2
-    assert sum(s.ball_held for s in episode(make_plant(seed=8))) != sum(s.ball_held for s in episode(make_plant(seed=7)))
+    assert sum(s.ball_held for s in episode(make_plant(seed=8))) != sum(
+        s.ball_held for s in episode(make_plant(seed=7))
+    )
 
 
 def test_a_reset_starts_anew_and_time_goes_on(make_plant):
@@ -560,8 +677,14 @@ def bad_commands(stamp):
         (Command(stamp, wrench=nan), "wrench.*nan"),
         (Command(stamp, joint_torque=inf), "joint_torque.*inf"),
         (Command(stamp, wrench=np.zeros(3)), r"wrench has shape \(3,\), not \(6,\)"),
-        (Command(stamp, joint_torque=np.zeros((7, 1))), r"joint_torque has shape \(7, 1\), not \(7,\)"),
-        (Command(stamp - 2_000_000), f"answers the state of {stamp - 2_000_000} ns, but the arm is at {stamp} ns"),
+        (
+            Command(stamp, joint_torque=np.zeros((7, 1))),
+            r"joint_torque has shape \(7, 1\), not \(7,\)",
+        ),
+        (
+            Command(stamp - 2_000_000),
+            f"answers the state of {stamp - 2_000_000} ns, but the arm is at {stamp} ns",
+        ),
         (Command(stamp + 2_000_000), f"at {stamp} ns: echo its stamp"),
     ]
 
@@ -579,7 +702,9 @@ def test_a_bad_command_is_refused_and_changes_nothing(make_plant, case, who):
     assert not same(run(plant, 40)[-1], run(twin, 40)[-1])
 
 
-@pytest.mark.parametrize("position", [[1.0, 2.0], [1.0, np.nan, 0.4], [[1.0, 2.0, 0.4]], [np.inf, 0.0, 0.4]])
+@pytest.mark.parametrize(
+    "position", [[1.0, 2.0], [1.0, np.nan, 0.4], [[1.0, 2.0, 0.4]], [np.inf, 0.0, 0.4]]
+)
 def test_a_bad_basket_is_refused_and_changes_nothing(make_plant, position):
     plant, twin = make_plant(), make_plant()
     for refuse in (plant.place_basket, plant.reset):
@@ -591,7 +716,9 @@ def test_a_bad_basket_is_refused_and_changes_nothing(make_plant, position):
 
 def test_settings_come_from_the_parameters_of_the_node():
     parameters = node_parameters("wam_simulator.yaml", "wam_simulator")
-    settings = PlantSettings.from_parameters({**parameters, "friction_scale": 0.7, "basket_radius": 0.2})
+    settings = PlantSettings.from_parameters(
+        {**parameters, "friction_scale": 0.7, "basket_radius": 0.2}
+    )
     assert settings.friction_scale == 0.7 and settings.basket.radius == 0.2
     assert settings.start_posture == tuple(parameters["start_posture"])
     for bad in ([0.0] * 6, [np.nan] * 7):
@@ -599,8 +726,12 @@ def test_settings_come_from_the_parameters_of_the_node():
             PlantSettings.from_parameters({**parameters, "start_posture": bad})
 
 
-def test_an_interrupt_while_the_physics_server_starts_leaves_nothing_to_complain_about(monkeypatch):
-    """Ctrl-C in the constructor of the client: its destructor ran on an object that had no connection yet."""
+def test_an_interrupt_while_the_physics_server_starts_leaves_nothing_to_complain_about(
+    monkeypatch,
+):
+    """Ctrl-C in the constructor of the client: its destructor ran on an object that had no
+    connection yet.
+    """
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt
@@ -625,7 +756,9 @@ print("done")
 
 def test_physics_prints_nothing():
     """Neither when it is loaded, nor when its server is renewed."""
-    done = subprocess.run([sys.executable, "-c", SILENT], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", SILENT], capture_output=True, text=True, timeout=120
+    )
     assert (done.stdout, done.stderr) == ("done\n", "")
 
 
@@ -646,7 +779,10 @@ def test_a_turned_base_turns_the_hand_and_nothing_that_the_joints_know(make_plan
     plant.change(replace(plant.settings, base_turn=0.3))
     turned = plant.reset()
     cosine, sine = np.cos(0.3), np.sin(0.3)
-    expected = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ straight.hand_position
+    expected = (
+        np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        @ straight.hand_position
+    )
     np.testing.assert_allclose(turned.hand_position, expected, atol=1e-9)
     np.testing.assert_array_equal(turned.position, straight.position)
 
@@ -654,7 +790,11 @@ def test_a_turned_base_turns_the_hand_and_nothing_that_the_joints_know(make_plan
 def test_weaker_motors_stop_at_a_lower_torque(make_plant):
     strong, weak = make_plant(), make_plant(motor_scale=0.5)
     for plant in (strong, weak):
-        plant.step(Command(plant.state_stamp_ns, joint_torque=np.array([0.0, 500.0, 0.0, 0.0, 0.0, 0.0, 0.0])))
+        plant.step(
+            Command(
+                plant.state_stamp_ns, joint_torque=np.array([0.0, 500.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+            )
+        )
     assert weak.joint_effort[1] == pytest.approx(0.5 * strong.joint_effort[1])
 
 

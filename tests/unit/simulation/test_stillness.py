@@ -1,4 +1,6 @@
-"""A world rests when neither joints nor bodies move; the smallest move, and whoever asks for something, wakes it."""
+"""A world rests when neither joints nor bodies move; the smallest move, and whoever asks for
+something, wakes it.
+"""
 
 import numpy as np
 

@@ -1,4 +1,6 @@
-"""The teacher: a person's pushes on a gravity-compensated arm, how good they are, and that they are nothing but pushes."""
+"""The teacher: a person's pushes on a gravity-compensated arm, how good they are, and that they
+are nothing but pushes.
+"""
 
 from dataclasses import replace
 
@@ -24,7 +26,11 @@ def guide(plant, teacher, target=TARGET, correction=False):
     plant.reset(target)
     teacher.begin(target, plant.state.arm, correction)
     states, pushes, phases = [], [], []
-    while teacher.phase != Phase.WATCHING or plant.state.ball_position[2] > target[2] and not plant.state.ball_held:
+    while (
+        teacher.phase != Phase.WATCHING
+        or plant.state.ball_position[2] > target[2]
+        and not plant.state.ball_held
+    ):
         states.append(plant.state)
         pushes.append(teacher.step(states[-1].arm))
         phases.append(teacher.phase)
@@ -65,22 +71,35 @@ def test_the_pause_differs_from_throw_to_throw():
     for _ in range(20):
         teacher.begin(TARGET, at())
         stamps = range(0, 2_000_000_000, 4_000_000)
-        pauses.append(sum(teacher.step(at(stamp)) is not None and teacher.phase == Phase.PAUSING for stamp in stamps) * 4e-3)
+        pauses.append(
+            sum(
+                teacher.step(at(stamp)) is not None and teacher.phase == Phase.PAUSING
+                for stamp in stamps
+            )
+            * 4e-3
+        )
     assert min(pauses) > 0.19 and max(pauses) < 0.61 and np.ptp(pauses) > 0.2, pauses
 
 
 def test_pushes_stay_below_what_a_person_can_do(guided):
-    """Force and moment at the hand; the other hand's force shows as joint torque of the elbow's Jacobian."""
+    """Force and moment at the hand; the other hand's force shows as joint torque of the elbow's
+    Jacobian.
+    """
     _, states, pushes, _ = guided
     person, model = Person(), ArmModel()
     force = np.array([np.linalg.norm(push.wrench[:3]) for push in pushes])
     twist = np.array([np.linalg.norm(push.wrench[3:]) for push in pushes])
-    assert force.max() < person.strongest_push + 6 * person.tremble and twist.max() <= person.strongest_twist + 1e-9
+    assert (
+        force.max() < person.strongest_push + 6 * person.tremble
+        and twist.max() <= person.strongest_twist + 1e-9
+    )
     assert force.max() > 10.0, "the throw is pushed, not imagined"
     for state, push in zip(states[::20], pushes[::20], strict=True):
         jacobian = model.elbow(state.position)[1]
         elbow, *_ = np.linalg.lstsq(jacobian.T, push.joint_torque, rcond=None)
-        np.testing.assert_allclose(jacobian.T @ elbow, push.joint_torque, atol=1e-9, err_msg="not a force at the elbow")
+        np.testing.assert_allclose(
+            jacobian.T @ elbow, push.joint_torque, atol=1e-9, err_msg="not a force at the elbow"
+        )
         assert np.linalg.norm(elbow) <= person.strongest_push + 1e-6
 
 
@@ -107,11 +126,17 @@ def test_the_arm_is_only_pushed_and_so_cannot_follow_if_it_is_held(make_plant):
 def test_the_button_is_pressed_once(guided):
     _, states, pushes, phases = guided
     pressed = [k for k, push in enumerate(pushes) if push.grip != Grip.UNSPECIFIED]
-    assert len(pressed) == 1 and pushes[pressed[0]].grip == Grip.OPEN and phases[pressed[0]] == Phase.THROWING
+    assert (
+        len(pressed) == 1
+        and pushes[pressed[0]].grip == Grip.OPEN
+        and phases[pressed[0]] == Phase.THROWING
+    )
 
 
 def test_the_elbow_stays_in_the_plane_of_the_throw(guided):
-    """The other hand keeps it there: through the swing it is at most 12 cm from the vertical plane through basket and base."""
+    """The other hand keeps it there: through the swing it is at most 12 cm from the vertical plane
+    through basket and base.
+    """
     _, states, _, phases = guided
     model, azimuth = ArmModel(), np.arctan2(TARGET[1], TARGET[0])
     across = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
@@ -134,7 +159,9 @@ def test_throws_of_one_teacher_differ_as_a_person_s_do(make_plant):
 
 
 def test_correcting_reduces_a_miss(make_plant):
-    """A person who misjudges the delay of the hand by 25 ms misses; after two corrections the miss is gone."""
+    """A person who misjudges the delay of the hand by 25 ms misses; after two corrections the miss
+    is gone.
+    """
     person = replace(STEADY, expected_hand_delay=0.005)
     plant, teacher = make_plant(hand_spread=0.0), Teacher(person=person)
     misses, landed = [], None
@@ -152,14 +179,23 @@ def test_a_new_basket_forgets_the_correction():
     teacher.begin(TARGET, at())
     fresh.begin(TARGET, at())
     fresh.begin(TARGET, at())
-    answers = [[one.step(at(stamp)).wrench for stamp in range(0, 2_000_000_000, 100_000_000)] for one in (teacher, fresh)]
+    answers = [
+        [one.step(at(stamp)).wrench for stamp in range(0, 2_000_000_000, 100_000_000)]
+        for one in (teacher, fresh)
+    ]
     np.testing.assert_array_equal(*answers)
 
 
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        ([8.0, 0.0, 0.4], r"at 8\.00 m, 0\.40 m high, is out of the teacher's reach: place it between .* and .* m"),
+        (
+            [8.0, 0.0, 0.4],
+            (
+                r"at 8\.00 m, 0\.40 m high, is out of the teacher's reach: place it between .* and"
+                r" .* m"
+            ),
+        ),
         ([2.0, 0.0, 4.0], r"4\.00 m high, is out of the teacher's reach"),
         ([-2.0, 0.2, 0.4], "behind the arm"),
         ([np.nan, 0.0, 0.4], "not three finite numbers"),

@@ -43,14 +43,22 @@ def test_motor_and_link_swing_as_two_masses_with_a_spring():
     def rates(_, state):
         q, theta, v, w = state.reshape(4, 7)
         spring = STIFFNESS * (theta - q) + damping * (w - v)
-        return np.concatenate([v, w, np.linalg.solve(INERTIA, push + spring), np.linalg.solve(REFLECTED, -spring)])
+        return np.concatenate(
+            [v, w, np.linalg.solve(INERTIA, push + spring), np.linalg.solve(REFLECTED, -spring)]
+        )
 
     q = v = np.zeros(7)
     for _ in range(100):
         acceleration = transmission.advance(q, v, INERTIA, np.zeros(7), push, STEP)
         v = v + STEP * acceleration
         q = q + STEP * v
-    exact = scipy.integrate.solve_ivp(rates, (0.0, 100 * STEP), np.zeros(28), method="DOP853", rtol=1e-9).y[:, -1].reshape(4, 7)
+    exact = (
+        scipy.integrate.solve_ivp(
+            rates, (0.0, 100 * STEP), np.zeros(28), method="DOP853", rtol=1e-9
+        )
+        .y[:, -1]
+        .reshape(4, 7)
+    )
     np.testing.assert_allclose(q, exact[0], rtol=0.03, atol=1e-4)
     np.testing.assert_allclose(v, exact[2], rtol=0.03, atol=2e-3)
     momentum = INERTIA @ v + REFLECTED @ transmission.velocity
@@ -58,10 +66,15 @@ def test_motor_and_link_swing_as_two_masses_with_a_spring():
 
 
 def test_motors_at_rest_carry_their_load():
-    transmission, load = Transmission(STIFFNESS, REFLECTED, FRICTIONLESS), np.linspace(-30.0, 30.0, 7)
+    transmission, load = (
+        Transmission(STIFFNESS, REFLECTED, FRICTIONLESS),
+        np.linspace(-30.0, 30.0, 7),
+    )
     q = np.full(7, 0.3)
     transmission.rest(q, load)
-    np.testing.assert_allclose(transmission.advance(q, np.zeros(7), INERTIA, load, -load, STEP), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        transmission.advance(q, np.zeros(7), INERTIA, load, -load, STEP), 0.0, atol=1e-9
+    )
     np.testing.assert_allclose(STIFFNESS * (transmission.position - q), load)
 
 
@@ -71,27 +84,41 @@ def test_a_part_of_a_step_is_an_implicit_euler_step_for_motors_and_links_at_once
     transmission, parts = Transmission(STIFFNESS, REFLECTED, FRICTIONLESS), 5
     load, effort, push, q, v = rng.normal(size=(5, 7))
     transmission.rest(q, load)
-    h, damping = STEP / parts, np.diag(2.0 * DAMPING_RATIO * np.sqrt(STIFFNESS * np.diag(REFLECTED)))
+    h, damping = (
+        STEP / parts,
+        np.diag(2.0 * DAMPING_RATIO * np.sqrt(STIFFNESS * np.diag(REFLECTED))),
+    )
     between = h * (h * np.diag(STIFFNESS) + damping)
     system = np.block([[INERTIA + between, -between], [-between, REFLECTED + between]])
     links, motors, speeds = q, transmission.position, np.concatenate([v, np.zeros(7)])
     for _ in range(parts):
         spring = h * STIFFNESS * (motors - links)
-        momentum = np.concatenate([INERTIA @ speeds[:7] + spring + h * push, REFLECTED @ speeds[7:] - spring + h * effort])
+        momentum = np.concatenate(
+            [
+                INERTIA @ speeds[:7] + spring + h * push,
+                REFLECTED @ speeds[7:] - spring + h * effort,
+            ]
+        )
         speeds = np.linalg.solve(system, momentum)
         links, motors = links + h * speeds[:7], motors + h * speeds[7:]
-    np.testing.assert_allclose(transmission.advance(q, v, INERTIA, effort, push, STEP), (speeds[:7] - v) / STEP, rtol=1e-8)
+    np.testing.assert_allclose(
+        transmission.advance(q, v, INERTIA, effort, push, STEP), (speeds[:7] - v) / STEP, rtol=1e-8
+    )
     np.testing.assert_allclose(transmission.position, motors, rtol=1e-12)
     np.testing.assert_allclose(transmission.velocity, speeds[7:], rtol=1e-10)
 
 
 def test_an_elastic_arm_gives_way_by_torque_over_stiffness(plants):
-    """Held by its motors, it hangs lower than its encoders say by what its weight stretches the cables."""
+    """Held by its motors, it hangs lower than its encoders say by what its weight stretches the
+    cables.
+    """
     plant = plants(joint_stiffness=tuple(STIFFNESS), gravity_error=0.0)
     for _ in range(300):
         plant.step(Command(plant.state_stamp_ns))
     weight = ArmModel(ball_in_hand=True).gravity_torque(plant.state.position)
-    np.testing.assert_allclose(np.array(plant.joint_position) - plant.state.position, weight / STIFFNESS, atol=4e-4)
+    np.testing.assert_allclose(
+        np.array(plant.joint_position) - plant.state.position, weight / STIFFNESS, atol=4e-4
+    )
 
 
 def test_static_friction_holds_more_than_coulomb_friction(plants):
@@ -137,13 +164,19 @@ def test_compiled_and_interpreted_have_the_same_bits():
     plain, rng = interpreted("dart_skill.simulation._transmission"), np.random.default_rng(0)
     kinds, actuation = (Transmission, plain.Transmission), Actuation(wam_description())
     pair = [kind(STIFFNESS, REFLECTED, actuation) for kind in kinds]
-    readers = [kind(0.01 * STIFFNESS / 9000.0, 1e-4, 180.0, STEP) for kind in (Encoders, plain.Encoders)]
+    readers = [
+        kind(0.01 * STIFFNESS / 9000.0, 1e-4, 180.0, STEP) for kind in (Encoders, plain.Encoders)
+    ]
     for one in pair:
         one.rest(np.zeros(7), STIFFNESS * 1e-3)
     for _ in range(20):
         effort, push, q, v = rng.normal(size=(4, 7))
-        np.testing.assert_array_equal(*(one.advance(q, v, INERTIA, effort, push, STEP) for one in pair))
-        np.testing.assert_array_equal(*(np.concatenate([one.position, one.velocity]) for one in pair))
+        np.testing.assert_array_equal(
+            *(one.advance(q, v, INERTIA, effort, push, STEP) for one in pair)
+        )
+        np.testing.assert_array_equal(
+            *(np.concatenate([one.position, one.velocity]) for one in pair)
+        )
         np.testing.assert_array_equal(*(np.concatenate(one.read(q, v)) for one in readers))
 
 
@@ -171,7 +204,9 @@ def test_masses_that_are_wrong_pull_on_an_arm_whose_compensation_does_not_know(p
 
 
 def released(plant):
-    """Position of the ball in the hand before it is let go, and its velocity just before and after."""
+    """Position of the ball in the hand before it is let go, and its velocity just before and
+    after.
+    """
     plant.reset()
     state = plant.state
     seat = np.array(state.ball_position) - state.hand_position
@@ -186,16 +221,26 @@ def released(plant):
 
 
 def test_seat_and_release_scatter_as_set_and_are_the_same_again(plants):
-    plant = plants(seat_spread=0.004, release_turn=0.02, release_speed=0.01, hand_delay=0.004, hand_spread=0.0)
+    plant = plants(
+        seat_spread=0.004, release_turn=0.02, release_speed=0.01, hand_delay=0.004, hand_spread=0.0
+    )
     thrown = [released(plant) for _ in range(40)]
     seats = np.array([seat for seat, _, _ in thrown])
     assert seats.std(axis=0) == pytest.approx([0.004] * 3, rel=0.4)
     before, after = (np.array([one[k] for one in thrown]) for k in (1, 2))
     share = np.linalg.norm(after, axis=1) / np.linalg.norm(before, axis=1)
-    cosine = np.einsum("ni,ni->n", before, after) / np.linalg.norm(before, axis=1) / np.linalg.norm(after, axis=1)
+    cosine = (
+        np.einsum("ni,ni->n", before, after)
+        / np.linalg.norm(before, axis=1)
+        / np.linalg.norm(after, axis=1)
+    )
     assert 0.006 < share.std() < 0.03
-    assert np.sqrt(np.mean(np.arccos(np.clip(cosine, -1.0, 1.0)) ** 2)) == pytest.approx(0.02 * np.sqrt(2.0), rel=0.5)
-    again = plants(seat_spread=0.004, release_turn=0.02, release_speed=0.01, hand_delay=0.004, hand_spread=0.0)
+    assert np.sqrt(np.mean(np.arccos(np.clip(cosine, -1.0, 1.0)) ** 2)) == pytest.approx(
+        0.02 * np.sqrt(2.0), rel=0.5
+    )
+    again = plants(
+        seat_spread=0.004, release_turn=0.02, release_speed=0.01, hand_delay=0.004, hand_spread=0.0
+    )
     np.testing.assert_array_equal(released(again)[2], after[0])
 
 

@@ -1,4 +1,6 @@
-"""The bench: a part that stands, is taken, carried and let go, with a holder that it touches; and the person who does it."""
+"""The bench: a part that stands, is taken, carried and let go, with a holder that it touches; and
+the person who does it.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,10 @@ def hold(plant, steps, grip=Grip.UNSPECIFIED, to=None):
     """The arm held at its start, or at joint angles (7,)."""
     target = np.array(plant.bench.start_posture) if to is None else to
     for _ in range(steps):
-        torque = 900.0 * np.clip(target - plant.arm_state.position, -0.05, 0.05) - 40.0 * plant.arm_state.velocity
+        torque = (
+            900.0 * np.clip(target - plant.arm_state.position, -0.05, 0.05)
+            - 40.0 * plant.arm_state.velocity
+        )
         torque[4:] *= 0.05
         plant.step(Command(plant.state_stamp_ns, joint_torque=torque, grip=grip))
 
@@ -47,7 +52,9 @@ def test_the_part_stands_on_the_table_under_an_open_hand(bench):
     position, quaternion = plant.bodies["part"]
     hold(plant, 250)
     assert plant.bodies["part"][0] == pytest.approx(position, abs=5e-4)
-    assert Rotation.from_quat(plant.bodies["part"][1]).as_matrix()[2, 2] == pytest.approx(1.0, abs=1e-4)
+    assert Rotation.from_quat(plant.bodies["part"][1]).as_matrix()[2, 2] == pytest.approx(
+        1.0, abs=1e-4
+    )
     assert position[2] == pytest.approx(plant.table + 0.05, abs=1e-9) and not plant.holds
     assert Rotation.from_quat(quaternion).as_matrix()[2, 2] == pytest.approx(1.0)
 
@@ -88,13 +95,20 @@ def test_a_part_that_is_let_go_falls_onto_the_table(bench):
 
 
 def test_the_load_is_what_the_hand_carries(bench):
-    """A description whose ball is the part: gravity of an arm with it is that of the arm and of a mass at the grasp."""
+    """A description whose ball is the part: gravity of an arm with it is that of the arm and of a
+    mass at the grasp.
+    """
     b = Bench()
     plant = bench(part_spread=0.0)
     q = np.array(b.start_posture)
-    with_part, without = (ArmModel(plant.description, ball_in_hand=one).gravity_torque(q) for one in (True, False))
+    with_part, without = (
+        ArmModel(plant.description, ball_in_hand=one).gravity_torque(q) for one in (True, False)
+    )
     model = ArmModel(plant.description)
-    lever = model.jacobian(q)[:3] + np.cross(model.jacobian(q)[3:].T, model.hand_pose(q)[1] @ b.grasp).T
+    lever = (
+        model.jacobian(q)[:3]
+        + np.cross(model.jacobian(q)[3:].T, model.hand_pose(q)[1] @ b.grasp).T
+    )
     assert with_part - without == pytest.approx(lever.T @ [0.0, 0.0, b.mass * 9.81], abs=1e-6)
 
 
@@ -136,7 +150,9 @@ def test_one_who_sees_badly_jams_it(bench):
     """2 cm beside: the part stays on the wall, or falls off it."""
     plant = bench(seed=1, settings=PlantSettings())
     carrier = Carrier(1, Carrying(aim_spread=0.0))
-    carrier.begin(plant.arm_state, plant.bodies["part"], (HOLDER[0] + [0.02, 0.0, 0.05], HOLDER[1]))
+    carrier.begin(
+        plant.arm_state, plant.bodies["part"], (HOLDER[0] + [0.02, 0.0, 0.05], HOLDER[1])
+    )
     while not carrier.done(plant.arm_state):
         plant.step(Command(plant.state_stamp_ns), carrier.step(plant.arm_state))
     assert np.linalg.norm(plant.bodies["part"][0] - HOLDER[0] - [0.0, 0.0, 0.05]) > 0.008
@@ -146,7 +162,9 @@ def test_bodies_are_put_where_somebody_says_and_others_are_refused_by_name(bench
     plant = bench()
     there = np.array([0.55, -0.1, 1.2]), Rotation.from_rotvec([0.0, 0.0, 0.5]).as_quat()
     plant.put("holder", *there)
-    assert plant.bodies["holder"][0] == pytest.approx(there[0]) and plant.bodies["holder"][1] == pytest.approx(there[1])
+    assert plant.bodies["holder"][0] == pytest.approx(there[0]) and plant.bodies["holder"][
+        1
+    ] == pytest.approx(there[1])
     plant.set_up({"holder": (HOLDER[0], HOLDER[1])})
     assert plant.bodies["holder"][0] == pytest.approx(HOLDER[0])
     for refuse in (lambda: plant.put("basket", *there), lambda: plant.set_up({"part": there})):
@@ -166,14 +184,21 @@ def test_the_world_knows_what_is_held_and_whether_the_part_is_in(bench):
     assert plant.held_body == "" and plant.succeeded
 
 
-@pytest.mark.parametrize(("name", "bodies"), [("basket", ["hand", "ball", "basket"]), ("bench", ["hand", "part", "holder"])])
+@pytest.mark.parametrize(
+    ("name", "bodies"),
+    [("basket", ["hand", "ball", "basket"]), ("bench", ["hand", "part", "holder"])],
+)
 def test_worlds_are_made_by_name(name, bodies):
     world = make_world(name, PlantSettings())
-    assert list(world.bodies) == bodies and {world.loose_body, world.movable_body} == set(bodies[1:])
+    assert list(world.bodies) == bodies and {world.loose_body, world.movable_body} == set(
+        bodies[1:]
+    )
     world.change(PlantSettings(friction_scale=2.0))
     posture = world.arm_state.position
     assert world.set_up({}).episode == 2 and world.settings.friction_scale == 2.0
-    assert world.arm_state.position == pytest.approx(posture), "another arm stands as the one before"
+    assert world.arm_state.position == pytest.approx(posture), (
+        "another arm stands as the one before"
+    )
     world.close()
 
 

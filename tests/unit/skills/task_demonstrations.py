@@ -1,4 +1,6 @@
-"""Demonstrations of skills from formulas: the hand leaves a place, comes over a body, and down on it with its axes."""
+"""Demonstrations of skills from formulas: the hand leaves a place, comes over a body, and down on
+it with its axes.
+"""
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -26,11 +28,17 @@ def body_at(x, y, turn, z=1.15):
 
 
 def draw_body(rng, size=1.0):
-    return body_at(0.6 + size * rng.uniform(-0.1, 0.1), 0.1 + size * rng.uniform(-0.1, 0.1), size * rng.uniform(-0.5, 0.5))
+    return body_at(
+        0.6 + size * rng.uniform(-0.1, 0.1),
+        0.1 + size * rng.uniform(-0.1, 0.1),
+        size * rng.uniform(-0.5, 0.5),
+    )
 
 
 def show(rng, body, role="button", told=(), name="", way=None):
-    """One demonstration (TaskDemonstration); told: (instant after the start [s], grip) of the fingers."""
+    """One demonstration (TaskDemonstration); told: (instant after the start [s], grip) of the
+    fingers.
+    """
     way = 2.0 * rng.uniform(0.9, 1.1) if way is None else way
     time = np.arange(-1.0, way + 1.0, 0.01) + 5.0
     since = (time - 5.0) / way
@@ -38,13 +46,26 @@ def show(rng, body, role="button", told=(), name="", way=None):
     last = body.place(GRIP)
     position = START.position + over[:, None] * (last.position - START.position)
     position[:, 2] += over * (1.0 - down) * OVER
-    turns = Slerp([0.0, 1.0], Rotation.from_quat([START.quaternion, last.quaternion]))(np.minimum(over, 1.0))
+    turns = Slerp([0.0, 1.0], Rotation.from_quat([START.quaternion, last.quaternion]))(
+        np.minimum(over, 1.0)
+    )
     shaken = Rotation.from_rotvec(10.0 * NOISE * rng.standard_normal((len(time), 3))) * turns
     hand = Track(time, position + NOISE * rng.standard_normal(position.shape), shaken.as_quat())
-    seen = Track(time, body.position + NOISE * rng.standard_normal(position.shape), np.tile(body.quaternion, (len(time), 1)))
+    seen = Track(
+        time,
+        body.position + NOISE * rng.standard_normal(position.shape),
+        np.tile(body.quaternion, (len(time), 1)),
+    )
     rests = time[time <= 5.0]  # where the joints are known without inverse kinematics
     joints, tracks = np.tile(POSTURE, (len(rests), 1)), {"hand": hand, role: seen}
-    return TaskDemonstration(name or f"shown_{rng.integers(1e9)}", tracks, rests, joints, np.zeros_like(joints), tuple(told))
+    return TaskDemonstration(
+        name or f"shown_{rng.integers(1e9)}",
+        tracks,
+        rests,
+        joints,
+        np.zeros_like(joints),
+        tuple(told),
+    )
 
 
 def situation_of(body, role="button"):

@@ -14,8 +14,16 @@ END_NS, FRAME_NS = 10_000_000_000, 10_000_000
 TOLERANCE = 0.04
 
 
-def seen(ball=lambda t: np.zeros(3), hand=lambda t: np.zeros(3), basket=lambda t: np.zeros(3), noise=0.001, without=()):
-    """Two seconds before the end: how far each body is from where it should be at a time (3,) [m], the ball in the axes of the hand."""
+def seen(
+    ball=lambda t: np.zeros(3),
+    hand=lambda t: np.zeros(3),
+    basket=lambda t: np.zeros(3),
+    noise=0.001,
+    without=(),
+):
+    """Two seconds before the end: how far each body is from where it should be at a time (3,) [m],
+    the ball in the axes of the hand.
+    """
     log, rng = ThrowLog(), np.random.default_rng(5)
     for stamp in range(END_NS - 2_000_000_000, END_NS + 1, FRAME_NS):
         t = 1e-9 * (stamp - END_NS)
@@ -23,9 +31,16 @@ def seen(ball=lambda t: np.zeros(3), hand=lambda t: np.zeros(3), basket=lambda t
         if "hand" not in without:
             log.take("hand", stamp, place + noise * rng.standard_normal(3), TURN.as_quat())
         if "ball" not in without:
-            log.take("ball", stamp, place + TURN.apply(SEAT + ball(t)) + noise * rng.standard_normal(3), UNTURNED)
+            log.take(
+                "ball",
+                stamp,
+                place + TURN.apply(SEAT + ball(t)) + noise * rng.standard_normal(3),
+                UNTURNED,
+            )
         if "basket" not in without:
-            log.take("basket", stamp, BASKET + basket(t) + noise * rng.standard_normal(3), UNTURNED)
+            log.take(
+                "basket", stamp, BASKET + basket(t) + noise * rng.standard_normal(3), UNTURNED
+            )
     return log
 
 

@@ -1,4 +1,6 @@
-"""What repeats in the misses of a thrower is learned and taken out; accidents are not, and changes are noticed."""
+"""What repeats in the misses of a thrower is learned and taken out; accidents are not, and changes
+are noticed.
+"""
 
 from itertools import product
 
@@ -10,7 +12,15 @@ from dart_skill.mixture import Gaussian
 from dart_skill.movement import turn_matrix
 from dart_skill.skills.learning import configuration, landing_if_late, learn_throwing
 from dart_skill.skills.practice import CorrectionSettings
-from dart_skill.skills.practice._correction import DIFFERENCES, NOISES, SHARES, USUAL, Correction, polar, repeatable_miss
+from dart_skill.skills.practice._correction import (
+    DIFFERENCES,
+    NOISES,
+    SHARES,
+    USUAL,
+    Correction,
+    polar,
+    repeatable_miss,
+)
 
 
 def places(n, rng):
@@ -18,7 +28,9 @@ def places(n, rng):
 
 
 def told(function, n, noise, seed):
-    """A correction that was told n throws of a thrower who misses by a function of the place, and by noise."""
+    """A correction that was told n throws of a thrower who misses by a function of the place, and
+    by noise.
+    """
     rng = np.random.default_rng(seed)
     correction = Correction()
     for place in places(n, rng):
@@ -27,14 +39,18 @@ def told(function, n, noise, seed):
 
 
 def crooked(place):
-    """Misses 12 cm short on average, more for far baskets, and drifts to one side with the azimuth."""
+    """Misses 12 cm short on average, more for far baskets, and drifts to one side with the
+    azimuth.
+    """
     return np.array([-0.12 - 0.05 * (place[0] - 2.0), 0.03 * np.sin(2.0 * place[1])])
 
 
 def test_knows_nothing_before_the_first_throw():
     mean, deviation = Correction().predict([[2.0, 0.0]])
     np.testing.assert_array_equal(mean, [[0.0, 0.0]])
-    np.testing.assert_allclose(deviation, [[np.sqrt((0.01**2 + 0.03**2 + 0.1**2 + 0.3**2) / 4)] * 2])
+    np.testing.assert_allclose(
+        deviation, [[np.sqrt((0.01**2 + 0.03**2 + 0.1**2 + 0.3**2) / 4)] * 2]
+    )
     np.testing.assert_array_equal(Correction().shifted([2.0, 0.5, 0.4]), [2.0, 0.5, 0.4])
 
 
@@ -42,7 +58,9 @@ def test_learns_a_function_of_the_place():
     correction = told(crooked, 25, 0.004, seed=0)
     new = places(50, np.random.default_rng(1))
     error = correction.predict(new)[0] - np.array([crooked(place) for place in new])
-    assert np.sqrt(np.mean(error**2)) < 0.004, "25 throws that each vary by 4 mm tell the function to less than that"
+    assert np.sqrt(np.mean(error**2)) < 0.004, (
+        "25 throws that each vary by 4 mm tell the function to less than that"
+    )
 
 
 def rough(place):
@@ -57,14 +75,18 @@ def covariance(offset, places, difference, scale):
 
 
 def averaged(correction, new):
-    """Mean and variance (2,) at a new place, averaged by conditioning the joint density of every hypothesis (Table 3.1) in turn; and the
-    expected share.
+    """Mean and variance (2,) at a new place, averaged by conditioning the joint density of every
+    hypothesis (Table 3.1) in turn; and the expected share.
     """
     settings, known, told = correction.settings, correction.throws[:, :2], correction.throws
     rows = []
     scales = list(product(settings.lengths, settings.turns))
-    for share, noise, difference, offset, scale in product(SHARES, NOISES, DIFFERENCES, settings.offsets, scales):
-        joint = covariance(offset, np.vstack([known, new]), difference, scale) + np.diag([*[noise**2] * len(known), 0.0])
+    for share, noise, difference, offset, scale in product(
+        SHARES, NOISES, DIFFERENCES, settings.offsets, scales
+    ):
+        joint = covariance(offset, np.vstack([known, new]), difference, scale) + np.diag(
+            [*[noise**2] * len(known), 0.0]
+        )
         prior = -0.1 * np.log2(noise / USUAL) ** 2 - np.log2(difference / USUAL) ** 2
         for axis in range(2):
             misses = told[:, 2 + axis] - share * told[:, 4 + axis]
@@ -73,7 +95,9 @@ def averaged(correction, new):
             rows.append((axis, share, density, fit.mean[0], fit.covariance[0, 0]))
     axis, share, density, mean, variance = np.array(rows).T
     weight = np.exp(density - density.max())
-    of_share = np.array([np.prod([weight[(share == one) & (axis == a)].sum() for a in range(2)]) for one in SHARES])
+    of_share = np.array(
+        [np.prod([weight[(share == one) & (axis == a)].sum() for a in range(2)]) for one in SHARES]
+    )
     of_share /= of_share.sum()
     means, variances = np.zeros(2), np.zeros(2)
     for a, (one, probability) in product(range(2), zip(SHARES, of_share, strict=True)):
@@ -87,7 +111,9 @@ def averaged(correction, new):
 @pytest.mark.parametrize("function", [crooked, rough])
 def test_is_the_average_of_all_hypotheses_by_their_evidence(function):
     rng, new = np.random.default_rng(2), np.array([1.7, 0.3])
-    correction = Correction(CorrectionSettings(offsets=(0.02, 0.1), lengths=(0.1, 0.4), turns=(3.0,)))
+    correction = Correction(
+        CorrectionSettings(offsets=(0.02, 0.1), lengths=(0.1, 0.4), turns=(3.0,))
+    )
     for place in places(6, rng):
         late = 0.01 * rng.standard_normal(2)
         correction.add(place, function(place) + 0.004 * rng.standard_normal(2) + 0.7 * late, late)
@@ -106,7 +132,9 @@ def test_the_scatter_of_the_throws_is_told_from_them(scatter):
 
 @pytest.mark.parametrize("true", [0.0, 1.0])
 def test_the_throws_tell_whether_the_instant_of_the_release_explains_anything(true):
-    """Seen well, a late release explains its part of the miss; seen badly, what is computed from it is noise."""
+    """Seen well, a late release explains its part of the miss; seen badly, what is computed from
+    it is noise.
+    """
     rng, correction = np.random.default_rng(12), Correction()
     for place in places(30, rng):
         late = 0.008 * rng.standard_normal(2)
@@ -120,8 +148,9 @@ def test_the_throws_tell_whether_the_instant_of_the_release_explains_anything(tr
 @pytest.mark.slow
 @pytest.mark.parametrize("scatter", [0.02, 0.05])
 def test_scatter_is_not_learned(scatter):
-    """Of a thrower who misses nothing again and again: what three, ten or thirty throws pretend is small, on average over 40 throwers.
-    The mean miss alone, for a learner who knows that places do not differ, would be off by a share 1/n of the scatter's variance.
+    """Of a thrower who misses nothing again and again: what three, ten or thirty throws pretend is
+    small, on average over 40 throwers. The mean miss alone, for a learner who knows that places do
+    not differ, would be off by a share 1/n of the scatter's variance.
     """
     rng = np.random.default_rng(13)
     for n in (3, 10, 30):
@@ -161,7 +190,9 @@ def test_an_accident_is_not_learned():
 
 @pytest.mark.parametrize("seed", range(20))
 def test_throws_that_are_all_alike_are_no_change(seed):
-    """Whatever the first ones happen to be: by chance three throws may agree to a tenth of what throws vary by."""
+    """Whatever the first ones happen to be: by chance three throws may agree to a tenth of what
+    throws vary by.
+    """
     correction = told(crooked, 12, 0.004, seed)
     assert correction.n_forgotten == 0
 
@@ -198,7 +229,9 @@ def test_only_the_latest_throws_are_remembered_and_no_plan_is_moved_too_far():
     for _ in range(8):
         correction.add([2.0, 0.0], [-1.0, 0.0])
     assert len(correction) == 5
-    assert np.linalg.norm(correction.shifted([2.0, 0.0, 0.4]) - [2.0, 0.0, 0.4]) == pytest.approx(0.2)
+    assert np.linalg.norm(correction.shifted([2.0, 0.0, 0.4]) - [2.0, 0.0, 0.4]) == pytest.approx(
+        0.2
+    )
 
 
 @pytest.mark.parametrize("miss", [[np.nan, 0.0], [0.1], [np.inf, 0.0]])
@@ -231,21 +264,34 @@ def test_a_plan_sends_the_ball_where_it_says(demonstrations):
 
 
 def test_a_late_release_explains_its_part_of_the_miss(demonstrations):
-    """The hand opens 5 ms late: the ball comes down elsewhere by centimetres, and nothing of it is the place's fault."""
-    plan = learn_throwing(demonstrations, configuration("shown_release")).plan(demonstrations[0].target)
+    """The hand opens 5 ms late: the ball comes down elsewhere by centimetres, and nothing of it is
+    the place's fault.
+    """
+    plan = learn_throwing(demonstrations, configuration("shown_release")).plan(
+        demonstrations[0].target
+    )
     where = landing_if_late(plan, 0.005)
     assert np.linalg.norm(where - landing_if_late(plan, 0.0)) > 0.01
-    place, miss, explained = repeatable_miss(plan, where + turn_matrix(polar(plan.target)[1]) @ [0.03, -0.01, 0.0], 0.005)
+    place, miss, explained = repeatable_miss(
+        plan, where + turn_matrix(polar(plan.target)[1]) @ [0.03, -0.01, 0.0], 0.005
+    )
     np.testing.assert_allclose(place, polar(plan.target), atol=2e-3)
     np.testing.assert_allclose(miss - explained, [0.03, -0.01], atol=1e-4)
     _, unseen, explained = repeatable_miss(plan, where, np.nan)
-    assert np.linalg.norm(unseen) > 0.01 and not explained.any(), "a release that nobody saw counts as one on time"
+    assert np.linalg.norm(unseen) > 0.01 and not explained.any(), (
+        "a release that nobody saw counts as one on time"
+    )
 
 
 def test_a_release_where_the_ball_flies_farthest_leaves_little_to_explain(demonstrations):
-    """Early or late, the ball comes down a little nearer: by a square of the time, so that half of it is a quarter."""
+    """Early or late, the ball comes down a little nearer: by a square of the time, so that half of
+    it is a quarter.
+    """
     plan = learn_throwing(demonstrations).plan(demonstrations[0].target)
-    short = {late: polar(landing_if_late(plan, 0.0))[0] - polar(landing_if_late(plan, late))[0] for late in (-0.01, -0.005, 0.005, 0.01)}
+    short = {
+        late: polar(landing_if_late(plan, 0.0))[0] - polar(landing_if_late(plan, late))[0]
+        for late in (-0.01, -0.005, 0.005, 0.01)
+    }
     assert all(0.0 < value < 0.012 for value in short.values()), short
     for side in (-1, 1):
         assert short[side * 0.01] / short[side * 0.005] == pytest.approx(4.0, rel=0.25), short

@@ -18,7 +18,9 @@ def crowded_of(points):
 
 @given(st.lists(PLACES, max_size=5), st.lists(PLACES | st.integers(0, 30), max_size=40))
 def test_what_is_the_most_crowded_is_known_after_any_change(first, changes):
-    """A place comes, or the point with a number goes. Many are at the same place, and many equally far apart."""
+    """A place comes, or the point with a number goes. Many are at the same place, and many equally
+    far apart.
+    """
     points = [np.array(place, dtype=float) for place in first]
     crowd = Crowd(np.array(points).reshape(-1, 3))
     for change in changes:

@@ -45,13 +45,17 @@ def test_a_lone_throw_is_weighed_against_ignorance():
     """One throw that missed by e: the mean of two squares."""
     curriculum = Curriculum()
     curriculum.tell(NEAR, 0.1)
-    assert curriculum.expected_error([NEAR])[0] == pytest.approx(np.sqrt((UNKNOWN**2 + 0.1**2) / 2))
+    assert curriculum.expected_error([NEAR])[0] == pytest.approx(
+        np.sqrt((UNKNOWN**2 + 0.1**2) / 2)
+    )
 
 
 def test_a_landing_that_nobody_saw_counts_as_a_bad_throw():
     curriculum = Curriculum()
     curriculum.tell(NEAR, np.nan)
-    assert curriculum.expected_error([NEAR])[0] == pytest.approx(np.sqrt((UNKNOWN**2 + UNSEEN**2) / 2))
+    assert curriculum.expected_error([NEAR])[0] == pytest.approx(
+        np.sqrt((UNKNOWN**2 + UNSEEN**2) / 2)
+    )
 
 
 def test_stays_away_from_where_no_throw_came_about():

@@ -45,7 +45,12 @@ def test_a_cut_contains_the_motion_with_its_margins_and_the_release():
     d = filled().cut("one", END_NS)
     assert d.id == "one"
     begin = (d.stamp_ns - START_NS) * 1e-9
-    assert begin + d.hand_time[0] <= begin + d.motion_start < begin + d.hand_opened < begin + d.motion_stop
+    assert (
+        begin + d.hand_time[0]
+        <= begin + d.motion_start
+        < begin + d.hand_opened
+        < begin + d.motion_stop
+    )
     assert 1.0 < begin + d.motion_start < 1.2 and 1.6 < begin + d.motion_stop < 1.85
     assert d.motion_start == pytest.approx(0.15, abs=0.011), "the run-up"
     assert d.hand_time[-1] == pytest.approx(d.motion_stop + 0.1, abs=0.011), "the settling"
@@ -55,7 +60,9 @@ def test_a_cut_contains_the_motion_with_its_margins_and_the_release():
 def test_samples_of_a_cut_are_those_that_came():
     d = filled().cut("one", END_NS)
     begin = (d.stamp_ns - START_NS) * 1e-9
-    np.testing.assert_allclose(d.hand_position, [hand_at(t) for t in begin + d.hand_time], atol=1e-9)
+    np.testing.assert_allclose(
+        d.hand_position, [hand_at(t) for t in begin + d.hand_time], atol=1e-9
+    )
     np.testing.assert_allclose(d.joint_position[:, 0], begin + d.joint_time, atol=1e-9)
     np.testing.assert_allclose(d.joint_velocity[:, 0], 0.1 * (begin + d.joint_time), atol=1e-9)
     np.testing.assert_array_equal(d.target, BASKET)
@@ -83,7 +90,12 @@ def test_nothing_after_the_given_instant_is_used():
 
 @pytest.mark.parametrize(
     ("missing", "message"),
-    [("hand", "the hand"), ("ball", "the ball"), ("basket", "the basket"), ("joints", "the arm's joints")],
+    [
+        ("hand", "the hand"),
+        ("ball", "the ball"),
+        ("basket", "the basket"),
+        ("joints", "the arm's joints"),
+    ],
 )
 def test_what_is_missing_is_named(missing, message):
     with pytest.raises(ValueError, match=f"only 0 samples of {message}"):
@@ -95,23 +107,40 @@ def test_a_sensor_that_spoke_is_not_asked_whether_it_is_there():
     log = filled(leave_out=("hand",))
     for _ in range(300):
         log.take("hand", 0, np.zeros(3), UPRIGHT)
-    with pytest.raises(ValueError, match="only 1 samples of the hand, and 299 that do not count: not numbers, or stamped no later"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            "only 1 samples of the hand, and 299 that do not count: not numbers, or stamped no"
+            " later"
+        ),
+    ):
         log.cut("one", END_NS)
     log = filled(leave_out=("ball",))
     for k in range(100):
         log.take("ball", 10 * END_NS + k * MS, np.zeros(3), UPRIGHT)
-    with pytest.raises(ValueError, match=r"only 0 samples of the ball at that time, and 100 from .* s: have all sensors one clock\?"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"only 0 samples of the ball at that time, and 100 from .* s: have all sensors one"
+            r" clock\?"
+        ),
+    ):
         part = log.part(START_NS, END_NS)
         part.add_opening(OPENED_NS)
         part.cut("one", END_NS)
 
 
 def test_joints_that_were_silent_during_the_throw_make_it_none():
-    """A clock that was set left one state of the joints in a demonstration, from which its registration was learned."""
+    """A clock that was set left one state of the joints in a demonstration, from which its
+    registration was learned.
+    """
     log = filled(leave_out=("joints",))
     for k in range(98):
         log.add_joints(START_NS + k * 10 * MS, np.zeros(7), np.zeros(7))
-    with pytest.raises(ValueError, match=r"only \d states of the joints during the throw, .* and 98 around it: have all"):
+    with pytest.raises(
+        ValueError,
+        match=r"only \d states of the joints during the throw, .* and 98 around it: have all",
+    ):
         log.cut("one", END_NS)
 
 
@@ -185,7 +214,14 @@ def test_rejected_samples_leave_no_trace_in_the_cut():
         dirty.add_joints(stamp, np.full(7, time), np.full(7, 0.1 * time))
     dirty.add_opening(OPENED_NS)
     first, second = clean.cut("one", END_NS), dirty.cut("one", END_NS)
-    for name in ("hand_time", "hand_position", "ball_time", "ball_position", "joint_position", "target"):
+    for name in (
+        "hand_time",
+        "hand_position",
+        "ball_time",
+        "ball_position",
+        "joint_position",
+        "target",
+    ):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
     assert dirty.rejected == 300 * 3
 
@@ -239,7 +275,9 @@ def test_ten_samples_are_the_least():
 
 
 def test_what_was_seen_before_the_world_was_set_anew_changes_no_cut():
-    """A simulator that puts the ball back sets its clock on; when the log was begun before that must not matter."""
+    """A simulator that puts the ball back sets its clock on; when the log was begun before that
+    must not matter.
+    """
     clean, early = filled(), ThrowLog()
     for k in range(200):
         stamp = START_NS - 3_000 * MS + k * 10 * MS
@@ -253,7 +291,15 @@ def test_what_was_seen_before_the_world_was_set_anew_changes_no_cut():
     early.add_opening(OPENED_NS)
     first, second = clean.cut("one", END_NS), early.cut("one", END_NS)
     assert first.stamp_ns == second.stamp_ns
-    for name in ("hand_time", "hand_position", "ball_time", "ball_position", "joint_time", "joint_position", "target"):
+    for name in (
+        "hand_time",
+        "hand_position",
+        "ball_time",
+        "ball_position",
+        "joint_time",
+        "joint_position",
+        "target",
+    ):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
 
 
@@ -267,13 +313,22 @@ def test_a_ball_that_was_seen_to_leave_the_hand_stands_in_for_the_button():
     np.testing.assert_array_equal(first.hand_position, second.hand_position)
 
 
-@pytest.mark.parametrize(("seen_for", "down"), [(0.45, False), (0.55, False), (0.75, True), (1.2, True)])
+@pytest.mark.parametrize(
+    ("seen_for", "down"), [(0.45, False), (0.55, False), (0.75, True), (1.2, True)]
+)
 def test_a_ball_is_seen_down_when_its_last_pose_is_below_the_rim(seen_for, down):
-    """Without drag from 2 m at 3.5 m/s level it comes through a rim at 0.4 m after 0.571 s; what is seen later is no matter."""
+    """Without drag from 2 m at 3.5 m/s level it comes through a rim at 0.4 m after 0.571 s; what
+    is seen later is no matter.
+    """
     log, ms = ThrowLog(), np.arange(0, round(1000 * seen_for), 10)
     for at in ms:
         time = 1e-3 * at
-        log.take("ball", int(OPENED_NS + at * MS), np.array([3.5 * time, 0.0, 2.0 - 0.5 * 9.81 * time**2]), UPRIGHT)
+        log.take(
+            "ball",
+            int(OPENED_NS + at * MS),
+            np.array([3.5 * time, 0.0, 2.0 - 0.5 * 9.81 * time**2]),
+            UPRIGHT,
+        )
     rim = np.array([3.5 * 0.571, 0.0, 0.4])
     assert seen_down(log, rim, OPENED_NS, OPENED_NS + 1_500 * MS) == down
 
@@ -301,6 +356,13 @@ def test_many_samples_are_kept_as_they_are_one_by_one():
     rows[rng.random(200) < 0.1, 1] = np.nan
     one_by_one, at_once = Stream(), Stream()
     kept = sum(one_by_one.add(int(stamp), row) for stamp, row in zip(stamps, rows, strict=True))
-    assert sum(at_once.extend(stamps[part], rows[part]) for part in (slice(0, 50), slice(50, 50), slice(50, 200))) == kept < 150
+    assert (
+        sum(
+            at_once.extend(stamps[part], rows[part])
+            for part in (slice(0, 50), slice(50, 50), slice(50, 200))
+        )
+        == kept
+        < 150
+    )
     assert at_once.stamps == one_by_one.stamps
     np.testing.assert_array_equal(at_once.rows, one_by_one.rows)

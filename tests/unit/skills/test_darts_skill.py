@@ -1,4 +1,6 @@
-"""Darts as a skill: what a situation aims at, where the board is, its settings, and the worlds and demonstrations that go with it."""
+"""Darts as a skill: what a situation aims at, where the board is, its settings, and the worlds and
+demonstrations that go with it.
+"""
 
 from dataclasses import replace
 
@@ -8,7 +10,12 @@ import pytest
 from dart_skill.arm import DART, wam_description
 from dart_skill.common.world import the_world
 from dart_skill.darts import as_target
-from dart_skill.recording import Demonstration, demonstration_from_message, demonstration_message, types_for
+from dart_skill.recording import (
+    Demonstration,
+    demonstration_from_message,
+    demonstration_message,
+    types_for,
+)
 from dart_skill.simulation import Board, PlantSettings, make_world
 from dart_skill.skills.darts import Darts, DartsSettings
 from dart_skill.skills.learning import DEFAULT, load_model, save_model
@@ -36,7 +43,11 @@ def test_without_an_aim_it_is_the_bull(darts):
 
 @pytest.mark.parametrize(
     ("numbers", "why"),
-    [({"down": 0.1}, "number 'down'.*it has only right, up"), ({"up": 3.0}, "not on the board"), ({"right": np.nan}, "not on the board")],
+    [
+        ({"down": 0.1}, "number 'down'.*it has only right, up"),
+        ({"up": 3.0}, "not on the board"),
+        ({"right": np.nan}, "not on the board"),
+    ],
 )
 def test_what_is_no_aim_is_refused(darts, numbers, why):
     with pytest.raises(ValueError, match=why):
@@ -45,7 +56,12 @@ def test_what_is_no_aim_is_refused(darts, numbers, why):
 
 def test_a_board_that_is_seen_elsewhere_is_refused_with_the_remedy(darts):
     darts.check_seen(np.array(darts.bull) + [0.0, 0.0, 0.01])
-    with pytest.raises(ValueError, match=r"0\.100 m from where config/world.yaml has its bull .*: hang it there, or say there"):
+    with pytest.raises(
+        ValueError,
+        match=(
+            r"0\.100 m from where config/world.yaml has its bull .*: hang it there, or say there"
+        ),
+    ):
         darts.check_seen(np.array(darts.bull) + [0.0, 0.1, 0.0])
 
 
@@ -58,7 +74,10 @@ def test_the_points_that_are_shown_are_all_over_the_board(darts):
 
 def test_its_settings_are_those_of_its_file(darts):
     assert darts.settings == DartsSettings(), "the file says what the defaults are"
-    assert darts.correction.memory == 40 and darts.configured_for(DEFAULT).board == the_world().board_position
+    assert (
+        darts.correction.memory == 40
+        and darts.configured_for(DEFAULT).board == the_world().board_position
+    )
 
 
 @pytest.mark.parametrize(
@@ -105,12 +124,27 @@ def test_its_world_has_a_dart_and_a_board_that_stays(darts):
 def shown():
     time = np.linspace(0.0, 1.0, 20)
     place, turn = np.tile([1.0, 0.0, 1.5], (20, 1)), np.tile([0.0, 0.0, 0.0, 1.0], (20, 1))
-    return Demonstration("one", 5, np.array([2.37, 0.0, 1.73]), time, place, turn, time, place, hand_opened=0.5, skill="darts")
+    return Demonstration(
+        "one",
+        5,
+        np.array([2.37, 0.0, 1.73]),
+        time,
+        place,
+        turn,
+        time,
+        place,
+        hand_opened=0.5,
+        skill="darts",
+    )
 
 
 def test_a_demonstration_says_of_what_it_is_in_messages(shown):
     message = demonstration_message(types_for("dart_skill_msgs/msg/Demonstration"), shown)
-    assert (message.skill, [track.body for track in message.tracks], message.situation.bodies) == ("darts", ["hand", "dart"], ["board"])
+    assert (message.skill, [track.body for track in message.tracks], message.situation.bodies) == (
+        "darts",
+        ["hand", "dart"],
+        ["board"],
+    )
     again = demonstration_from_message(message)
     assert again.skill == "darts"
     np.testing.assert_array_equal(again.ball_position, shown.ball_position)

@@ -1,4 +1,6 @@
-"""The delay of the hand is the mean of what was seen, until two openings in a row say that it is another hand."""
+"""The delay of the hand is the mean of what was seen, until two openings in a row say that it is
+another hand.
+"""
 
 import numpy as np
 import pytest
@@ -44,7 +46,9 @@ def test_an_early_and_a_late_one_are_not():
 
 
 def test_a_steady_hand_is_hardly_ever_taken_for_another_one():
-    """Normal delays, 50 hands of 100 openings: two in a row beyond 2.5 deviations on one side come once in 50,000."""
+    """Normal delays, 50 hands of 100 openings: two in a row beyond 2.5 deviations on one side come
+    once in 50,000.
+    """
     forgotten = 0
     for seed in range(50):
         delay, rng = HandDelay(), np.random.default_rng([4, seed])
@@ -73,5 +77,7 @@ def test_how_late_a_hand_was_is_believed_as_far_as_it_was_seen():
     time = np.linspace(-0.1, 0.1, 20001)
     for seen, uncertainty in ((0.010, 0.004), (-0.006, 0.001), (0.002, 0.012)):
         density = np.exp(-0.5 * (time / USUAL) ** 2 - 0.5 * ((seen - time) / uncertainty) ** 2)
-        assert likely_late(seen, uncertainty) == pytest.approx(density @ time / density.sum(), abs=1e-9)
+        assert likely_late(seen, uncertainty) == pytest.approx(
+            density @ time / density.sum(), abs=1e-9
+        )
     assert likely_late(0.01, 0.0) == 0.01 and np.isnan(likely_late(np.nan, 0.001))

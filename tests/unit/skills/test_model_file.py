@@ -15,7 +15,14 @@ from hypothesis import strategies as st
 from dart_skill.arm import KnownRegistration, Registration, same_plan
 from dart_skill.common import archive
 from dart_skill.recording import Demonstration
-from dart_skill.skills.learning import CONFIGURATIONS, DEFAULT, _model_file, learn_throwing, load_model, save_model
+from dart_skill.skills.learning import (
+    CONFIGURATIONS,
+    DEFAULT,
+    _model_file,
+    learn_throwing,
+    load_model,
+    save_model,
+)
 
 BASKET = np.array([1.8, 0.1, 0.4])
 
@@ -38,12 +45,20 @@ def whole_model(tmp_path_factory, demonstrations):
 def test_a_loaded_model_plans_the_same_throw_to_the_last_bit(saved, demonstrations):
     loaded, configuration, *_ = load_model(saved)
     assert configuration == DEFAULT
-    assert same_plan(learn_throwing(loaded, configuration).plan(BASKET), learn_throwing(demonstrations).plan(BASKET))
+    assert same_plan(
+        learn_throwing(loaded, configuration).plan(BASKET),
+        learn_throwing(demonstrations).plan(BASKET),
+    )
 
 
 def test_a_configuration_of_ones_own_keeps_its_name(tmp_path, demonstrations):
-    its = {"board": (2.37, 0.0, 1.73), "registration": KnownRegistration(Registration(delay=0.004), (0.003,) * 13)}
-    for k, own in enumerate((replace(DEFAULT, components=9), replace(CONFIGURATIONS["intervals"], name="mine", **its))):
+    its = {
+        "board": (2.37, 0.0, 1.73),
+        "registration": KnownRegistration(Registration(delay=0.004), (0.003,) * 13),
+    }
+    for k, own in enumerate(
+        (replace(DEFAULT, components=9), replace(CONFIGURATIONS["intervals"], name="mine", **its))
+    ):
         save_model(tmp_path / f"{k}.npz", demonstrations[:1], own)
         assert load_model(tmp_path / f"{k}.npz")[1] == own
 
@@ -61,7 +76,9 @@ def test_demonstrations_come_back_as_they_were(saved, demonstrations):
 def test_unknown_events_and_joint_names_come_back(tmp_path, demonstrations):
     values = {f.name: getattr(demonstrations[0], f.name) for f in fields(Demonstration)}
     names = tuple(f"wam_j{k}" for k in range(1, 8))
-    original = Demonstration(**{**values, "hand_opened": float("nan"), "joint_names": names, "id": "throw ünïcode"})
+    original = Demonstration(
+        **{**values, "hand_opened": float("nan"), "joint_names": names, "id": "throw ünïcode"}
+    )
     save_model(tmp_path / "one.npz", [original], DEFAULT)
     (copy,), *_ = load_model(tmp_path / "one.npz")
     assert np.isnan(copy.hand_opened) and copy.joint_names == names and copy.id == original.id
@@ -118,10 +135,18 @@ GARBAGE = {
     "other archive": npz(a=np.zeros(3)),
     "other format": npz(format=np.array("dart_skill model 99"), configuration=np.array("{}")),
     "no configuration": npz(format=np.array("dart_skill model 1")),
-    "configuration of another version": npz(format=np.array("dart_skill model 1"), configuration=np.array('{"colour": "red"}')),
-    "configuration that is no JSON": npz(format=np.array("dart_skill model 1"), configuration=np.array("{")),
+    "configuration of another version": npz(
+        format=np.array("dart_skill model 1"), configuration=np.array('{"colour": "red"}')
+    ),
+    "configuration that is no JSON": npz(
+        format=np.array("dart_skill model 1"), configuration=np.array("{")
+    ),
     "demonstration without fields": npz(
-        **{"format": np.array("dart_skill model 1"), "configuration": np.array("{}"), "0000.id": np.array("x")}
+        **{
+            "format": np.array("dart_skill model 1"),
+            "configuration": np.array("{}"),
+            "0000.id": np.array("x"),
+        }
     ),
 }
 
@@ -138,13 +163,18 @@ def test_another_version_is_named(saved):
     content = dict(np.load(saved))
     content["format"] = np.array("dart_skill model 7")
     np.savez(saved, **content)
-    with pytest.raises(ValueError, match="it has version 7, and this dart_skill reads version 2: learn from the bag again"):
+    with pytest.raises(
+        ValueError,
+        match="it has version 7, and this dart_skill reads version 2: learn from the bag again",
+    ):
         load_model(saved)
 
 
 def test_no_memory_is_taken_for_what_an_array_only_says_of_itself(saved):
     head = io.BytesIO()
-    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (10**13, 3)})
+    np.lib.format.write_array_header_1_0(
+        head, {"descr": "<f8", "fortran_order": False, "shape": (10**13, 3)}
+    )
     with zipfile.ZipFile(saved, "a") as archive:
         archive.writestr("0000.more.npy", head.getvalue() + bytes(100))
     with pytest.raises(ValueError, match="says that it has the shape"):
@@ -175,7 +205,9 @@ def test_a_full_disk_leaves_no_half_a_model(tmp_path, demonstrations, monkeypatc
 
 
 @given(st.integers(0, 10**9), st.integers(1, 255))
-def test_any_changed_byte_is_refused_or_changes_nothing(whole_model, tmp_path_factory, place, change):
+def test_any_changed_byte_is_refused_or_changes_nothing(
+    whole_model, tmp_path_factory, place, change
+):
     content = bytearray(whole_model)
     content[place % len(content)] ^= change
     path = tmp_path_factory.getbasetemp() / "changed.npz"
@@ -233,9 +265,14 @@ def test_a_file_that_is_not_there_is_not_found(tmp_path):
         load_model(tmp_path / "nothing.npz")
 
 
-def test_more_than_a_model_may_have_is_refused_before_anything_is_written(tmp_path, demonstrations, monkeypatch):
+def test_more_than_a_model_may_have_is_refused_before_anything_is_written(
+    tmp_path, demonstrations, monkeypatch
+):
     monkeypatch.setattr(archive, "LARGEST", 100_000)
-    with pytest.raises(ValueError, match="more than the 100000 that a model may have: learn from fewer demonstrations"):
+    with pytest.raises(
+        ValueError,
+        match="more than the 100000 that a model may have: learn from fewer demonstrations",
+    ):
         save_model(tmp_path / "throw.npz", demonstrations, DEFAULT)
     assert not list(tmp_path.iterdir())
 
@@ -243,4 +280,6 @@ def test_more_than_a_model_may_have_is_refused_before_anything_is_written(tmp_pa
 def test_demonstrations_keep_their_order_however_many_there_are():
     """Their names have four digits, as far as these go."""
     rows = [{"id": np.array(k)} for k in range(10_003)]
-    assert [int(row["id"]) for row in archive.in_order(archive.numbered(rows))] == list(range(10_003))
+    assert [int(row["id"]) for row in archive.in_order(archive.numbered(rows))] == list(
+        range(10_003)
+    )

@@ -19,7 +19,11 @@ def seen(motion, until, rate=100.0, noise=0.0, seed=0):
 
 
 def thrown_up(time):
-    return np.array([0.1, 0.2, 0.3]) + np.array([0.5, -0.2, 1.0]) * time + np.array([0.0, 0.0, -4.0]) * time**2
+    return (
+        np.array([0.1, 0.2, 0.3])
+        + np.array([0.5, -0.2, 1.0]) * time
+        + np.array([0.0, 0.0, -4.0]) * time**2
+    )
 
 
 @pytest.mark.parametrize("late", [0.0, 0.01, 0.05])
@@ -33,9 +37,13 @@ def test_a_parabola_is_known_exactly_also_a_little_later(late):
 
 
 def test_noise_moves_speed_as_least_squares_say():
-    """Standard deviation of the slope at the end of a parabola through n samples over T: about 14 noise / (T sqrt(n))."""
+    """Standard deviation of the slope at the end of a parabola through n samples over T: about 14
+    noise / (T sqrt(n)).
+    """
     n = round(WINDOW * 100) + 1
-    speeds = [seen(thrown_up, 0.5, noise=3e-4, seed=seed).at(NS // 2).velocity[0] for seed in range(300)]
+    speeds = [
+        seen(thrown_up, 0.5, noise=3e-4, seed=seed).at(NS // 2).velocity[0] for seed in range(300)
+    ]
     assert np.mean(speeds) == pytest.approx(0.5, abs=2e-3)
     assert np.std(speeds) == pytest.approx(13.9 * 3e-4 / (WINDOW * np.sqrt(n)), rel=0.15)
 
@@ -48,7 +56,11 @@ def test_what_was_seen_long_ago_does_not_count():
 def test_few_poses_tell_a_place_and_no_speed():
     body = seen(thrown_up, (FEWEST - 2) / 100.0)
     now = body.at(NS // 10)
-    assert now.position == pytest.approx(thrown_up((FEWEST - 2) / 100.0)) and not now.velocity.any() and not now.acceleration.any()
+    assert (
+        now.position == pytest.approx(thrown_up((FEWEST - 2) / 100.0))
+        and not now.velocity.any()
+        and not now.acceleration.any()
+    )
 
 
 def test_poses_that_come_again_or_late_change_nothing():

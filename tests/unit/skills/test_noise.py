@@ -1,10 +1,18 @@
-"""What a throw was is told whatever the cameras: their noise and rate come from the samples themselves."""
+"""What a throw was is told whatever the cameras: their noise and rate come from the samples
+themselves.
+"""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.skills.observation import column_noise, find_flight, fit_release, judge_flight, position_noise
+from dart_skill.skills.observation import (
+    column_noise,
+    find_flight,
+    fit_release,
+    judge_flight,
+    position_noise,
+)
 from dart_skill.skills.observation._free_flight import _grow
 from dart_skill.skills.observation._grip import rows_at
 from dart_skill.skills.observation._speeds import repeats, usual_speeds
@@ -15,7 +23,9 @@ NOISES = [2e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3]
 
 
 def seen(throw, noise, rate=100.0, end=2.0, jitter=0.0):
-    """Samples of the ball and the hand of a throw, from cameras with a noise [m], a rate [1/s] and stamps that jitter [s]."""
+    """Samples of the ball and the hand of a throw, from cameras with a noise [m], a rate [1/s] and
+    stamps that jitter [s].
+    """
     time = np.arange(0.0, end, 1.0 / rate)
     stamps = ORIGIN + time + np.abs(jitter * throw.rng.standard_normal(len(time)))
     position, pose = throw.hand(time)
@@ -57,7 +67,9 @@ def test_a_landing_is_as_exact_as_the_cameras_allow(noise, seed):
     ball, _ = seen(throw, noise, end=crossing + 0.03)
     outcome = judge_flight(*ball, rim, 0.15)
     assert outcome.landing_seen and outcome.in_basket
-    np.testing.assert_allclose(outcome.landing, throw.landing(rim[2]).position, atol=1e-3 + 4 * noise)
+    np.testing.assert_allclose(
+        outcome.landing, throw.landing(rim[2]).position, atol=1e-3 + 4 * noise
+    )
 
 
 @pytest.mark.parametrize("rate", [30.0, 60.0, 240.0, 360.0])
@@ -93,13 +105,17 @@ def test_the_release_is_told_to_what_its_uncertainty_says(noise):
         release = fit_release(*ball, *hand, GRIP)
         off.append(release.time - ORIGIN - throw.release)
         said.append(release.time_uncertainty)
-        assert np.linalg.norm(release.velocity - throw.velocity) < 0.01 + 30 * noise + 12 * abs(off[-1])
+        assert np.linalg.norm(release.velocity - throw.velocity) < 0.01 + 30 * noise + 12 * abs(
+            off[-1]
+        )
     assert np.median(np.abs(off)) < 4e-4 + 3.0 * noise, off
     assert np.median(np.abs(np.array(off) / said)) < 2.0, (off, said)
 
 
 def test_the_seat_of_the_ball_is_seen_in_the_hand():
-    """The ball sits 6 mm beside where it should; the release is told as well as ever, and the seat to a fraction of a millimetre."""
+    """The ball sits 6 mm beside where it should; the release is told as well as ever, and the seat
+    to a fraction of a millimetre.
+    """
     throw = Throw(7)
     _, crossing = basket_at(throw)
     ball, hand = seen(throw, 1e-4, end=crossing)
@@ -133,14 +149,22 @@ def test_a_usual_speed_is_the_median_of_five():
     time, position = seen(Throw(6), 1e-3)[0]
     speeds = np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time)
     longer = np.pad(speeds, 2, mode="edge")
-    np.testing.assert_allclose(usual_speeds(time, position), [np.median(longer[k : k + 5]) for k in range(len(speeds))], rtol=1e-12)
+    np.testing.assert_allclose(
+        usual_speeds(time, position),
+        [np.median(longer[k : k + 5]) for k in range(len(speeds))],
+        rtol=1e-12,
+    )
 
 
 def test_compiled_and_interpreted_have_the_same_bits():
     plain = interpreted("dart_skill.skills.observation._speeds")
     time, position = seen(Throw(6), 1e-3)[0]
     np.testing.assert_array_equal(usual_speeds(time, position), plain.usual_speeds(time, position))
-    for samples, repeated in ((position, False), (np.repeat(position, 2, axis=0), True), (position[:1], False)):
+    for samples, repeated in (
+        (position, False),
+        (np.repeat(position, 2, axis=0), True),
+        (position[:1], False),
+    ):
         assert repeats(samples) == plain.repeats(samples) == repeated
 
 
@@ -149,5 +173,7 @@ def test_rows_between_samples_are_those_of_numpy():
     stamps, rows = np.cumsum(rng.uniform(0.01, 0.1, 20)), rng.standard_normal((20, 3))
     when = np.concatenate([stamps, rng.uniform(stamps[0], stamps[-1], 50)])
     np.testing.assert_allclose(
-        rows_at(when, stamps, rows), np.stack([np.interp(when, stamps, column) for column in rows.T], axis=1), atol=1e-14
+        rows_at(when, stamps, rows),
+        np.stack([np.interp(when, stamps, column) for column in rows.T], axis=1),
+        atol=1e-14,
     )

@@ -1,4 +1,6 @@
-"""Landing, basket and release from synthetic motion-capture samples of a throw whose truth is known."""
+"""Landing, basket and release from synthetic motion-capture samples of a throw whose truth is
+known.
+"""
 
 from dataclasses import replace
 
@@ -57,7 +59,11 @@ class Throw:
         time = np.arange(0.0, end, 0.01)
         position, pose = self.hand(time)
         pose = Rotation.from_rotvec(10 * sigma * self.rng.normal(size=(len(time), 3))) * pose
-        return ORIGIN + time, position + sigma * self.rng.normal(size=(len(time), 3)), pose.as_quat()
+        return (
+            ORIGIN + time,
+            position + sigma * self.rng.normal(size=(len(time), 3)),
+            pose.as_quat(),
+        )
 
 
 def basket_at(throw, shift=0.0, rim_z=0.7):
@@ -75,15 +81,22 @@ def until(samples, end, start=-np.inf):
 def random_throws(n_throws):
     for seed in range(n_throws):
         rng = np.random.default_rng(seed)
-        throw = Throw(seed, rng.uniform(-1, 1), rng.uniform(3.0, 5.0), RELEASE + rng.uniform(-0.1, 0.1))
+        throw = Throw(
+            seed, rng.uniform(-1, 1), rng.uniform(3.0, 5.0), RELEASE + rng.uniform(-0.1, 0.1)
+        )
         _, crossing = basket_at(throw)
-        yield throw, fit_release(*until(throw.ball_samples(), crossing), *throw.hand_samples(), GRIP)
+        yield (
+            throw,
+            fit_release(*until(throw.ball_samples(), crossing), *throw.hand_samples(), GRIP),
+        )
 
 
 def test_release_instant_within_a_millisecond_and_velocity_within_three_permille():
     found = list(random_throws(30))
     time = np.array([release.time - ORIGIN - throw.release for throw, release in found])
-    speed = np.array([np.linalg.norm(r.velocity - t.velocity) / np.linalg.norm(t.velocity) for t, r in found])
+    speed = np.array(
+        [np.linalg.norm(r.velocity - t.velocity) / np.linalg.norm(t.velocity) for t, r in found]
+    )
     position = np.array([np.linalg.norm(r.position - t.position) for t, r in found])
     assert np.max(np.abs(time)) < 1e-3, time
     assert np.sqrt(np.mean(time**2)) < 4e-4, time
@@ -94,7 +107,9 @@ def test_release_instant_within_a_millisecond_and_velocity_within_three_permille
 
 @pytest.mark.parametrize("hidden", [0.1, 0.25])
 def test_a_flight_that_was_hidden_for_a_while_is_one_flight(hidden):
-    """Samples before and after the gap belong to it: the longer part is found first, and grows over the gap."""
+    """Samples before and after the gap belong to it: the longer part is found first, and grows
+    over the gap.
+    """
     time = 3.0 + 0.01 * np.arange(100)
     position = flight(np.array([-0.2, 0.1, 2.1]), np.array([2.6, 0.3, 0.9]), time - 3.0)[0]
     position = position + SIGMA * np.random.default_rng(6).standard_normal(position.shape)
@@ -105,7 +120,9 @@ def test_a_flight_that_was_hidden_for_a_while_is_one_flight(hidden):
 
 
 def test_the_uncertainty_of_the_release_covers_its_error():
-    ratios = np.array([(r.time - ORIGIN - t.release) / r.time_uncertainty for t, r in random_throws(40)])
+    ratios = np.array(
+        [(r.time - ORIGIN - t.release) / r.time_uncertainty for t, r in random_throws(40)]
+    )
     assert 0.5 < np.sqrt(np.mean(ratios**2)) < 1.6, ratios
 
 
@@ -115,12 +132,16 @@ def test_release_with_a_calibration_offset_and_a_ball_hidden_when_it_leaves():
     visible = np.abs(time - ORIGIN - RELEASE - 0.02) > 0.05
     found = fit_release(time[visible], position[visible] + 2e-4, *throw.hand_samples(), GRIP)
     assert found.time - ORIGIN == pytest.approx(RELEASE, abs=1e-3)
-    np.testing.assert_allclose(found.velocity, throw.velocity, rtol=0.0, atol=3e-3 * np.linalg.norm(throw.velocity))
+    np.testing.assert_allclose(
+        found.velocity, throw.velocity, rtol=0.0, atol=3e-3 * np.linalg.norm(throw.velocity)
+    )
 
 
 def test_release_of_noise_free_samples_is_much_better():
     throw = Throw()
-    found = fit_release(*until(throw.ball_samples(sigma=0.0), 1.7), *throw.hand_samples(sigma=0.0), GRIP)
+    found = fit_release(
+        *until(throw.ball_samples(sigma=0.0), 1.7), *throw.hand_samples(sigma=0.0), GRIP
+    )
     assert found.time - ORIGIN == pytest.approx(RELEASE, abs=2e-4)
 
 
@@ -177,7 +198,9 @@ def test_a_ball_lost_just_above_the_rim_is_in_and_one_lost_early_was_not_seen():
 
 
 def bounced(throw, at, time, direction):
-    """Samples in which the ball hits something at `at` and flies on with `direction` as its velocity."""
+    """Samples in which the ball hits something at `at` and flies on with `direction` as its
+    velocity.
+    """
     before = throw.ball(time)
     contact = throw.ball(np.array([at]))[0]
     after, _ = flight(contact, np.asarray(direction, dtype=float), np.maximum(time - at, 0.0))
@@ -186,7 +209,9 @@ def bounced(throw, at, time, direction):
 
 
 @pytest.mark.parametrize(("sideways", "expected"), [(0.1, True), (1.5, False)])
-def test_a_ball_that_bounces_on_the_rim_lands_where_it_would_have_and_is_in_if_it_ends_inside(sideways, expected):
+def test_a_ball_that_bounces_on_the_rim_lands_where_it_would_have_and_is_in_if_it_ends_inside(
+    sideways, expected
+):
     throw = Throw(5)
     rim, crossing = basket_at(throw, shift=0.13)
     time = np.arange(0.0, crossing + 0.29, 0.01)
@@ -227,7 +252,9 @@ def test_a_ball_that_never_leaves_the_hand_or_is_never_seen_is_an_outcome_not_an
 
 def test_a_ball_at_rest_in_the_basket_is_in_without_a_landing():
     time = np.arange(0.0, 1.0, 0.01)
-    ball = np.tile([2.0, 0.05, 0.45], (100, 1)) + SIGMA * np.random.default_rng(0).normal(size=(100, 3))
+    ball = np.tile([2.0, 0.05, 0.45], (100, 1)) + SIGMA * np.random.default_rng(0).normal(
+        size=(100, 3)
+    )
     outcome = judge_flight(time, ball, np.array([2.0, 0.0, 0.7]), 0.15)
     assert outcome.in_basket and not outcome.landing_seen
 
@@ -253,20 +280,29 @@ def test_the_drag_of_another_ball_is_found_in_its_flight(scale):
     rim = np.array([1.8, 0.3, 0.9])
     seen = judge_flight(time, noisy, rim, 0.15)
     assert seen.landing_seen
-    np.testing.assert_allclose(seen.landing, landing(position[0], np.array([3.0, 0.5, 1.5]), 0.9, ball).position, atol=1e-3)
+    np.testing.assert_allclose(
+        seen.landing,
+        landing(position[0], np.array([3.0, 0.5, 1.5]), 0.9, ball).position,
+        atol=1e-3,
+    )
 
 
 def test_of_two_instants_at_which_hand_and_ball_move_alike_the_one_where_they_touch_is_the_release():
-    """The hand leaves the ball at -0.3 and comes to rest beside it at 0.5, 3 mm away, where it moves even more alike. Once such a throw was
-    read as released 64 ms late, and the next throws opened the hand so much earlier.
+    """The hand leaves the ball at -0.3 and comes to rest beside it at 0.5, 3 mm away, where it
+    moves even more alike. Once such a throw was read as released 64 ms late, and the next throws
+    opened the hand so much earlier.
     """
-    rates = 0.25 * np.polynomial.polynomial.polyfromroots([-0.3, -0.3, 0.5, 0.5])  # of the way between them
+    rates = 0.25 * np.polynomial.polynomial.polyfromroots(
+        [-0.3, -0.3, 0.5, 0.5]
+    )  # of the way between them
     way = np.polynomial.polynomial.polyint(rates)
     way[0] -= np.polynomial.polynomial.polyval(-0.3, way)
     curve = np.full((len(way), 3), 1e-12)
     curve[:, 0] = way
     curve[1:3, 1] = 1e-4 * np.array([0.5, -0.5])  # a little speed that vanishes at 0.5
-    assert np.linalg.norm(np.polynomial.polynomial.polyval(0.5, curve)) == pytest.approx(0.0027, abs=1e-4)
+    assert np.linalg.norm(np.polynomial.polynomial.polyval(0.5, curve)) == pytest.approx(
+        0.0027, abs=1e-4
+    )
     time = np.linspace(-1.0, 1.0, 33)
     difference = np.polynomial.polynomial.polyval(time, curve).T
     assert parting(time, difference, len(curve) - 1)[0] == pytest.approx(-0.3, abs=0.05)

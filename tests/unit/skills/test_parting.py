@@ -7,7 +7,9 @@ from dart_skill.skills.observation._parting import parting
 
 
 def differences(seed, n=17):
-    """Times (n,) in -1 to 1, and differences (n, 3) [m] of two paths that part somewhere in between."""
+    """Times (n,) in -1 to 1, and differences (n, 3) [m] of two paths that part somewhere in
+    between.
+    """
     rng = np.random.default_rng(seed)
     time = np.sort(rng.uniform(-1.0, 1.0, n))
     return time, np.cumsum(rng.standard_normal((n, 3)), axis=0) * 1e-3
@@ -30,7 +32,10 @@ def test_the_difference_is_slowest_there_of_the_places_where_it_is_least(seed, d
     far = np.sqrt(sum(one(places) ** 2 for one in curves))
     extremes = np.flatnonzero((speed[1:-1] < speed[:-2]) & (speed[1:-1] < speed[2:])) + 1
     as_near = extremes[far[extremes] < distance + 1e-4]
-    assert np.sqrt(sum(one.deriv()(best) ** 2 for one in curves)) <= speed[as_near].min(initial=np.inf) + 1e-7
+    assert (
+        np.sqrt(sum(one.deriv()(best) ** 2 for one in curves))
+        <= speed[as_near].min(initial=np.inf) + 1e-7
+    )
 
 
 def test_paths_that_part_at_an_instant_part_there():
@@ -44,8 +49,12 @@ def test_paths_that_part_at_an_instant_part_there():
 def test_the_deviation_is_that_of_repeated_samples():
     rng, time = np.random.default_rng(0), np.linspace(-1.0, 1.0, 15)
     exact = np.outer((time - 0.1) ** 2, [0.01, -0.02, 0.03])
-    told = [parting(time, exact + 1e-5 * rng.standard_normal(exact.shape), 4)[:2] for _ in range(300)]
-    assert np.std([best for best, _ in told]) == pytest.approx(np.median([deviation for _, deviation in told]), rel=0.2)
+    told = [
+        parting(time, exact + 1e-5 * rng.standard_normal(exact.shape), 4)[:2] for _ in range(300)
+    ]
+    assert np.std([best for best, _ in told]) == pytest.approx(
+        np.median([deviation for _, deviation in told]), rel=0.2
+    )
 
 
 def test_too_few_samples_determine_no_polynomial():

@@ -1,4 +1,6 @@
-"""The memory of practice: trials relabelled with where they landed, strange ones kept out, a full memory that forgets."""
+"""The memory of practice: trials relabelled with where they landed, strange ones kept out, a full
+memory that forgets.
+"""
 
 import re
 from contextlib import closing
@@ -22,23 +24,40 @@ def bulged(demonstration, name, size):
     """The same throw and flight, but hand and ball swerve sideways on the way to the release."""
 
     def moved(time, position):
-        share = np.clip((time - demonstration.motion_start) / (demonstration.hand_opened - 0.15 - demonstration.motion_start), 0.0, 1.0)
+        share = np.clip(
+            (time - demonstration.motion_start)
+            / (demonstration.hand_opened - 0.15 - demonstration.motion_start),
+            0.0,
+            1.0,
+        )
         return position + size * np.sin(np.pi * share)[:, None] ** 2 * np.array([0.0, 1.0, 0.0])
 
     hand = moved(demonstration.hand_time, demonstration.hand_position)
     ball = moved(demonstration.ball_time, demonstration.ball_position)
-    nobody = {"joint_time": np.empty(0), "joint_position": np.empty((0, 7)), "joint_velocity": np.empty((0, 7))}
-    return replace(demonstration, id=name, hand_position=hand, ball_position=ball, **nobody)  # joints would say that it did not
+    nobody = {
+        "joint_time": np.empty(0),
+        "joint_position": np.empty((0, 7)),
+        "joint_velocity": np.empty((0, 7)),
+    }
+    return replace(
+        demonstration, id=name, hand_position=hand, ball_position=ball, **nobody
+    )  # joints would say that it did not
 
 
 def test_a_trial_is_a_demonstration_of_where_it_landed(demonstrations):
-    """The basket stood elsewhere: with the place where the ball came down the trial is as good as any."""
-    aimed_wrong = trial_like(demonstrations[0], "trial_1", target=demonstrations[0].target + [0.3, 0.2, 0.0])
+    """The basket stood elsewhere: with the place where the ball came down the trial is as good as
+    any.
+    """
+    aimed_wrong = trial_like(
+        demonstrations[0], "trial_1", target=demonstrations[0].target + [0.3, 0.2, 0.0]
+    )
     practice = Practice(demonstrations[1:])
     assert practice.add(aimed_wrong).kept
     skill, expected = practice.learn(), learn_throwing([*demonstrations[1:], demonstrations[0]])
     target = demonstrations[2].target
-    np.testing.assert_array_equal(skill.plan(target).path.position, expected.plan(target).path.position)
+    np.testing.assert_array_equal(
+        skill.plan(target).path.position, expected.plan(target).path.position
+    )
 
 
 def test_a_trial_like_the_others_is_kept(demonstrations):
@@ -48,27 +67,41 @@ def test_a_trial_like_the_others_is_kept(demonstrations):
     assert [one.id for one in practice.demonstrations][-1] == "trial_1"
 
 
-def test_a_trial_that_does_not_resemble_the_demonstrations_is_kept_out_and_reported(demonstrations):
+def test_a_trial_that_does_not_resemble_the_demonstrations_is_kept_out_and_reported(
+    demonstrations,
+):
     practice = Practice(demonstrations)
     verdict = practice.add(bulged(demonstrations[3], "trial_1", 0.15))
-    assert not verdict.kept and "trial trial_1 does not resemble" in verdict.reason and "strays" in verdict.reason
+    assert (
+        not verdict.kept
+        and "trial trial_1 does not resemble" in verdict.reason
+        and "strays" in verdict.reason
+    )
     assert practice.kept_out == {"trial_1": verdict.reason}
     assert len(practice.demonstrations) == len(demonstrations)
-    assert practice.add(bulged(demonstrations[3], "trial_2", 0.003)).kept, "a small swerve is no crime"
+    assert practice.add(bulged(demonstrations[3], "trial_2", 0.003)).kept, (
+        "a small swerve is no crime"
+    )
 
 
 @pytest.fixture(scope="module")
 def from_below():
     """Three throws that begin lower than the teacher's usual ones, at other distances."""
     with closing(Session(1, swing=Swing(cocked=(-1.6, -0.75, -0.6)))) as session:
-        shown = [session.teach(np.array([x, 0.2, 0.4]), attempts=1)[-1].demonstration for x in (1.6, 1.85, 2.2)]
+        shown = [
+            session.teach(np.array([x, 0.2, 0.4]), attempts=1)[-1].demonstration
+            for x in (1.6, 1.85, 2.2)
+        ]
     return [replace(one, id=f"below_{k}") for k, one in enumerate(shown)]
 
 
 def test_two_ways_of_throwing_are_said(demonstrations, from_below):
     assert Practice(demonstrations).patterns() == "" and Practice(from_below).patterns() == ""
     groups = "; ".join(", ".join(one.id for one in way) for way in (demonstrations, from_below))
-    assert Practice([*demonstrations, *from_below]).patterns() == f"2 ways of throwing were shown, and learned as one: {groups}"
+    assert (
+        Practice([*demonstrations, *from_below]).patterns()
+        == f"2 ways of throwing were shown, and learned as one: {groups}"
+    )
 
 
 def test_another_way_at_far_baskets_alone_may_be_for_the_distance(demonstrations, from_below):
@@ -81,8 +114,16 @@ def test_another_way_at_far_baskets_alone_may_be_for_the_distance(demonstrations
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda d: replace(d, id="t", ball_time=d.ball_time[:5], ball_position=d.ball_position[:5]), "no free flight|ball"),
-        (lambda d: replace(d, id="t", hand_position=d.hand_position + [0.0, 0.0, 0.5]), "did not start in this hand"),
+        (
+            lambda d: replace(
+                d, id="t", ball_time=d.ball_time[:5], ball_position=d.ball_position[:5]
+            ),
+            "no free flight|ball",
+        ),
+        (
+            lambda d: replace(d, id="t", hand_position=d.hand_position + [0.0, 0.0, 0.5]),
+            "did not start in this hand",
+        ),
         (lambda d: d, "already"),
     ],
 )
@@ -97,28 +138,47 @@ def test_a_trial_that_cannot_be_read_is_kept_out_with_the_reason(demonstrations,
 
 def filled(demonstrations, trials=5, **settings):
     """Four shown, the rest tried one by one; practice and what each trial pushed out."""
-    practice = Practice(demonstrations[:4], DEFAULT, PracticeSettings(largest_deviation=1e3, **settings))
-    return practice, [practice.add(trial_like(demonstrations[k % 4], f"trial_{k}")).forgotten for k in range(trials)]
+    practice = Practice(
+        demonstrations[:4], DEFAULT, PracticeSettings(largest_deviation=1e3, **settings)
+    )
+    return practice, [
+        practice.add(trial_like(demonstrations[k % 4], f"trial_{k}")).forgotten
+        for k in range(trials)
+    ]
 
 
 def test_a_full_memory_forgets_the_oldest_trial_and_no_demonstration(demonstrations):
     practice, forgotten = filled(demonstrations, capacity=6)
     assert forgotten == [(), (), ("trial_0",), ("trial_1",), ("trial_2",)]
-    assert [one.id for one in practice.demonstrations] == [*(one.id for one in demonstrations[:4]), "trial_3", "trial_4"]
+    assert [one.id for one in practice.demonstrations] == [
+        *(one.id for one in demonstrations[:4]),
+        "trial_3",
+        "trial_4",
+    ]
 
 
 def test_a_memory_smaller_than_what_was_shown_forgets_it_in_the_end(demonstrations):
     practice, _ = filled(demonstrations, capacity=3)
-    assert [one.id for one in practice.demonstrations] == [demonstrations[2].id, demonstrations[3].id, "trial_4"]
+    assert [one.id for one in practice.demonstrations] == [
+        demonstrations[2].id,
+        demonstrations[3].id,
+        "trial_4",
+    ]
 
 
 def test_crowded_forgetting_keeps_the_region_covered(demonstrations):
     order = np.argsort([np.hypot(*one.target[:2]) for one in demonstrations])
     near, far = demonstrations[order[0]], demonstrations[order[-1]]
-    practice = Practice(demonstrations[:4], DEFAULT, PracticeSettings(capacity=7, forget="crowded", largest_deviation=1e3))
+    practice = Practice(
+        demonstrations[:4],
+        DEFAULT,
+        PracticeSettings(capacity=7, forget="crowded", largest_deviation=1e3),
+    )
     for name, one in (("far_1", far), ("near", near), ("far_2", far)):
         assert not practice.add(trial_like(one, name)).forgotten
-    assert practice.add(trial_like(far, "far_3")).forgotten == ("far_1",), "there were two more of its kind"
+    assert practice.add(trial_like(far, "far_3")).forgotten == ("far_1",), (
+        "there were two more of its kind"
+    )
 
 
 def test_darts_that_meet_the_board_above_each_other_are_no_crowd(demonstrations, monkeypatch):
@@ -126,7 +186,9 @@ def test_darts_that_meet_the_board_above_each_other_are_no_crowd(demonstrations,
     heights = {"trial_0": 0.0, "trial_1": 0.5, "trial_2": 0.6}
 
     def prepared(one, configuration):
-        return replace(prepare(one, configuration), task=np.array([2.37, 0.0, heights.get(one.id, 9.0)]))
+        return replace(
+            prepare(one, configuration), task=np.array([2.37, 0.0, heights.get(one.id, 9.0)])
+        )
 
     monkeypatch.setattr("dart_skill.skills.practice._practice.prepare", prepared)
     practice, forgotten = filled(demonstrations, capacity=6, forget="crowded", trials=3)
@@ -153,43 +215,81 @@ def test_a_trial_that_cannot_be_learned_from_is_taken_back_and_may_be_tried_agai
     trial = trial_like(demonstrations[-1], "trial_1")
     practice.add(trial)
     practice.withdraw("trial_1", "no covariance")
-    assert practice.demonstrations == demonstrations[:-1] and practice.kept_out == {"trial_1": "no covariance"}
+    assert practice.demonstrations == demonstrations[:-1] and practice.kept_out == {
+        "trial_1": "no covariance"
+    }
     assert practice.add(trial).kept
 
 
-def test_demonstrations_that_cannot_be_read_are_left_out_by_name_and_the_rest_are_learned(demonstrations):
-    blind = replace(demonstrations[1], id="blind", ball_time=np.empty(0), ball_position=np.empty((0, 3)))
-    elsewhere = replace(demonstrations[2], id="elsewhere", hand_position=demonstrations[2].hand_position + [0.0, 0.0, 0.5])
+def test_demonstrations_that_cannot_be_read_are_left_out_by_name_and_the_rest_are_learned(
+    demonstrations,
+):
+    blind = replace(
+        demonstrations[1], id="blind", ball_time=np.empty(0), ball_position=np.empty((0, 3))
+    )
+    elsewhere = replace(
+        demonstrations[2],
+        id="elsewhere",
+        hand_position=demonstrations[2].hand_position + [0.0, 0.0, 0.5],
+    )
     practice = Practice([demonstrations[0], blind, elsewhere, *demonstrations[3:]])
-    assert practice.learn().model_id == learn_throwing([demonstrations[0], *demonstrations[3:]]).model_id
+    assert (
+        practice.learn().model_id
+        == learn_throwing([demonstrations[0], *demonstrations[3:]]).model_id
+    )
     assert set(practice.kept_out) == {"blind", "elsewhere"}
-    assert "blind" in practice.kept_out["blind"] and "did not start in this hand" in practice.kept_out["elsewhere"]
+    assert (
+        "blind" in practice.kept_out["blind"]
+        and "did not start in this hand" in practice.kept_out["elsewhere"]
+    )
 
 
 def test_where_too_few_can_be_read_all_reasons_are_told(demonstrations):
-    broken = [replace(one, id=f"broken_{k}", hand_position=one.hand_position + [0.0, 0.0, 0.5]) for k, one in enumerate(demonstrations[:3])]
+    broken = [
+        replace(one, id=f"broken_{k}", hand_position=one.hand_position + [0.0, 0.0, 0.5])
+        for k, one in enumerate(demonstrations[:3])
+    ]
     with pytest.raises(ValueError, match="1 demonstrations are too few.*broken_0.*broken_1"):
         Practice([demonstrations[3], *broken[:2]]).learn()
 
 
 def test_a_delay_that_no_hand_can_have_is_none(demonstrations):
-    """Clocks that disagree, or a button pressed seconds before: such a number never reaches a plan."""
+    """Clocks that disagree, or a button pressed seconds before: such a number never reaches a
+    plan.
+    """
     one = demonstrations[0]
     for off in (-0.2, 0.1, 1.0):
         odd = replace(one, hand_opened=one.hand_opened - off)
         seen = prepare(odd, DEFAULT).hand_delay
         assert (0.0 <= seen <= 0.3) if off == 0.1 else np.isnan(seen)
-    skill = learn_throwing([replace(one, hand_opened=one.hand_opened + 0.2) for one in demonstrations])
+    skill = learn_throwing(
+        [replace(one, hand_opened=one.hand_opened + 0.2) for one in demonstrations]
+    )
     plan = skill.plan(demonstrations[2].target)
     assert skill.hand_delay == 0.0 and plan.open_hand == pytest.approx(plan.release)
 
 
 POISON = {
-    "joints in reverse order": (lambda d: {"joint_position": d.joint_position[:, ::-1]}, "by its joints the hand moved otherwise"),
-    "joints that never moved": (lambda d: {"joint_position": 0.0 * d.joint_position}, "by its joints the hand moved otherwise"),
-    "motion nobody knows of": (lambda d: {"motion_start": np.nan, "motion_stop": np.nan}, "its motion is from nan"),
-    "motion before it was recorded": (lambda d: {"motion_start": -100.0}, "its motion is from -100"),
-    "a ball that stayed for minutes": (lambda d: {"ball_time": d.ball_time + 100.0}, "occluded|no hand samples"),
+    "joints in reverse order": (
+        lambda d: {"joint_position": d.joint_position[:, ::-1]},
+        "by its joints the hand moved otherwise",
+    ),
+    "joints that never moved": (
+        lambda d: {"joint_position": 0.0 * d.joint_position},
+        "by its joints the hand moved otherwise",
+    ),
+    "motion nobody knows of": (
+        lambda d: {"motion_start": np.nan, "motion_stop": np.nan},
+        "its motion is from nan",
+    ),
+    "motion before it was recorded": (
+        lambda d: {"motion_start": -100.0},
+        "its motion is from -100",
+    ),
+    "a ball that stayed for minutes": (
+        lambda d: {"ball_time": d.ball_time + 100.0},
+        "occluded|no hand samples",
+    ),
 }
 
 
@@ -203,14 +303,21 @@ def test_a_poisoned_demonstration_is_named_and_the_others_are_learned_from(demon
 
 
 def test_a_demonstration_without_joints_takes_no_posture_away(demonstrations):
-    nobody = {"joint_time": np.empty(0), "joint_position": np.empty((0, 7)), "joint_velocity": np.empty((0, 7))}
+    nobody = {
+        "joint_time": np.empty(0),
+        "joint_position": np.empty((0, 7)),
+        "joint_velocity": np.empty((0, 7)),
+    }
     skill = learn_throwing([*demonstrations, replace(demonstrations[0], id="unseen", **nobody)])
     assert np.isfinite(skill.plan(demonstrations[2].target).start_posture).all()
 
 
 def test_the_posture_has_a_name_of_its_own(demonstrations):
     """The name of a model leaves out what does not change the movement: from where it starts."""
-    moved = [replace(one, joint_position=one.joint_position + [0, 0, 0, 0, 0, 0, 0.01]) for one in demonstrations]
+    moved = [
+        replace(one, joint_position=one.joint_position + [0, 0, 0, 0, 0, 0, 0.01])
+        for one in demonstrations
+    ]
     first, second = learn_throwing(demonstrations), learn_throwing(moved)
     assert first.model_id == second.model_id and first.posture_id != second.posture_id
     assert first.posture_id == learn_throwing(demonstrations).posture_id

@@ -1,4 +1,6 @@
-"""A skill that has practised, saved and loaded: it plans, explores and learns as the one that was saved, to the last bit."""
+"""A skill that has practised, saved and loaded: it plans, explores and learns as the one that was
+saved, to the last bit.
+"""
 
 import json
 from copy import deepcopy
@@ -44,7 +46,14 @@ def practised(session, demonstrations):
 
 
 @pytest.mark.parametrize(
-    "method, throws", [("residual", 2), pytest.param("both", 2, marks=pytest.mark.slow), ("bootstrap", 2), ("power", 6), ("none", 1)]
+    "method, throws",
+    [
+        ("residual", 2),
+        pytest.param("both", 2, marks=pytest.mark.slow),
+        ("bootstrap", 2),
+        ("power", 6),
+        ("none", 1),
+    ],
 )
 def test_a_loaded_skill_goes_on_to_the_last_bit(session, practised, tmp_path, method, throws):
     """It plans the same, explores the same, and has learned the same after the next throw."""
@@ -71,7 +80,9 @@ def searched(practised):
 
 
 @pytest.mark.slow
-def test_what_power_found_is_used_by_whoever_loads_it_but_for_one_who_wants_none(searched, tmp_path):
+def test_what_power_found_is_used_by_whoever_loads_it_but_for_one_who_wants_none(
+    searched, tmp_path
+):
     save_practised(tmp_path / "throw.npz", searched)
     saved = load_model(tmp_path / "throw.npz")
     for method in ("residual", "both", "bootstrap"):
@@ -83,10 +94,18 @@ def test_what_power_found_is_used_by_whoever_loads_it_but_for_one_who_wants_none
 
 def test_the_release_of_darts_stays_where_practice_moved_it(searched, tmp_path):
     """As state: 100 darts would take too long here."""
-    found = searched.state() | {"release_shift": 0.004, "steadied": [2, [2.0, 0.1, 0.4], 0.004, [0.01, 0.02]]}
+    found = searched.state() | {
+        "release_shift": 0.004,
+        "steadied": [2, [2.0, 0.1, 0.4], 0.004, [0.01, 0.02]],
+    }
     found = json.loads(json.dumps(found))
-    searched_again = practised_skill(load_model(_saved(tmp_path, searched))._replace(found=found), "power")
-    assert searched_again.release_shift == 0.004 and searched_again.state()["steadied"] == found["steadied"]
+    searched_again = practised_skill(
+        load_model(_saved(tmp_path, searched))._replace(found=found), "power"
+    )
+    assert (
+        searched_again.release_shift == 0.004
+        and searched_again.state()["steadied"] == found["steadied"]
+    )
 
 
 def _saved(folder, skill):
@@ -97,7 +116,9 @@ def _saved(folder, skill):
 def test_a_file_from_before_this_was_saved_is_read_as_it_was(practised, demonstrations, tmp_path):
     """Then the misses alone were kept."""
     skill = practised("residual", 2)
-    save_model(tmp_path / "older.npz", demonstrations, skill.skill.configuration, skill.correction.throws)
+    save_model(
+        tmp_path / "older.npz", demonstrations, skill.skill.configuration, skill.correction.throws
+    )
     loaded = practised_skill(load_model(tmp_path / "older.npz"))
     np.testing.assert_array_equal(loaded.correction.shifted(NEW), skill.correction.shifted(NEW))
     assert loaded.practised == 0 and len(loaded.practice.demonstrations) == len(demonstrations)

@@ -1,4 +1,6 @@
-"""The three ways to learn from one's own throws, on the simulated arm: they do not harm, and they find out what changed."""
+"""The three ways to learn from one's own throws, on the simulated arm: they do not harm, and they
+find out what changed.
+"""
 
 from dataclasses import replace
 
@@ -17,9 +19,13 @@ BASKETS = np.array([[1.85, 0.10, 0.4], [2.05, -0.30, 0.4], [1.75, 0.45, 0.4]])
 
 @pytest.fixture
 def crooked():
-    """An arm that has changed since it was taught: a base turned by five degrees, joints with half as much friction again."""
+    """An arm that has changed since it was taught: a base turned by five degrees, joints with half
+    as much friction again.
+    """
     session = Session(seed=11)
-    session.plant.change(replace(session.plant.settings, base_turn=np.deg2rad(5.0), friction_scale=1.5))
+    session.plant.change(
+        replace(session.plant.settings, base_turn=np.deg2rad(5.0), friction_scale=1.5)
+    )
     yield session
     session.close()
 
@@ -36,7 +42,9 @@ def thrown(session, skill, targets, explore=False):
 
 
 def test_the_residual_finds_out_that_the_base_was_turned(crooked, demonstrations):
-    """Five degrees are 17 cm at two metres; after two throws less than 3 cm of it are left, at a basket that is new."""
+    """Five degrees are 17 cm at two metres; after two throws less than 3 cm of it are left, at a
+    basket that is new.
+    """
     left = thrown(crooked, PractisingSkill(demonstrations, method="residual"), BASKETS)
     assert left[0] > 0.10, f"the change is there: {left}"
     assert left[2] < 0.03, f"and is found: {left}"
@@ -44,7 +52,9 @@ def test_the_residual_finds_out_that_the_base_was_turned(crooked, demonstrations
 
 @pytest.mark.slow
 def test_the_hand_is_told_earlier_when_it_has_become_slower(demonstrations):
-    """15 ms late are 5 cm at the basket, which no shift of the target repairs well: it is the command that comes too late."""
+    """15 ms late are 5 cm at the basket, which no shift of the target repairs well: it is the
+    command that comes too late.
+    """
     session = Session(seed=12)
     session.plant.change(replace(session.plant.settings, hand_delay=0.045))
     skill = PractisingSkill(demonstrations)
@@ -58,7 +68,9 @@ def test_the_hand_is_told_earlier_when_it_has_become_slower(demonstrations):
 
 
 def test_openings_that_cannot_be_seen_do_not_change_the_hand(demonstrations):
-    """At near baskets hand and ball move alike when the hand lets go: the instant is seen 5 to 10 ms off, and known to be."""
+    """At near baskets hand and ball move alike when the hand lets go: the instant is seen 5 to 10
+    ms off, and known to be.
+    """
     session, skill = Session(seed=14), PractisingSkill(demonstrations)
     before = skill.hand.mean
     for distance in (1.5, 1.6, 1.8, 1.5):
@@ -69,7 +81,9 @@ def test_openings_that_cannot_be_seen_do_not_change_the_hand(demonstrations):
 
 
 def test_the_aim_is_where_half_of_the_hits_of_the_own_hand_fall_short(demonstrations):
-    """Early and late hits fall short: a hand that is known to scatter by 10 ms is told of a larger miss for the same throw."""
+    """Early and late hits fall short: a hand that is known to scatter by 10 ms is told of a larger
+    miss for the same throw.
+    """
     remembered, late = {}, 0.010
     for scatter in (0.0, late):
         session, skill = Session(seed=15), PractisingSkill(demonstrations)
@@ -87,14 +101,19 @@ def test_the_aim_is_where_half_of_the_hits_of_the_own_hand_fall_short(demonstrat
 
 
 def test_bootstrapping_alone_does_not_find_out(crooked, demonstrations):
-    """What each throw shows is right, and yet the motion that is imitated next has the same flaw: thesis 8.2 corrects no execution."""
+    """What each throw shows is right, and yet the motion that is imitated next has the same flaw:
+    thesis 8.2 corrects no execution.
+    """
     left = thrown(crooked, PractisingSkill(demonstrations, method="bootstrap"), BASKETS)
     assert left[2] > 0.05, left
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_before_the_first_own_throw_plans_are_those_of_the_skill(method, demonstrations):
-    assert same_plan(PractisingSkill(demonstrations, method=method).plan(BASKETS[0]), learn_throwing(demonstrations).plan(BASKETS[0]))
+    assert same_plan(
+        PractisingSkill(demonstrations, method=method).plan(BASKETS[0]),
+        learn_throwing(demonstrations).plan(BASKETS[0]),
+    )
 
 
 def test_a_throw_without_a_plan_is_a_demonstration(demonstrations):
@@ -106,32 +125,54 @@ def test_a_throw_without_a_plan_is_a_demonstration(demonstrations):
 def test_a_throw_that_nobody_saw_is_told_and_teaches_nothing(demonstrations):
     skill = PractisingSkill(demonstrations)
     plan = skill.plan(BASKETS[0])
-    blind = replace(demonstrations[0], ball_time=demonstrations[0].ball_time[:5], ball_position=demonstrations[0].ball_position[:5])
+    blind = replace(
+        demonstrations[0],
+        ball_time=demonstrations[0].ball_time[:5],
+        ball_position=demonstrations[0].ball_position[:5],
+    )
     told = skill.tell(plan, blind)
-    assert not told.kept and told.reason and np.isnan(told.left).all() and len(skill.correction) == 0
+    assert (
+        not told.kept and told.reason and np.isnan(told.left).all() and len(skill.correction) == 0
+    )
 
 
 def test_a_release_after_which_the_plan_never_comes_down_teaches_nothing(demonstrations):
-    """What the cameras saw is a throw, but the plan's path ends below the rim: of so late a release it has nothing to say."""
+    """What the cameras saw is a throw, but the plan's path ends below the rim: of so late a
+    release it has nothing to say.
+    """
     skill, one = PractisingSkill(demonstrations), demonstrations[0]
     plan = skill.plan(BASKETS[0])
     sunk = plan.path.position - np.outer(plan.path.time > plan.release + 0.1, [0.0, 0.0, 3.0])
-    told = skill.tell(replace(plan, path=replace(plan.path, position=sunk)), replace(one, hand_opened=one.hand_opened - 0.25))
+    told = skill.tell(
+        replace(plan, path=replace(plan.path, position=sunk)),
+        replace(one, hand_opened=one.hand_opened - 0.25),
+    )
     assert not told.kept and "comes down nowhere" in told.reason, told
     assert len(skill.correction) == len(skill.steadiness) == 0
 
 
 @pytest.mark.slow
 def test_power_explores_what_the_first_misses_leave_unknown(crooked, demonstrations):
-    """A turned base makes throws miss by 17 cm across: after the first throws that is where PoWER begins."""
+    """A turned base makes throws miss by 17 cm across: after the first throws that is where PoWER
+    begins.
+    """
     skill = PractisingSkill(demonstrations, method="power", rng=np.random.default_rng(3))
-    targets = np.array([[1.6, 0.2, 0.4], [1.8, -0.3, 0.4], [2.0, 0.5, 0.4], [2.2, 0.0, 0.4], [2.3, -0.5, 0.4]])
-    assert same_plan(skill.plan(targets[0], explore=True), PractisingSkill(demonstrations, method="none").plan(targets[0]))
+    targets = np.array(
+        [[1.6, 0.2, 0.4], [1.8, -0.3, 0.4], [2.0, 0.5, 0.4], [2.2, 0.0, 0.4], [2.3, -0.5, 0.4]]
+    )
+    assert same_plan(
+        skill.plan(targets[0], explore=True),
+        PractisingSkill(demonstrations, method="none").plan(targets[0]),
+    )
     before = thrown(crooked, skill, targets, explore=True)
     assert before.min() > 0.1
     wanted = -np.deg2rad(5.0)
-    assert skill.search.parameters[2] == pytest.approx(wanted * 2.0, abs=0.03), "across, at two metres"
-    assert skill.search.parameters[3] == pytest.approx(wanted, abs=0.03), "and farther away as much more"
+    assert skill.search.parameters[2] == pytest.approx(wanted * 2.0, abs=0.03), (
+        "across, at two metres"
+    )
+    assert skill.search.parameters[3] == pytest.approx(wanted, abs=0.03), (
+        "and farther away as much more"
+    )
     assert (skill.search.spread > 0.0).all() and (skill.search.spread < BEFORE).all()
     tried, best = skill.plan(targets[0], explore=True), skill.plan(targets[0])
     assert not same_plan(tried, best)
@@ -147,7 +188,9 @@ def test_a_correction_is_least_squares_where_much_is_known_and_what_was_thought_
     np.testing.assert_allclose(fit, [-0.03, 0.02], rtol=0.01)
     np.testing.assert_allclose(spread, SCATTER / np.sqrt([7.0, np.sum(away**2)]), rtol=0.01)
     fit, spread = correction_of(np.zeros(2), np.array([0.3, -0.3]), BEFORE[2:])
-    assert abs(fit[0]) < 1e-12 and spread[1] == pytest.approx(BEFORE[3]), "one distance alone tells nothing of a slope"
+    assert abs(fit[0]) < 1e-12 and spread[1] == pytest.approx(BEFORE[3]), (
+        "one distance alone tells nothing of a slope"
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -173,7 +216,9 @@ def test_an_unknown_method_is_refused(demonstrations):
 
 
 def test_a_ball_that_nobody_said_was_another_one_is_seen_to_land(demonstrations):
-    """Twice the mass is half the drag: a flight that was compared with the old ball's was no flight, and nothing was learned from it."""
+    """Twice the mass is half the drag: a flight that was compared with the old ball's was no
+    flight, and nothing was learned from it.
+    """
     session = Session(seed=13)
     session.plant.change(replace(session.plant.settings, ball_mass_scale=2.0))
     skill = PractisingSkill(demonstrations)

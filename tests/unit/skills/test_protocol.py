@@ -39,20 +39,27 @@ class Touch(Skill):
 
 
 def random_pose(rng):
-    return Pose(rng.standard_normal(3), Rotation.random(random_state=int(rng.integers(1 << 30))).as_quat())
+    return Pose(
+        rng.standard_normal(3), Rotation.random(random_state=int(rng.integers(1 << 30))).as_quat()
+    )
 
 
 def test_what_is_placed_in_a_frame_is_seen_from_there(rng):
     for _ in range(20):
         frame, local = random_pose(rng), random_pose(rng)
         seen = frame.sees(frame.place(local))
-        assert seen.position == pytest.approx(local.position) and abs(seen.quaternion @ local.quaternion) == pytest.approx(1.0)
+        assert seen.position == pytest.approx(local.position) and abs(
+            seen.quaternion @ local.quaternion
+        ) == pytest.approx(1.0)
         world = frame.position + frame.rotation @ local.position
         assert frame.place(local).position == pytest.approx(world)
         assert frame.place(local).rotation == pytest.approx(frame.rotation @ local.rotation)
 
 
-@pytest.mark.parametrize(("pose", "said"), [((np.zeros(2),), "position"), ((np.zeros(3), np.zeros(4)), "no orientation")])
+@pytest.mark.parametrize(
+    ("pose", "said"),
+    [((np.zeros(2),), "position"), ((np.zeros(3), np.zeros(4)), "no orientation")],
+)
 def test_a_pose_that_is_none_is_refused(pose, said):
     with pytest.raises(ValueError, match=said):
         Pose(*pose)
@@ -90,7 +97,11 @@ def test_a_skill_that_does_not_judge_says_so(rng):
 def test_the_defaults_are_a_frame_for_the_hand_and_each_body(rng):
     skill = Touch()
     situation = skill.situation(show(rng, body_at(0.6, 0.1, 0.3)), 5.0)
-    assert [pose.position.round(2).tolist() for pose in skill.frames(situation)][1] == [0.6, 0.1, 1.15]
+    assert [pose.position.round(2).tolist() for pose in skill.frames(situation)][1] == [
+        0.6,
+        0.1,
+        1.15,
+    ]
     assert skill.achieved(None, situation) is situation and list(skill.inputs(situation)) == []
     assert list(skill.inputs(Situation({}, {"weight": 2.0, "depth": 1.0}))) == [1.0, 2.0]
     assert TaskOutcome(True, 0.0).reason == ""
@@ -101,7 +112,11 @@ def test_what_is_corrected_moves_in_its_own_axes():
         corrects = "button"
 
     turned = body_at(0.6, 0.1, np.pi / 2)
-    moved = Corrected().corrected(Situation({"button": turned}), np.array([0.01, 0.0, 0.0])).pose("button")
+    moved = (
+        Corrected()
+        .corrected(Situation({"button": turned}), np.array([0.01, 0.0, 0.0]))
+        .pose("button")
+    )
     assert moved.position == pytest.approx([0.6, 0.09, 1.15])
     assert Touch().corrected(situation := Situation({"button": turned}), np.ones(3)) is situation
 
@@ -151,11 +166,15 @@ def test_a_track_is_linear_between_its_samples():
     turns = Rotation.from_rotvec([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]).as_quat() * [[1.0], [-1.0]]
     track = Track(np.array([1.0, 2.0]), np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]), turns)
     there = track.resampled(np.array([0.0, 1.5, 9.0]))
-    assert there.position == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.5, 1.0, 1.5], [1.0, 2.0, 3.0]]))
+    assert there.position == pytest.approx(
+        np.array([[0.0, 0.0, 0.0], [0.5, 1.0, 1.5], [1.0, 2.0, 3.0]])
+    )
     assert Rotation.from_quat(there.quaternion).as_rotvec()[:, 2] == pytest.approx([0.0, 0.1, 0.2])
 
 
-@pytest.mark.parametrize("name", [name for name in skill_names() if settings_file(skill_type(name))])
+@pytest.mark.parametrize(
+    "name", [name for name in skill_names() if settings_file(skill_type(name))]
+)
 def test_every_key_of_a_file_of_settings_is_there_and_explained(name):
     path, kind = config_path(f"skills/{name}.yaml"), skill_type(name)
     lines = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
@@ -191,8 +210,16 @@ def test_the_smallest_skill_is_short():
 
 def test_a_skill_of_ours_is_found_without_a_look_at_what_is_installed(monkeypatch):
     """Six looks, one for each node, took a sixth of the time in which a graph started."""
-    monkeypatch.setattr("dart_skill.skills.protocol._registry.metadata.entry_points", lambda **_: pytest.fail("it looked"))
-    assert [skill_type(name).name for name in ("darts", "place", "reach", "throw")] == ["darts", "place", "reach", "throw"]
+    monkeypatch.setattr(
+        "dart_skill.skills.protocol._registry.metadata.entry_points",
+        lambda **_: pytest.fail("it looked"),
+    )
+    assert [skill_type(name).name for name in ("darts", "place", "reach", "throw")] == [
+        "darts",
+        "place",
+        "reach",
+        "throw",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -200,15 +227,27 @@ def test_a_skill_of_ours_is_found_without_a_look_at_what_is_installed(monkeypatc
     [
         ("raise RuntimeError('broken')", "cannot be imported: RuntimeError: broken"),
         ("class Thing: ...", "no class derived from dart_skill.skills.protocol.Skill"),
-        ("from dart_skill.skills.protocol import Skill\nclass Thing(Skill):\n    name = 'other'", "calls itself 'other'"),
+        (
+            (
+                "from dart_skill.skills.protocol import Skill\nclass Thing(Skill):\n    name ="
+                " 'other'"
+            ),
+            "calls itself 'other'",
+        ),
     ],
 )
-def test_a_skill_that_cannot_be_used_is_refused_with_the_reason(tmp_path, monkeypatch, module, said):
+def test_a_skill_that_cannot_be_used_is_refused_with_the_reason(
+    tmp_path, monkeypatch, module, said
+):
     name = f"broken_{abs(hash(module))}"
     (tmp_path / f"{name}.py").write_text(module)
     (tmp_path / f"{name}-1.0.dist-info").mkdir()
-    (tmp_path / f"{name}-1.0.dist-info" / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (tmp_path / f"{name}-1.0.dist-info" / "entry_points.txt").write_text(f"[dart_skill.skills]\nthing = {name}:Thing\n")
+    (tmp_path / f"{name}-1.0.dist-info" / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n"
+    )
+    (tmp_path / f"{name}-1.0.dist-info" / "entry_points.txt").write_text(
+        f"[dart_skill.skills]\nthing = {name}:Thing\n"
+    )
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(ValueError, match=said):
         load_skill("thing")
@@ -218,7 +257,9 @@ def test_a_skill_that_cannot_be_used_is_refused_with_the_reason(tmp_path, monkey
 def test_a_skill_has_the_numbers_of_its_world(name):
     """Else a trial in a situation that it draws itself would be refused."""
     skill = load_skill(name)
-    assert set(make_world(skill.world, PlantSettings(), own=skill.world_settings).numbers) <= set(skill.numbers)
+    assert set(make_world(skill.world, PlantSettings(), own=skill.world_settings).numbers) <= set(
+        skill.numbers
+    )
 
 
 def test_what_a_skill_does_not_have_is_refused():

@@ -1,4 +1,6 @@
-"""A skill that reacts: demonstrations among bodies that move in, a guide that is asked with the newest poses out."""
+"""A skill that reacts: demonstrations among bodies that move in, a guide that is asked with the
+newest poses out.
+"""
 
 from dataclasses import replace
 
@@ -10,7 +12,16 @@ from dart_skill.arm import Grip, HandState, Registration
 from dart_skill.movement import attractor_from_motion
 from dart_skill.skills.execution import BodyMotion
 from dart_skill.skills.learning import ReactiveSkill, moving_frames
-from dart_skill.skills.protocol import Pose, ReactiveSkillSettings, Situation, Skill, SkillSettings, TaskDemonstration, Told, Track
+from dart_skill.skills.protocol import (
+    Pose,
+    ReactiveSkillSettings,
+    Situation,
+    Skill,
+    SkillSettings,
+    TaskDemonstration,
+    Told,
+    Track,
+)
 from tests.unit.skills.task_demonstrations import NOISE, POSTURE, START, smooth
 
 SETTINGS = ReactiveSkillSettings(components=12, settle=0.3)
@@ -58,13 +69,22 @@ def show(rng, truck, told=(), name="", until=8.5):
     }
     rests = time[time <= 5.0]
     joints = np.tile(POSTURE, (len(rests), 1))
-    return TaskDemonstration(name or f"shown_{rng.integers(1e9)}", tracks, rests, joints, np.zeros_like(joints), tuple(told))
+    return TaskDemonstration(
+        name or f"shown_{rng.integers(1e9)}",
+        tracks,
+        rests,
+        joints,
+        np.zeros_like(joints),
+        tuple(told),
+    )
 
 
 @pytest.fixture(scope="module")
 def demonstrations():
     rng = np.random.default_rng(0)
-    return [show(rng, Truck(rng), told=(Told(6.8, Grip.OPEN),), name=f"shown_{k}") for k in range(8)]
+    return [
+        show(rng, Truck(rng), told=(Told(6.8, Grip.OPEN),), name=f"shown_{k}") for k in range(8)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -72,11 +92,21 @@ def learned(demonstrations):
     return ReactiveSkill(Follow(SETTINGS), demonstrations)
 
 
-def carry_out(guide, truck, held=(9.0, 9.0), world=None, blind_from=np.inf, reads=(0.0, 0.0, 0.0), looks=False):
-    """A point mass that follows the attractors: times (n,), hand (n, 3), velocity (n, 3) and what the guide said.
+def carry_out(
+    guide,
+    truck,
+    held=(9.0, 9.0),
+    world=None,
+    blind_from=np.inf,
+    reads=(0.0, 0.0, 0.0),
+    looks=False,
+):
+    """A point mass that follows the attractors: times (n,), hand (n, 3), velocity (n, 3) and what
+    the guide said.
 
-    held: nothing moves the hand from then to then [s]; world: what the cameras see of the arm's world (Registration); reads: what the
-    arm takes the hand to be elsewhere (3,) [m]; looks: the cameras see the hand, too.
+    held: nothing moves the hand from then to then [s]; world: what the cameras see of the arm's
+    world (Registration); reads: what the arm takes the hand to be elsewhere (3,) [m]; looks: the
+    cameras see the hand, too.
     """
     x, v, rows, told = START.position.copy(), np.zeros(3), [], []
     shift = np.zeros(3) if world is None else np.array(world.shift)
@@ -84,17 +114,24 @@ def carry_out(guide, truck, held=(9.0, 9.0), world=None, blind_from=np.inf, read
     for k in range(-60, 2000):
         stamp = 10 * NS + round(k * STEP * NS)
         if k % 3 == 0 and k * STEP < blind_from:
-            guide.see("truck", stamp, turn.apply(truck.at(k * STEP)) + shift, (turn * TURN).as_quat())
+            guide.see(
+                "truck", stamp, turn.apply(truck.at(k * STEP)) + shift, (turn * TURN).as_quat()
+            )
         if k < 0:
             continue
         if looks and k % 3 == 1:
             guide.see("hand", stamp - round(STEP * NS), rows[-1][1:4], START.quaternion)
-        now = guide.look(k * STEP, HandState(x + np.array(reads), np.eye(3), np.append(v, np.zeros(3))), stamp)
+        now = guide.look(
+            k * STEP, HandState(x + np.array(reads), np.eye(3), np.append(v, np.zeros(3))), stamp
+        )
         told.append(now)
         if now.over or now.fault:
             break
         rows.append(np.array([k * STEP, *x, *v]))
-        pull = now.gains.stiffness[:3] * (now.reference.attractor_position - x - np.array(reads)) - now.gains.damping[:3] * v
+        pull = (
+            now.gains.stiffness[:3] * (now.reference.attractor_position - x - np.array(reads))
+            - now.gains.damping[:3] * v
+        )
         v = np.zeros(3) if held[0] <= k * STEP < held[1] else v + STEP * pull
         x = x + STEP * v
     rows = np.array(rows)
@@ -106,11 +143,17 @@ def test_frames_of_a_body_stand_on_the_attractor_of_its_own_motion():
     place, speed, growth = rng.standard_normal((3, 3))
     body = BodyMotion(place, speed, growth, TURN.as_quat(), 0.0)
     start, truck = moving_frames(skill, Situation({"hand": START}), {"truck": body}, 300.0)
-    assert start.frame.b[1:] == pytest.approx(START.position) and start.attractor == pytest.approx(START.position)
+    assert start.frame.b[1:] == pytest.approx(START.position) and start.attractor == pytest.approx(
+        START.position
+    )
     assert start.velocity == pytest.approx(np.zeros(3))
-    assert truck.frame.b == pytest.approx([0.0, *place]) and truck.frame.A[1:, 1:] == pytest.approx(TURN.as_matrix())
+    assert truck.frame.b == pytest.approx([0.0, *place]) and truck.frame.A[
+        1:, 1:
+    ] == pytest.approx(TURN.as_matrix())
     assert truck.velocity == pytest.approx(speed)
-    assert truck.attractor == pytest.approx(attractor_from_motion(place[None], speed[None], growth[None], 300.0)[0])
+    assert truck.attractor == pytest.approx(
+        attractor_from_motion(place[None], speed[None], growth[None], 300.0)[0]
+    )
 
 
 def test_a_frame_beside_a_body_moves_as_the_skill_places_it():
@@ -118,18 +161,30 @@ def test_a_frame_beside_a_body_moves_as_the_skill_places_it():
 
     class Between(Follow):
         def frames(self, situation):
-            return [Pose(0.5 * (situation.pose("hand").position + situation.pose("truck").position))]
+            return [
+                Pose(0.5 * (situation.pose("hand").position + situation.pose("truck").position))
+            ]
 
-    body = BodyMotion(np.array([1.0, 0.0, 0.0]), np.array([0.0, 2.0, 0.0]), np.zeros(3), TURN.as_quat(), 0.0)
-    (frame,) = moving_frames(Between(SETTINGS), Situation({"hand": Pose(np.zeros(3))}), {"truck": body}, 400.0)
-    assert frame.frame.b == pytest.approx([0.0, 0.5, 0.0, 0.0]) and frame.velocity == pytest.approx([0.0, 1.0, 0.0])
+    body = BodyMotion(
+        np.array([1.0, 0.0, 0.0]), np.array([0.0, 2.0, 0.0]), np.zeros(3), TURN.as_quat(), 0.0
+    )
+    (frame,) = moving_frames(
+        Between(SETTINGS), Situation({"hand": Pose(np.zeros(3))}), {"truck": body}, 400.0
+    )
+    assert frame.frame.b == pytest.approx(
+        [0.0, 0.5, 0.0, 0.0]
+    ) and frame.velocity == pytest.approx([0.0, 1.0, 0.0])
 
 
-@pytest.mark.parametrize("seed", [10, *(pytest.param(one, marks=pytest.mark.slow) for one in (11, 12))])
+@pytest.mark.parametrize(
+    "seed", [10, *(pytest.param(one, marks=pytest.mark.slow) for one in (11, 12))]
+)
 def test_the_hand_comes_over_a_body_that_moves_as_nobody_showed(learned, seed):
     truck = Truck(np.random.default_rng(seed), size=1.5)
     time, hand, _, told = carry_out(learned.guide(), truck)
-    assert not told[-1].fault and time[-1] == pytest.approx(learned.duration + SETTINGS.settle + SETTINGS.follow_on, abs=0.4)
+    assert not told[-1].fault and time[-1] == pytest.approx(
+        learned.duration + SETTINGS.settle + SETTINGS.follow_on, abs=0.4
+    )
     assert np.linalg.norm(hand[-1] - truck.at(time[-1]) - OVER) < 0.006
 
 
@@ -140,7 +195,9 @@ def test_held_it_waits_and_afterwards_it_catches_up_no_faster_than_it_may(learne
     time, hand, velocity, told = carry_out(learned.guide(), truck, held=(0.8, 1.8))
     phases = np.array([now.time for now in told])[:-1]
     waiting = (time > 0.9) & (time < 1.8)
-    assert np.ptp(phases[waiting]) < 0.25 and time[-1] - free[0][-1] == pytest.approx(1.0, abs=0.25)
+    assert np.ptp(phases[waiting]) < 0.25 and time[-1] - free[0][-1] == pytest.approx(
+        1.0, abs=0.25
+    )
     assert np.linalg.norm(hand[-1] - truck.at(time[-1]) - OVER) < 0.006
     fastest = np.linalg.norm(free[2], axis=1).max()
     assert np.linalg.norm(velocity, axis=1).max() < fastest + SETTINGS.catch_up
@@ -164,14 +221,21 @@ def test_what_the_fingers_do_stands_on_the_phase(learned):
     for held in ((9.0, 9.0), (1.0, 2.0)):
         time, _, _, told = carry_out(learned.guide(), truck, held=held)
         opened = [now.grip == Grip.OPEN for now in told]
-        assert told[opened.index(True)].time == pytest.approx(1.8 * learned.duration / 2.0, abs=0.02)
+        assert told[opened.index(True)].time == pytest.approx(
+            1.8 * learned.duration / 2.0, abs=0.02
+        )
         assert (time[opened.index(True)] > 2.4) == (held[0] < 9.0)
 
 
 def test_cameras_that_stand_askew_change_nothing_in_the_world_of_the_arm(learned):
-    world = Registration(turn=tuple(Rotation.from_rotvec([0.0, 0.0, 0.1]).as_quat()), shift=(0.02, -0.01, 0.03))
+    world = Registration(
+        turn=tuple(Rotation.from_rotvec([0.0, 0.0, 0.1]).as_quat()), shift=(0.02, -0.01, 0.03)
+    )
     turn, truck = Rotation.from_quat(world.turn), Truck(np.random.default_rng(10))
-    start = Pose(turn.apply(learned.start.position) + world.shift, (turn * Rotation.from_quat(learned.start.quaternion)).as_quat())
+    start = Pose(
+        turn.apply(learned.start.position) + world.shift,
+        (turn * Rotation.from_quat(learned.start.quaternion)).as_quat(),
+    )
     plain, there = learned.registration, carry_out(learned.guide(), truck)[1]
     learned.registration = world
     try:
@@ -185,7 +249,9 @@ def test_cameras_that_stand_askew_change_nothing_in_the_world_of_the_arm(learned
 def test_an_arm_that_reads_wrong_is_led_by_where_the_hand_is_seen(learned):
     truck, ends = Truck(np.random.default_rng(10)), []
     for looks in (False, True):
-        time, hand, _, _ = carry_out(learned.guide(), truck, reads=(0.008, -0.006, 0.0), looks=looks)
+        time, hand, _, _ = carry_out(
+            learned.guide(), truck, reads=(0.008, -0.006, 0.0), looks=looks
+        )
         ends.append(hand[-1] - truck.at(time[-1]) - OVER)
     assert ends[0] - ends[1] == pytest.approx([-0.008, 0.006, 0.0], abs=1e-3)
     assert np.linalg.norm(ends[1]) < 0.006
@@ -231,12 +297,24 @@ def without(one, **changes):
 def test_what_cannot_be_learned_from_is_named(demonstrations):
     one = demonstrations[0]
     truck = one.tracks["truck"]
-    early = {**one.tracks, "truck": Track(truck.time[:30], truck.position[:30], truck.quaternion[:30])}
-    short = {**one.tracks, "truck": Track(truck.time[:200], truck.position[:200], truck.quaternion[:200])}
+    early = {
+        **one.tracks,
+        "truck": Track(truck.time[:30], truck.position[:30], truck.quaternion[:30]),
+    }
+    short = {
+        **one.tracks,
+        "truck": Track(truck.time[:200], truck.position[:200], truck.quaternion[:200]),
+    }
     cases = [
         ([one], "1 demonstrations are too few for 'follow'"),
-        ([one, without(one, tracks={"hand": one.tracks["hand"]})], "demonstration odd: the truck was never seen"),
-        ([one, without(one, tracks=early)], "demonstration odd: the truck was not seen from 4.500 to 7.700 s"),
+        (
+            [one, without(one, tracks={"hand": one.tracks["hand"]})],
+            "demonstration odd: the truck was never seen",
+        ),
+        (
+            [one, without(one, tracks=early)],
+            "demonstration odd: the truck was not seen from 4.500 to 7.700 s",
+        ),
         ([one, without(one, tracks=short)], "demonstration odd: at spans"),
         ([one, without(one, told=())], "demonstration odd tells the fingers nothing"),
     ]

@@ -1,4 +1,6 @@
-"""Where a ball comes down that leaves the hand at one instant or another: closed forms, polynomials, and flights simulated from there."""
+"""Where a ball comes down that leaves the hand at one instant or another: closed forms,
+polynomials, and flights simulated from there.
+"""
 
 from dataclasses import replace
 
@@ -8,22 +10,47 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import STRETCHED, CommanderSettings, Gains, HandPath, PlanRefused, Registration, ThrowPlan, wam_description
+from dart_skill.arm import (
+    STRETCHED,
+    CommanderSettings,
+    Gains,
+    HandPath,
+    PlanRefused,
+    Registration,
+    ThrowPlan,
+    wam_description,
+)
 from dart_skill.arm._commander import check_plan
 from dart_skill.common.flight import DART, TENNIS_BALL, crossing, landing
 from dart_skill.common.surface import BASKETS, RIMS, BoardFace, Game, game_at
-from dart_skill.skills.learning import SkillConfiguration, configuration, landing_if_late, learn_throwing
-from dart_skill.skills.learning._release import certainly_within, farthest, hits_along, nearest_step, stretched_at, weights_at
+from dart_skill.skills.learning import (
+    SkillConfiguration,
+    configuration,
+    landing_if_late,
+    learn_throwing,
+)
+from dart_skill.skills.learning._release import (
+    certainly_within,
+    farthest,
+    hits_along,
+    nearest_step,
+    stretched_at,
+    weights_at,
+)
 from dart_skill.skills.learning._throwing import EARLIEST, LATEST
 
 VACUUM = Game(replace(TENNIS_BALL, drag_coefficient=0.0), RIMS)
 GRIP = wam_description().hand.ball_centre
 RATE, LENGTH, SHOULDER, RIM = 3.0, 0.8, 1.4, 0.4
-"""An arm that turns about the y axis through a shoulder above the base: rate [rad/s], length to the ball [m], heights [m]."""
+"""An arm that turns about the y axis through a shoulder above the base: rate [rad/s], length to
+the ball [m], heights [m].
+"""
 
 
 def grip_at(time):
-    """Position and velocity (..., 3) of the ball in that arm's hand, which points straight up at 0.3 s."""
+    """Position and velocity (..., 3) of the ball in that arm's hand, which points straight up at
+    0.3 s.
+    """
     angle = RATE * (np.asarray(time, dtype=float) - 0.3)
     zero = np.zeros_like(angle)
     position = np.stack([LENGTH * np.sin(angle), zero, SHOULDER + LENGTH * np.cos(angle)], axis=-1)
@@ -44,11 +71,25 @@ def plan_of(target, release=0.2, time=None):
     position, quaternion, velocity = hand_at(time)
     path = HandPath(time, position, quaternion, velocity, np.zeros((len(time), 6)))
     gains = Gains(200.0, 28.0)
-    return ThrowPlan(target, target, target, path, position, quaternion, gains, gains, release, release - 0.03, np.zeros(7))
+    return ThrowPlan(
+        target,
+        target,
+        target,
+        path,
+        position,
+        quaternion,
+        gains,
+        gains,
+        release,
+        release - 0.03,
+        np.zeros(7),
+    )
 
 
 def vacuum_reach(time):
-    """Of the ball that leaves that arm at a time, on the plane of the rim: a parabola in closed form."""
+    """Of the ball that leaves that arm at a time, on the plane of the rim: a parabola in closed
+    form.
+    """
     (x, _, z), (u, _, w) = grip_at(time)
     return x + u * (w + np.sqrt(w**2 + 2.0 * 9.81 * (z - RIM))) / 9.81
 
@@ -61,7 +102,9 @@ def test_the_weights_are_those_of_the_parabola_through_three_points():
     assert weights.shape == (2, 2, 3)
     for index in np.ndindex(2, 2):
         near = slice(k[index] - 1, k[index] + 2)
-        expected = [np.polyval(np.polyfit(time[near], axis, 2), when[index]) for axis in values[near].T]
+        expected = [
+            np.polyval(np.polyfit(time[near], axis, 2), when[index]) for axis in values[near].T
+        ]
         assert_allclose(weights[index] @ values[near], expected, rtol=1e-6)
 
 
@@ -79,7 +122,10 @@ def test_the_top_of_a_parabola_is_found_between_its_samples(top):
     assert k + after == pytest.approx(top, abs=1e-9)
 
 
-@pytest.mark.parametrize(("reach", "expected"), [(np.arange(5.0), 4.0), (-np.arange(5.0), 0.0), (np.exp(np.arange(5.0)), 4.0)])
+@pytest.mark.parametrize(
+    ("reach", "expected"),
+    [(np.arange(5.0), 4.0), (-np.arange(5.0), 0.0), (np.exp(np.arange(5.0)), 4.0)],
+)
 def test_where_a_reach_only_grows_or_falls_the_end_is_the_farthest(reach, expected):
     k, after = farthest(reach)
     assert k + after == expected
@@ -94,7 +140,9 @@ def test_instants_at_which_no_ball_comes_down_are_left_out():
 
 def test_a_turning_arm_throws_farthest_where_the_closed_form_does():
     """In vacuum, against a search for the maximum of the parabola's reach."""
-    best = minimize_scalar(lambda t: -vacuum_reach(t), bounds=(0.05, 0.5), method="bounded", options={"xatol": 1e-9})
+    best = minimize_scalar(
+        lambda t: -vacuum_reach(t), bounds=(0.05, 0.5), method="bounded", options={"xatol": 1e-9}
+    )
     time = np.arange(0.0, 0.5, 0.004)
     hits = hits_along(*hand_at(time), np.array([1.0, 0.0, RIM]), VACUUM)
     assert_allclose(hits[:, 0], [vacuum_reach(t) for t in time], atol=1e-9)
@@ -102,7 +150,9 @@ def test_a_turning_arm_throws_farthest_where_the_closed_form_does():
     k, after = farthest(hits[:, 0])
     found = time[k] + after * 0.004
     assert found == pytest.approx(best.x, abs=1e-4)
-    assert weights_at(time, k, found) @ hits[k - 1 : k + 2, 0] == pytest.approx(-best.fun, abs=1e-6)
+    assert weights_at(time, k, found) @ hits[k - 1 : k + 2, 0] == pytest.approx(
+        -best.fun, abs=1e-6
+    )
 
 
 LATE = np.array([-0.0151, -0.004, -0.0013, 0.0, 0.0007, 0.01, 0.0222])
@@ -122,7 +172,9 @@ def test_a_late_ball_comes_down_where_a_flight_from_that_instant_does():
 def test_a_late_dart_meets_the_board_where_a_flight_from_that_instant_does():
     face = BoardFace((1.3, 0.2, 1.5))
     found = landing_if_late(plan_of(np.array([1.3, 0.2, 1.5])), LATE, game_at(face.bull))
-    assert_allclose(found, crossing(*grip_at(0.2 + LATE), face.normal, face.distance, DART).position, atol=2e-5)
+    assert_allclose(
+        found, crossing(*grip_at(0.2 + LATE), face.normal, face.distance, DART).position, atol=2e-5
+    )
 
 
 @pytest.mark.parametrize(("late", "when"), [(5.0, 0.596), (-5.0, 0.0)])
@@ -132,9 +184,14 @@ def test_a_ball_that_leaves_before_or_after_the_path_counts_as_leaving_at_its_en
 
 
 def test_a_plan_lets_go_where_its_own_path_throws_farthest(demonstrations):
-    """No instant about the release that was shown sends the ball farther; the plan with the release of the teacher is far from it."""
+    """No instant about the release that was shown sends the ball farther; the plan with the
+    release of the teacher is far from it.
+    """
     target = np.array([1.9, 0.1, 0.4])
-    plan, shown = (learn_throwing(demonstrations, configuration(name)).plan(target) for name in ("default", "shown_release"))
+    plan, shown = (
+        learn_throwing(demonstrations, configuration(name)).plan(target)
+        for name in ("default", "shown_release")
+    )
     late = np.arange(EARLIEST, LATEST, 0.001) + shown.release - plan.release
     reach = np.hypot(*landing_if_late(plan, late)[:, :2].T)
     at_release = np.hypot(*landing_if_late(plan, 0.0)[:2])
@@ -146,10 +203,18 @@ def test_a_plan_lets_go_where_its_own_path_throws_farthest(demonstrations):
 
 
 def test_a_release_that_is_moved_is_moved_only_where_the_teacher_decides_it(demonstrations):
-    """`releasing`, by which darts are steadied, moves the release that was shown; the farthest one is where it is."""
+    """`releasing`, by which darts are steadied, moves the release that was shown; the farthest one
+    is where it is.
+    """
     target = np.array([1.9, 0.1, 0.4])
-    skills = [learn_throwing(demonstrations, configuration(name)) for name in ("shown_release", "default")]
-    moved = [skill.releasing(0.010).plan(target).release - skill.plan(target).release for skill in skills]
+    skills = [
+        learn_throwing(demonstrations, configuration(name))
+        for name in ("shown_release", "default")
+    ]
+    moved = [
+        skill.releasing(0.010).plan(target).release - skill.plan(target).release
+        for skill in skills
+    ]
     assert moved[0] == pytest.approx(0.010, abs=1e-9) and moved[1] == pytest.approx(0.0, abs=1e-4)
 
 
@@ -164,11 +229,15 @@ def test_an_arm_is_stretched_when_its_hand_passes_its_reach():
 
 @pytest.mark.parametrize("distance", [1.5, 1.7])
 def test_a_hand_that_would_go_beyond_the_arms_reach_lets_go_before(demonstrations, distance):
-    """Two demonstrations of far throws, asked for a near one: with the teacher's release the commander refuses the plan."""
+    """Two demonstrations of far throws, asked for a near one: with the teacher's release the
+    commander refuses the plan.
+    """
     few, target = [demonstrations[0], demonstrations[2]], np.array([distance, 0.0, 0.4])
     with pytest.raises(PlanRefused, match="from the shoulder"):
         check_plan(
-            learn_throwing(few, configuration("shown_release")).plan(target).motion, CommanderSettings.configured(), wam_description()
+            learn_throwing(few, configuration("shown_release")).plan(target).motion,
+            CommanderSettings.configured(),
+            wam_description(),
         )
     plan = learn_throwing(few).plan(target)
     check_plan(plan.motion.as_the_arm_has_it(), CommanderSettings.configured(), wam_description())
@@ -176,7 +245,9 @@ def test_a_hand_that_would_go_beyond_the_arms_reach_lets_go_before(demonstration
 
 
 def test_an_unknown_release_is_refused():
-    with pytest.raises(ValueError, match="release 'nearest' is unknown: choose one of shown, farthest"):
+    with pytest.raises(
+        ValueError, match="release 'nearest' is unknown: choose one of shown, farthest"
+    ):
         SkillConfiguration(release="nearest")
 
 
@@ -184,9 +255,19 @@ def test_hands_that_are_certainly_within_reach_are_within_it_whatever_the_regist
     rng, said = np.random.default_rng(9), []
     for _ in range(200):
         turns = Rotation.from_rotvec(rng.normal(0.0, 0.3, (2, 3))).as_quat()
-        registration = Registration(tuple(turns[0]), tuple(rng.normal(0.0, 0.1, 3)), tuple(turns[1]), tuple(rng.normal(0.0, 0.03, 3)))
-        position, quaternion = rng.uniform(-0.5, 0.5, (4, 3)) + [0.0, 0.0, SHOULDER], Rotation.random(4, random_state=rng).as_quat()
-        inside = stretched_at(np.arange(4.0), registration.poses(position, quaternion)[0]) == np.inf
+        registration = Registration(
+            tuple(turns[0]),
+            tuple(rng.normal(0.0, 0.1, 3)),
+            tuple(turns[1]),
+            tuple(rng.normal(0.0, 0.03, 3)),
+        )
+        position, quaternion = (
+            rng.uniform(-0.5, 0.5, (4, 3)) + [0.0, 0.0, SHOULDER],
+            Rotation.random(4, random_state=rng).as_quat(),
+        )
+        inside = (
+            stretched_at(np.arange(4.0), registration.poses(position, quaternion)[0]) == np.inf
+        )
         said.append(certainly_within(position, registration))
         assert inside or not said[-1]
     assert 10 < sum(said) < 190, sum(said)

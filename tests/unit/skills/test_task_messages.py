@@ -1,4 +1,6 @@
-"""Demonstrations of any skill: what a recorder keeps of them, and their way through messages, bags and model files."""
+"""Demonstrations of any skill: what a recorder keeps of them, and their way through messages, bags
+and model files.
+"""
 
 from dataclasses import replace
 
@@ -19,7 +21,12 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.skills.learning import LearnedSkill, changed_skill, load_skill_model, save_skill_model
+from dart_skill.skills.learning import (
+    LearnedSkill,
+    changed_skill,
+    load_skill_model,
+    save_skill_model,
+)
 from dart_skill.skills.place import Place
 from dart_skill.skills.protocol import (
     Skill,
@@ -53,18 +60,33 @@ def types():
 
 def shown(seed=0, told=TOLD):
     rng = np.random.default_rng(seed)
-    return replace(show(rng, draw_body(rng), told=told, name=f"push_{seed}"), stamp_ns=ORIGIN_NS + seed)
+    return replace(
+        show(rng, draw_body(rng), told=told, name=f"push_{seed}"), stamp_ns=ORIGIN_NS + seed
+    )
 
 
 def assert_same(one: TaskDemonstration, other: TaskDemonstration, tolerance=1e-9):
-    assert (one.id, one.stamp_ns, list(one.tracks)) == (other.id, other.stamp_ns, list(other.tracks))
+    assert (one.id, one.stamp_ns, list(one.tracks)) == (
+        other.id,
+        other.stamp_ns,
+        list(other.tracks),
+    )
     for role, track in one.tracks.items():
         for part in ("time", "position", "quaternion"):
-            np.testing.assert_allclose(getattr(other.tracks[role], part), getattr(track, part), rtol=0.0, atol=tolerance)
+            np.testing.assert_allclose(
+                getattr(other.tracks[role], part), getattr(track, part), rtol=0.0, atol=tolerance
+            )
     for name in ("joint_time", "joint_position", "joint_velocity"):
-        np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=0.0, atol=tolerance)
+        np.testing.assert_allclose(
+            getattr(other, name), getattr(one, name), rtol=0.0, atol=tolerance
+        )
     assert [item.grip for item in other.told] == [item.grip for item in one.told]
-    np.testing.assert_allclose([item.time for item in other.told], [item.time for item in one.told], rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose(
+        [item.time for item in other.told],
+        [item.time for item in one.told],
+        rtol=0.0,
+        atol=tolerance,
+    )
 
 
 # messages and bags
@@ -78,17 +100,30 @@ def test_through_a_message_and_its_bytes_and_back(types, told):
     assert_same(one, task_demonstration_from_message(read, Push()))
     start, stop = Push().cut(one)
     begun = read.motion_start.sec * 10**9 + read.motion_start.nanosec
-    assert begun == one.stamp_ns + round(1e9 * start) and read.motion_stop.sec >= read.motion_start.sec and stop > start
+    assert (
+        begun == one.stamp_ns + round(1e9 * start)
+        and read.motion_stop.sec >= read.motion_start.sec
+        and stop > start
+    )
     assert list(read.situation.bodies) == ["hand", "button"] and read.skill == "push"
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda msg: setattr(msg, "skill", "throw"), "push_0 is of the skill 'throw', not of 'push'"),
-        (lambda msg: setattr(msg.header, "frame_id", "camera"), "is in frame 'camera', not 'world'"),
+        (
+            lambda msg: setattr(msg, "skill", "throw"),
+            "push_0 is of the skill 'throw', not of 'push'",
+        ),
+        (
+            lambda msg: setattr(msg.header, "frame_id", "camera"),
+            "is in frame 'camera', not 'world'",
+        ),
         (lambda msg: setattr(msg.events[0], "name", "squeeze"), "an event is called 'squeeze'"),
-        (lambda msg: setattr(msg.tracks[0], "body", "foot"), "no track of the hand, only of button, foot"),
+        (
+            lambda msg: setattr(msg.tracks[0], "body", "foot"),
+            "no track of the hand, only of button, foot",
+        ),
         (lambda msg: setattr(msg.tracks[1], "poses", []), "track"),
     ],
 )
@@ -103,9 +138,16 @@ def test_a_bag_of_a_skill_is_read_and_one_of_another_skill_is_refused(tmp_path, 
     both = [shown(0), shown(1)]
     with BagWriter(tmp_path / "bag") as bag:
         kind = DEMONSTRATION_TYPE
-        bag.add_topic(DEMONSTRATION_TOPIC, kind, definition(types, kind), qos_yaml(), type_hash(types, kind))
+        bag.add_topic(
+            DEMONSTRATION_TOPIC, kind, definition(types, kind), qos_yaml(), type_hash(types, kind)
+        )
         for k, one in enumerate(both):
-            bag.write(DEMONSTRATION_TOPIC, k, k, serialize(types, kind, task_demonstration_message(types, one, Push())))
+            bag.write(
+                DEMONSTRATION_TOPIC,
+                k,
+                k,
+                serialize(types, kind, task_demonstration_message(types, one, Push())),
+            )
     for one, again in zip(both, read_task_demonstrations(tmp_path / "bag", Push()), strict=True):
         assert_same(one, again)
     with pytest.raises(BagError, match="of the skill 'push', not of 'place'"):
@@ -114,8 +156,19 @@ def test_a_bag_of_a_skill_is_read_and_one_of_another_skill_is_refused(tmp_path, 
 
 def test_a_bag_without_demonstrations_is_refused(tmp_path, types):
     with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic("/other", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"), qos_yaml(), "")
-        bag.write("/other", 1, 1, serialize(types, "std_msgs/msg/String", message(types, "std_msgs/msg/String")))
+        bag.add_topic(
+            "/other",
+            "std_msgs/msg/String",
+            definition(types, "std_msgs/msg/String"),
+            qos_yaml(),
+            "",
+        )
+        bag.write(
+            "/other",
+            1,
+            1,
+            serialize(types, "std_msgs/msg/String", message(types, "std_msgs/msg/String")),
+        )
     with pytest.raises(BagError, match="no topic /demonstrations"):
         read_task_demonstrations(tmp_path / "bag", Push())
 
@@ -127,9 +180,13 @@ def heard(one: TaskDemonstration, offset_ns=0):
     """A log that has seen all of a demonstration."""
     log = TaskLog(["button"])
     for role, track in one.tracks.items():
-        for time, position, quaternion in zip(track.time, track.position, track.quaternion, strict=True):
+        for time, position, quaternion in zip(
+            track.time, track.position, track.quaternion, strict=True
+        ):
             log.take(role, offset_ns + round(1e9 * time), position, quaternion)
-    for time, position, velocity in zip(one.joint_time, one.joint_position, one.joint_velocity, strict=True):
+    for time, position, velocity in zip(
+        one.joint_time, one.joint_position, one.joint_velocity, strict=True
+    ):
         log.add_joints(offset_ns + round(1e9 * time), position, velocity)
     for told in one.told:
         log.add_told(offset_ns + round(1e9 * told.time), told.grip)
@@ -171,7 +228,9 @@ def test_bodies_are_where_they_were_seen_of_late():
     stamp = round(1e9 * one.tracks["button"].time[100])
     seen = log.situation_at(stamp)
     assert list(seen.poses) == ["button"]
-    assert seen.pose("button").position == pytest.approx(one.tracks["button"].pose_at(stamp * 1e-9).position, abs=1e-4)
+    assert seen.pose("button").position == pytest.approx(
+        one.tracks["button"].pose_at(stamp * 1e-9).position, abs=1e-4
+    )
     with pytest.raises(ValueError, match="was not seen"):
         log.situation_at(stamp + 10**11)
 
@@ -181,7 +240,9 @@ def test_a_demonstration_begins_with_its_own_world():
     before, one = shown(1, told=()), shown(0)
     log, later = heard(before), 10**11
     for role, track in one.tracks.items():
-        for time, position, quaternion in zip(track.time, track.position, track.quaternion, strict=True):
+        for time, position, quaternion in zip(
+            track.time, track.position, track.quaternion, strict=True
+        ):
             log.take(role, later + round(1e9 * time), position, quaternion)
     for time, position in zip(one.joint_time, one.joint_position, strict=True):
         log.add_joints(later + round(1e9 * time), position, np.zeros(7))
@@ -194,7 +255,9 @@ def test_a_demonstration_begins_with_its_own_world():
 
 @pytest.fixture(scope="module")
 def learned():
-    model = LearnedSkill(Push(SkillSettings(components=6, stiffness=300.0)), [shown(seed) for seed in range(4)])
+    model = LearnedSkill(
+        Push(SkillSettings(components=6, stiffness=300.0)), [shown(seed) for seed in range(4)]
+    )
     model.tell(TaskOutcome(True, 0.01, miss=np.array([0.004, 0.0, 0.002])))
     return model
 
@@ -202,10 +265,16 @@ def learned():
 def test_a_model_file_learns_the_same_again(learned, tmp_path):
     save_skill_model(tmp_path / "push.npz", learned)
     again = load_skill_model(tmp_path / "push.npz", Push())
-    assert again.model_id == learned.model_id and again.skill.settings == learned.skill.settings and again.practised == 1
+    assert (
+        again.model_id == learned.model_id
+        and again.skill.settings == learned.skill.settings
+        and again.practised == 1
+    )
     rng = np.random.default_rng(9)
     situation = situation_of(draw_body(rng))
-    np.testing.assert_array_equal(again.plan(situation).attractor_position, learned.plan(situation).attractor_position)
+    np.testing.assert_array_equal(
+        again.plan(situation).attractor_position, learned.plan(situation).attractor_position
+    )
     with pytest.raises(FileExistsError):
         save_skill_model(tmp_path / "push.npz", learned)
     with pytest.raises(FileNotFoundError, match="no folder"):
@@ -227,13 +296,28 @@ def test_a_file_that_is_no_model_of_this_skill_is_refused(learned, tmp_path):
 
 
 def test_what_the_parameters_of_the_learner_change():
-    numbers = ("components", "stiffness", "orientation_stiffness", "start_speed", "stop_speed", "least_stiffness", "most_stiffness")
+    numbers = (
+        "components",
+        "stiffness",
+        "orientation_stiffness",
+        "start_speed",
+        "stop_speed",
+        "least_stiffness",
+        "most_stiffness",
+    )
     none, place = {**dict.fromkeys(numbers, 0), "frames": ""}, Place()
     assert changed_skill(place, none) == (place, "")
-    changed, said = changed_skill(place, none | {"components": 5, "stiffness": 250.0, "stop_speed": 0.03, "frames": "holder"})
-    assert changed.settings == replace(place.settings, components=5, stiffness=250.0, stop_speed=0.03, frames=("holder",))
+    changed, said = changed_skill(
+        place, none | {"components": 5, "stiffness": 250.0, "stop_speed": 0.03, "frames": "holder"}
+    )
+    assert changed.settings == replace(
+        place.settings, components=5, stiffness=250.0, stop_speed=0.03, frames=("holder",)
+    )
     assert said == "components 5, stiffness 250.0, stop_speed 0.03, frames holder"
-    assert changed_skill(place, none | {"most_stiffness": 800.0}) == (place, ""), "one is set before the other"
+    assert changed_skill(place, none | {"most_stiffness": 800.0}) == (
+        place,
+        "",
+    ), "one is set before the other"
     bounds = {"least_stiffness": 50.0, "most_stiffness": 800.0}
     assert changed_skill(place, none | bounds)[0].settings.stiffness_range == (50.0, 800.0)
     with pytest.raises(ValueError, match="has no task frame 'azimuth': choose among hand, holder"):
@@ -252,17 +336,28 @@ def test_a_throw_is_judged_by_where_the_ball_came_down(past, success):
     rim, opened, height = np.array([2.0, 0.0, 0.4]), 5.5, 1.8
     fall = np.sqrt(2.0 * (height - rim[2]) / 9.81)
     after = np.arange(0.0, fall + 0.02, 0.01)  # then it is hidden by the basket
-    position = np.column_stack([(rim[0] + past) * after / fall, 0.0 * after, height - 0.5 * 9.81 * after**2])
+    position = np.column_stack(
+        [(rim[0] + past) * after / fall, 0.0 * after, height - 0.5 * 9.81 * after**2]
+    )
     ball = replace(
-        shown().tracks["button"], time=opened + after, position=position, quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (len(after), 1))
+        shown().tracks["button"],
+        time=opened + after,
+        position=position,
+        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (len(after), 1)),
     )
     one = shown(told=(Told(opened, Grip.OPEN),))
-    seen = replace(one, tracks={"hand": one.tracks["hand"], "ball": ball, "basket": one.tracks["button"]})
-    outcome = Throw().judge(seen, situation_of(replace(one.tracks["button"].pose_at(5.0), position=rim), role="basket"))
+    seen = replace(
+        one, tracks={"hand": one.tracks["hand"], "ball": ball, "basket": one.tracks["button"]}
+    )
+    outcome = Throw().judge(
+        seen, situation_of(replace(one.tracks["button"].pose_at(5.0), position=rim), role="basket")
+    )
     assert outcome.success == success and outcome.error == pytest.approx(past, abs=5e-3)
     assert outcome.miss == pytest.approx([past, 0.0, 0.0], abs=5e-3)
     assert bool(outcome.reason) != success
-    silent = Throw().judge(replace(seen, told=()), situation_of(draw_body(np.random.default_rng(0)), role="basket"))
+    silent = Throw().judge(
+        replace(seen, told=()), situation_of(draw_body(np.random.default_rng(0)), role="basket")
+    )
     assert not silent.success and "never told to open" in silent.reason
 
 

@@ -1,4 +1,6 @@
-"""The skill, from demonstrations that a session recorded to plans for baskets that nobody demonstrated."""
+"""The skill, from demonstrations that a session recorded to plans for baskets that nobody
+demonstrated.
+"""
 
 import gc
 import weakref
@@ -56,17 +58,26 @@ def turned(demonstration, angle):
         demonstration,
         target=turn.apply(demonstration.target.copy()),
         hand_position=turn.apply(demonstration.hand_position.copy()),
-        hand_quaternion=(turn * Rotation.from_quat(demonstration.hand_quaternion.copy())).as_quat(),
+        hand_quaternion=(
+            turn * Rotation.from_quat(demonstration.hand_quaternion.copy())
+        ).as_quat(),
         ball_position=turn.apply(demonstration.ball_position.copy()),
         joint_position=joints,
     )
 
 
 def flown(plan):
-    """Where the ball crosses the rim's plane if it leaves the planned path at the planned release: by finite differences."""
-    grip = plan.path.position + Rotation.from_quat(plan.path.quaternion).apply(wam_description().hand.ball_centre)
+    """Where the ball crosses the rim's plane if it leaves the planned path at the planned release:
+    by finite differences.
+    """
+    grip = plan.path.position + Rotation.from_quat(plan.path.quaternion).apply(
+        wam_description().hand.ball_centre
+    )
     velocity = np.gradient(grip, plan.path.time, axis=0, edge_order=2)
-    at_release = [np.array([np.interp(plan.release, plan.path.time, column) for column in values.T]) for values in (grip, velocity)]
+    at_release = [
+        np.array([np.interp(plan.release, plan.path.time, column) for column in values.T])
+        for values in (grip, velocity)
+    ]
     return landing(*at_release, plan.target[2]).position
 
 
@@ -79,7 +90,10 @@ def test_the_release_is_found_where_the_simulator_let_go(taught, demonstrations)
         truth = next(s.stamp_ns for s in trial.states if not s.ball_held) - 2_000_000
         prepared = prepare(demonstration, DEFAULT)
         found = demonstration.stamp_ns * 1e-9 + prepared.release.time
-        assert found == pytest.approx(truth * 1e-9, abs=4e-3), (found - truth * 1e-9, prepared.release.time_uncertainty)
+        assert found == pytest.approx(truth * 1e-9, abs=4e-3), (
+            found - truth * 1e-9,
+            prepared.release.time_uncertainty,
+        )
         assert 0.015 < prepared.hand_delay < 0.045
 
 
@@ -94,28 +108,46 @@ def test_the_shared_instant_is_time_zero(demonstrations):
 
 def test_the_task_is_where_the_ball_landed_or_where_the_basket_stood(taught, demonstrations):
     for trial, demonstration in zip(taught, demonstrations, strict=True):
-        np.testing.assert_allclose(prepare(demonstration, DEFAULT).task, trial.outcome.landing, atol=1e-3)
+        np.testing.assert_allclose(
+            prepare(demonstration, DEFAULT).task, trial.outcome.landing, atol=1e-3
+        )
         np.testing.assert_array_equal(prepare(demonstration, THESIS).task, demonstration.target)
 
 
 def test_a_demonstration_that_cannot_be_used_is_named(demonstrations):
-    blind = replace(demonstrations[0], id="lost", ball_time=np.empty(0), ball_position=np.empty((0, 3)))
+    blind = replace(
+        demonstrations[0], id="lost", ball_time=np.empty(0), ball_position=np.empty((0, 3))
+    )
     with pytest.raises(ValueError, match="demonstration lost: "):
         learn_throwing([*demonstrations, blind])
     first = demonstrations[0]
-    held = replace(first, id="held", ball_position=np.tile(first.ball_position[0], (len(first.ball_time), 1)))
+    held = replace(
+        first, id="held", ball_position=np.tile(first.ball_position[0], (len(first.ball_time), 1))
+    )
     with pytest.raises(ValueError, match="demonstration held: no free flight"):
         learn_throwing([*demonstrations, held])
 
 
 def test_a_demonstration_is_prepared_once_for_all_that_read_it_alike(demonstrations):
-    """Kept are the numbers of a new preparation; what reads the demonstration otherwise gets its own."""
+    """Kept are the numbers of a new preparation; what reads the demonstration otherwise gets its
+    own.
+    """
     one = replace(demonstrations[0])
     kept = prepare(one, DEFAULT)
-    assert prepare(one, replace(DEFAULT, name="other", components=3, width=0.2, step=0.002, frames="azimuth")) is kept
-    assert not any(value.flags.writeable for value in vars(kept).values() if isinstance(value, np.ndarray))
+    assert (
+        prepare(
+            one,
+            replace(DEFAULT, name="other", components=3, width=0.2, step=0.002, frames="azimuth"),
+        )
+        is kept
+    )
+    assert not any(
+        value.flags.writeable for value in vars(kept).values() if isinstance(value, np.ndarray)
+    )
     for part in ("time", "motion", "velocity", "attractor", "task", "start_pose", "start_posture"):
-        np.testing.assert_array_equal(getattr(prepare(replace(one), DEFAULT), part), getattr(kept, part))
+        np.testing.assert_array_equal(
+            getattr(prepare(replace(one), DEFAULT), part), getattr(kept, part)
+        )
 
 
 @pytest.mark.parametrize(
@@ -148,11 +180,15 @@ def test_what_was_prepared_goes_with_its_demonstration(demonstrations):
 
 
 def test_task_frames_map_to_the_world(demonstrations):
-    """A x + b of the first frame: identity but for the turn; the distance passes through untouched."""
+    """A x + b of the first frame: identity but for the turn; the distance passes through
+    untouched.
+    """
     task, start = np.array([1.2, 1.6, 0.4]), np.array([-0.5, 0.1, 1.8])
     for name in ("thesis", "start", "azimuth", "azimuth_target"):
         for with_distance in (False, True):
-            frames = frames_for(task, start, replace(DEFAULT, frames=name, distance_input=with_distance))
+            frames = frames_for(
+                task, start, replace(DEFAULT, frames=name, distance_input=with_distance)
+            )
             size = 6 + with_distance
             assert len(frames) == (1 if name == "azimuth" else 2)
             for frame in frames:
@@ -167,8 +203,14 @@ def test_turned_frames_are_the_azimuth_frame_and_that_of_the_target():
     task = np.array([1.2, 1.6, 0.4])
     for with_distance in (False, True):
         features = [0, *range(1 + with_distance, 6 + with_distance)]
-        found = frames_for(task, np.zeros(3), replace(DEFAULT, frames="azimuth_target", distance_input=with_distance))
-        for frame, expected in zip(found, (azimuth_frame(azimuth_of(task)), azimuth_target_frame(task)), strict=True):
+        found = frames_for(
+            task,
+            np.zeros(3),
+            replace(DEFAULT, frames="azimuth_target", distance_input=with_distance),
+        )
+        for frame, expected in zip(
+            found, (azimuth_frame(azimuth_of(task)), azimuth_target_frame(task)), strict=True
+        ):
             np.testing.assert_array_equal(frame.A[np.ix_(features, features)], expected.A)
             np.testing.assert_array_equal(frame.b[features], expected.b)
 
@@ -185,7 +227,9 @@ def test_a_plan_lands_on_a_basket_that_nobody_demonstrated(skill, basket):
 
 @pytest.mark.parametrize("basket", NEW_BASKETS)
 def test_the_predicted_landing_is_that_of_the_planned_path(skill, basket):
-    """Position, orientation and velocity of the path by finite differences: an error in a rate would show as centimetres."""
+    """Position, orientation and velocity of the path by finite differences: an error in a rate
+    would show as centimetres.
+    """
     plan = skill.plan(np.array(basket))
     np.testing.assert_allclose(flown(plan), plan.predicted_landing, atol=8e-3)
 
@@ -193,18 +237,29 @@ def test_the_predicted_landing_is_that_of_the_planned_path(skill, basket):
 def test_velocity_and_acceleration_of_a_path_are_its_derivatives(new_plan):
     path = new_plan.path
     middle = slice(3, -3)
-    np.testing.assert_allclose(np.gradient(path.position, path.time, axis=0)[middle], path.velocity[middle, :3], atol=0.03)
-    np.testing.assert_allclose(np.gradient(path.velocity, path.time, axis=0)[middle], path.acceleration[middle], atol=1.0)
+    np.testing.assert_allclose(
+        np.gradient(path.position, path.time, axis=0)[middle], path.velocity[middle, :3], atol=0.03
+    )
+    np.testing.assert_allclose(
+        np.gradient(path.velocity, path.time, axis=0)[middle], path.acceleration[middle], atol=1.0
+    )
     rotation = Rotation.from_quat(path.quaternion)
-    spin = (rotation[2:] * rotation[:-2].inv()).as_rotvec() / (path.time[2:] - path.time[:-2])[:, None]
+    spin = (rotation[2:] * rotation[:-2].inv()).as_rotvec() / (path.time[2:] - path.time[:-2])[
+        :, None
+    ]
     np.testing.assert_allclose(spin[2:-2], path.velocity[3:-3, 3:], atol=0.05)
 
 
 def test_the_path_is_what_the_attractor_makes_of_a_mass(new_plan):
     """(7.19): a = k (y - x) - d v at every instant."""
     path, gains = new_plan.path, new_plan.position_gains
-    pull = gains.stiffness * (new_plan.attractor_position - path.position) - gains.damping * path.velocity[:, :3]
-    np.testing.assert_allclose(pull[1:-1], path.acceleration[1:-1, :3], atol=0.02 * np.abs(path.acceleration[:, :3]).max())
+    pull = (
+        gains.stiffness * (new_plan.attractor_position - path.position)
+        - gains.damping * path.velocity[:, :3]
+    )
+    np.testing.assert_allclose(
+        pull[1:-1], path.acceleration[1:-1, :3], atol=0.02 * np.abs(path.acceleration[:, :3]).max()
+    )
     assert gains.damping == pytest.approx(2 * np.sqrt(gains.stiffness))
 
 
@@ -224,7 +279,9 @@ def test_the_commander_accepts_the_plan(new_plan):
     assert np.linalg.norm(position - new_plan.path.position[0]) < 0.02
 
 
-def test_learning_and_planning_again_gives_the_same_plan_to_the_last_bit(demonstrations, skill, new_plan):
+def test_learning_and_planning_again_gives_the_same_plan_to_the_last_bit(
+    demonstrations, skill, new_plan
+):
     again = learn_throwing(demonstrations)
     again.plan(np.array(NEW_BASKETS[1]))
     assert same_plan(again.plan(np.array(NEW_BASKETS[0])), new_plan)
@@ -240,30 +297,46 @@ def test_the_order_of_other_plans_does_not_matter(demonstrations):
 
 def test_a_task_far_from_every_demonstration_has_no_local_model(demonstrations):
     with pytest.raises(Unreachable, match="no demonstration is near enough for 'weighted'"):
-        learn_throwing(demonstrations, configuration("weighted")).model_for(np.array([5.0, 0.0, 0.4]))
+        learn_throwing(demonstrations, configuration("weighted")).model_for(
+            np.array([5.0, 0.0, 0.4])
+        )
 
 
 @pytest.mark.parametrize("angle", [0.5, -0.7])
 @pytest.mark.parametrize(("name", "loose"), [("intervals", 1.0), ("default", 50.0)])
 def test_turning_the_world_turns_the_plan(demonstrations, name, loose, angle):
-    """With frames at the base's azimuth nothing depends on where north is, but for smoothing per axis: 0.1 mm.
+    """With frames at the base's azimuth nothing depends on where north is, but for smoothing per
+    axis: 0.1 mm.
 
-    By so little EM comes to another of its optima, whose paths differ by up to 2 mm. Their landing is solved all the same.
+    By so little EM comes to another of its optima, whose paths differ by up to 2 mm. Their landing
+    is solved all the same.
     """
     turn, chosen = Rotation.from_euler("z", angle), configuration(name)
     first = learn_throwing(demonstrations, chosen).plan(np.array(NEW_BASKETS[0]))
-    plan = learn_throwing([turned(d, angle) for d in demonstrations], chosen).plan(turn.apply(NEW_BASKETS[0]))
+    plan = learn_throwing([turned(d, angle) for d in demonstrations], chosen).plan(
+        turn.apply(NEW_BASKETS[0])
+    )
     for name in ("position", "velocity"):
         was, now = getattr(first.path, name), getattr(plan.path, name)
         expected = np.hstack([turn.apply(was[:, k : k + 3]) for k in range(0, was.shape[1], 3)])
-        np.testing.assert_allclose(now, expected, atol=loose * (1e-4 if name == "position" else 2e-3), err_msg=name)
-    np.testing.assert_allclose(plan.attractor_position, turn.apply(first.attractor_position), atol=loose * 1e-3)
-    between = (turn * Rotation.from_quat(first.path.quaternion)).inv() * Rotation.from_quat(plan.path.quaternion)
+        np.testing.assert_allclose(
+            now, expected, atol=loose * (1e-4 if name == "position" else 2e-3), err_msg=name
+        )
+    np.testing.assert_allclose(
+        plan.attractor_position, turn.apply(first.attractor_position), atol=loose * 1e-3
+    )
+    between = (turn * Rotation.from_quat(first.path.quaternion)).inv() * Rotation.from_quat(
+        plan.path.quaternion
+    )
     assert between.magnitude().max() < loose * 1e-3
     assert plan.start_posture[0] == pytest.approx(first.start_posture[0] + angle, abs=loose * 1e-4)
     np.testing.assert_allclose(plan.start_posture[1:], first.start_posture[1:], atol=loose * 1e-4)
-    assert (plan.release, plan.open_hand) == pytest.approx((first.release, first.open_hand), abs=loose * 1e-4)
-    np.testing.assert_allclose(plan.predicted_landing, turn.apply(first.predicted_landing), atol=2e-3)
+    assert (plan.release, plan.open_hand) == pytest.approx(
+        (first.release, first.open_hand), abs=loose * 1e-4
+    )
+    np.testing.assert_allclose(
+        plan.predicted_landing, turn.apply(first.predicted_landing), atol=2e-3
+    )
 
 
 def test_another_demonstration_makes_another_model(demonstrations, skill):
@@ -272,8 +345,10 @@ def test_another_demonstration_makes_another_model(demonstrations, skill):
 
 
 def test_learning_uses_only_what_was_recorded(taught, demonstrations, new_plan):
-    """Demonstrations hold stamps and poses of the cameras, encoders and the button. The simulator's own states are not among them:
-    they are more exact than a camera could be, and thrown away here nothing changes."""
+    """Demonstrations hold stamps and poses of the cameras, encoders and the button. The
+    simulator's own states are not among them: they are more exact than a camera could be, and
+    thrown away here nothing changes.
+    """
     allowed = {
         "id", "stamp_ns", "target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position", "joint_time",
         "joint_position", "joint_velocity", "motion_start", "motion_stop", "hand_opened", "frame_id", "joint_names", "skill",
@@ -285,16 +360,28 @@ def test_learning_uses_only_what_was_recorded(taught, demonstrations, new_plan):
     for trial, demonstration in zip(taught, demonstrations, strict=True):
         truth = {s.stamp_ns: s.ball_position for s in trial.states}
         stamps = [demonstration.stamp_ns + round(t * 1e9) for t in demonstration.ball_time]
-        errors = np.array([p - truth[s] for s, p in zip(stamps, demonstration.ball_position, strict=True) if s in truth])
-        assert len(errors) > 50 and 5e-5 < np.std(errors) < 1e-3, "the ball is seen with the cameras' noise, not as it is"
-        assert set(np.array(stamps) % 10_000_000) <= set(range(0, 10_000_000, 2_000_000)), "at the cameras' frames"
+        errors = np.array(
+            [
+                p - truth[s]
+                for s, p in zip(stamps, demonstration.ball_position, strict=True)
+                if s in truth
+            ]
+        )
+        assert len(errors) > 50 and 5e-5 < np.std(errors) < 1e-3, (
+            "the ball is seen with the cameras' noise, not as it is"
+        )
+        assert set(np.array(stamps) % 10_000_000) <= set(range(0, 10_000_000, 2_000_000)), (
+            "at the cameras' frames"
+        )
 
 
 # refusals
 
 
 def test_one_demonstration_is_too_few(demonstrations):
-    with pytest.raises(ValueError, match=f"1 demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}"):
+    with pytest.raises(
+        ValueError, match=f"1 demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}"
+    ):
         learn_throwing(demonstrations[:1])
     with pytest.raises(ValueError, match="0 demonstrations are too few"):
         learn_throwing([])
@@ -308,7 +395,10 @@ def test_two_demonstrations_are_enough_to_plan_between_them(demonstrations):
 def test_baskets_beyond_the_demonstrations_are_unreachable(skill):
     distances = np.array([throw.distance for throw in skill.throws])
     low, high = (1.0 - REACH_MARGIN) * distances.min(), (1.0 + REACH_MARGIN) * distances.max()
-    message = rf"is {{:.2f}} m from the base axis; the demonstrations reach from {low:.2f} to {high:.2f} m"
+    message = (
+        rf"is {{:.2f}} m from the base axis; the demonstrations reach from {low:.2f} to"
+        rf" {high:.2f} m"
+    )
     for distance in (high + 0.05, low - 0.05, 10.0):
         with pytest.raises(Unreachable, match=message.format(distance)):
             skill.plan(np.array([distance, 0.0, 0.4]))
@@ -318,11 +408,15 @@ def test_baskets_beyond_the_demonstrations_are_unreachable(skill):
 def test_baskets_beside_the_demonstrations_are_unreachable(skill, side):
     azimuths = np.array([throw.azimuth for throw in skill.throws])
     azimuth = (azimuths.max() if side > 0 else azimuths.min()) + side * (SIDE_MARGIN + 0.05)
-    with pytest.raises(Unreachable, match=rf"at {np.rad2deg(azimuth):.0f} degrees; the demonstrations reach from"):
+    with pytest.raises(
+        Unreachable, match=rf"at {np.rad2deg(azimuth):.0f} degrees; the demonstrations reach from"
+    ):
         skill.plan(np.array([1.9 * np.cos(azimuth), 1.9 * np.sin(azimuth), 0.4]))
 
 
-@pytest.mark.parametrize("target", [[1.8, np.nan, 0.4], [1.8, 0.0], [[1.8, 0.0, 0.4]], [np.inf, 0.0, 0.4]])
+@pytest.mark.parametrize(
+    "target", [[1.8, np.nan, 0.4], [1.8, 0.0], [[1.8, 0.0, 0.4]], [np.inf, 0.0, 0.4]]
+)
 def test_a_target_that_is_no_point_is_refused(skill, target):
     with pytest.raises(Unreachable, match="not three finite numbers: give the centre of the rim"):
         skill.plan(np.array(target))
@@ -341,9 +435,14 @@ def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonst
     for width in widths:
         squared = []
         for i, throw in enumerate(skill.throws):
-            others = learn_throwing([d for k, d in enumerate(demonstrations) if k != i], replace(configuration("weighted"), width=width))
+            others = learn_throwing(
+                [d for k, d in enumerate(demonstrations) if k != i],
+                replace(configuration("weighted"), width=width),
+            )
             try:
-                squared.append(np.sum((others._throw_for(throw.task).landing - throw.task)[:2] ** 2))
+                squared.append(
+                    np.sum((others._throw_for(throw.task).landing - throw.task)[:2] ** 2)
+                )
             except Unreachable:
                 squared.append(np.nan)
         errors.append(np.mean(squared))
@@ -352,7 +451,11 @@ def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonst
 
 def test_an_unknown_configuration_is_refused_with_the_names_there_are():
     with pytest.raises(
-        ValueError, match="no configuration 'defualt': choose one of autonomous, cross_validated, default, em, intervals, shown_release, "
+        ValueError,
+        match=(
+            "no configuration 'defualt': choose one of autonomous, cross_validated, default, em,"
+            " intervals, shown_release, "
+        ),
     ):
         configuration("defualt")
     assert configuration() is configuration("") is DEFAULT
@@ -361,11 +464,19 @@ def test_an_unknown_configuration_is_refused_with_the_names_there_are():
 
 def test_the_ladder_leads_from_the_thesis_to_the_default_in_single_steps():
     whole, thesis = DEFAULT, CONFIGURATIONS["thesis"]
-    assert (whole.partition, whole.frames, whole.distance_input) == ("em", "azimuth_target", True), "EM, frames, their product"
+    assert (whole.partition, whole.frames, whole.distance_input) == (
+        "em",
+        "azimuth_target",
+        True,
+    ), "EM, frames, their product"
     rows = [thesis, *(one for name, one in LADDER.items() if name.startswith("+"))]
 
     def differing(one, other):
-        return [row.name for row in fields(SkillConfiguration) if row.name != "name" and getattr(one, row.name) != getattr(other, row.name)]
+        return [
+            row.name
+            for row in fields(SkillConfiguration)
+            if row.name != "name" and getattr(one, row.name) != getattr(other, row.name)
+        ]
 
     steps = [differing(*pair) for pair in pairwise(rows)]
     assert all(len(step) == 1 for step in steps) and not differing(rows[-1], whole)
@@ -398,10 +509,14 @@ def test_every_named_configuration_learns_and_plans(demonstrations, name):
 
 
 def test_the_thesis_aims_at_the_basket_itself_and_misses_by_more(demonstrations, new_plan):
-    """Figure 8.16 and chapter 9: its accuracy is poor; four demonstrations are few. The default solves for its aim."""
+    """Figure 8.16 and chapter 9: its accuracy is poor; four demonstrations are few. The default
+    solves for its aim.
+    """
     plan = learn_throwing(demonstrations, THESIS).plan(np.array(NEW_BASKETS[0]))
     np.testing.assert_array_equal(plan.aim, plan.target)
-    default_miss, thesis_miss = (np.linalg.norm(p.predicted_landing - p.target) for p in (new_plan, plan))
+    default_miss, thesis_miss = (
+        np.linalg.norm(p.predicted_landing - p.target) for p in (new_plan, plan)
+    )
     assert default_miss < 5e-3 < thesis_miss < 1.5, (default_miss, thesis_miss)
 
 
@@ -415,7 +530,11 @@ def test_the_gaussians_of_a_plan_lie_where_its_attractor_goes(skill, new_plan):
     for centre, quaternion, size in shapes:
         nearest = np.linalg.norm(new_plan.attractor_position - centre, axis=1).min()
         assert nearest < 0.25, (centre, nearest)
-        assert np.linalg.norm(quaternion) == pytest.approx(1.0) and (size >= 0).all() and size.max() < 2.0
+        assert (
+            np.linalg.norm(quaternion) == pytest.approx(1.0)
+            and (size >= 0).all()
+            and size.max() < 2.0
+        )
 
 
 def test_an_ellipsoid_is_the_covariance_of_the_positions(skill):
@@ -423,19 +542,29 @@ def test_an_ellipsoid_is_the_covariance_of_the_positions(skill):
     columns = slice(mixture.means_.shape[1] - 5, mixture.means_.shape[1] - 2)
     for k, (centre, quaternion, size) in enumerate(component_ellipsoids(mixture, deviations=1.0)):
         rotation = Rotation.from_quat(quaternion).as_matrix()
-        np.testing.assert_allclose(rotation @ np.diag((size / 2) ** 2) @ rotation.T, mixture.covariances_[k, columns, columns], atol=1e-9)
+        np.testing.assert_allclose(
+            rotation @ np.diag((size / 2) ** 2) @ rotation.T,
+            mixture.covariances_[k, columns, columns],
+            atol=1e-9,
+        )
         np.testing.assert_array_equal(centre, mixture.means_[k, columns])
 
 
 def test_the_release_of_every_demonstration_is_consistent_with_its_flight(demonstrations):
     for d in demonstrations:
         grip = wam_description().hand.ball_centre
-        release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip)
+        release = fit_release(
+            d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip
+        )
         assert release.grip_distance < 3e-3 and release.flight.residual < 1e-3
 
 
-def test_a_movement_that_the_state_carries_releases_at_its_clock_and_lands_on_the_basket(demonstrations):
-    """The autonomous policy (chapter 9) has no clock of its own: the plan's is set by the phase of the release."""
+def test_a_movement_that_the_state_carries_releases_at_its_clock_and_lands_on_the_basket(
+    demonstrations,
+):
+    """The autonomous policy (chapter 9) has no clock of its own: the plan's is set by the phase of
+    the release.
+    """
     basket = np.array([1.9, 0.1, 0.4])
     skill = learn_throwing(demonstrations, configuration("autonomous"))
     plan = skill.plan(basket)
@@ -447,13 +576,20 @@ def test_a_movement_that_the_state_carries_releases_at_its_clock_and_lands_on_th
 
 @pytest.mark.parametrize(("hidden", "off"), [(5, 1.0e-3), (10, 5.0e-3)])
 @pytest.mark.parametrize("first", [-10, -6, -2, 2])
-def test_a_hand_that_was_hidden_about_the_release_still_tells_when_it_was(demonstrations, first, hidden, off):
-    """Cameras lose a body for up to ten frames; one lost hand in a demonstration once stopped all learning."""
+def test_a_hand_that_was_hidden_about_the_release_still_tells_when_it_was(
+    demonstrations, first, hidden, off
+):
+    """Cameras lose a body for up to ten frames; one lost hand in a demonstration once stopped all
+    learning.
+    """
     for one in demonstrations:
         release = one.hand_opened + prepare(one, DEFAULT).hand_delay
         start = int(np.searchsorted(one.hand_time, release)) + first
         seen = np.delete(np.arange(len(one.hand_time)), np.arange(start, start + hidden))
-        parts = {name: getattr(one, name)[seen] for name in ("hand_time", "hand_position", "hand_quaternion")}
+        parts = {
+            name: getattr(one, name)[seen]
+            for name in ("hand_time", "hand_position", "hand_quaternion")
+        }
         delay = prepare(replace(one, **parts), DEFAULT).hand_delay
         assert abs(one.hand_opened + delay - release) < off
 
@@ -461,7 +597,10 @@ def test_a_hand_that_was_hidden_about_the_release_still_tells_when_it_was(demons
 def test_a_hand_that_was_hidden_for_longer_is_named(demonstrations):
     one = demonstrations[0]
     seen = np.abs(one.hand_time - one.hand_opened) > 0.2
-    parts = {name: getattr(one, name)[seen] for name in ("hand_time", "hand_position", "hand_quaternion")}
+    parts = {
+        name: getattr(one, name)[seen]
+        for name in ("hand_time", "hand_position", "hand_quaternion")
+    }
     with pytest.raises(ValueError, match=f"{one.id}: the hand was hidden at the release"):
         prepare(replace(one, **parts), DEFAULT)
 
@@ -475,19 +614,26 @@ def test_the_gaussians_in_the_world_are_the_product_of_those_of_the_frames(demon
     for k in range(product.n_components):
         precisions = [np.linalg.inv(factor.covariances_[k]) for factor in factors]
         covariance = np.linalg.inv(sum(precisions))
-        mean = covariance @ sum(precision @ factor.means_[k] for precision, factor in zip(precisions, factors, strict=True))
+        mean = covariance @ sum(
+            precision @ factor.means_[k]
+            for precision, factor in zip(precisions, factors, strict=True)
+        )
         np.testing.assert_allclose(covariance, product.covariances_[k], rtol=1e-5, atol=1e-12)
         np.testing.assert_allclose(mean, product.means_[k], rtol=1e-6)
 
 
 def test_the_default_is_two_frames_whose_regressions_are_multiplied(demonstrations):
-    """Time and distance count once: the responsibilities are those of one frame, and given these inputs (7.21) holds."""
+    """Time and distance count once: the responsibilities are those of one frame, and given these
+    inputs (7.21) holds.
+    """
     skill, target = learn_throwing(demonstrations), np.array(NEW_BASKETS[0])
     product, factors = skill.mixture(target), skill.frame_mixtures(target)
     assert len(factors) == 2
     for one in factors:
         np.testing.assert_allclose(product.means_[:, :2], one.means_[:, :2], atol=1e-9)
-        np.testing.assert_allclose(product.covariances_[:, :2, :2], one.covariances_[:, :2, :2], rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(
+            product.covariances_[:, :2, :2], one.covariances_[:, :2, :2], rtol=1e-6, atol=1e-12
+        )
 
 
 def test_models_that_differ_in_the_product_have_other_names(demonstrations):
@@ -499,10 +645,19 @@ def test_a_demonstration_that_was_seen_badly_counts_less(demonstrations):
     """One hand in 5 mm of noise: the others count in full."""
     rng = np.random.default_rng(3)
     first = demonstrations[0]
-    poor = replace(first, hand_position=first.hand_position + 0.005 * rng.standard_normal(first.hand_position.shape))
+    poor = replace(
+        first,
+        hand_position=first.hand_position + 0.005 * rng.standard_normal(first.hand_position.shape),
+    )
     skill, clean = learn_throwing([poor, *demonstrations[1:]]), learn_throwing(demonstrations)
-    assert skill.credence[0] < 0.1 and np.all(skill.credence[1:] == 1.0) and np.all(clean.credence == 1.0)
-    assert skill.release == pytest.approx(np.average([one.release_time for one in skill.throws], weights=skill.credence))
+    assert (
+        skill.credence[0] < 0.1
+        and np.all(skill.credence[1:] == 1.0)
+        and np.all(clean.credence == 1.0)
+    )
+    assert skill.release == pytest.approx(
+        np.average([one.release_time for one in skill.throws], weights=skill.credence)
+    )
 
 
 @pytest.mark.parametrize(
@@ -515,7 +670,9 @@ def test_a_demonstration_that_was_seen_badly_counts_less(demonstrations):
     ],
 )
 def test_credence_is_the_inverse_of_the_variance_where_noise_is_large(noise, expected):
-    """Below a millimetre it makes no difference, and cameras that are poor altogether make no demonstration poorer than the others."""
+    """Below a millimetre it makes no difference, and cameras that are poor altogether make no
+    demonstration poorer than the others.
+    """
     np.testing.assert_allclose(credence_of(noise), expected)
 
 
@@ -523,19 +680,27 @@ def test_credence_is_the_inverse_of_the_variance_where_noise_is_large(noise, exp
 
 
 def test_stiffness_from_the_demonstrations_holds_the_same_motion(demonstrations, new_plan):
-    """Within its bounds, and pulled so by its attractors that (7.19) gives the accelerations of the path."""
-    plan = learn_throwing(demonstrations, replace(DEFAULT, stiffness_range=(50.0, 800.0))).plan(np.array(NEW_BASKETS[0]))
+    """Within its bounds, and pulled so by its attractors that (7.19) gives the accelerations of
+    the path.
+    """
+    plan = learn_throwing(demonstrations, replace(DEFAULT, stiffness_range=(50.0, 800.0))).plan(
+        np.array(NEW_BASKETS[0])
+    )
     np.testing.assert_array_equal(plan.path.position, new_plan.path.position)
     gains = np.linalg.eigvalsh(plan.position_gains.stiffness)
     assert gains.min() > 49.9 and 100.0 < gains.max() < 800.1
-    pull = np.einsum("nij,nj->ni", plan.position_gains.stiffness, plan.attractor_position - plan.path.position)
+    pull = np.einsum(
+        "nij,nj->ni", plan.position_gains.stiffness, plan.attractor_position - plan.path.position
+    )
     damped = np.einsum("nij,nj->ni", plan.position_gains.damping, plan.path.velocity[:, :3])
     np.testing.assert_allclose(pull - damped, plan.path.acceleration[:, :3], atol=1e-6)
     assert plan.orientation_gains == new_plan.orientation_gains
 
 
 def test_position_and_orientation_have_gains_of_their_own(demonstrations):
-    plan = learn_throwing(demonstrations, replace(DEFAULT, orientation_stiffness=400.0)).plan(np.array(NEW_BASKETS[0]))
+    plan = learn_throwing(demonstrations, replace(DEFAULT, orientation_stiffness=400.0)).plan(
+        np.array(NEW_BASKETS[0])
+    )
     assert (plan.position_gains.stiffness, plan.orientation_gains.stiffness) == (200.0, 400.0)
     assert plan.orientation_gains.damping == pytest.approx(40.0)
 
@@ -556,7 +721,11 @@ def test_gains_that_cannot_be_are_refused(how, why):
 
 
 def test_gains_are_part_of_the_name_of_a_model(demonstrations):
-    kinds = (DEFAULT, replace(DEFAULT, stiffness_range=(50.0, 800.0)), replace(DEFAULT, orientation_stiffness=400.0))
+    kinds = (
+        DEFAULT,
+        replace(DEFAULT, stiffness_range=(50.0, 800.0)),
+        replace(DEFAULT, orientation_stiffness=400.0),
+    )
     assert len({learn_throwing(demonstrations, one).model_id for one in kinds}) == 3
 
 
@@ -574,7 +743,11 @@ AS_CONFIGURED = {
     ("parameters", "fields", "said"),
     [
         ({}, {}, ""),
-        ({"components": 8, "stiffness": 300.0}, {"components": 8, "stiffness": 300.0}, "components 8, stiffness 300.0"),
+        (
+            {"components": 8, "stiffness": 300.0},
+            {"components": 8, "stiffness": 300.0},
+            "components 8, stiffness 300.0",
+        ),
         ({"frames": "start"}, {"frames": "start"}, "frames start"),
         ({"least_stiffness": 50.0}, {}, ""),  # one is set before the other
         (
@@ -600,15 +773,24 @@ def test_the_number_of_components_is_chosen_on_request(demonstrations, way, monk
     few = (3, 8, 16)
     monkeypatch.setattr("dart_skill.skills.learning._throw_components.COMPONENTS", few)
     throws = [prepare(one, DEFAULT) for one in demonstrations]
-    models = {number: learn_prepared(throws, replace(DEFAULT, components=number)) for number in few}
-    score = {number: one.bic() if way == "bic" else one.left_out_error() for number, one in models.items()}
+    models = {
+        number: learn_prepared(throws, replace(DEFAULT, components=number)) for number in few
+    }
+    score = {
+        number: one.bic() if way == "bic" else one.left_out_error()
+        for number, one in models.items()
+    }
     chosen = choose_throw_components(throws, DEFAULT, way)
-    assert chosen == replace(DEFAULT, components=min(score, key=score.get)) and chosen.components != 3
+    assert (
+        chosen == replace(DEFAULT, components=min(score, key=score.get)) and chosen.components != 3
+    )
 
 
 def test_what_cannot_be_compared_is_said(demonstrations):
     throws = [prepare(one, DEFAULT) for one in demonstrations]
-    with pytest.raises(ValueError, match="'weighted' has a model for each target, and BIC compares nothing"):
+    with pytest.raises(
+        ValueError, match="'weighted' has a model for each target, and BIC compares nothing"
+    ):
         choose_throw_components(throws, configuration("weighted"), "bic")
     with pytest.raises(ValueError, match="2 demonstrations are too few to leave out each once"):
         choose_throw_components(throws[:2], DEFAULT, "cross_validation")

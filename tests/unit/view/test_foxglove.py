@@ -1,4 +1,6 @@
-"""The live server for Foxglove: a plain WebSocket client gets its channels and messages. The client is no part of foxglove-sdk."""
+"""The live server for Foxglove: a plain WebSocket client gets its channels and messages. The
+client is no part of foxglove-sdk.
+"""
 
 import json
 import os
@@ -36,9 +38,15 @@ def test_a_client_gets_the_channels_of_a_bag_and_its_messages(server):
         playing.start()
         try:
             client.hear_until(lambda: there <= set(client.channels))
-            assert client.info["name"] == "dart_skill" and client.info["capabilities"] == [], "nobody can send it anything"
+            assert client.info["name"] == "dart_skill" and client.info["capabilities"] == [], (
+                "nobody can send it anything"
+            )
             channel = client.channels["/vrpn_mocap/ball/pose"]
-            assert (channel["schemaName"], channel["encoding"], channel["schemaEncoding"]) == (POSE, "cdr", "ros2msg")
+            assert (channel["schemaName"], channel["encoding"], channel["schemaEncoding"]) == (
+                POSE,
+                "cdr",
+                "ros2msg",
+            )
             assert "geometry_msgs/Pose" in channel["schema"]
             client.ask_for("/vrpn_mocap/ball/pose")
             client.hear_until(lambda: len(client.messages) >= 3)
@@ -65,13 +73,34 @@ def test_what_was_published_once_comes_to_who_is_late(server):
 
 def test_it_is_served_on_this_machine_alone(server):
     assert server.url == f"ws://127.0.0.1:{server.port}"
-    with pytest.raises(OSError, match=f"port {server.port} on 127.0.0.1 cannot be served .*: choose another one with --port"):
+    with pytest.raises(
+        OSError,
+        match=(
+            f"port {server.port} on 127.0.0.1 cannot be served .*: choose another one with --port"
+        ),
+    ):
         FoxgloveServer(server.port)
 
 
 def test_the_command_serves_a_bag_until_ctrl_c():
-    command = [sys.executable, "-m", "dart_skill", "view", str(BAGS / "throws"), "--foxglove", "--port", "0", "--json"]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    command = [
+        sys.executable,
+        "-m",
+        "dart_skill",
+        "view",
+        str(BAGS / "throws"),
+        "--foxglove",
+        "--port",
+        "0",
+        "--json",
+    ]
+    process = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
     try:
         told = json.loads(process.stdout.readline())
         with FoxgloveClient(told["url"]) as client:
@@ -85,7 +114,11 @@ def test_the_command_serves_a_bag_until_ctrl_c():
 
 @pytest.mark.parametrize(
     ("options", "complaint"),
-    [(["--web"], "--web is for Rerun"), (["--rate", "0"], "--rate is 0"), (["--save", "there"], "--save is for Rerun")],
+    [
+        (["--web"], "--web is for Rerun"),
+        (["--rate", "0"], "--rate is 0"),
+        (["--save", "there"], "--save is for Rerun"),
+    ],
 )
 def test_what_does_not_go_together_is_refused(capsys, options, complaint):
     with pytest.raises(SystemExit) as left:

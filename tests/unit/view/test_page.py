@@ -1,4 +1,6 @@
-"""The live view without a browser and without ROS: what is in the scene, what the controls ask for, who may connect."""
+"""The live view without a browser and without ROS: what is in the scene, what the controls ask
+for, who may connect.
+"""
 
 import re
 import socket
@@ -96,10 +98,20 @@ def volume(mesh):
     [
         (shapes.box(np.array([1.0, 2.0, 3.0])), 6.0, 1e-12),
         (shapes.sphere(0.5, 96), np.pi / 6.0, 3e-3),
-        (shapes.cylinder(0.5, 2.0), 0.25 * shapes.SIDES * np.sin(2 * np.pi / shapes.SIDES), 1e-12),  # a prism
+        (
+            shapes.cylinder(0.5, 2.0),
+            0.25 * shapes.SIDES * np.sin(2 * np.pi / shapes.SIDES),
+            1e-12,
+        ),  # a prism
         (shapes.pyramid((np.pi / 4, np.arctan(0.5)), 3.0), 6.0 * 3.0 * 3.0 / 3.0, 1e-12),
         (shapes.bucket(0.15, 0.35, 0.01), np.pi * (0.16**2 * 0.36 - 0.15**2 * 0.35), 1e-2),
-        (shapes.joined([shapes.box(np.ones(3)), shapes.box(np.ones(3)).moved(np.array([5.0, 0.0, 0.0]))]), 2.0, 1e-12),
+        (
+            shapes.joined(
+                [shapes.box(np.ones(3)), shapes.box(np.ones(3)).moved(np.array([5.0, 0.0, 0.0]))]
+            ),
+            2.0,
+            1e-12,
+        ),
     ],
     ids=["box", "sphere", "cylinder", "pyramid", "bucket", "joined"],
 )
@@ -110,7 +122,9 @@ def test_shapes_enclose_their_volume_and_face_outwards(mesh, wanted, tolerance):
 
 def test_a_mesh_is_turned_and_then_shifted():
     turn = Rotation.from_euler("z", 90, degrees=True).as_matrix()
-    moved = shapes.Mesh(np.array([[1.0, 0.0, 0.0]]), np.zeros((0, 3), int)).moved(np.array([0.0, 0.0, 2.0]), turn)
+    moved = shapes.Mesh(np.array([[1.0, 0.0, 0.0]]), np.zeros((0, 3), int)).moved(
+        np.array([0.0, 0.0, 2.0]), turn
+    )
     np.testing.assert_allclose(moved.vertices, [[0.0, 1.0, 2.0]], atol=1e-15)
 
 
@@ -125,7 +139,9 @@ def test_links_come_parents_first_and_a_shape_that_cannot_be_drawn_is_named():
         assert link.parent in seen
         seen.add(link.name)
     assert len(links) == 9
-    with pytest.raises(ValueError, match="wam_base: a <mesh> is not drawn, only sphere, cylinder, box"):
+    with pytest.raises(
+        ValueError, match="wam_base: a <mesh> is not drawn, only sphere, cylinder, box"
+    ):
         read_links(text.replace("<sphere", "<mesh", 1))
     with pytest.raises(ValueError, match="links bhand_base, wam_link1.* hang on no root"):
         read_links(text.replace('<parent link="wam_base"', '<parent link="nothing"'))
@@ -153,12 +169,18 @@ def test_the_shapes_of_the_arm_are_its_capsules(scene):
         drawn.append(node(scene, f"{path_of_link(link)}/shape").vertices @ rotation.T + position)
     drawn = np.concatenate(drawn)
     axes = ends[:, 1] - ends[:, 0]
-    along = np.clip(np.einsum("nci,ci->nc", drawn[:, None] - ends[:, 0], axes) / np.sum(axes**2, axis=1), 0.0, 1.0)
+    along = np.clip(
+        np.einsum("nci,ci->nc", drawn[:, None] - ends[:, 0], axes) / np.sum(axes**2, axis=1),
+        0.0,
+        1.0,
+    )
     outside = np.linalg.norm(drawn[:, None] - ends[:, 0] - along[..., None] * axes, axis=2) - radii
     assert outside.min(axis=1).max() < 1e-6, "no corner sticks out of the arm"
     for k, axis in enumerate(axes / np.linalg.norm(axes, axis=1, keepdims=True)):
         on_it = drawn[np.abs(outside[:, k]) < 1e-6] @ axis
-        assert on_it.min() < ends[k, 0] @ axis and on_it.max() > ends[k, 1] @ axis, "both round ends are there"
+        assert on_it.min() < ends[k, 0] @ axis and on_it.max() > ends[k, 1] @ axis, (
+            "both round ends are there"
+        )
 
 
 def test_only_joints_that_moved_are_sent(scene, monkeypatch):
@@ -217,12 +239,29 @@ def test_the_noise_of_the_cameras_moves_nothing(scene):
         (lambda s: s.move_ball([1.0, 2.0, np.nan]), "ball: .* not finite"),
         (lambda s: s.move_hand(np.zeros(3), np.zeros(4)), "hand: quaternion 0 has norm 0"),
         (lambda s: s.move_basket(np.zeros((1, 3))), r"basket: give an array \(3,\)"),
-        (lambda s: s.extend_path("ball", np.zeros(3)), r"path of the ball: give an array \(n, 3\)"),
-        (lambda s: s.extend_path("foot", np.zeros((1, 3))), "no path of a 'foot': choose one of ball, hand, attractor"),
+        (
+            lambda s: s.extend_path("ball", np.zeros(3)),
+            r"path of the ball: give an array \(n, 3\)",
+        ),
+        (
+            lambda s: s.extend_path("foot", np.zeros((1, 3))),
+            "no path of a 'foot': choose one of ball, hand, attractor",
+        ),
         (lambda s: s.show("moon", True), "no group 'moon'"),
-        (lambda s: s.show_gaussians("a", np.zeros((2, 3)), np.tile(IDENTITY, (2, 1)), np.ones((1, 3))), "2 centres need as many"),
-        (lambda s: s.show_gaussians("a", np.zeros((1, 3)), IDENTITY[None], -np.ones((1, 3))), "none of them negative"),
-        (lambda s: s.show_gaussians("a", np.zeros((1, 3)), np.ones((1, 4)), np.ones((1, 3))), "quaternion 0 has norm 2"),
+        (
+            lambda s: s.show_gaussians(
+                "a", np.zeros((2, 3)), np.tile(IDENTITY, (2, 1)), np.ones((1, 3))
+            ),
+            "2 centres need as many",
+        ),
+        (
+            lambda s: s.show_gaussians("a", np.zeros((1, 3)), IDENTITY[None], -np.ones((1, 3))),
+            "none of them negative",
+        ),
+        (
+            lambda s: s.show_gaussians("a", np.zeros((1, 3)), np.ones((1, 4)), np.ones((1, 3))),
+            "quaternion 0 has norm 2",
+        ),
     ],
 )
 def test_what_cannot_be_shown_is_refused_with_its_name(scene, call, complaint):
@@ -231,13 +270,20 @@ def test_what_cannot_be_shown_is_refused_with_its_name(scene, call, complaint):
 
 
 def test_cameras_look_where_they_look(scene):
-    cameras = [Camera([4.0, 2.5, 2.8], [0.9, -0.2, 1.2]), Camera([-1.8, -0.8, 2.8], [1.2, 0.1, 1.1])]
+    cameras = [
+        Camera([4.0, 2.5, 2.8], [0.9, -0.2, 1.2]),
+        Camera([-1.8, -0.8, 2.8], [1.2, 0.1, 1.1]),
+    ]
     scene.show_cameras(cameras)
     handle = node(scene, "/cameras/all")
-    np.testing.assert_allclose(handle.batched_positions, [[4.0, 2.5, 2.8], [-1.8, -0.8, 2.8]], atol=1e-6)
+    np.testing.assert_allclose(
+        handle.batched_positions, [[4.0, 2.5, 2.8], [-1.8, -0.8, 2.8]], atol=1e-6
+    )
     forward = Rotation.from_quat(np.roll(handle.batched_wxyzs, -1, axis=1)).apply([0.0, 0.0, 1.0])
     wanted = np.array([camera.look_at - camera.position for camera in cameras])
-    np.testing.assert_allclose(forward, wanted / np.linalg.norm(wanted, axis=1, keepdims=True), atol=1e-6)
+    np.testing.assert_allclose(
+        forward, wanted / np.linalg.norm(wanted, axis=1, keepdims=True), atol=1e-6
+    )
     scene.show_cameras(cameras[:1])
     assert len(node(scene, "/cameras/all").batched_positions) == 1
     scene.show_cameras([])
@@ -259,21 +305,30 @@ def some_mixture(n=5, seed=0):
     rng = np.random.default_rng(seed)
     factors = rng.normal(size=(n, 6, 6)) * 0.1
     return GaussianMixture.from_parameters(
-        np.full(n, 1 / n), rng.normal(size=(n, 6)), factors @ factors.transpose(0, 2, 1) + 1e-4 * np.eye(6)
+        np.full(n, 1 / n),
+        rng.normal(size=(n, 6)),
+        factors @ factors.transpose(0, 2, 1) + 1e-4 * np.eye(6),
     )
 
 
 def test_ellipsoids_have_the_eigenvalues_and_axes_of_the_covariances(scene):
     mixture = some_mixture()
-    scene.show_gaussians("components", *(np.array(part) for part in zip(*component_ellipsoids(mixture, 2.0), strict=True)))
+    scene.show_gaussians(
+        "components",
+        *(np.array(part) for part in zip(*component_ellipsoids(mixture, 2.0), strict=True)),
+    )
     handle = node(scene, "/gaussians/components")
     assert len(handle.batched_positions) == 5
     np.testing.assert_allclose(handle.batched_positions, mixture.means_[:, 1:4], atol=1e-6)
     covariances = mixture.covariances_[:, 1:4, 1:4]
     eigenvalues = np.linalg.eigvalsh(covariances)
-    np.testing.assert_allclose(np.sort(handle.batched_scales, axis=1), 4.0 * np.sqrt(eigenvalues), rtol=1e-5)
+    np.testing.assert_allclose(
+        np.sort(handle.batched_scales, axis=1), 4.0 * np.sqrt(eigenvalues), rtol=1e-5
+    )
     turns = Rotation.from_quat(np.roll(handle.batched_wxyzs, -1, axis=1)).as_matrix()
-    shapes_ = turns @ (np.square(handle.batched_scales / 4.0)[:, :, None] * turns.transpose(0, 2, 1))
+    shapes_ = turns @ (
+        np.square(handle.batched_scales / 4.0)[:, :, None] * turns.transpose(0, 2, 1)
+    )
     np.testing.assert_allclose(shapes_, covariances, atol=1e-6)
     reach = np.linalg.norm(handle.vertices, axis=1)
     np.testing.assert_allclose(reach, 0.5, atol=1e-6)  # scales are diameters
@@ -289,7 +344,9 @@ def test_each_group_of_gaussians_keeps_its_colour_and_is_replaced_as_a_whole(sce
     assert len(node(scene, "/gaussians/frame_1").batched_positions) == 2
     assert node(scene, "/gaussians/frame_1").batched_colors.tolist() == first
     scene.show_gaussians("frame_1", centres[:0], turns[:0], np.ones((0, 3)))
-    assert node(scene, "/gaussians/frame_1") is None and node(scene, "/gaussians/frame_2") is not None
+    assert (
+        node(scene, "/gaussians/frame_1") is None and node(scene, "/gaussians/frame_2") is not None
+    )
 
 
 def test_demonstrations_are_curves_that_are_not_joined(scene):
@@ -302,18 +359,26 @@ def test_demonstrations_are_curves_that_are_not_joined(scene):
     lines = node(scene, "/demonstrations/hand").points
     assert lines.shape == (15, 2, 3)
     np.testing.assert_allclose(np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1), 0.01, atol=1e-6)
-    np.testing.assert_allclose(node(scene, "/demonstrations/targets").points, [[2.0, 0.0, 0.4], [1.5, 0.5, 0.4]], atol=1e-3)
+    np.testing.assert_allclose(
+        node(scene, "/demonstrations/targets").points,
+        [[2.0, 0.0, 0.4], [1.5, 0.5, 0.4]],
+        atol=1e-3,
+    )
     scene.show_demonstrations([])
     assert node(scene, "/demonstrations/hand").points.shape == (0, 2, 3)
 
 
 def test_a_path_is_thinned_and_begins_anew_at_a_jump(scene):
-    scene.extend_path("ball", np.column_stack([np.linspace(0.0, 1.0, 1001), np.zeros(1001), np.ones(1001)]))
+    scene.extend_path(
+        "ball", np.column_stack([np.linspace(0.0, 1.0, 1001), np.zeros(1001), np.ones(1001)])
+    )
     lines = node(scene, "/paths/ball").points
     assert 90 <= len(lines) <= 101
     np.testing.assert_allclose(lines[1:, 0], lines[:-1, 1])
     scene.extend_path("ball", np.array([[5.0, 0.0, 0.0], [5.1, 0.0, 0.0]]))
-    np.testing.assert_allclose(node(scene, "/paths/ball").points, [[[5.0, 0.0, 0.0], [5.1, 0.0, 0.0]]], atol=1e-6)
+    np.testing.assert_allclose(
+        node(scene, "/paths/ball").points, [[[5.0, 0.0, 0.0], [5.1, 0.0, 0.0]]], atol=1e-6
+    )
     scene.clear_path("ball")
     assert len(node(scene, "/paths/ball").points) == 0
 
@@ -331,7 +396,9 @@ def test_a_trail_keeps_its_newest_points():
 def test_the_nearest_place_of_the_region_is_the_nearest_of_many():
     region, rng = Region(1.5, 2.5, 0.6, 0.4), np.random.default_rng(1)
     distances, azimuths = np.meshgrid(np.linspace(1.5, 2.5, 401), np.linspace(-0.6, 0.6, 401))
-    many = np.column_stack([(distances * np.cos(azimuths)).ravel(), (distances * np.sin(azimuths)).ravel()])
+    many = np.column_stack(
+        [(distances * np.cos(azimuths)).ravel(), (distances * np.sin(azimuths)).ravel()]
+    )
     for point in rng.uniform(-4.0, 4.0, (60, 2)):
         place = nearest_in(region, point)
         least = np.linalg.norm(many - point, axis=1).min()
@@ -419,10 +486,14 @@ def test_a_click_takes_the_sliders_with_it_and_cuts_what_no_slider_says(page, as
 def test_only_stopping_is_possible_while_something_is_under_way(page, scene):
     starting = ("Teach", "Learn", "Throw", "Practise")
     scene.panel.set_busy(True)
-    page.wait_for(lambda: all(page.is_disabled(label) for label in starting), what="disabled buttons")
+    page.wait_for(
+        lambda: all(page.is_disabled(label) for label in starting), what="disabled buttons"
+    )
     assert not page.is_disabled("Stop")
     scene.panel.set_busy(False)
-    page.wait_for(lambda: not any(page.is_disabled(label) for label in starting), what="enabled buttons")
+    page.wait_for(
+        lambda: not any(page.is_disabled(label) for label in starting), what="enabled buttons"
+    )
 
 
 def test_knobs_are_numbers_of_a_node_and_a_change_is_asked_for(page, asked, scene):
@@ -430,28 +501,48 @@ def test_knobs_are_numbers_of_a_node_and_a_change_is_asked_for(page, asked, scen
     scene.panel.add_knobs("/wam_simulator", [knob])
     page.set("friction scale", 2.0)
     page.wait_for(lambda: asked, what="the request")
-    assert asked == [view.Request("set", {"node": "/wam_simulator", "name": "friction_scale", "value": 2.0})]
+    assert asked == [
+        view.Request("set", {"node": "/wam_simulator", "name": "friction_scale", "value": 2.0})
+    ]
     scene.panel.add_knobs("/wam_simulator", [view.Knob("friction_scale", "", 0.0, 10.0, 3.0)])
-    page.wait_for(lambda: page.controls[page._uuid("friction scale")].get("value") == 3.0, what="the new value")
+    page.wait_for(
+        lambda: page.controls[page._uuid("friction scale")].get("value") == 3.0,
+        what="the new value",
+    )
     assert len(asked) == 1, "what a node says is no request"
 
 
 def test_a_knob_has_its_unit_and_all_of_them_go_back_to_what_they_were(page, asked, scene):
     turn = view.Knob("base_turn", "of the arm's base about the vertical [rad]", -1.0, 1.0, 0.1)
-    scene.panel.add_knobs("/wam_simulator", [turn, view.Knob("friction_scale", "factor on the joint friction", 0.0, 10.0, 1.0)])
+    scene.panel.add_knobs(
+        "/wam_simulator",
+        [turn, view.Knob("friction_scale", "factor on the joint friction", 0.0, 10.0, 1.0)],
+    )
     page.set("base turn [rad]", 0.3)
     page.wait_for(lambda: asked, what="the request")
     page.click("As they were at first")
-    page.wait_for(lambda: len(asked) == 2, what="the request for what was changed, and for nothing else")
-    assert asked[1] == view.Request("set", {"node": "/wam_simulator", "name": "base_turn", "value": 0.1})
+    page.wait_for(
+        lambda: len(asked) == 2, what="the request for what was changed, and for nothing else"
+    )
+    assert asked[1] == view.Request(
+        "set", {"node": "/wam_simulator", "name": "base_turn", "value": 0.1}
+    )
 
 
 def test_a_visitor_is_told_what_to_press_and_there_is_room_for_it(page, scene):
-    page.wait_for(lambda: page.says("Press Teach") and page.says("Then press Learn, then Throw"), what="the first words")
+    page.wait_for(
+        lambda: page.says("Press Teach") and page.says("Then press Learn, then Throw"),
+        what="the first words",
+    )
     assert page.says("Drag the basket to put it elsewhere.")
     (style,) = (text for text in page.texts.values() if "<style>" in text)
-    assert re.search(r"\.ds-says {\s*height: ", style), "of a fixed height: what wraps moves nothing"
-    labels = [one["label"] for one in sorted(page.controls.values(), key=lambda one: one.get("order", 0.0))]
+    assert re.search(r"\.ds-says {\s*height: ", style), (
+        "of a fixed height: what wraps moves nothing"
+    )
+    labels = [
+        one["label"]
+        for one in sorted(page.controls.values(), key=lambda one: one.get("order", 0.0))
+    ]
     assert labels[:2] == ["Stop", "Reset after a stop"], "above whatever may change"
 
 
@@ -459,7 +550,9 @@ def test_whoever_comes_to_a_model_is_not_told_to_teach_first(page, scene):
     """A graph that was started with a model said "Press Teach"; what goes on is not written over."""
     page.wait_for(lambda: page.says("Press Teach"), what="the first words")
     scene.panel.welcome_a_model()
-    page.wait_for(lambda: page.says("A model is there: press Throw, or Teach"), what="that it is learned")
+    page.wait_for(
+        lambda: page.says("A model is there: press Throw, or Teach"), what="that it is learned"
+    )
     scene.panel.say("a throw is under way")
     scene.panel.welcome_a_model()
     page.wait_for(lambda: page.says("a throw is under way"), what="what goes on")
@@ -468,7 +561,9 @@ def test_whoever_comes_to_a_model_is_not_told_to_teach_first(page, scene):
 
 def test_the_panel_follows_the_choice_of_dark_and_fits_a_telephone(page):
     page.wait_for(lambda: page.says("Press Teach"), what="the panel")
-    assert page.says("@media (prefers-color-scheme: dark)") and page.says("@media (max-width: 40rem)")
+    assert page.says("@media (prefers-color-scheme: dark)") and page.says(
+        "@media (max-width: 40rem)"
+    )
 
 
 def test_no_word_is_of_a_mouse_alone_where_a_finger_does_it_too():
@@ -477,9 +572,13 @@ def test_no_word_is_of_a_mouse_alone_where_a_finger_does_it_too():
     assert HOW.index("The buttons below do the rest") < HOW.index("With a keyboard")
 
 
-@pytest.mark.parametrize(("width", "height"), [(390, 844), (360, 740), (390, 380), (800, 1200), (800, 900), (1280, 900)])
+@pytest.mark.parametrize(
+    ("width", "height"), [(390, 844), (360, 740), (390, 380), (800, 1200), (800, 900), (1280, 900)]
+)
 def test_all_that_is_seen_at_first_fits_into_the_window(scene, width, height):
-    """The hand was beyond the edge of a telephone, whose page is told to be as high as the screen, and gives the panel a part of it."""
+    """The hand was beyond the edge of a telephone, whose page is told to be as high as the screen,
+    and gives the panel a part of it.
+    """
     eye, looked_at = scene.first_sight
     camera = SimpleNamespace(aspect=width / height, position=eye, look_at=looked_at)
     scene._step_back(SimpleNamespace(camera=camera))
@@ -491,7 +590,12 @@ def test_all_that_is_seen_at_first_fits_into_the_window(scene, width, height):
 
 
 def test_nodes_and_words_are_shown_as_text(page, scene):
-    scene.panel.show_nodes([view.NodeStatus("coach", 0, "waiting"), view.NodeStatus("arm", 1, "<script>alert(1)</script>")])
+    scene.panel.show_nodes(
+        [
+            view.NodeStatus("coach", 0, "waiting"),
+            view.NodeStatus("arm", 1, "<script>alert(1)</script>"),
+        ]
+    )
     scene.panel.say("a < b", is_error=True)
     page.wait_for(lambda: page.says("waiting") and page.says("a &lt; b"), what="status and words")
     assert page.says("warning: &lt;script&gt;") and not page.says("<script>")
@@ -501,20 +605,32 @@ def test_the_legend_names_every_group_of_gaussians(page, scene):
     for group in ("frame_1", "frame_2"):
         scene.show_gaussians(group, np.zeros((1, 3)), IDENTITY[None], np.ones((1, 3)))
     scene.panel.show_legend()
-    page.wait_for(lambda: page.says("Gaussians: frame_1") and page.says("Gaussians: frame_2"), what="the legend")
+    page.wait_for(
+        lambda: page.says("Gaussians: frame_1") and page.says("Gaussians: frame_2"),
+        what="the legend",
+    )
     assert len(set(scene.gaussian_colours.values())) == 2
     page.set("frame_2", False)
-    page.wait_for(lambda: not node(scene, "/gaussians/frame_2").visible, what="one group switched off")
+    page.wait_for(
+        lambda: not node(scene, "/gaussians/frame_2").visible, what="one group switched off"
+    )
     scene.show_gaussians("frame_2", np.zeros((2, 3)), np.tile(IDENTITY, (2, 1)), np.ones((2, 3)))
-    assert not node(scene, "/gaussians/frame_2").visible, "it stays off when the model is learned again"
+    assert not node(scene, "/gaussians/frame_2").visible, (
+        "it stays off when the model is learned again"
+    )
     assert node(scene, "/gaussians/frame_1").visible
 
 
-def test_beside_the_product_the_gaussians_of_its_frames_are_hidden_until_they_are_switched_on(page, scene):
+def test_beside_the_product_the_gaussians_of_its_frames_are_hidden_until_they_are_switched_on(
+    page, scene
+):
     for group in ("components", "frame_1", "frame_2"):
         scene.show_gaussians(group, np.zeros((1, 3)), IDENTITY[None], np.ones((1, 3)))
     scene.panel.show_legend()
-    assert [node(scene, f"/gaussians/{group}").visible for group in ("components", "frame_1", "frame_2")] == [True, False, False]
+    assert [
+        node(scene, f"/gaussians/{group}").visible
+        for group in ("components", "frame_1", "frame_2")
+    ] == [True, False, False]
     page.set("frame_2", True)
     page.wait_for(lambda: page.says("Gaussians: frame_2"), what="the legend")
     assert node(scene, "/gaussians/frame_2").visible and not page.says("Gaussians: frame_1")
@@ -528,7 +644,9 @@ def test_the_curve_has_a_point_for_each_throw_in_one_of_its_two_colours(scene, a
     np.testing.assert_array_equal(numbers, [1.0, 2.0, 3.0])
     np.testing.assert_allclose(inside, [1.0, np.nan, np.nan])
     np.testing.assert_allclose(missed, [np.nan, 20.0, np.nan])
-    assert scene.panel._curve.visible and scene.panel._curve.scales["y"]["max"] == pytest.approx(22.0)
+    assert scene.panel._curve.visible and scene.panel._curve.scales["y"]["max"] == pytest.approx(
+        22.0
+    )
     assert all(len(part) == 0 for part in curve_data([]))
 
 
@@ -545,7 +663,10 @@ def test_the_curve_has_a_point_for_each_throw_in_one_of_its_two_colours(scene, a
         ({"Host": "127.0.0.1:8080", "Origin": "http://example.org"}, False),
         ({"Host": "127.0.0.1:8080", "Origin": "http://127.0.0.1:9999"}, False),
         ({"Host": "127.0.0.1:8080", "Origin": "null"}, False),
-        ({"Host": "example.org:8080", "Origin": "http://example.org:8080"}, False),  # a name that was given to this machine
+        (
+            {"Host": "example.org:8080", "Origin": "http://example.org:8080"},
+            False,
+        ),  # a name that was given to this machine
         ({"Origin": "http://example.org"}, False),
     ],
 )
@@ -554,7 +675,10 @@ def test_only_pages_of_this_server_may_open_its_websocket(headers, own):
 
 
 def test_a_page_of_another_origin_is_turned_away_before_it_can_click(server, asked):
-    with pytest.raises(ConnectionClosed) as closed, PageClient(view.url_of(server), origin="http://example.org") as stranger:
+    with (
+        pytest.raises(ConnectionClosed) as closed,
+        PageClient(view.url_of(server), origin="http://example.org") as stranger,
+    ):
         stranger.wait_for(lambda: False, limit=20.0)
     assert closed.value.rcvd.code == 1008
     with PageClient(view.url_of(server)) as program:
@@ -584,7 +708,9 @@ def test_nobody_gets_a_public_address(server):
 
 def test_it_listens_on_this_machine_alone_and_on_no_port_but_the_wanted_one(server):
     assert view.url_of(server) == f"http://127.0.0.1:{server.get_port()}"
-    with pytest.raises(view.ViewUnavailable, match=f"127.0.0.1:{server.get_port()} cannot be served"):
+    with pytest.raises(
+        view.ViewUnavailable, match=f"127.0.0.1:{server.get_port()} cannot be served"
+    ):
         view.open_server(port=server.get_port())
     with pytest.raises(view.ViewUnavailable, match="port = 70000"):
         view.open_server(port=70000)
@@ -597,8 +723,16 @@ def test_without_viser_the_package_to_install_is_named(monkeypatch):
 
 
 def test_importing_the_view_needs_neither_viser_nor_ros():
-    program = "import sys, dart_skill.view; print([name for name in ('viser', 'rclpy', 'matplotlib') if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    program = (
+        "import sys, dart_skill.view; print([name for name in ('viser', 'rclpy', 'matplotlib') if"
+        " name in sys.modules])"
+    )
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == "[]"
+    )
 
 
 def test_a_stopped_server_gives_its_port_back():

@@ -1,6 +1,8 @@
-"""Bags in Rerun: where it is looked for, how it is called, and, where there is one, that it opens our bags with the layout.
+"""Bags in Rerun: where it is looked for, how it is called, and, where there is one, that it opens
+our bags with the layout.
 
-Without Rerun a stand-in plays its part: a `rerun` that writes down how it was called, beside a `python3` that makes no real layout.
+Without Rerun a stand-in plays its part: a `rerun` that writes down how it was called, beside a
+`python3` that makes no real layout.
 """
 
 import http.server
@@ -61,13 +63,14 @@ def test_rerun_is_put_beside_the_package_in_the_checkout():
 
 @pytest.fixture
 def stand_in(tmp_path, monkeypatch):
-    """A `rerun` that writes its arguments, and what it was told of settings, into calls.txt, and converts nothing into empty files;
-    its python3 writes what it is given.
+    """A `rerun` that writes its arguments, and what it was told of settings, into calls.txt, and
+    converts nothing into empty files; its python3 writes what it is given.
     """
     calls = tmp_path / "calls.txt"
     rerun = script(
         tmp_path / "venv" / "bin" / "rerun",
-        f'echo "$@" >> {calls}; echo "settings=$XDG_CONFIG_HOME path=$PYTHONPATH" >> {calls}; [ "$1" != mcap ] || : > "$9"',
+        f'echo "$@" >> {calls}; echo "settings=$XDG_CONFIG_HOME path=$PYTHONPATH" >> {calls}; ['
+        ' "$1" != mcap ] || : > "$9"',
     )
     script(rerun.with_name("python3"), 'printf "%s" "$4" > "$3"')
     monkeypatch.setenv(VARIABLE, str(rerun))
@@ -81,7 +84,13 @@ def small_bag(path, topics, files=1, begins=0):
     types = typestore()
     with BagWriter(path, max_duration_ns=500_000_000 if files > 1 else 0) as bag:
         for topic, (type_name, _) in topics.items():
-            bag.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+            bag.add_topic(
+                topic,
+                type_name,
+                definition(types, type_name),
+                qos_yaml(),
+                type_hash(types, type_name),
+            )
         for k in range(files):
             for number, (topic, (type_name, content)) in enumerate(topics.items()):
                 stamp = begins + 1_000_000_000 * (k + 1) + number
@@ -107,12 +116,16 @@ def test_the_variable_comes_first_then_the_path_then_the_workspace(tmp_path, mon
     monkeypatch.setenv("PATH", str(tmp_path))
     assert find_rerun(tmp_path / "w") == own
     own.unlink()
-    with pytest.raises(RerunUnavailable, match="dart-skill view --install.*790 MB.*DART_SKILL_RERUN"):
+    with pytest.raises(
+        RerunUnavailable, match="dart-skill view --install.*790 MB.*DART_SKILL_RERUN"
+    ):
         find_rerun(tmp_path / "w")
 
 
 @pytest.mark.parametrize("wrong", ["missing", "folder", "plain.txt"])
-def test_a_variable_that_names_no_executable_is_an_error_and_not_passed_over(wrong, tmp_path, monkeypatch):
+def test_a_variable_that_names_no_executable_is_an_error_and_not_passed_over(
+    wrong, tmp_path, monkeypatch
+):
     (tmp_path / "folder").mkdir()
     (tmp_path / "plain.txt").write_text("")
     monkeypatch.setenv(VARIABLE, str(tmp_path / wrong))
@@ -148,7 +161,9 @@ def test_an_environment_that_is_there_is_kept_and_a_failed_one_removed(tmp_path,
     monkeypatch.setattr(subprocess, "run", failing)
     with pytest.raises(RerunUnavailable, match="rerun-sdk==0.41.0' failed.*removed again"):
         install(tmp_path / "new")
-    assert [command[1:3] for command in called] == [["-m", "venv"], ["-m", "pip"]] and not (tmp_path / "new" / ".venv-rerun").exists()
+    assert [command[1:3] for command in called] == [["-m", "venv"], ["-m", "pip"]] and not (
+        tmp_path / "new" / ".venv-rerun"
+    ).exists()
 
 
 # what is in a bag
@@ -156,8 +171,16 @@ def test_an_environment_that_is_there_is_kept_and_a_failed_one_removed(tmp_path,
 
 def test_arm_ball_basket_and_joints_of_our_bag_are_found():
     shown = describe(BAGS / "throws")
-    assert (shown.frame, shown.ball, shown.basket) == ("world", "/vrpn_mocap/ball/pose", "/vrpn_mocap/basket/pose")
-    assert shown.joints == "/joint_states" and shown.effort and [file.name for file in shown.files] == ["throws_0.mcap"]
+    assert (shown.frame, shown.ball, shown.basket) == (
+        "world",
+        "/vrpn_mocap/ball/pose",
+        "/vrpn_mocap/basket/pose",
+    )
+    assert (
+        shown.joints == "/joint_states"
+        and shown.effort
+        and [file.name for file in shown.files] == ["throws_0.mcap"]
+    )
     assert json.loads(shown.of(shown.files[0])) == {
         "application": "throws_0", "frame": "world", "ball": shown.ball, "basket": shown.basket, "joints": shown.joints, "effort": True,
         "names": [f"wam_j{k}" for k in range(1, 8)], "arm": "wam", "stands": 0.84,
@@ -166,14 +189,24 @@ def test_arm_ball_basket_and_joints_of_our_bag_are_found():
 
 
 def test_a_bag_without_arm_and_joints_has_what_it_has(tmp_path):
-    shown = describe(small_bag(tmp_path / "bag", {"/natnet/Ball/pose": pose("lab"), "/said": (TEXT, {"data": "x"})}))
+    shown = describe(
+        small_bag(
+            tmp_path / "bag", {"/natnet/Ball/pose": pose("lab"), "/said": (TEXT, {"data": "x"})}
+        )
+    )
     assert shown == BagLayout(shown.files, "lab", "/natnet/Ball/pose", None, None, dated=False)
     assert describe(small_bag(tmp_path / "texts", {"/said": (TEXT, {"data": "x"})})).frame is None
 
 
 def test_the_root_of_the_arm_is_the_frame_where_nothing_was_tracked(tmp_path):
-    urdf = "<robot><link name='hand'/><link name='base'/><joint><parent link='base'/><child link='hand'/></joint></robot>"
-    topics = {"/robot_description": (TEXT, {"data": urdf}), "/tf": ("tf2_msgs/msg/TFMessage", {"transforms": []})}
+    urdf = (
+        "<robot><link name='hand'/><link name='base'/><joint><parent link='base'/><child"
+        " link='hand'/></joint></robot>"
+    )
+    topics = {
+        "/robot_description": (TEXT, {"data": urdf}),
+        "/tf": ("tf2_msgs/msg/TFMessage", {"transforms": []}),
+    }
     assert describe(small_bag(tmp_path / "bag", topics)).frame == "base"
     topics["/robot_description"] = (TEXT, {"data": "no xml"})
     assert describe(small_bag(tmp_path / "broken", topics)).frame is None
@@ -181,15 +214,30 @@ def test_the_root_of_the_arm_is_the_frame_where_nothing_was_tracked(tmp_path):
 
 def test_the_arm_stands_as_high_as_the_static_transform_to_its_root_says(tmp_path):
     def transform(parent, child, z):
-        return {"header": {"frame_id": parent}, "child_frame_id": child, "transform": {"translation": {"z": z}}}
+        return {
+            "header": {"frame_id": parent},
+            "child_frame_id": child,
+            "transform": {"translation": {"z": z}},
+        }
 
-    urdf = "<robot name='r'><link name='hand'/><link name='base'/><joint><parent link='base'/><child link='hand'/></joint></robot>"
+    urdf = (
+        "<robot name='r'><link name='hand'/><link name='base'/><joint><parent link='base'/><child"
+        " link='hand'/></joint></robot>"
+    )
     static = {"transforms": [transform("lab", "camera", 2.5), transform("lab", "base", 0.6)]}
-    topics = {"/robot_description": (TEXT, {"data": urdf}), "/tf": ("tf2_msgs/msg/TFMessage", {"transforms": []})}
+    topics = {
+        "/robot_description": (TEXT, {"data": urdf}),
+        "/tf": ("tf2_msgs/msg/TFMessage", {"transforms": []}),
+    }
     still = {"/tf_static": ("tf2_msgs/msg/TFMessage", static), "/ball/pose": pose("lab")}
     shown = describe(small_bag(tmp_path / "bag", topics | still))
     assert (shown.arm, shown.stands) == ("r", 0.6)
-    assert describe(small_bag(tmp_path / "elsewhere", topics | still | {"/ball/pose": pose("map")})).stands == 0.0
+    assert (
+        describe(
+            small_bag(tmp_path / "elsewhere", topics | still | {"/ball/pose": pose("map")})
+        ).stands
+        == 0.0
+    )
     assert describe(small_bag(tmp_path / "unknown", topics)).stands == 0.0
 
 
@@ -198,10 +246,15 @@ def test_stamps_of_a_simulated_world_are_no_dates(begins, dated, stand_in, tmp_p
     bag = small_bag(tmp_path / "bag", {"/said": (TEXT, {"data": "x"})}, begins=begins)
     shown = describe(bag)
     files = with_durations(stand_in[0], shown, tmp_path, dict(os.environ))
-    assert shown.dated is dated and files == ([bag / "bag_0.mcap"] if dated else [tmp_path / "bag_0.rrd"])
+    assert shown.dated is dated and files == (
+        [bag / "bag_0.mcap"] if dated else [tmp_path / "bag_0.rrd"]
+    )
     script(stand_in[0], "echo no such command >&2; exit 2")
     if not dated:
-        with pytest.raises(RerunUnavailable, match="did not convert .*bag_0.mcap .no such command.*rerun-sdk 0.41.0"):
+        with pytest.raises(
+            RerunUnavailable,
+            match="did not convert .*bag_0.mcap .no such command.*rerun-sdk 0.41.0",
+        ):
             with_durations(stand_in[0], shown, tmp_path, dict(os.environ))
 
 
@@ -213,7 +266,10 @@ def test_servers_are_for_this_machine_alone():
     web = command_line(Path("rerun"), [Path("a.mcap")], [Path("l.rbl")], Ports(80, 1234, 5678))
     assert plain == ["rerun", "a.mcap", "l.rbl", "--bind", "127.0.0.1"]
     assert web == [*plain, "--serve-web", "--web-viewer-port", "1234", "--port", "5678"]
-    assert url_of_page(Ports(80, 1234, 5678)) == "http://127.0.0.1:80/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A5678%2Fproxy"
+    assert (
+        url_of_page(Ports(80, 1234, 5678))
+        == "http://127.0.0.1:80/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A5678%2Fproxy"
+    )
 
 
 def test_a_port_that_is_taken_is_told():
@@ -229,14 +285,26 @@ def test_a_port_that_is_taken_is_told():
 
 def test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own(stand_in, tmp_path, capsys):
     _, calls = stand_in
-    bag = small_bag(tmp_path / "split", {"/vrpn_mocap/ball/pose": pose(), "/said": (TEXT, {"data": "x" * 5000})}, files=12)
+    bag = small_bag(
+        tmp_path / "split",
+        {"/vrpn_mocap/ball/pose": pose(), "/said": (TEXT, {"data": "x" * 5000})},
+        files=12,
+    )
     files = sorted(bag.glob("*.mcap"), key=lambda file: int(file.stem.rsplit("_", 1)[1]))
     assert len(files) > 10 and describe(bag).files == tuple(files)
     assert main(["view", str(bag), "--json"]) == 0
     said, called = json.loads(capsys.readouterr().out), calls.read_text().splitlines()
-    assert [Path(file).name for file in said["files"]] == [f"{file.stem}.rrd" for file in files] and len(said["layouts"]) == len(files)
-    assert called[0] == "analytics disable" and called[2].startswith(f"mcap convert {files[0]} --application-id split_0 ")
-    assert called[-2] == " ".join(said["command"][1:]) == " ".join([*said["files"], *said["layouts"], "--bind", "127.0.0.1"])
+    assert [Path(file).name for file in said["files"]] == [
+        f"{file.stem}.rrd" for file in files
+    ] and len(said["layouts"]) == len(files)
+    assert called[0] == "analytics disable" and called[2].startswith(
+        f"mcap convert {files[0]} --application-id split_0 "
+    )
+    assert (
+        called[-2]
+        == " ".join(said["command"][1:])
+        == " ".join([*said["files"], *said["layouts"], "--bind", "127.0.0.1"])
+    )
     assert re.fullmatch(r"settings=.*dart_skill_view_.*/settings path=", called[-1])
     assert not Path(said["layouts"][0]).exists(), "layouts are gone when the view is closed"
 
@@ -247,7 +315,10 @@ def test_web_prints_the_address_of_the_page(stand_in, tmp_path, capsys):
     assert main(["view", str(bag), "--web", "--port", "0"]) == 0
     out = capsys.readouterr().out
     port = re.search(r"http://127.0.0.1:(\d+)/\?url=", out)[1]
-    assert "--serve-web --web-viewer-port" in calls.read_text() and f"--web-viewer-port {port}" not in calls.read_text(), "not its own page"
+    assert (
+        "--serve-web --web-viewer-port" in calls.read_text()
+        and f"--web-viewer-port {port}" not in calls.read_text()
+    ), "not its own page"
     assert "next: dart-skill report" in out
 
 
@@ -256,9 +327,14 @@ def test_save_writes_the_layout_and_opens_nothing(stand_in, tmp_path, monkeypatc
     monkeypatch.delenv("DISPLAY")
     bag = small_bag(tmp_path / "bag", {"/vrpn_mocap/ball/pose": pose()})
     assert main(["view", str(bag), "--save", str(tmp_path / "new" / "layouts")]) == 0
-    assert json.loads((tmp_path / "new" / "layouts" / "layout_0.rbl").read_text())["ball"] == "/vrpn_mocap/ball/pose"
+    assert (
+        json.loads((tmp_path / "new" / "layouts" / "layout_0.rbl").read_text())["ball"]
+        == "/vrpn_mocap/ball/pose"
+    )
     assert "--bind" not in calls.read_text() and "layout_0.rbl" in capsys.readouterr().out
-    assert (tmp_path / "new" / "layouts" / "bag_0.rrd").exists(), "what the call that was printed opens"
+    assert (tmp_path / "new" / "layouts" / "bag_0.rrd").exists(), (
+        "what the call that was printed opens"
+    )
 
 
 def test_without_a_screen_web_is_named(stand_in, tmp_path, monkeypatch, capsys):
@@ -275,7 +351,9 @@ def test_without_an_interpreter_the_bag_opens_without_a_layout(stand_in, tmp_pat
     rerun.with_name("python3").unlink()
     bag = small_bag(tmp_path / "bag", {"/said": (TEXT, {"data": "x"})})
     assert main(["view", str(bag)]) == 0
-    assert "without a layout" in capsys.readouterr().err and "/bag_0.rrd --bind" in calls.read_text()
+    assert (
+        "without a layout" in capsys.readouterr().err and "/bag_0.rrd --bind" in calls.read_text()
+    )
 
 
 def test_a_viewer_that_fails_gives_status_1(stand_in, tmp_path):
@@ -294,8 +372,14 @@ def test_what_cannot_be_read_is_told_before_rerun_is_asked(stand_in, tmp_path, c
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_the_viewer_with_everything_that_it_started(number, tmp_path):
     started = tmp_path / "started"
-    viewer = script(tmp_path / "rerun", f"sleep 600 & echo $! > {started}.new; mv {started}.new {started}; wait")
-    code = "import os, sys; from dart_skill.cli.view import run_to_the_end; sys.exit(run_to_the_end(sys.argv[1:], dict(os.environ)))"
+    viewer = script(
+        tmp_path / "rerun",
+        f"sleep 600 & echo $! > {started}.new; mv {started}.new {started}; wait",
+    )
+    code = (
+        "import os, sys; from dart_skill.cli.view import run_to_the_end;"
+        " sys.exit(run_to_the_end(sys.argv[1:], dict(os.environ)))"
+    )
     process = subprocess.Popen([sys.executable, "-c", code, str(viewer)])
     try:
         until = time.monotonic() + 60
@@ -350,7 +434,10 @@ def behind():
 
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self):
-            known = {"/?url=data": ("text/html", PAGE), "/re_viewer_bg.wasm": ("application/wasm", WASM)}
+            known = {
+                "/?url=data": ("text/html", PAGE),
+                "/re_viewer_bg.wasm": ("application/wasm", WASM),
+            }
             if self.path not in known:
                 return self.send_error(404)
             kind, content = known[self.path]
@@ -376,12 +463,17 @@ def test_the_page_is_passed_on_without_links_to_other_sites_and_may_reach_nothin
             page, allowed = answer.read(), answer.headers["Content-Security-Policy"]
         with urllib.request.urlopen(f"http://127.0.0.1:{ports.page}/re_viewer_bg.wasm") as answer:
             assert answer.read() == WASM and answer.headers["Content-Type"] == "application/wasm"
-            assert answer.headers["rerun-final-length"] == str(len(WASM)), "of which the page tells how far it is"
+            assert answer.headers["rerun-final-length"] == str(len(WASM)), (
+                "of which the page tells how far it is"
+            )
         with pytest.raises(urllib.error.HTTPError, match="404"):
             urllib.request.urlopen(f"http://127.0.0.1:{ports.page}/other")
     assert b"fonts.example" not in page and b"favicon.ico" in page and b"what is shown" in page
     assert allowed.startswith("default-src 'none';")
-    assert set(re.findall(r"https?://\S+", allowed)) == {f"http://127.0.0.1:{ports.data}"} and "*" not in allowed
+    assert (
+        set(re.findall(r"https?://\S+", allowed)) == {f"http://127.0.0.1:{ports.data}"}
+        and "*" not in allowed
+    )
 
 
 def test_a_page_that_is_not_served_yet_can_be_asked_for_again():
@@ -401,11 +493,20 @@ def rerun(tmp_path_factory):
     """A function that runs Rerun and gives what it says."""
     executable = os.environ.get("DART_SKILL_RERUN") or shutil.which("rerun")
     if executable is None or interpreter_of(Path(executable)) is None:
-        pytest.skip("no 'rerun' of a Python on the path, and DART_SKILL_RERUN names none: see 'A bag in Rerun' in docs/view.md")
+        pytest.skip(
+            "no 'rerun' of a Python on the path, and DART_SKILL_RERUN names none: see 'A bag in"
+            " Rerun' in docs/view.md"
+        )
     environment = quiet_environment(tmp_path_factory.mktemp("settings"), Path(executable))
 
     def run(*arguments):
-        done = subprocess.run([executable, *map(str, arguments)], capture_output=True, text=True, timeout=300, env=environment)
+        done = subprocess.run(
+            [executable, *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            env=environment,
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout + done.stderr
 
@@ -418,11 +519,19 @@ def test_rerun_makes_a_layout_for_the_recording_that_it_makes_of_our_bag(rerun, 
     (layout,) = write_layouts(rerun.executable, shown, tmp_path)
     assert "verified without error" in rerun("rrd", "verify", layout)
     said = rerun("rrd", "print", "-vvv", layout)
-    for part in ('StoreId(Blueprint, "throws_0"', "Arm, ball, basket", "Joint positions", "Joint efforts", "Height of the ball"):
+    for part in (
+        'StoreId(Blueprint, "throws_0"',
+        "Arm, ball, basket",
+        "Joint positions",
+        "Joint efforts",
+        "Height of the ball",
+    ):
         assert part in said, part
     rerun(*shown.files, "--bind", "127.0.0.1", "--port", "auto", "--save", tmp_path / "bag.rrd")
     stored = rerun("rrd", "print", tmp_path / "bag.rrd")
-    assert re.search(r'Recording,\s+"throws_0"', stored), "the layout is meant for the recording of this name"
+    assert re.search(r'Recording,\s+"throws_0"', stored), (
+        "the layout is meant for the recording of this name"
+    )
     for entity in ("/vrpn_mocap/ball/pose", "/joint_states/effort", "/tf", "visual_geometries"):
         assert entity in stored, entity
 
@@ -433,7 +542,9 @@ def test_rerun_serves_our_bag_with_its_layout_on_this_machine_alone(rerun, tmp_p
     files = with_durations(rerun.executable, shown, tmp_path, rerun.environment)
     command = command_line(rerun.executable, files, layouts, ports)
     with open(log, "w") as file:
-        process = subprocess.Popen(command, stdout=file, stderr=file, env=rerun.environment, start_new_session=True)
+        process = subprocess.Popen(
+            command, stdout=file, stderr=file, env=rerun.environment, start_new_session=True
+        )
     try:
         with RerunPage(*ports):
             page = _fetched(url_of_page(ports), process)
@@ -467,17 +578,34 @@ def _fetched(url, process, patience=60.0):
 
 @pytest.mark.slow
 @needs_chromium
-def test_in_a_browser_the_page_gets_the_bag_and_asks_for_nothing_outside_this_machine(rerun, tmp_path):
+def test_in_a_browser_the_page_gets_the_bag_and_asks_for_nothing_outside_this_machine(
+    rerun, tmp_path
+):
     shown, ports = describe(BAGS / "throws"), free_ports(0)
     files = with_durations(rerun.executable, shown, tmp_path, rerun.environment)
-    command = command_line(rerun.executable, files, write_layouts(rerun.executable, shown, tmp_path), ports)
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=rerun.environment, start_new_session=True)
+    command = command_line(
+        rerun.executable, files, write_layouts(rerun.executable, shown, tmp_path), ports
+    )
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=rerun.environment,
+        start_new_session=True,
+    )
     try:
         with RerunPage(*ports):
             _fetched(url_of_page(ports), process)
             with Page(tmp_path / "browser", url_of_page(ports), SMALL) as page:
                 data = f"http://127.0.0.1:{ports.data}/"
-                page._wait(lambda: page.text() is not None and any(one.startswith(data) for one in page.addresses), 120.0, "its data")
+                page._wait(
+                    lambda: (
+                        page.text() is not None
+                        and any(one.startswith(data) for one in page.addresses)
+                    ),
+                    120.0,
+                    "its data",
+                )
                 page.draw(5)
                 own = (f"http://127.0.0.1:{ports.page}/", data, "data:", "blob:")
                 assert [one for one in page.addresses if not one.startswith(own)] == []
@@ -487,7 +615,9 @@ def test_in_a_browser_the_page_gets_the_bag_and_asks_for_nothing_outside_this_ma
 
 
 def test_rerun_makes_a_layout_without_an_arm_and_without_anything(rerun, tmp_path):
-    for number, topics in enumerate([{"/vrpn_mocap/ball/pose": pose()}, {"/said": (TEXT, {"data": "x"})}]):
+    for number, topics in enumerate(
+        [{"/vrpn_mocap/ball/pose": pose()}, {"/said": (TEXT, {"data": "x"})}]
+    ):
         shown = describe(small_bag(tmp_path / f"bag_{number}", topics))
         (tmp_path / str(number)).mkdir()
         (layout,) = write_layouts(rerun.executable, shown, tmp_path / str(number))
@@ -496,7 +626,10 @@ def test_rerun_makes_a_layout_without_an_arm_and_without_anything(rerun, tmp_pat
 
 def test_an_interpreter_without_rerun_is_told(tmp_path):
     rerun = script(tmp_path / "bin" / "rerun", "")
-    script(rerun.with_name("python3"), "echo \"ModuleNotFoundError: No module named 'rerun'\" >&2; exit 1")
+    script(
+        rerun.with_name("python3"),
+        "echo \"ModuleNotFoundError: No module named 'rerun'\" >&2; exit 1",
+    )
     shown = BagLayout((Path("bag_0.mcap"),), None, None, None, None, False)
     with pytest.raises(RerunUnavailable, match="No module named 'rerun'.*rerun-sdk 0.41.0"):
         write_layouts(rerun, shown, tmp_path)

@@ -1,4 +1,6 @@
-"""Bodies of skills as they are drawn: the solids of a skill, a board with its beds, and a scene of them."""
+"""Bodies of skills as they are drawn: the solids of a skill, a board with its beds, and a scene of
+them.
+"""
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ def server():
 
 
 def inside(point, mesh):
-    """Whether a point (2,) is in a triangle of a flat mesh, as it is seen along x: y to the left, z up."""
+    """Whether a point (2,) is in a triangle of a flat mesh, as it is seen along x: y to the left,
+    z up.
+    """
     corners = mesh.vertices[mesh.faces][..., 1:]
     first, edges = corners[:, 0], corners[:, 1:] - corners[:, :1]
     area = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
@@ -32,7 +36,17 @@ def inside(point, mesh):
 
 @pytest.mark.parametrize(
     ("bed", "colour"),
-    [("DB", RED), ("S20", BLACK), ("T20", RED), ("D20", RED), ("S1", CREAM), ("T1", GREEN), ("D1", GREEN), ("S6", CREAM), ("S18", BLACK)],
+    [
+        ("DB", RED),
+        ("S20", BLACK),
+        ("T20", RED),
+        ("D20", RED),
+        ("S1", CREAM),
+        ("T1", GREEN),
+        ("D1", GREEN),
+        ("S6", CREAM),
+        ("S18", BLACK),
+    ],
 )
 def test_a_board_has_its_beds_where_the_thrower_sees_them(bed, colour):
     assert colour_at(as_target(bed) + [0.4, 0.3]) == [colour]
@@ -59,12 +73,18 @@ def test_a_body_of_which_nothing_is_known_is_a_small_box():
 
 def test_a_cup_stands_on_its_origin():
     (part,) = parts_of([Solid("cup", (0.05, 0.06, 0.003))])
-    assert part.mesh.vertices[:, 2].min() == pytest.approx(-0.003) and part.mesh.vertices[:, 2].max() == pytest.approx(0.06)
+    assert part.mesh.vertices[:, 2].min() == pytest.approx(-0.003) and part.mesh.vertices[
+        :, 2
+    ].max() == pytest.approx(0.06)
 
 
 @pytest.mark.parametrize(
     ("kind", "lengths", "why"),
-    [("cone", (1.0,), "choose one of box"), ("box", (1.0,), "3 positive lengths"), ("sphere", (0.0,), "1 positive lengths")],
+    [
+        ("cone", (1.0,), "choose one of box"),
+        ("box", (1.0,), "3 positive lengths"),
+        ("sphere", (0.0,), "1 positive lengths"),
+    ],
 )
 def test_a_solid_that_is_none_is_refused(kind, lengths, why):
     with pytest.raises(ValueError, match=why):
@@ -99,7 +119,15 @@ def test_a_skill_of_somebody_else_needs_no_solids(server):
 
 def test_controls_have_the_words_of_their_skill():
     place, darts, throw = (load_skill(name) for name in ("place", "darts", "throw"))
-    assert (place.words.do, place.words.trials, place.words.unit) == ("Execute", "trials", ("mm", 1000.0))
+    assert (place.words.do, place.words.trials, place.words.unit) == (
+        "Execute",
+        "trials",
+        ("mm", 1000.0),
+    )
     assert place.by_pointer and not place.has_configurations
-    assert darts.words.do == throw.words.do == "Throw" and not darts.by_pointer and darts.has_configurations
+    assert (
+        darts.words.do == throw.words.do == "Throw"
+        and not darts.by_pointer
+        and darts.has_configurations
+    )
     assert (darts.words.done, throw.words.done) == ("in the board", "in the basket")

@@ -11,25 +11,51 @@ from dart_skill.recording.imports.mapping import CaptureFile, PoseSource
 from dart_skill.recording.imports.motion_capture._capture import Capture, poses_of
 from dart_skill.recording.imports.motion_capture._markers import read_c3d, read_trc
 from dart_skill.recording.imports.motion_capture._motive import looks_like_motive, read_motive
-from dart_skill.recording.imports.motion_capture._qualisys import looks_like_qualisys, read_qualisys
+from dart_skill.recording.imports.motion_capture._qualisys import (
+    looks_like_qualisys,
+    read_qualisys,
+)
 from dart_skill.recording.imports.motion_capture._skeleton import read_bvh
 from dart_skill.recording.imports.motion_capture._vicon import looks_like_vicon, read_vicon
 from dart_skill.recording.imports.pose_stream import Axes
 from dart_skill.recording.imports.text_files import TextFile
 
 NOT_READ = {
-    (".tak", ".ttp", ".tra", ".motive"): "a file of Motive: open it there, and export CSV ('Export Tracking Data')",
-    (".x1d", ".x2d", ".x1s", ".x2s", ".vsk", ".vss", ".xcp"): "a file of Vicon: open it in Nexus or Tracker, and export C3D or ASCII (CSV)",
+    (
+        ".tak",
+        ".ttp",
+        ".tra",
+        ".motive",
+    ): "a file of Motive: open it there, and export CSV ('Export Tracking Data')",
+    (
+        ".x1d",
+        ".x2d",
+        ".x1s",
+        ".x2s",
+        ".vsk",
+        ".vss",
+        ".xcp",
+    ): "a file of Vicon: open it in Nexus or Tracker, and export C3D or ASCII (CSV)",
     (".qtm", ".qpr"): "a file of QTM: open it there, and export TSV with header, 3D or 6D",
     (".mvn", ".mvnx", ".mtb"): "a file of Xsens: open it in MVN, and export BVH or C3D",
-    (".fbx", ".htr", ".asf", ".amc", ".trb", ".cap", ".cmo"): "not read: export BVH of a skeleton, C3D or TRC of markers, or CSV",
+    (
+        ".fbx",
+        ".htr",
+        ".asf",
+        ".amc",
+        ".trb",
+        ".cap",
+        ".cmo",
+    ): "not read: export BVH of a skeleton, C3D or TRC of markers, or CSV",
 }
 """What to do with files of other formats, by their endings."""
 
 
-def read_capture(folder: Path, where: PoseSource) -> tuple[np.ndarray, np.ndarray, np.ndarray, Axes]:
-    """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4), x, y, z, w, of the frames in which a body was seen; and where our axes
-    point in its.
+def read_capture(
+    folder: Path, where: PoseSource
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Axes]:
+    """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4), x, y, z, w, of the frames in
+    which a body was seen; and where our axes point in its.
 
     * folder: of the recording.
     * where: which body in which file, and what the mapping says of it.
@@ -67,7 +93,10 @@ def _opened(path: Path, where: CaptureFile, unit: str) -> Capture:
     if looks_like_motive(lines):
         return read_motive(file, where, unit)
     known = "CSV of Motive, Nexus or Tracker, TSV of QTM, C3D, TRC, BVH"
-    other = f"no export of a motion capture program that is known ({known}): a table is read with 'table:' and columns"
+    other = (
+        f"no export of a motion capture program that is known ({known}): a table is read with"
+        " 'table:' and columns"
+    )
     raise ValueError(f"{path}: {remedy or other}")
 
 

@@ -1,7 +1,9 @@
-"""What a file of motion capture holds, whatever program wrote it; and how a body becomes positions in metres with quaternions.
+"""What a file of motion capture holds, whatever program wrote it; and how a body becomes positions
+in metres with quaternions.
 
-Each format is a function that gives a `Capture`: the bodies and markers with the columns that hold them, and what the file says of units
-and rotations. What it does not say is asked for, and what a mapping says otherwise is an error.
+Each format is a function that gives a `Capture`: the bodies and markers with the columns that hold
+them, and what the file says of units and rotations. What it does not say is asked for, and what a
+mapping says otherwise is an error.
 """
 
 from __future__ import annotations
@@ -13,7 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from dart_skill.common.constants import UNTURNED
-from dart_skill.recording.imports.mapping import ANGLE_UNITS, LENGTH_UNITS, ROTATIONS, CaptureFile, PoseSource
+from dart_skill.recording.imports.mapping import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    ROTATIONS,
+    CaptureFile,
+    PoseSource,
+)
 from dart_skill.recording.imports.pose_stream import UP_AXES, Axes
 
 LENGTH_WORDS = {
@@ -29,7 +37,8 @@ FEWEST_MARKERS = 3
 MOST_NAMES = 40
 """So many names are listed in an error."""
 MEASURED = "Marker"
-"""The kind of markers that cameras saw; others of the same name are where a program expects them."""
+"""The kind of markers that cameras saw; others of the same name are where a program expects them.
+"""
 
 
 @dataclass(frozen=True)
@@ -40,8 +49,10 @@ class Body:
     * kind: as the file has it.
     * position: indices of the columns x, y, z.
     * rotation: indices of the columns of its orientation; none for a marker.
-    * turn: how these tell it: quaternion, matrix (column by column), a word of ROTATIONS, or empty where the file does not say it.
-    * angle: their unit, of ANGLE_UNITS; empty where the file does not say it, or they are no angles.
+    * turn: how these tell it: quaternion, matrix (column by column), a word of ROTATIONS, or empty
+      where the file does not say it.
+    * angle: their unit, of ANGLE_UNITS; empty where the file does not say it, or they are no
+      angles.
     * refusal: why it cannot be used; empty if it can.
     """
 
@@ -79,8 +90,11 @@ class Capture:
         return ValueError(f"{self.path}: {text}")
 
 
-def poses_of(capture: Capture, where: PoseSource) -> tuple[np.ndarray, np.ndarray, np.ndarray, Axes]:
-    """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4) of the frames in which a body was seen; where our axes point in theirs.
+def poses_of(
+    capture: Capture, where: PoseSource
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Axes]:
+    """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4) of the frames in which a body was
+    seen; where our axes point in theirs.
 
     * where: which body, and what the mapping says of the file.
     """
@@ -88,10 +102,20 @@ def poses_of(capture: Capture, where: PoseSource) -> tuple[np.ndarray, np.ndarra
     chosen = _chosen(capture, where.capture)
     if refusal := next((body.refusal for body in chosen if body.refusal), ""):
         raise capture.error(f"'{chosen[0].name}': {refusal}")
-    scale = LENGTH_UNITS[agreed(capture, "length", capture.length, where.length if "length" in where.told else "", LENGTH_UNITS)]
+    scale = LENGTH_UNITS[
+        agreed(
+            capture,
+            "length",
+            capture.length,
+            where.length if "length" in where.told else "",
+            LENGTH_UNITS,
+        )
+    ]
     axes = _axes(capture, where)
     body = _with_turn(capture, chosen[0], where.capture.rotation)
-    stamps, numbers = capture.read([place for one in chosen for place in (*one.position, *one.rotation)])
+    stamps, numbers = capture.read(
+        [place for one in chosen for place in (*one.position, *one.rotation)]
+    )
     if len(chosen) > 1:
         position, quaternion = marker_poses(_seen(capture, numbers.reshape(len(stamps), -1, 3)))
     else:
@@ -101,42 +125,61 @@ def poses_of(capture: Capture, where: PoseSource) -> tuple[np.ndarray, np.ndarra
 
 
 def agreed(capture: Capture, key: str, told: str, said: str, choices: Sequence[str] | dict) -> str:
-    """What the file tells, or the mapping says; ValueError if neither does, or they contradict each other.
+    """What the file tells, or the mapping says; ValueError if neither does, or they contradict
+    each other.
 
     * key: of the mapping.
     * told: by the file; said: by the mapping; empty for nothing.
     * choices: possible values.
     """
     if told and said and told != said:
-        raise capture.error(f"{key} is '{said}' in the mapping, but the file itself says '{told}': leave {key} out, or correct the file")
+        raise capture.error(
+            f"{key} is '{said}' in the mapping, but the file itself says '{told}': leave {key}"
+            " out, or correct the file"
+        )
     if not told and not said:
-        raise capture.error(f"the file does not say its {key}: add '{key}:' to the mapping, one of {', '.join(choices)}")
+        raise capture.error(
+            f"the file does not say its {key}: add '{key}:' to the mapping, one of"
+            f" {', '.join(choices)}"
+        )
     return told or said
 
 
 def agreed_rate(path: Path, told: float, said: float) -> float:
-    """Frames per second [1/s]; ValueError if nobody tells it, or file and mapping contradict each other.
+    """Frames per second [1/s]; ValueError if nobody tells it, or file and mapping contradict each
+    other.
 
     * path: of the file.
     * told: by the file; said: by the mapping; 0 for nothing [1/s].
     """
     if told and said and abs(told - said) > 1e-6 * told:
-        raise ValueError(f"{path}: rate is {said:g} in the mapping, but the file itself says {told:g}: leave rate out, or correct the file")
+        raise ValueError(
+            f"{path}: rate is {said:g} in the mapping, but the file itself says {told:g}: leave"
+            " rate out, or correct the file"
+        )
     if not told > 0.0 and not said:
-        raise ValueError(f"{path}: it has no times, and does not say its frame rate: add 'rate:' to the mapping, in frames per second")
+        raise ValueError(
+            f"{path}: it has no times, and does not say its frame rate: add 'rate:' to the"
+            " mapping, in frames per second"
+        )
     return told or said
 
 
 def length_told(text: str) -> str:
     """The unit of length that is meant by a word; empty if none is. text: the word."""
-    return next((unit for unit, words in LENGTH_WORDS.items() if text.strip().lower() in words), "")
+    return next(
+        (unit for unit, words in LENGTH_WORDS.items() if text.strip().lower() in words), ""
+    )
 
 
 def _axes(capture: Capture, where: PoseSource) -> Axes:
     is_told = bool(where.told & {"up", "xyz"})
     if is_told or capture.axes is None:
         if not is_told:
-            hint = f"add 'up:' to the mapping, one of {', '.join(UP_AXES)} (y is the default of Motive)"
+            hint = (
+                f"add 'up:' to the mapping, one of {', '.join(UP_AXES)} (y is the default of"
+                " Motive)"
+            )
             raise capture.error(f"the file does not say which axis points up: {hint}")
         return where.axes
     return capture.axes
@@ -147,8 +190,18 @@ def _chosen(capture: Capture, wanted: CaptureFile) -> list[Body]:
     if wanted.markers:
         return [_marker(capture, name) for name in wanted.markers]
     found = _named(capture, wanted.body)
-    found = [one for one in found if one.rotation] or [one for one in found if one.kind == MEASURED] or found
-    if not found and (markers := [one for one in capture.bodies if not one.rotation and one.name.startswith(f"{wanted.body}:")]):
+    found = (
+        [one for one in found if one.rotation]
+        or [one for one in found if one.kind == MEASURED]
+        or found
+    )
+    if not found and (
+        markers := [
+            one
+            for one in capture.bodies
+            if not one.rotation and one.name.startswith(f"{wanted.body}:")
+        ]
+    ):
         return [one for one in markers if one.kind == MEASURED] or markers
     return [_the_one(capture, wanted.body, found)]
 
@@ -159,7 +212,9 @@ def _marker(capture: Capture, name: str) -> Body:
 
 
 def _named(capture: Capture, name: str) -> list[Body]:
-    """Bodies of a name, or of an ident; else those with this name behind a colon, as in Skeleton:Bone."""
+    """Bodies of a name, or of an ident; else those with this name behind a colon, as in
+    Skeleton:Bone.
+    """
     return (
         [one for one in capture.bodies if one.name == name]
         or [one for one in capture.bodies if one.ident == name]
@@ -173,11 +228,23 @@ def _the_one(capture: Capture, name: str, found: list[Body]) -> Body:
     if not found:
         names = list(dict.fromkeys(one.name for one in capture.bodies))
         more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        raise capture.error(f"nothing is called '{name}' in it, only {', '.join(names[:MOST_NAMES]) or 'nothing at all'}{more}")
-    other = [one.ident for one in found] if len({one.ident for one in found}) == len(found) else [one.name for one in found]
+        raise capture.error(
+            f"nothing is called '{name}' in it, only"
+            f" {', '.join(names[:MOST_NAMES]) or 'nothing at all'}{more}"
+        )
+    other = (
+        [one.ident for one in found]
+        if len({one.ident for one in found}) == len(found)
+        else [one.name for one in found]
+    )
     if len(set(other)) == len(found):
-        raise capture.error(f"{len(found)} bodies are called '{name}': name one of {', '.join(other)} instead")
-    raise capture.error(f"{len(found)} bodies are called '{name}': give them different names in the program, and export it again")
+        raise capture.error(
+            f"{len(found)} bodies are called '{name}': name one of {', '.join(other)} instead"
+        )
+    raise capture.error(
+        f"{len(found)} bodies are called '{name}': give them different names in the program, and"
+        " export it again"
+    )
 
 
 def _with_turn(capture: Capture, body: Body, said: tuple[str, ...]) -> Body:
@@ -187,14 +254,25 @@ def _with_turn(capture: Capture, body: Body, said: tuple[str, ...]) -> Body:
     kind = next((word for word in said if word in ROTATIONS), "")
     unit = next((word for word in said if word in ANGLE_UNITS), "")
     if len(body.rotation) != 3 and (kind or unit):
-        raise capture.error(f"rotation is '{kind or unit}' in the mapping, but '{body.name}' has a {body.turn} in the file: leave it out")
+        raise capture.error(
+            f"rotation is '{kind or unit}' in the mapping, but '{body.name}' has a {body.turn} in"
+            " the file: leave it out"
+        )
     if len(body.rotation) != 3:
         return body
     if not (body.turn or kind) or not (body.angle or unit):
-        missing = [*([] if body.turn or kind else [f"one of {', '.join(ROTATIONS)}"]), *([] if body.angle or unit else ["rad or deg"])]
-        raise capture.error(f"the file does not say how '{body.name}' is turned: add 'rotation:' to the mapping, {', and '.join(missing)}")
+        missing = [
+            *([] if body.turn or kind else [f"one of {', '.join(ROTATIONS)}"]),
+            *([] if body.angle or unit else ["rad or deg"]),
+        ]
+        raise capture.error(
+            f"the file does not say how '{body.name}' is turned: add 'rotation:' to the mapping,"
+            f" {', and '.join(missing)}"
+        )
     turn = agreed(capture, "rotation", body.turn, kind, ROTATIONS)
-    return replace(body, turn=turn, angle=agreed(capture, "rotation", body.angle, unit, ANGLE_UNITS))
+    return replace(
+        body, turn=turn, angle=agreed(capture, "rotation", body.angle, unit, ANGLE_UNITS)
+    )
 
 
 def _seen(capture: Capture, position: np.ndarray) -> np.ndarray:
@@ -204,7 +282,9 @@ def _seen(capture: Capture, position: np.ndarray) -> np.ndarray:
 
 
 def _quaternions(numbers: np.ndarray, body: Body) -> np.ndarray:
-    """Quaternions (n, 4) of what tells orientations (n, k); nan where they are not known, and none turned if nothing tells them."""
+    """Quaternions (n, 4) of what tells orientations (n, k); nan where they are not known, and none
+    turned if nothing tells them.
+    """
     from scipy.spatial.transform import Rotation  # our own bags need none
 
     if not body.rotation:
@@ -223,16 +303,22 @@ def _quaternions(numbers: np.ndarray, body: Body) -> np.ndarray:
         return found
     sequence = ROTATIONS[body.turn]
     about = ["xyz".index(axis) for axis in sequence.lower()]
-    turned = Rotation.from_euler(sequence, angles[:, about]) if sequence else Rotation.from_rotvec(angles)
+    turned = (
+        Rotation.from_euler(sequence, angles[:, about])
+        if sequence
+        else Rotation.from_rotvec(angles)
+    )
     found[known] = turned.as_quat()
     return found
 
 
 def marker_poses(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) and quaternions (n, 4) of a body that carries markers; nan where too few of them were seen.
+    """Positions (n, 3) and quaternions (n, 4) of a body that carries markers; nan where too few of
+    them were seen.
 
-    Its origin is the mean of the markers. Its x axis points from the first marker to the second, and the third lies in the x-y plane, where
-    y is positive. Where some of more than three markers are hidden, the body follows from the others. Two markers have no orientation.
+    Its origin is the mean of the markers. Its x axis points from the first marker to the second,
+    and the third lies in the x-y plane, where y is positive. Where some of more than three markers
+    are hidden, the body follows from the others. Two markers have no orientation.
 
     * markers: (n, k, 3), nan where one was not seen.
     """
@@ -249,7 +335,9 @@ def marker_poses(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     there = np.where(weight, markers[fit], 0.0)
     n_seen = weight.sum(axis=1)
     centre, of_shape = there.sum(axis=1) / n_seen, (weight * shape).sum(axis=1) / n_seen
-    moments = np.einsum("nki,nkj->nij", weight * (there - centre[:, None]), weight * (shape - of_shape[:, None]))
+    moments = np.einsum(
+        "nki,nkj->nij", weight * (there - centre[:, None]), weight * (shape - of_shape[:, None])
+    )
     u, _, vt = np.linalg.svd(moments)
     u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
     turned = u @ vt
@@ -260,14 +348,20 @@ def marker_poses(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _shape(markers: np.ndarray) -> np.ndarray:
-    """Markers (k, 3) in the axes of the body, about their mean: the median over frames (n, k, 3) in which all were seen."""
+    """Markers (k, 3) in the axes of the body, about their mean: the median over frames (n, k, 3)
+    in which all were seen.
+    """
     x = markers[:, 1] - markers[:, 0]
     z = np.cross(x, markers[:, 2] - markers[:, 0])
     if not (np.linalg.norm(z, axis=1) > 1e-6 * np.sum(x * x, axis=1)).any():
         raise ValueError("the first three markers lie on a line: name others first in 'markers:'")
-    x, z = (axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300) for axis in (x, z))
+    x, z = (
+        axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-300) for axis in (x, z)
+    )
     axes = np.stack([x, np.cross(z, x), z], axis=1)
-    shape = np.median(np.einsum("nij,nkj->nki", axes, markers - markers.mean(axis=1, keepdims=True)), axis=0)
+    shape = np.median(
+        np.einsum("nij,nkj->nki", axes, markers - markers.mean(axis=1, keepdims=True)), axis=0
+    )
     return shape - shape.mean(axis=0)
 
 

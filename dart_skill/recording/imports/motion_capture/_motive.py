@@ -1,8 +1,10 @@
-"""CSV exports of OptiTrack's Motive, format versions 1.2 and later, and older ones, with bodies in a line, of Motive 1 and Tracking Tools.
+"""CSV exports of OptiTrack's Motive, format versions 1.2 and later, and older ones, with bodies in
+a line, of Motive 1 and Tracking Tools.
 
-The first line tells pairs (key, value) of the take. Then, above the numbers, lines tell of each column the type, name and number of what it
-belongs to, whether it is `Rotation` or `Position`, and its axis. Cells of a body that was not tracked are empty. Angles are degrees about
-the axes of the body (OptiTrack's documentation, "Data Export: CSV", and the conversions of the NatNet SDK).
+The first line tells pairs (key, value) of the take. Then, above the numbers, lines tell of each
+column the type, name and number of what it belongs to, whether it is `Rotation` or `Position`, and
+its axis. Cells of a body that was not tracked are empty. Angles are degrees about the axes of the
+body (OptiTrack's documentation, "Data Export: CSV", and the conversions of the NatNet SDK).
 """
 
 from __future__ import annotations
@@ -14,7 +16,12 @@ from itertools import takewhile
 import numpy as np
 
 from dart_skill.recording.imports.mapping import EULER_ORDERS, CaptureFile
-from dart_skill.recording.imports.motion_capture._capture import Body, Capture, agreed_rate, length_told
+from dart_skill.recording.imports.motion_capture._capture import (
+    Body,
+    Capture,
+    agreed_rate,
+    length_told,
+)
 from dart_skill.recording.imports.text_files import Row, TextFile, Timing
 
 KEYS = (
@@ -51,27 +58,42 @@ def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
     """
     head, numbers = _head(file)
     named = [row for row in head if row.cells[0].strip().lower() == "frame"]
-    if numbers is None and any(len(row.cells) > 4 and row.cells[1].strip().isdigit() for row in named):
+    if numbers is None and any(
+        len(row.cells) > 4 and row.cells[1].strip().isdigit() for row in named
+    ):
         return _old(file, head)
     if numbers is None and named:
         raise file.error("there are no frames below the names of its columns", named[-1])
     if numbers is None or len(head) < 2:
-        raise file.error("no CSV export of Motive: it begins with 'Format Version', and lines above the numbers name the columns")
+        raise file.error(
+            "no CSV export of Motive: it begins with 'Format Version', and lines above the numbers"
+            " name the columns"
+        )
     about = _about(file, head)
     bodies = _bodies(file, head, about, where)
     timing = _timing(file, head, about, where, unit)
     rows = partial(_from, file, numbers.number)
     length = length_told(about.get("length units", ""))
-    return Capture(file.path, bodies, lambda places: file.read(rows(), timing, places, is_ragged=True), length)
+    return Capture(
+        file.path, bodies, lambda places: file.read(rows(), timing, places, is_ragged=True), length
+    )
 
 
 def looks_like_motive(lines: Sequence[str]) -> bool:
     """Whether a file is an export. lines: the first ones."""
     first = lines[0].lower()
-    if first.startswith(("comment", "righthanded", "lefthanded", "info")) or "format version" in first or "take name" in first:
+    if (
+        first.startswith(("comment", "righthanded", "lefthanded", "info"))
+        or "format version" in first
+        or "take name" in first
+    ):
         return True
     words = ("rotation", "position", *KINDS)
-    return any(sum(map(line.lower().count, words)) > 2 for line in lines[:8] if not line.lstrip().startswith("<"))
+    return any(
+        sum(map(line.lower().count, words)) > 2
+        for line in lines[:8]
+        if not line.lstrip().startswith("<")
+    )
 
 
 def _head(file: TextFile) -> tuple[list[Row], Row | None]:
@@ -79,7 +101,11 @@ def _head(file: TextFile) -> tuple[list[Row], Row | None]:
     head: list[Row] = []
     for row in file.rows():
         first = row.cells[0].strip()
-        if len(row.cells) > 1 and first and first.replace(",", "").replace(".", "").lstrip("-").isdigit():
+        if (
+            len(row.cells) > 1
+            and first
+            and first.replace(",", "").replace(".", "").lstrip("-").isdigit()
+        ):
             return head, row
         head.append(row)
         if len(head) > MOST_HEADER_ROWS:
@@ -92,26 +118,42 @@ def _from(file: TextFile, line: int) -> Iterator[Row]:
 
 
 def _about(file: TextFile, head: Sequence[Row]) -> dict[str, str]:
-    """Values of the known keys of the first line, by the key in small letters; a note may have made several lines of it."""
+    """Values of the known keys of the first line, by the key in small letters; a note may have
+    made several lines of it.
+    """
     found: dict[str, str] = {}
     for row in takewhile(lambda row: row.cells[0].strip(), head[:-2]):
         cells = [cell.strip() for cell in row.cells]
         for cell, value in zip(cells, [*cells[1:], ""], strict=True):
             key = cell.lower()
             if key in KEYS and found.setdefault(key, value) != value:
-                raise file.error(f"'{cell}' is told twice, as '{found[key]}' and as '{value}': correct the header", row)
+                raise file.error(
+                    f"'{cell}' is told twice, as '{found[key]}' and as '{value}': correct the"
+                    " header",
+                    row,
+                )
     return found
 
 
-def _bodies(file: TextFile, head: Sequence[Row], about: dict[str, str], where: CaptureFile) -> tuple[Body, ...]:
+def _bodies(
+    file: TextFile, head: Sequence[Row], about: dict[str, str], where: CaptureFile
+) -> tuple[Body, ...]:
     *above, what, axes = [row.cells for row in head]
     above = [cells for cells in above if not cells[0].strip() and len(cells) > 2]
     labelled = {cells[1].strip().lower(): cells for cells in above}
-    types = labelled.get("type") or next((cells for cells in above if any(_is_kind(cell) for cell in cells[2:])), [])
-    others = [cells for cells in above if cells is not types and cells[1].strip().lower() not in LABELS[2:]]
+    types = labelled.get("type") or next(
+        (cells for cells in above if any(_is_kind(cell) for cell in cells[2:])), []
+    )
+    others = [
+        cells
+        for cells in above
+        if cells is not types and cells[1].strip().lower() not in LABELS[2:]
+    ]
     idents = labelled.get("id", [])
     wanted = {where.body, *where.markers}
-    names = labelled.get("name") or next((cells for cells in above if wanted & set(map(str.strip, cells))), [])
+    names = labelled.get("name") or next(
+        (cells for cells in above if wanted & set(map(str.strip, cells))), []
+    )
     names = names or next(iter(others), []) or idents
     groups: dict[tuple[str, str, str, int], dict[tuple[str, str], int]] = {}
     latest: dict[tuple[str, str, str], int] = {}
@@ -142,15 +184,24 @@ def _is_kind(cell: str) -> bool:
     return any(kind in cell.lower() for kind in KINDS)
 
 
-def _body(kind: str, name: str, ident: str, columns: dict[tuple[str, str], int], turn: str) -> Body | None:
+def _body(
+    kind: str, name: str, ident: str, columns: dict[tuple[str, str], int], turn: str
+) -> Body | None:
     """The body of some columns, by (what, axis); None if they hold no position."""
     parts: dict[str, dict[str, int]] = {}
     for (what, axis), place in columns.items():
         parts.setdefault(what, {})[axis] = place
     whole = {what: axes for what, axes in parts.items() if set("XYZ") <= set(axes)}
-    turns = {what for what, axes in whole.items() if "W" in axes or what.lower().startswith(("rot", "orient"))}
+    turns = {
+        what
+        for what, axes in whole.items()
+        if "W" in axes or what.lower().startswith(("rot", "orient"))
+    }
     places = [what for what in whole if what not in turns]
-    position = next((what for what in places if what.lower().startswith("pos")), places[0] if len(places) == 1 else "")
+    position = next(
+        (what for what in places if what.lower().startswith("pos")),
+        places[0] if len(places) == 1 else "",
+    )
     if not position:
         return None
     rotation = whole[turns.pop()] if turns else {}
@@ -171,20 +222,49 @@ def _refused(body: Body, space: str) -> Body:
     if not body.kind.lower().endswith("bone") or space == "global":
         return body
     if space == "local":
-        refusal = "the positions of bones are relative to their parents: export it with world coordinates (Coordinate Space: Global)"
+        refusal = (
+            "the positions of bones are relative to their parents: export it with world"
+            " coordinates (Coordinate Space: Global)"
+        )
     else:
-        refusal = "the file does not say its Coordinate Space: add 'space: global' to the mapping if bones are in the axes of the world"
-    return Body(body.name, body.kind, body.position, body.rotation, body.turn, body.angle, body.ident, refusal)
+        refusal = (
+            "the file does not say its Coordinate Space: add 'space: global' to the mapping if"
+            " bones are in the axes of the world"
+        )
+    return Body(
+        body.name,
+        body.kind,
+        body.position,
+        body.rotation,
+        body.turn,
+        body.angle,
+        body.ident,
+        refusal,
+    )
 
 
-def _timing(file: TextFile, head: Sequence[Row], about: dict[str, str], where: CaptureFile, unit: str) -> Timing:
+def _timing(
+    file: TextFile, head: Sequence[Row], about: dict[str, str], where: CaptureFile, unit: str
+) -> Timing:
     """The column of times, which is beside that of the frames, else the frames with their rate."""
     *_, what, axes = [row.cells for row in head]
     if axes[0].strip().lower().startswith("time"):
         return Timing(0, unit)
-    if len(axes) > 1 and axes[1].strip() and not _cell(what, 1) and axes[1].strip().upper() not in tuple("XYZW"):
+    if (
+        len(axes) > 1
+        and axes[1].strip()
+        and not _cell(what, 1)
+        and axes[1].strip().upper() not in tuple("XYZW")
+    ):
         return Timing(1, unit)
-    told = next((float(text) for key in KEYS[4:2:-1] if (text := about.get(key, "").replace(",", ".")) and _is_number(text)), 0.0)
+    told = next(
+        (
+            float(text)
+            for key in KEYS[4:2:-1]
+            if (text := about.get(key, "").replace(",", ".")) and _is_number(text)
+        ),
+        0.0,
+    )
     return Timing(0, rate=agreed_rate(file.path, told, where.rate))
 
 
@@ -207,20 +287,35 @@ def _old(file: TextFile, head: Sequence[Row]) -> Capture:
     bodies = []
     for k, (ident, name) in enumerate(names.items()):
         x = 7 * k
-        bodies.append(Body(name, "Rigid Body", (x, x + 1, x + 2), (x + 3, x + 4, x + 5, x + 6), "quaternion", ident=ident))
+        bodies.append(
+            Body(
+                name,
+                "Rigid Body",
+                (x, x + 1, x + 2),
+                (x + 3, x + 4, x + 5, x + 6),
+                "quaternion",
+                ident=ident,
+            )
+        )
     if not bodies:
         raise file.error("no rigid bodies are defined above its frames")
     return Capture(file.path, tuple(bodies), partial(_read_old, file, list(names)))
 
 
-def _read_old(file: TextFile, idents: Sequence[str], places: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def _read_old(
+    file: TextFile, idents: Sequence[str], places: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
     wanted = sorted({place // 7 for place in places})
     lines = []
     for row in file.rows():
         cells = [cell.strip() for cell in row.cells]
         if cells[0].lower() != "frame" or len(cells) < 4 or not cells[3].isdigit():
             continue
-        seen = {cells[at]: cells[at + 1 : at + 8] for at in range(4, 4 + OLD_BODY * int(cells[3]), OLD_BODY) if at < len(cells)}
+        seen = {
+            cells[at]: cells[at + 1 : at + 8]
+            for at in range(4, 4 + OLD_BODY * int(cells[3]), OLD_BODY)
+            if at < len(cells)
+        }
         values = [value for k in wanted for value in seen.get(idents[k], [""] * 7)]
         lines.append(Row(row.number, [cells[2], *values]))
     order = [1 + 7 * wanted.index(place // 7) + place % 7 for place in places]

@@ -1,7 +1,9 @@
-"""TSV exports of Qualisys' QTM, of markers (3D) and of bodies (6D): lines of a key and its values, then a line for each frame.
+"""TSV exports of Qualisys' QTM, of markers (3D) and of bodies (6D): lines of a key and its values,
+then a line for each frame.
 
-Lengths are millimetres and angles degrees, as QTM always writes them. Rot[0] to Rot[8] are the matrix column by column. Without frames and
-times in the file a line is a frame. QTM has z up, unless a mapping says something else.
+Lengths are millimetres and angles degrees, as QTM always writes them. Rot[0] to Rot[8] are the
+matrix column by column. Without frames and times in the file a line is a frame. QTM has z up,
+unless a mapping says something else.
 """
 
 from __future__ import annotations
@@ -43,16 +45,32 @@ def read_qualisys(file: TextFile, where: CaptureFile, unit: str) -> Capture:
         raise file.error("there are no numbers in it")
     names = [name for key in NAMES for name in about.get(key, ()) if name]
     if not names:
-        raise file.error(f"nothing names markers or bodies in it: export it with header ({' or '.join(NAMES)})")
+        raise file.error(
+            f"nothing names markers or bodies in it: export it with header ({' or '.join(NAMES)})"
+        )
     bodies, first_place = _bodies(names, columns, "MARKER_NAMES" not in about, row)
     if not bodies:
-        raise file.error(f"{len(row.cells)} columns do not fit {len(names)} names: export it anew, with the names of the columns", row)
-    timing = Timing(1, unit) if first_place == 2 else _timing(file, about, where, 0 if first_place else None)
+        raise file.error(
+            f"{len(row.cells)} columns do not fit {len(names)} names: export it anew, with the"
+            " names of the columns",
+            row,
+        )
+    timing = (
+        Timing(1, unit)
+        if first_place == 2
+        else _timing(file, about, where, 0 if first_place else None)
+    )
 
     def numbered() -> Iterator[Row]:
         return dropwhile(lambda row: not _is_number(row.cells[0].strip()), file.rows())
 
-    return Capture(file.path, bodies, lambda places: file.read(numbered(), timing, places, is_ragged=True), "mm", AS_OURS)
+    return Capture(
+        file.path,
+        bodies,
+        lambda places: file.read(numbered(), timing, places, is_ragged=True),
+        "mm",
+        AS_OURS,
+    )
 
 
 def looks_like_qualisys(lines: Sequence[str]) -> bool:
@@ -68,16 +86,32 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _timing(file: TextFile, about: dict[str, list[str]], where: CaptureFile, place: int | None) -> Timing:
+def _timing(
+    file: TextFile, about: dict[str, list[str]], where: CaptureFile, place: int | None
+) -> Timing:
     told = "".join(about.get("FREQUENCY", [""])[:1]).replace(",", ".")
-    return Timing(place, rate=agreed_rate(file.path, float(told) if _is_number(told) else 0.0, where.rate))
+    return Timing(
+        place, rate=agreed_rate(file.path, float(told) if _is_number(told) else 0.0, where.rate)
+    )
 
 
-def _bodies(names: list[str], columns: list[str], are_bodies: bool, row: Row) -> tuple[tuple[Body, ...], int]:
-    """Bodies with their columns, none if these do not fit; and how many columns with frame and time are before them."""
+def _bodies(
+    names: list[str], columns: list[str], are_bodies: bool, row: Row
+) -> tuple[tuple[Body, ...], int]:
+    """Bodies with their columns, none if these do not fit; and how many columns with frame and
+    time are before them.
+    """
     if columns:
-        first = 2 if columns[1].lower().startswith("time") else 1 if columns[0].lower().startswith("frame") else 0
-        starts = [k for k in range(first, len(columns)) if columns[k] == "X" or columns[k].endswith(" X")]
+        first = (
+            2
+            if columns[1].lower().startswith("time")
+            else 1
+            if columns[0].lower().startswith("frame")
+            else 0
+        )
+        starts = [
+            k for k in range(first, len(columns)) if columns[k] == "X" or columns[k].endswith(" X")
+        ]
         if len(starts) != len(names):
             return (), first
         parts = zip(names, starts, [*starts[1:], len(columns)], strict=True)
@@ -86,15 +120,30 @@ def _bodies(names: list[str], columns: list[str], are_bodies: bool, row: Row) ->
     first -= first in (1, 3) and not row.cells[-1].strip()  # some lines end with a delimiter
     if are_bodies or first not in (0, 1, 2):
         return (), first
-    return tuple(Body(name, "Marker", _three(first + 3 * k)) for k, name in enumerate(names)), first
+    return (
+        tuple(Body(name, "Marker", _three(first + 3 * k)) for k, name in enumerate(names)),
+        first,
+    )
 
 
 def _body(name: str, columns: list[str], first: int, is_body: bool) -> Body:
     if not is_body:
         return Body(name, "Marker", _three(first))
     if all(one in columns for one in MATRIX):
-        return Body(name, "6DOF body", _three(first), tuple(first + columns.index(one) for one in MATRIX), "matrix")
-    return Body(name, "6DOF body", _three(first), _three(first + 3) if len(columns) > 5 else (), angle="deg")
+        return Body(
+            name,
+            "6DOF body",
+            _three(first),
+            tuple(first + columns.index(one) for one in MATRIX),
+            "matrix",
+        )
+    return Body(
+        name,
+        "6DOF body",
+        _three(first),
+        _three(first + 3) if len(columns) > 5 else (),
+        angle="deg",
+    )
 
 
 def _three(first: int) -> tuple[int, int, int]:

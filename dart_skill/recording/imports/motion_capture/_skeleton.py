@@ -1,7 +1,9 @@
-"""BVH files: a skeleton of joints with fixed offsets, and their angles in each frame; where the joints are follows from both.
+"""BVH files: a skeleton of joints with fixed offsets, and their angles in each frame; where the
+joints are follows from both.
 
-Angles are degrees and turn about the axes of the joint in the order of its channels. Channels of a position take the place of the offset,
-as the programs that write them for all joints mean it. The file does not say its unit of lengths, nor which axis points up.
+Angles are degrees and turn about the axes of the joint in the order of its channels. Channels of a
+position take the place of the offset, as the programs that write them for all joints mean it. The
+file does not say its unit of lengths, nor which axis points up.
 """
 
 from __future__ import annotations
@@ -35,7 +37,13 @@ def read_bvh(path: Path) -> Capture:
     file = TextFile(path, " ")
     joints, line, period = _hierarchy(file)
     bodies = tuple(
-        Body(one.name, "Joint", (WIDTH * k, WIDTH * k + 1, WIDTH * k + 2), tuple(range(WIDTH * k + 3, WIDTH * k + 7)), "quaternion")
+        Body(
+            one.name,
+            "Joint",
+            (WIDTH * k, WIDTH * k + 1, WIDTH * k + 2),
+            tuple(range(WIDTH * k + 3, WIDTH * k + 7)),
+            "quaternion",
+        )
         for k, one in enumerate(joints)
         if one.name
     )
@@ -44,7 +52,9 @@ def read_bvh(path: Path) -> Capture:
     def read(places: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         rows = (row for row in file.rows() if row.number > line)
         frames, numbers = file.read(rows, Timing(None, rate=1.0), range(width))
-        wanted = {k: _placed(joints, k, numbers) for k in sorted({place // WIDTH for place in places})}
+        wanted = {
+            k: _placed(joints, k, numbers) for k in sorted({place // WIDTH for place in places})
+        }
         columns = [wanted[place // WIDTH][:, place % WIDTH] for place in places]
         return of_frames(1.0 / period, frames / 1e9), np.column_stack(columns)
 
@@ -89,7 +99,9 @@ def _numbers(file: TextFile, row: Row, cells: Sequence[str]) -> np.ndarray:
 
 
 def _placed(joints: Sequence[_Joint], which: int, numbers: np.ndarray) -> np.ndarray:
-    """Position and quaternion (n, 7) of a joint in the axes of the file. numbers: of all channels (n, k)."""
+    """Position and quaternion (n, 7) of a joint in the axes of the file. numbers: of all channels
+    (n, k).
+    """
     from scipy.spatial.transform import Rotation
 
     chain = [which]
@@ -97,10 +109,21 @@ def _placed(joints: Sequence[_Joint], which: int, numbers: np.ndarray) -> np.nda
         chain.append(joints[chain[-1]].parent)
     position, turned = np.zeros((len(numbers), 3)), Rotation.identity(len(numbers))
     for joint in (joints[k] for k in reversed(chain)):
-        values = dict(zip(joint.channels, numbers[:, joint.first : joint.first + len(joint.channels)].T, strict=True))
-        moved = [values.get(f"{axis}position", np.full(len(numbers), joint.offset[k])) for k, axis in enumerate("xyz")]
+        values = dict(
+            zip(
+                joint.channels,
+                numbers[:, joint.first : joint.first + len(joint.channels)].T,
+                strict=True,
+            )
+        )
+        moved = [
+            values.get(f"{axis}position", np.full(len(numbers), joint.offset[k]))
+            for k, axis in enumerate("xyz")
+        ]
         position = position + turned.apply(np.column_stack(moved))
         if order := "".join(one[0] for one in joint.channels if one.endswith("rotation")):
             angles = np.column_stack([values[f"{axis}rotation"] for axis in order])
-            turned = turned * Rotation.from_euler(order.upper(), angles if len(order) > 1 else angles[:, 0], degrees=True)
+            turned = turned * Rotation.from_euler(
+                order.upper(), angles if len(order) > 1 else angles[:, 0], degrees=True
+            )
     return np.hstack([position, turned.as_quat()])

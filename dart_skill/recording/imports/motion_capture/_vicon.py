@@ -1,7 +1,9 @@
-"""CSV exports of Vicon's Nexus and Tracker: blocks, each with its title, its rate, and three lines that name subjects, columns and units.
+"""CSV exports of Vicon's Nexus and Tracker: blocks, each with its title, its rate, and three lines
+that name subjects, columns and units.
 
-A block begins three lines above the one of its columns, which are called Frame, Sub Frame, and X, Y, Z or RX, RY, RZ, (RW,) TX, TY, TZ.
-Both programs have z up, unless a mapping says something else.
+A block begins three lines above the one of its columns, which are called Frame, Sub Frame, and X,
+Y, Z or RX, RY, RZ, (RW,) TX, TY, TZ. Both programs have z up, unless a mapping says something
+else.
 """
 
 from __future__ import annotations
@@ -11,7 +13,12 @@ from collections.abc import Iterator, Sequence
 from itertools import islice, takewhile
 
 from dart_skill.recording.imports.mapping import CaptureFile
-from dart_skill.recording.imports.motion_capture._capture import Body, Capture, agreed_rate, length_told
+from dart_skill.recording.imports.motion_capture._capture import (
+    Body,
+    Capture,
+    agreed_rate,
+    length_told,
+)
 from dart_skill.recording.imports.pose_stream import AS_OURS
 from dart_skill.recording.imports.text_files import Row, TextFile, Timing
 
@@ -31,17 +38,23 @@ def read_vicon(file: TextFile, where: CaptureFile, unit: str) -> Capture:
     * unit: of times, of TIME_UNITS; the file has frames only.
     """
     del unit
-    blocks = [capture for above in _headers(file) if (capture := _block(file, above, where)).bodies]
+    blocks = [
+        capture for above in _headers(file) if (capture := _block(file, above, where)).bodies
+    ]
     if not blocks:
         raise file.error("no block with positions in it: export trajectories, segments or objects")
     wanted = {*where.markers, where.body}
-    return next((one for one in blocks if any(_is_called(body, wanted) for body in one.bodies)), blocks[0])
+    return next(
+        (one for one in blocks if any(_is_called(body, wanted) for body in one.bodies)), blocks[0]
+    )
 
 
 def looks_like_vicon(lines: Sequence[str]) -> bool:
     """Whether a file is an export. lines: the first ones."""
     plain = [line.replace('"', "").replace(";", ",").replace("\t", ",") for line in lines[:8]]
-    return any(line.strip().strip(",").lower() in TITLES or _is_header(line.split(",")) for line in plain)
+    return any(
+        line.strip().strip(",").lower() in TITLES or _is_header(line.split(",")) for line in plain
+    )
 
 
 def _is_called(body: Body, wanted: set[str]) -> bool:
@@ -50,7 +63,10 @@ def _is_called(body: Body, wanted: set[str]) -> bool:
 
 
 def _is_header(cells: Sequence[str]) -> bool:
-    return len(cells) > 2 and [cell.strip().lower() for cell in cells[:2]] == ["frame", "sub frame"]
+    return len(cells) > 2 and [cell.strip().lower() for cell in cells[:2]] == [
+        "frame",
+        "sub frame",
+    ]
 
 
 def _headers(file: TextFile) -> list[tuple[Row, Row, Row]]:
@@ -67,24 +83,42 @@ def _headers(file: TextFile) -> list[tuple[Row, Row, Row]]:
 def _block(file: TextFile, above: tuple[Row, Row, Row], where: CaptureFile) -> Capture:
     rate, names, columns = above
     text = rate.cells[0].strip().replace(",", ".")
-    timing = Timing(0, rate=agreed_rate(file.path, float(text) if text.replace(".", "", 1).isdigit() else 0.0, where.rate))
+    timing = Timing(
+        0,
+        rate=agreed_rate(
+            file.path, float(text) if text.replace(".", "", 1).isdigit() else 0.0, where.rate
+        ),
+    )
     units = next(_after(file, columns), columns)
     is_told = not units.cells[0].strip()
     bodies, lengths = _bodies(names.cells, columns.cells, units.cells if is_told else [])
     if len(lengths) > 1:
-        raise file.error(f"lengths are in {' and '.join(sorted(lengths))}: export them in one unit", units)
+        raise file.error(
+            f"lengths are in {' and '.join(sorted(lengths))}: export them in one unit", units
+        )
 
     def numbered() -> Iterator[Row]:
-        return takewhile(lambda row: len(row.cells) > 1 and row.cells[0].strip().isdigit(), islice(_after(file, columns), is_told, None))
+        return takewhile(
+            lambda row: len(row.cells) > 1 and row.cells[0].strip().isdigit(),
+            islice(_after(file, columns), is_told, None),
+        )
 
-    return Capture(file.path, bodies, lambda places: file.read(numbered(), timing, places, is_ragged=True), "".join(lengths), AS_OURS)
+    return Capture(
+        file.path,
+        bodies,
+        lambda places: file.read(numbered(), timing, places, is_ragged=True),
+        "".join(lengths),
+        AS_OURS,
+    )
 
 
 def _after(file: TextFile, above: Row) -> Iterator[Row]:
     return (row for row in file.rows() if row.number > above.number)
 
 
-def _bodies(names: Sequence[str], columns: Sequence[str], units: Sequence[str]) -> tuple[tuple[Body, ...], set[str]]:
+def _bodies(
+    names: Sequence[str], columns: Sequence[str], units: Sequence[str]
+) -> tuple[tuple[Body, ...], set[str]]:
     """Bodies and markers of a block, and the units of their positions."""
     places: dict[str, dict[str, int]] = {}
     name = ""
@@ -103,7 +137,9 @@ def _body(name: str, places: dict[str, int], units: Sequence[str]) -> tuple[Body
         return units[place].strip().lower() if place < len(units) else ""
 
     position = next((one for one in POSITIONS if all(axis in places for axis in one)), None)
-    if position is None or (unit(places[position[0]]) and not length_told(unit(places[position[0]]))):
+    if position is None or (
+        unit(places[position[0]]) and not length_told(unit(places[position[0]]))
+    ):
         return None
     x, y, z = (places[axis] for axis in position)
     rotation = tuple(places[axis] for axis in TURNS if axis in places)
@@ -111,4 +147,6 @@ def _body(name: str, places: dict[str, int], units: Sequence[str]) -> tuple[Body
     angle = unit(rotation[0]) if len(rotation) == 3 else ""
     turn = "quaternion" if len(rotation) == 4 else ""
     kind = "Segment" if rotation else "Marker"
-    return Body(name, kind, (x, y, z), rotation, turn, angle if angle in ("deg", "rad") else ""), length_told(unit(x))
+    return Body(
+        name, kind, (x, y, z), rotation, turn, angle if angle in ("deg", "rad") else ""
+    ), length_told(unit(x))

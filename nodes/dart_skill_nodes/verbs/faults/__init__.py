@@ -1,4 +1,6 @@
-"""`dart-skill experiment faults`: injects faults into the real graph, one by one, and judges what comes of each."""
+"""`dart-skill experiment faults`: injects faults into the real graph, one by one, and judges what
+comes of each.
+"""
 
 import argparse
 import json
@@ -14,13 +16,29 @@ from dart_skill_nodes.verbs.faults.cases import named
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.description = "Inject faults into the real graph, one by one: nodes, messages, disks, strangers. Judge what comes of it."
+    parser.description = (
+        "Inject faults into the real graph, one by one: nodes, messages, disks, strangers. Judge"
+        " what comes of it."
+    )
     only = "only cases whose names hold one of these texts (default: all, which takes 50 minutes)"
     parser.add_argument("--case", metavar="TEXT", nargs="+", default=[""], help=only)
-    parser.add_argument("--list", action="store_true", help="the names of the cases, and nothing else")
-    parser.add_argument("--output", type=folder, help="folder for bags and logs (default: a new one, which is taken away at the end)")
-    parser.add_argument("--bag", type=Path, default=Path("bags/demonstrations"), help="what is replayed (default bags/demonstrations)")
-    parser.add_argument("--page", type=Path, metavar="FILE", help="write the table as a page, too: docs/faults.md")
+    parser.add_argument(
+        "--list", action="store_true", help="the names of the cases, and nothing else"
+    )
+    parser.add_argument(
+        "--output",
+        type=folder,
+        help="folder for bags and logs (default: a new one, which is taken away at the end)",
+    )
+    parser.add_argument(
+        "--bag",
+        type=Path,
+        default=Path("bags/demonstrations"),
+        help="what is replayed (default bags/demonstrations)",
+    )
+    parser.add_argument(
+        "--page", type=Path, metavar="FILE", help="write the table as a page, too: docs/faults.md"
+    )
     parser.add_argument("--json", action="store_true", help="JSON instead of the table")
 
 
@@ -42,7 +60,9 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     rclpy.init(args=[])
     try:
         with tempfile.TemporaryDirectory(prefix="faults_") as temporary:
-            reactions, usual = run_all(cases, (options.output or Path(temporary)).resolve(), options.bag, say)
+            reactions, usual = run_all(
+                cases, (options.output or Path(temporary)).resolve(), options.bag, say
+            )
     except GraphFailure as failure:
         say(f"the graph did not start: {failure}")
         return 1
@@ -51,5 +71,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     table = page(reactions, usual)
     if options.page:
         options.page.write_text(table, encoding="utf-8")
-    print(json.dumps([as_json(one, usual) for one in reactions], indent=1) if options.json else table)
+    print(
+        json.dumps([as_json(one, usual) for one in reactions], indent=1) if options.json else table
+    )
     return int(any(one.faults(usual) for one in reactions))

@@ -1,4 +1,6 @@
-"""How fast and how strong the joints of the simulated arm were, and who pushed: the ground truth, whatever is done to the topics."""
+"""How fast and how strong the joints of the simulated arm were, and who pushed: the ground truth,
+whatever is done to the topics.
+"""
 
 import time
 
@@ -17,17 +19,21 @@ STANDS_NS = 700_000_000
 """Without a new state for so long the time of the arm stands still [ns, wall clock]."""
 PUSHERS = {COMMANDS: "commander", GUIDING: "teacher"}
 LOOKED_AT_NS = 40_000_000
-"""Commands are looked at whose stamps are whole multiples of this, so that those of commander and teacher can be compared [ns]."""
+"""Commands are looked at whose stamps are whole multiples of this, so that those of commander and
+teacher can be compared [ns].
+"""
 CARRYING = 4
-"""The joints before the wrist: those of the wrist may turn at 13 rad/s when a person lets go of the hand."""
+"""The joints before the wrist: those of the wrist may turn at 13 rad/s when a person lets go of
+the hand.
+"""
 STRANGER = "stranger"
 
 
 class ArmMeter:
     """What was since `clear`.
 
-    fastest: of the joints that carry the arm [rad/s]; strongest: of all that are driven, not braked [N m]; last: of the fastest of all at
-    the newest state [rad/s].
+    fastest: of the joints that carry the arm [rad/s]; strongest: of all that are driven, not
+    braked [N m]; last: of the fastest of all at the newest state [rad/s].
     """
 
     def __init__(self, node: Node):
@@ -81,10 +87,19 @@ class ArmMeter:
             elif message.topic in PUSHERS:
                 self._take_push(message)
 
-    def _take_state(self, message: RawMessage, state: SimulationState | JointState, velocity: np.ndarray, effort: np.ndarray) -> None:
+    def _take_state(
+        self,
+        message: RawMessage,
+        state: SimulationState | JointState,
+        velocity: np.ndarray,
+        effort: np.ndarray,
+    ) -> None:
         self.last = float(np.abs(velocity).max())
         self.fastest = max(self.fastest, float(np.abs(velocity[:CARRYING]).max()))
-        self.strongest = max(self.strongest, float(np.abs(effort[effort * velocity[: effort.size] >= 0.0]).max(initial=0.0)))
+        self.strongest = max(
+            self.strongest,
+            float(np.abs(effort[effort * velocity[: effort.size] >= 0.0]).max(initial=0.0)),
+        )
         stamp = (state.header.stamp.sec, state.header.stamp.nanosec)
         if stamp != self._stamp:  # the simulator repeats a state that nobody answers
             self._stamp, self.newest_ns = stamp, message.received_ns
@@ -99,7 +114,11 @@ class ArmMeter:
         if np.abs(command.joint_torque).max() > 0.0 or _force(command) > 0.0:
             if not self._hurt:
                 self._senders[message.topic] = command.sender
-            who = PUSHERS[message.topic] if command.sender == self._senders.get(message.topic) else STRANGER
+            who = (
+                PUSHERS[message.topic]
+                if command.sender == self._senders.get(message.topic)
+                else STRANGER
+            )
             self._pushed.setdefault(who, set()).add(ns)
 
     def close(self) -> None:

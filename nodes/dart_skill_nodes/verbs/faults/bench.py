@@ -1,4 +1,6 @@
-"""The graph under test: started, taught, given a fault in one place at one moment, watched meanwhile, and asked to work again."""
+"""The graph under test: started, taught, given a fault in one place at one moment, watched
+meanwhile, and asked to work again.
+"""
 
 import json
 import signal
@@ -51,11 +53,15 @@ SEED = 0
 SWINGS = 1.5
 """Joint speed that only a throw reaches: approaches are slower [rad/s]."""
 LESSONS = 4.0
-"""Speed of the fastest joint before the wrist in the thirteen lessons of bags/demonstrations [rad/s]."""
+"""Speed of the fastest joint before the wrist in the thirteen lessons of bags/demonstrations
+[rad/s].
+"""
 ENOUGH = 2
 """Demonstrations that are learned from."""
 SETTLE, RESTS = 1.0, 0.5
-"""The arm is watched so long after the client's answer, or until it has rested for the latter [s, wall clock]."""
+"""The arm is watched so long after the client's answer, or until it has rested for the latter [s,
+wall clock].
+"""
 PATIENCE = 30.0
 """A client without an answer after so long has none [s, wall clock]."""
 BACK = 60.0
@@ -71,7 +77,9 @@ BEHIND = "_behind_the_stranger"
 
 
 class WatchedClient(GraphClient):
-    """A client that does something else, too, whenever it lets messages come in; it knows no process of the graph, as a stranger's."""
+    """A client that does something else, too, whenever it lets messages come in; it knows no
+    process of the graph, as a stranger's.
+    """
 
     def __init__(self) -> None:
         self.meanwhile: list[Callable[[], None]] = []
@@ -86,30 +94,44 @@ class WatchedClient(GraphClient):
 class Bench:
     """One graph, on which cases are tried one after the other until one leaves it broken.
 
-    extra: nodes besides those of the layout that are there from the start; others of BYSTANDERS are started when a case needs them.
-    speed: of simulated time in a case, 0: as fast as it goes.
+    extra: nodes besides those of the layout that are there from the start; others of BYSTANDERS
+    are started when a case needs them. speed: of simulated time in a case, 0: as fast as it goes.
     """
 
     layout = "processes"
 
-    def __init__(self, folder: Path, extra: tuple[str, ...] = (RECORDER, VIEWER), speed: float = 1.0):
+    def __init__(
+        self, folder: Path, extra: tuple[str, ...] = (RECORDER, VIEWER), speed: float = 1.0
+    ):
         self._speed = speed
-        self._folder, self._graph, self._bags, self._extra = folder, Graph(folder / "logs"), 0, extra
+        self._folder, self._graph, self._bags, self._extra = (
+            folder,
+            Graph(folder / "logs"),
+            0,
+            extra,
+        )
         self._bag_of: dict[str, Path] = {}
         self._spoiled: set[Path] = set()  # bags that hold what a stranger sent and is no message
         self._disk: SmallDisk | None = None
         self._stranger: subprocess.Popen | None = None
-        self._relayed: tuple[str, str] | None = None  # topic before whose publisher the stranger stands, and that publisher
+        self._relayed: tuple[str, str] | None = (
+            None  # topic before whose publisher the stranger stands, and that publisher
+        )
         self.client = WatchedClient()
         self.meter = ArmMeter(self.client.node)
         self.client.meanwhile.append(self.meter.take)
         self._planning = False
         kind = Execute.Impl.FeedbackMessage
-        self.client.node.create_subscription(kind, "execute/_action/feedback", self._on_feedback, 10)
+        self.client.node.create_subscription(
+            kind, "execute/_action/feedback", self._on_feedback, 10
+        )
         self._orders = self.client.node.create_publisher(String, ORDERS, 10)
         self._done: set[str] = set()
-        self._lessons = 0  # that the recorder has kept since it was started: who learns anew hears of no others
-        self.client.node.create_subscription(String, DONE, lambda message: self._done.add(message.data), LATCHED)
+        # that the recorder has kept since it was started: who learns anew hears of no others
+        self._lessons = 0
+        self.client.node.create_subscription(
+            String, DONE, lambda message: self._done.add(message.data), LATCHED
+        )
         self._reset_arm = self.client.node.create_client(Trigger, "commander/reset")
         self._shown, (self._target,) = targets_for(SEED, 2, 1)
         self.usual = (LESSONS, float(wam_description().of_joints("peak_torque").max()))
@@ -142,7 +164,9 @@ class Bench:
         self._learn_what_is_usual()
 
     def _learn_what_is_usual(self) -> None:
-        """Lessons differ: how fast the arm was in what went without a fault since the meter was cleared."""
+        """Lessons differ: how fast the arm was in what went without a fault since the meter was
+        cleared.
+        """
         self.usual = (max(self.usual[0], self.meter.fastest), self.usual[1])
 
     def _start(self, node: str) -> None:
@@ -173,7 +197,9 @@ class Bench:
     def _new_bag(self, node: str) -> Path:
         self._bags += 1
         on_small_disk = self._disk is not None and node == self._filled
-        self._bag_of[node] = (self._disk.folder if on_small_disk else self._folder) / f"{node}_{self._bags}"
+        self._bag_of[node] = (
+            self._disk.folder if on_small_disk else self._folder
+        ) / f"{node}_{self._bags}"
         return self._bag_of[node]
 
     def _on_feedback(self, message) -> None:
@@ -220,7 +246,9 @@ class Bench:
             return
         with open(self._folder / "logs" / "stranger.log", "ab") as log:
             command = [sys.executable, "-m", "dart_skill_nodes.verbs.faults.stranger"]
-            self._stranger = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+            self._stranger = subprocess.Popen(
+                command, stdout=log, stderr=log, stdin=subprocess.DEVNULL
+            )
         self._order_and_wait(end=True)
 
     def _end_stranger(self) -> None:
@@ -234,7 +262,9 @@ class Bench:
         self._orders.publish(String(data=text))
 
     def _order_and_wait(self, **what) -> None:
-        """Until it is done; said again, as a stranger that has just been started may not have heard it."""
+        """Until it is done; said again, as a stranger that has just been started may not have
+        heard it.
+        """
         until, again = time.monotonic() + BACK, 0.0
         self._done.discard(text := json.dumps(what))
         while text not in self._done:
@@ -257,7 +287,14 @@ class Bench:
         hold_planning = case.phase == "planning" and case.node != LEARNER
         if case.phase == "planning":
             self._signal(LEARNER, signal.SIGSTOP)
-        watch = [injection.look, *([lambda: injection.at and self._signal(LEARNER, signal.SIGCONT)] if hold_planning else [])]
+        watch = [
+            injection.look,
+            *(
+                [lambda: injection.at and self._signal(LEARNER, signal.SIGCONT)]
+                if hold_planning
+                else []
+            ),
+        ]
         injection.on_injection = self.meter.begin_anew
         self.client.meanwhile += watch
         try:
@@ -266,7 +303,9 @@ class Bench:
                 self._let_come(KNOWN if case.fault == ATTACK else 0.0)
             until = time.monotonic() + BACK
             succeeded, answer, asked = self._try(lambda: self._job(case))
-            while not injection.at and not succeeded and time.monotonic() < until:  # a node that was started anew is not yet known to all
+            while (
+                not injection.at and not succeeded and time.monotonic() < until
+            ):  # a node that was started anew is not yet known to all
                 self._let_come(SETTLE)
                 succeeded, answer, asked = self._try(lambda: self._job(case))
             answered = time.monotonic()
@@ -279,7 +318,13 @@ class Bench:
         if not injection.at:
             raise GraphFailure(f"{case.name}: its moment never came: {answer}")
         seconds = max(0.0, answered - max(injection.at, asked))
-        measured = self.meter.fastest, self.meter.strongest, self.meter.speed, self.meter.pushed, self.meter.at_once
+        measured = (
+            self.meter.fastest,
+            self.meter.strongest,
+            self.meter.speed,
+            self.meter.pushed,
+            self.meter.at_once,
+        )
         if case.phase == "planning":
             self._signal(LEARNER, signal.SIGCONT)
         begun = time.monotonic()
@@ -287,7 +332,9 @@ class Bench:
         self.meter.begin()
         afterwards = self._works_again(case, succeeded)
         self._learn_what_is_usual()
-        return Reaction(case, succeeded, answer, seconds, *measured, bag, afterwards, time.monotonic() - begun)
+        return Reaction(
+            case, succeeded, answer, seconds, *measured, bag, afterwards, time.monotonic() - begun
+        )
 
     def _is_time(self, case: Case) -> Callable[[], bool]:
         if case.phase in ("lesson", "swing", "practice"):
@@ -297,7 +344,9 @@ class Bench:
         return lambda: True
 
     def _job(self, case: Case) -> str:
-        """What the client asks for; what it is told, in words. GraphFailure if it comes to nothing."""
+        """What the client asks for; what it is told, in words. GraphFailure if it comes to
+        nothing.
+        """
         if case.phase == "lesson" or (case.phase == "idle" and case.node == TEACHER):
             return self._lesson()
         if case.phase == "practice" or (case.phase == "idle" and case.node == COACH):
@@ -308,7 +357,9 @@ class Bench:
 
     def _lesson(self, target: np.ndarray | None = None) -> str:
         """At a target (3,); default: another one each time."""
-        lesson = self.client.teach(self._shown[self._lessons % len(self._shown)] if target is None else target)
+        lesson = self.client.teach(
+            self._shown[self._lessons % len(self._shown)] if target is None else target
+        )
         if not lesson.success:
             raise GraphFailure(lesson.message)
         self._lessons += 1
@@ -316,7 +367,9 @@ class Bench:
 
     def _practice(self) -> str:
         messages = []
-        practised = self.client.practise(targets=[self._target], on_feedback=lambda feedback: messages.append(feedback.message))
+        practised = self.client.practise(
+            targets=[self._target], on_feedback=lambda feedback: messages.append(feedback.message)
+        )
         if not practised.success or practised.learned < practised.executed:
             raise GraphFailure("; ".join([practised.message, *filter(None, messages)]))
         return practised.message
@@ -332,7 +385,9 @@ class Bench:
         return thrown.message
 
     def _try(self, job: Callable[[], str]) -> tuple[bool, str, float]:
-        """Whether a job succeeded, what the client was told, paths as seen from this graph's folder, and when it asked."""
+        """Whether a job succeeded, what the client was told, paths as seen from this graph's
+        folder, and when it asked.
+        """
         asked, told, succeeded = time.monotonic(), "", False
         try:
             told, succeeded = job(), True
@@ -343,7 +398,9 @@ class Bench:
     # afterwards
 
     def _mend(self, case: Case) -> str:
-        """End what hurts: start a killed node again, let a frozen one go on, send the stranger away; what is wrong with its bag."""
+        """End what hurts: start a killed node again, let a frozen one go on, send the stranger
+        away; what is wrong with its bag.
+        """
         if case.fault in (*OF_TOPICS, ATTACK):
             self._order_and_wait(end=True)
             return ""
@@ -372,7 +429,9 @@ class Bench:
     def _whole(self, bag: Path) -> str:
         """What is wrong with a bag that was not closed, once it is recovered."""
         recovered = recover(bag, self._folder / f"{bag.name}_recovered")
-        errors = [str(finding) for finding in check_bag(recovered.path) if finding.severity == "error"]
+        errors = [
+            str(finding) for finding in check_bag(recovered.path) if finding.severity == "error"
+        ]
         if bag in self._spoiled:
             errors = [text for text in errors if UNDECODABLE not in text]
         if errors or not sum(recovered.messages.values()):
@@ -394,20 +453,27 @@ class Bench:
             if case.fault in OF_NODES:
                 self._reach(case.node)
             elif not succeeded:
-                self.client.call(self._reset_arm, Trigger.Request(), may_refuse=True)  # an arm that was stopped stays so until then
+                self.client.call(
+                    self._reset_arm, Trigger.Request(), may_refuse=True
+                )  # an arm that was stopped stays so until then
             self._works(*self._jobs_afterwards(case, succeeded))
         except FAILURES as failure:
             return f"does not work again: {failure}"
         return ""
 
     def _jobs_afterwards(self, case: Case, succeeded: bool) -> list[Callable[[], str]]:
-        """Jobs that need the node with the fault, or else the job during which it came; none where that succeeded in spite of it."""
+        """Jobs that need the node with the fault, or else the job during which it came; none where
+        that succeeded in spite of it.
+        """
         if case.node in BYSTANDERS or (succeeded and case.fault not in (KILL, FREEZE)):
             return []
         learn = [self._learn] if case.node == LEARNER else []
         if case.phase == "lesson" or case.node == TEACHER:
             return [*learn, self._lesson]
-        return [*learn, self._practice if case.phase == "practice" or case.node == COACH else self._throw]
+        return [
+            *learn,
+            self._practice if case.phase == "practice" or case.node == COACH else self._throw,
+        ]
 
     def _works(self, *jobs: Callable[[], str]) -> None:
         """Do what the client may ask for, as fast as it goes; GraphFailure if it does not work."""
@@ -421,7 +487,9 @@ class Bench:
     def _hurry(self, hurry: bool) -> None:
         """Time as fast as it can go, or so that moments are hit and the meter keeps up."""
         if self._speed:
-            self.client.set_parameters(f"/{SIMULATOR}", {"speed_factor": 0.0 if hurry else self._speed})
+            self.client.set_parameters(
+                f"/{SIMULATOR}", {"speed_factor": 0.0 if hurry else self._speed}
+            )
 
     def _watch_it_rest(self) -> None:
         """Until the arm has rested for a while, or should have come to rest."""
@@ -459,7 +527,9 @@ class ReplayBench(Bench):
         for node in REPLAYED:
             self._start(node)
         self.client.wait_for_learner()
-        injection = FaultInjection(self._graph, case, lambda: self.meter.fastest > SWINGS, self._order)
+        injection = FaultInjection(
+            self._graph, case, lambda: self.meter.fastest > SWINGS, self._order
+        )
         self.meter.begin()
         self.client.meanwhile.append(injection.look)
         try:
@@ -472,15 +542,32 @@ class ReplayBench(Bench):
         seconds, begun = time.monotonic() - asked, time.monotonic()
         bag = self._mend(case)
         if case.node == DEMONSTRATIONS and case.fault == KILL:
-            self._graph.processes.pop("bag_player").kill()  # who records anew wants the bag from its beginning
+            self._graph.processes.pop(
+                "bag_player"
+            ).kill()  # who records anew wants the bag from its beginning
             self._start("bag_player")
         afterwards = self._learns()
         self._graph.stop()
         self.client.wait_until_gone(REPLAYED)
-        return Reaction(case, succeeded, answer, seconds, 0.0, 0.0, 0.0, (), False, bag, afterwards, time.monotonic() - begun)
+        return Reaction(
+            case,
+            succeeded,
+            answer,
+            seconds,
+            0.0,
+            0.0,
+            0.0,
+            (),
+            False,
+            bag,
+            afterwards,
+            time.monotonic() - begun,
+        )
 
     def _start(self, node: str) -> None:
-        parameters = parameters_of(node, "replay", bag=str(self._new_bag(node)), played=str(self._played), rate=4.0)
+        parameters = parameters_of(
+            node, "replay", bag=str(self._new_bag(node)), played=str(self._played), rate=4.0
+        )
         self._graph.start(node, parameters)
 
     def _learns(self) -> str:
@@ -493,15 +580,33 @@ class ReplayBench(Bench):
 
 
 def _reaction(bench: Bench, case: Case) -> Reaction:
-    """Reaction of a graph to a case; one that could not even be tried leaves a graph that is replaced."""
+    """Reaction of a graph to a case; one that could not even be tried leaves a graph that is
+    replaced.
+    """
     try:
         return bench.run(case)
     except FAILURES as failure:
-        return Reaction(case, False, str(failure), 0.0, 0.0, 0.0, 0.0, (), False, "", f"not tried: {failure}", 0.0)
+        return Reaction(
+            case,
+            False,
+            str(failure),
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            (),
+            False,
+            "",
+            f"not tried: {failure}",
+            0.0,
+        )
 
 
-def run_all(cases: list[Case], folder: Path, played: Path, say: Callable[[str], None]) -> tuple[list[Reaction], tuple[float, float]]:
-    """Reactions to cases; and the speed of the joints without a fault, and the torque that the arm has at most.
+def run_all(
+    cases: list[Case], folder: Path, played: Path, say: Callable[[str], None]
+) -> tuple[list[Reaction], tuple[float, float]]:
+    """Reactions to cases; and the speed of the joints without a fault, and the torque that the arm
+    has at most.
 
     played: the bag for the cases of a replay. A graph that does not work again is replaced.
     """
@@ -518,7 +623,10 @@ def run_all(cases: list[Case], folder: Path, played: Path, say: Callable[[str], 
                 reactions.append(_reaction(bench, left.pop(0)))
                 usual = (max(usual[0], bench.usual[0]), max(usual[1], bench.usual[1]))
                 wrong = "; ".join(reactions[-1].faults(usual))
-                say(f"{reactions[-1].case.name}: {reactions[-1].seconds:.1f} s: {reactions[-1].answer}: {wrong or 'ok'}")
+                say(
+                    f"{reactions[-1].case.name}: {reactions[-1].seconds:.1f} s:"
+                    f" {reactions[-1].answer}: {wrong or 'ok'}"
+                )
                 if reactions[-1].afterwards:
                     break
     return reactions, usual

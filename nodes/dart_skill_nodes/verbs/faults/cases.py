@@ -1,13 +1,19 @@
-"""The cases of `dart-skill experiment faults` as data: what is hurt, how, when, and what the client is to be told."""
+"""The cases of `dart-skill experiment faults` as data: what is hurt, how, when, and what the
+client is to be told.
+"""
 
 from dataclasses import dataclass
 
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, pose_topic
 
 KILL, FREEZE, HOLD_UP = "kill", "freeze", "hold_up"
-"""SIGKILL, and started again; SIGSTOP until the client has its answer; SIGSTOP for HELD_UP seconds, after which all goes on."""
+"""SIGKILL, and started again; SIGSTOP until the client has its answer; SIGSTOP for HELD_UP
+seconds, after which all goes on.
+"""
 LOSE, DROP, DELAY, DUPLICATE, CORRUPT = "lose", "drop", "delay", "duplicate", "corrupt"
-"""Faults of a topic: every message is lost from then on; or one in 20 is lost, late, damaged; or each comes twice."""
+"""Faults of a topic: every message is lost from then on; or one in 20 is lost, late, damaged; or
+each comes twice.
+"""
 FULL_DISK, ATTACK = "full_disk", "attack"
 """A bag's file system is full; a foreign node does what nobody should."""
 OF_NODES, OF_TOPICS = (KILL, FREEZE, HOLD_UP), (LOSE, DROP, DELAY, DUPLICATE, CORRUPT)
@@ -24,7 +30,8 @@ class Case:
     """One fault.
 
     * what: the node, the short name of a topic, or the name of an attack (`stranger.ATTACKS`).
-    * expected: a regular expression that the answer to the client has. goes_on: what the client asked for succeeds anyway.
+    * expected: a regular expression that the answer to the client has. goes_on: what the client
+      asked for succeeds anyway.
     """
 
     fault: str
@@ -53,9 +60,22 @@ class Case:
 GOES_ON = "^$"
 """The table's word for a client that notices nothing."""
 ANY = "^(?!.*took longer)"
-"""The table's word for a client that is told anything, success or not, and whenever: it depends on which message was hurt."""
-SIMULATOR, COMMANDER, LEARNER, CAMERAS = "wam_simulator", "commander", "skill_learner", "mock_optitrack"
-DEMONSTRATIONS, TEACHER, COACH, RECORDER, VIEWER = "demonstration_recorder", "teacher", "coach", "recorder", "viewer"
+"""The table's word for a client that is told anything, success or not, and whenever: it depends on
+which message was hurt.
+"""
+SIMULATOR, COMMANDER, LEARNER, CAMERAS = (
+    "wam_simulator",
+    "commander",
+    "skill_learner",
+    "mock_optitrack",
+)
+DEMONSTRATIONS, TEACHER, COACH, RECORDER, VIEWER = (
+    "demonstration_recorder",
+    "teacher",
+    "coach",
+    "recorder",
+    "viewer",
+)
 UNSEEN = "not seen|no cameras"
 STALLED = "time has stood still"
 
@@ -71,12 +91,23 @@ TOPICS = {
 
 BYSTANDERS = dict.fromkeys((RECORDER, VIEWER), GOES_ON)
 ARM = {name: name for name in (SIMULATOR, COMMANDER)}
-THROW = {**ARM, LEARNER: GOES_ON, CAMERAS: UNSEEN, DEMONSTRATIONS: DEMONSTRATIONS, TEACHER: GOES_ON, COACH: GOES_ON, **BYSTANDERS}
+THROW = {
+    **ARM,
+    LEARNER: GOES_ON,
+    CAMERAS: UNSEEN,
+    DEMONSTRATIONS: DEMONSTRATIONS,
+    TEACHER: GOES_ON,
+    COACH: GOES_ON,
+    **BYSTANDERS,
+}
 """Expected reactions during a throw, by the node that fails."""
 OF_KILLED: dict[str, dict[str, str]] = {
     "idle": {**THROW, LEARNER: LEARNER, TEACHER: TEACHER, COACH: COACH},
     "lesson": {**THROW, TEACHER: TEACHER},
-    "learning": {LEARNER: LEARNER, **dict.fromkeys((DEMONSTRATIONS, SIMULATOR, COMMANDER), GOES_ON)},
+    "learning": {
+        LEARNER: LEARNER,
+        **dict.fromkeys((DEMONSTRATIONS, SIMULATOR, COMMANDER), GOES_ON),
+    },
     "planning": {**THROW, LEARNER: LEARNER},
     "swing": {**THROW, LEARNER: LEARNER},
     "practice": {**THROW, LEARNER: LEARNER, COACH: COACH},
@@ -84,25 +115,53 @@ OF_KILLED: dict[str, dict[str, str]] = {
 }
 """What the client is told, by phase and by the node that is killed or frozen in it."""
 OF_FROZEN = {("swing", LEARNER): GOES_ON}
-"""The same where it is another for a frozen node: a throw is over before it is known that the learner does not go on."""
+"""The same where it is another for a frozen node: a throw is over before it is known that the
+learner does not go on.
+"""
 OF_MESSAGES: dict[str, dict[str, dict[str, str]]] = {
     "swing": {
-        "joint_states": {LOSE: STALLED, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
-        "command": {LOSE: STALLED, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
+        "joint_states": {
+            LOSE: STALLED,
+            DROP: GOES_ON,
+            DELAY: GOES_ON,
+            DUPLICATE: GOES_ON,
+            CORRUPT: ANY,
+        },
+        "command": {
+            LOSE: STALLED,
+            DROP: GOES_ON,
+            DELAY: GOES_ON,
+            DUPLICATE: GOES_ON,
+            CORRUPT: ANY,
+        },
         "hand_pose": {LOSE: GOES_ON, CORRUPT: GOES_ON},
-        "ball_pose": {LOSE: UNSEEN, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: GOES_ON},
+        "ball_pose": {
+            LOSE: UNSEEN,
+            DROP: GOES_ON,
+            DELAY: GOES_ON,
+            DUPLICATE: GOES_ON,
+            CORRUPT: GOES_ON,
+        },
     },
     "lesson": {
         "joint_states": {LOSE: STALLED, CORRUPT: ANY},
         "command": {LOSE: STALLED},
-        "teacher_wrench": {LOSE: STALLED, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
+        "teacher_wrench": {
+            LOSE: STALLED,
+            DROP: GOES_ON,
+            DELAY: GOES_ON,
+            DUPLICATE: GOES_ON,
+            CORRUPT: ANY,
+        },
         "hand_pose": {LOSE: ANY, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
         "ball_pose": {LOSE: ANY},
         "basket_pose": {LOSE: ANY, CORRUPT: ANY},
     },
     "practice": {"ball_pose": {LOSE: ANY}, "hand_pose": {LOSE: ANY}},
 }
-"""The same by phase, topic, and what becomes of its messages. A ball whose poses are lost is hidden from the cameras."""
+"""The same by phase, topic, and what becomes of its messages. A ball whose poses are lost is
+hidden from the cameras.
+"""
 OF_FULL_DISKS: dict[str, dict[str, str]] = {
     "lesson": {DEMONSTRATIONS: "recording has stopped", RECORDER: GOES_ON},
     "practice": {DEMONSTRATIONS: "recording has stopped"},
@@ -111,8 +170,27 @@ OF_FULL_DISKS: dict[str, dict[str, str]] = {
 """The same by phase and by the node whose bag fills its disk."""
 OF_ATTACKS: dict[str, dict[str, str]] = {
     "swing": {
-        **dict.fromkeys(("strong_commands", "future_commands", "nan_commands", "strong_pushes", "poses_before_time"), GOES_ON),
-        **dict.fromkeys(("poses_beyond_the_world", "clock_before_time", "parameters", "release", "second_goal", GARBAGE), GOES_ON),
+        **dict.fromkeys(
+            (
+                "strong_commands",
+                "future_commands",
+                "nan_commands",
+                "strong_pushes",
+                "poses_before_time",
+            ),
+            GOES_ON,
+        ),
+        **dict.fromkeys(
+            (
+                "poses_beyond_the_world",
+                "clock_before_time",
+                "parameters",
+                "release",
+                "second_goal",
+                GARBAGE,
+            ),
+            GOES_ON,
+        ),
         "commands_under_its_number": ANY,
         "reversed_states": "publish /joint_states|went back in time",
         "six_joints": "publish /joint_states",
@@ -121,37 +199,77 @@ OF_ATTACKS: dict[str, dict[str, str]] = {
         "guided_reset": ANY,
     },
     "lesson": {
-        **dict.fromkeys(("strong_commands", "nan_commands", "strong_pushes", "poses_before_time", GARBAGE), GOES_ON),
+        **dict.fromkeys(
+            ("strong_commands", "nan_commands", "strong_pushes", "poses_before_time", GARBAGE),
+            GOES_ON,
+        ),
         "lesson_at_the_origin": GOES_ON,
         "reversed_states": ANY,
         **dict.fromkeys(("reset", "guided_reset"), "time jumped"),
         "stop": "stopped by /commander/stop",
     },
-    "idle": {"strong_commands": "publishes /wam/command, too", "reversed_states": "publish /joint_states", "guided_reset": GOES_ON},
+    "idle": {
+        "strong_commands": "publishes /wam/command, too",
+        "reversed_states": "publish /joint_states",
+        "guided_reset": GOES_ON,
+    },
     "practice": {"stop": "stopped"},
 }
 """The same by phase, and by what a foreign node does in it."""
 
 
 def _cases() -> tuple[Case, ...]:
-    of_nodes = [(what, phase, told) for phase, of in OF_KILLED.items() for what, told in of.items()]
+    of_nodes = [
+        (what, phase, told) for phase, of in OF_KILLED.items() for what, told in of.items()
+    ]
     table = [(KILL, *row) for row in of_nodes] + [
         (FREEZE, what, phase, OF_FROZEN.get((phase, what), told)) for what, phase, told in of_nodes
     ]
-    table += [(HOLD_UP, node, phase, GOES_ON) for phase in ("lesson", "swing") for node in OF_KILLED[phase]]
-    table += [(fault, what, phase, told) for phase, of in OF_MESSAGES.items() for what, how in of.items() for fault, told in how.items()]
-    table += [(FULL_DISK, node, phase, told) for phase, of in OF_FULL_DISKS.items() for node, told in of.items()]
-    table += [(ATTACK, what, phase, told) for phase, of in OF_ATTACKS.items() for what, told in of.items()]
-    return tuple(Case(fault, what, phase, told, told == GOES_ON) for fault, what, phase, told in table)
+    table += [
+        (HOLD_UP, node, phase, GOES_ON)
+        for phase in ("lesson", "swing")
+        for node in OF_KILLED[phase]
+    ]
+    table += [
+        (fault, what, phase, told)
+        for phase, of in OF_MESSAGES.items()
+        for what, how in of.items()
+        for fault, told in how.items()
+    ]
+    table += [
+        (FULL_DISK, node, phase, told)
+        for phase, of in OF_FULL_DISKS.items()
+        for node, told in of.items()
+    ]
+    table += [
+        (ATTACK, what, phase, told)
+        for phase, of in OF_ATTACKS.items()
+        for what, told in of.items()
+    ]
+    return tuple(
+        Case(fault, what, phase, told, told == GOES_ON) for fault, what, phase, told in table
+    )
 
 
 CASES = _cases()
 
 
 def named(*texts: str) -> list[Case]:
-    """Cases whose names hold one of these texts, in an order in which little is started anew; ValueError for a text that none holds."""
+    """Cases whose names hold one of these texts, in an order in which little is started anew;
+    ValueError for a text that none holds.
+    """
     for text in texts:
         if not any(text in case.name for case in CASES):
-            raise ValueError(f"no case is called '{text}': dart-skill experiment faults --list names them")
+            raise ValueError(
+                f"no case is called '{text}': dart-skill experiment faults --list names them"
+            )
     chosen = [case for case in CASES if any(text in case.name for text in texts)]
-    return sorted(chosen, key=lambda case: (case.phase == "replay", case.topic, PHASES.index(case.phase), FAULTS.index(case.fault)))
+    return sorted(
+        chosen,
+        key=lambda case: (
+            case.phase == "replay",
+            case.topic,
+            PHASES.index(case.phase),
+            FAULTS.index(case.fault),
+        ),
+    )

@@ -5,17 +5,33 @@ import time
 from collections.abc import Callable
 
 from dart_skill_nodes.process.graph_processes import Graph
-from dart_skill_nodes.verbs.faults.cases import ATTACK, FULL_DISK, HELD_UP, HOLD_UP, KILL, OF_TOPICS, Case
+from dart_skill_nodes.verbs.faults.cases import (
+    ATTACK,
+    FULL_DISK,
+    HELD_UP,
+    HOLD_UP,
+    KILL,
+    OF_TOPICS,
+    Case,
+)
 from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
 
 
 class FaultInjection:
     """`look` whenever something may have come. at: when it was done [s, monotonic], 0 before.
 
-    is_time: whether the moment has come. order: tells the stranger what to do. disk: that is filled.
+    is_time: whether the moment has come. order: tells the stranger what to do. disk: that is
+    filled.
     """
 
-    def __init__(self, graph: Graph, case: Case, is_time: Callable[[], bool], order: Callable[..., None], disk: SmallDisk | None = None):
+    def __init__(
+        self,
+        graph: Graph,
+        case: Case,
+        is_time: Callable[[], bool],
+        order: Callable[..., None],
+        disk: SmallDisk | None = None,
+    ):
         self._graph, self._case, self._disk = graph, case, disk
         self._is_time, self._order = is_time, order
         self.at, self._held = 0.0, False

@@ -18,11 +18,13 @@ class Reaction:
     """Reaction of the graph to one case.
 
     * answer, seconds: what the client was told, and how long after the fault [s, wall clock].
-    * fastest, strongest: of the joints before the wrist, and of all that are driven, not braked, after the fault [rad/s], [N m]; last: of
-      all when the watching ended.
-    * pushed: who sent commands that push after the fault; at_once: whether commander and teacher did so in one step.
+    * fastest, strongest: of the joints before the wrist, and of all that are driven, not braked,
+      after the fault [rad/s], [N m]; last: of all when the watching ended.
+    * pushed: who sent commands that push after the fault; at_once: whether commander and teacher
+      did so in one step.
     * bag: what is wrong with the bag of a recorder that was killed, empty if nothing is.
-    * afterwards: why the graph does not work again with only the faulty node started again, empty if it does; within [s, wall clock].
+    * afterwards: why the graph does not work again with only the faulty node started again, empty
+      if it does; within [s, wall clock].
     """
 
     case: Case
@@ -41,8 +43,8 @@ class Reaction:
     def faults(self, usual: tuple[float, float], answered: float = ANSWERED) -> list[str]:
         """What is not as it must be, in words.
 
-        usual: speed of the joints in throws and lessons without a fault [rad/s], and the most that a motor gives [N m].
-        answered: longest wait for an answer [s].
+        usual: speed of the joints in throws and lessons without a fault [rad/s], and the most that
+        a motor gives [N m]. answered: longest wait for an answer [s].
         """
         wrong = self._wrong_answer(answered)
         for what, value, most in (
@@ -60,10 +62,16 @@ class Reaction:
     def _wrong_answer(self, answered: float) -> list[str]:
         if self.case.goes_on:
             return [] if self.succeeded else ["the client noticed it"]
-        known = not self.succeeded and self.case.expected != ANY  # else nobody knows which of the messages did it
-        late = [f"answered after {self.seconds:.1f} s"] if known and self.seconds > answered else []
+        known = (
+            not self.succeeded and self.case.expected != ANY
+        )  # else nobody knows which of the messages did it
+        late = (
+            [f"answered after {self.seconds:.1f} s"] if known and self.seconds > answered else []
+        )
         named = re.search(self.case.expected, self.answer)
-        return late + ([] if named else [f"the answer does not name the cause: {self.case.expected}"])
+        return late + (
+            [] if named else [f"the answer does not name the cause: {self.case.expected}"]
+        )
 
 
 def as_json(reaction: Reaction, usual: tuple[float, float]) -> dict:
@@ -95,12 +103,18 @@ MEANING = {
     "kill": "SIGKILL; then the node is started again.",
     "freeze": "SIGSTOP until the client has its answer; then SIGCONT.",
     "hold_up": "SIGSTOP for 3 s; what was asked for goes on.",
-    "lose": "From then on every message of a topic is lost. A ball whose poses are lost is hidden from the cameras.",
+    "lose": (
+        "From then on every message of a topic is lost. A ball whose poses are lost is hidden from"
+        " the cameras."
+    ),
     "drop": "One message in twenty is lost.",
     "delay": "One message in twenty comes 0.3 s later than the others.",
     "duplicate": "Every message comes twice.",
     "corrupt": "Of one message in twenty some bytes are changed, or its end is cut off.",
-    "full_disk": "The disk to which a node writes its bag is full. It is a file system of its own, in memory.",
+    "full_disk": (
+        "The disk to which a node writes its bag is full. It is a file system of its own, in"
+        " memory."
+    ),
     "attack": "A foreign node does what nobody should: `stranger.py` says how.",
 }
 """What is done in the cases."""
@@ -111,8 +125,14 @@ def page(reactions: list[Reaction], usual: tuple[float, float]) -> str:
     good = sum(not reaction.faults(usual) for reaction in reactions)
     lines = [
         HEAD,
-        f"{good} of {len(reactions)} cases are as they must be. In throws and lessons without a fault the fastest joint",
-        f"before the wrist makes {usual[0]:.1f} rad/s, and the strongest motor has {usual[1]:.0f} Nm.",
+        (
+            f"{good} of {len(reactions)} cases are as they must be. In throws and lessons without"
+            " a fault the fastest joint"
+        ),
+        (
+            f"before the wrist makes {usual[0]:.1f} rad/s, and the strongest motor has"
+            f" {usual[1]:.0f} Nm."
+        ),
     ]
     if len(reactions) < len(CASES):
         lines += ["", f"Only these {len(reactions)} of the {len(CASES)} cases were tried."]
@@ -123,11 +143,17 @@ def page(reactions: list[Reaction], usual: tuple[float, float]) -> str:
 
 
 def _table(reactions: list[Reaction], usual: tuple[float, float]) -> list[str]:
-    rows = ["| case | the client is told | after s | rad/s | Nm | pushed | works again | |", "|---|---|---|---|---|---|---|---|"]
+    rows = [
+        "| case | the client is told | after s | rad/s | Nm | pushed | works again | |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     for one in reactions:
         wrong = "; ".join(one.faults(usual))
         again = "no" if one.afterwards else f"after {one.within:.0f} s"
         told = " ".join(one.answer.split()).replace("|", "/")
         moved = f"{one.fastest:.1f} | {one.strongest:.0f} | {', '.join(one.pushed)}"
-        rows.append(f"| {one.case.name} | {told} | {one.seconds:.1f} | {moved} | {again} | {wrong or 'ok'} |")
+        rows.append(
+            f"| {one.case.name} | {told} | {one.seconds:.1f} | {moved} | {again} |"
+            f" {wrong or 'ok'} |"
+        )
     return rows

@@ -1,5 +1,5 @@
-"""A disk that is full when it shall be: a file system of a few megabytes in memory, or where that needs rights that one has not, a limit
-on how long the files of a process may become.
+"""A disk that is full when it shall be: a file system of a few megabytes in memory, or where that
+needs rights that one has not, a limit on how long the files of a process may become.
 """
 
 import resource

@@ -1,7 +1,9 @@
-"""A foreign node, as a process of its own: it stands between a publisher and all others, and does what nobody should do to a graph.
+"""A foreign node, as a process of its own: it stands between a publisher and all others, and does
+what nobody should do to a graph.
 
-It hears on ORDERS what to do, as JSON: `relay` a topic under the name that the others hear; from then on `fault` says what becomes of its
-messages; `attack` begins one of ATTACKS; `end` takes back all that it does but the relay. It says on DONE what it has begun.
+It hears on ORDERS what to do, as JSON: `relay` a topic under the name that the others hear; from
+then on `fault` says what becomes of its messages; `attack` begins one of ATTACKS; `end` takes back
+all that it does but the relay. It says on DONE what it has begun.
 """
 
 import json
@@ -56,7 +58,9 @@ OFTEN = 0.01
 
 
 class Relay:
-    """Hears a publisher under a name that nobody else knows, and publishes under the one that all others hear; `fault`: what it does."""
+    """Hears a publisher under a name that nobody else knows, and publishes under the one that all
+    others hear; `fault`: what it does.
+    """
 
     def __init__(self, node: Node, heard: str, told: str):
         self.fault = ""
@@ -64,13 +68,19 @@ class Relay:
         self._random = random.Random(0)
         self._late: list[tuple[float, bytes]] = []
         self._heard = MatchingSubscriptions(node)
-        self._heard.subscribe(heard, self._pass_on, depth=COMPLETE.depth, raw=True, on_offer=self._offer_the_same)
+        self._heard.subscribe(
+            heard, self._pass_on, depth=COMPLETE.depth, raw=True, on_offer=self._offer_the_same
+        )
         node.create_timer(OFTEN, self._send_late, clock=WALL)
 
     def _offer_the_same(self, offers: list) -> None:
         offered = offers[0].qos_profile
-        qos = QoSProfile(depth=COMPLETE.depth, reliability=offered.reliability, durability=offered.durability)
-        self._publisher = self._node.create_publisher(message_class(offers[0].topic_type), self._told, qos)
+        qos = QoSProfile(
+            depth=COMPLETE.depth, reliability=offered.reliability, durability=offered.durability
+        )
+        self._publisher = self._node.create_publisher(
+            message_class(offers[0].topic_type), self._told, qos
+        )
 
     def _pass_on(self, data: bytes) -> None:
         self._count += 1
@@ -79,7 +89,9 @@ class Relay:
         if self.fault == "delay" and self._is_meant:
             self._late.append((time.monotonic() + LATE, data))
             return
-        self._publisher.publish(self._damaged(data) if self.fault == "corrupt" and self._is_meant else data)
+        self._publisher.publish(
+            self._damaged(data) if self.fault == "corrupt" and self._is_meant else data
+        )
         if self.fault == "duplicate":
             self._publisher.publish(data)
 
@@ -88,7 +100,9 @@ class Relay:
         return self._count % ONE_IN == 0
 
     def _damaged(self, data: bytes) -> bytes:
-        """Some of its bytes changed, or its end cut off; the four bytes stay that say how it is encoded."""
+        """Some of its bytes changed, or its end cut off; the four bytes stay that say how it is
+        encoded.
+        """
         damaged = bytearray(data)
         if self._random.random() < 0.2:
             return bytes(damaged[: self._random.randrange(4, len(damaged))])
@@ -162,9 +176,13 @@ class Stranger(GuardedNode):
         client.wait_for_server(2.0)
         client.send_goal_async(goal)
 
-    def command(self, state: JointState, ahead_ns: int = 0, newtons: float = STRONG, sender: int = 0) -> WamCommand:
+    def command(
+        self, state: JointState, ahead_ns: int = 0, newtons: float = STRONG, sender: int = 0
+    ) -> WamCommand:
         """A push that answers a state, or one that comes so much later."""
-        message = WamCommand(sender=sender or self._sender, speed=WamCommand.SPEED_THROW, joint_torque=[newtons] * 7)
+        message = WamCommand(
+            sender=sender or self._sender, speed=WamCommand.SPEED_THROW, joint_torque=[newtons] * 7
+        )
         message.header.frame_id = "world"
         set_stamp(message.header.stamp, stamp_ns(state.header.stamp) + ahead_ns)
         message.wrench.force.x = message.wrench.force.z = newtons
@@ -179,8 +197,15 @@ def _push(one: Stranger, topic: str, **how) -> None:
 def _copy_the_sender(one: Stranger) -> None:
     """Pushes under the number of the commander, which anybody can read."""
     out, known = one.publisher(WamCommand, COMMANDS), []
-    one.create_subscription(WamCommand, COMMANDS, lambda message: known.append(message.sender) if not known else None, 10)
-    one.answering(lambda state: out.publish(one.command(state, sender=known[0])) if known else None)
+    one.create_subscription(
+        WamCommand,
+        COMMANDS,
+        lambda message: known.append(message.sender) if not known else None,
+        10,
+    )
+    one.answering(
+        lambda state: out.publish(one.command(state, sender=known[0])) if known else None
+    )
 
 
 def _reversed_states(one: Stranger) -> None:
@@ -205,7 +230,11 @@ def _six_joints(one: Stranger) -> None:
 
     def answer(state: JointState) -> None:
         if len(state.name) > len(zeros):  # not its own
-            out.publish(JointState(header=state.header, name=joint_names()[:6], position=zeros, velocity=zeros))
+            out.publish(
+                JointState(
+                    header=state.header, name=joint_names()[:6], position=zeros, velocity=zeros
+                )
+            )
 
     one.answering(answer)
 
@@ -227,7 +256,10 @@ def _garbage(one: Stranger) -> None:
     """Bytes that are no messages, on all that nodes hear."""
     kinds = dict.fromkeys((COMMANDS, GUIDING), WamCommand)
     kinds |= {pose_topic("hand"): PoseStamped, "demonstrations": Demonstration}
-    outs = [one.publisher(kind, topic, LATCHED if topic == "demonstrations" else COMPLETE) for topic, kind in kinds.items()]
+    outs = [
+        one.publisher(kind, topic, LATCHED if topic == "demonstrations" else COMPLETE)
+        for topic, kind in kinds.items()
+    ]
     bad = b"\x00\x01\x00\x00" + b"\xff" * 60
     one.often(lambda: [out.publish(bad) for out in outs])
 
@@ -244,7 +276,9 @@ def _parameters(one: Stranger) -> None:
               "mock_optitrack": {"basket_radius": -3.0, "basket_depth": float("nan")},
               "commander": {"farthest_error": 1e9, "fastest_hand": 1e9}}  # fmt: skip
     for node, wrong in values.items():
-        asked: list[ParameterMsg] = [Parameter(name, value=value).to_parameter_msg() for name, value in wrong.items()]
+        asked: list[ParameterMsg] = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in wrong.items()
+        ]
         one.ask(SetParameters, f"{node}/set_parameters", SetParameters.Request(parameters=asked))
 
 
@@ -265,8 +299,12 @@ ATTACKS: dict[str, Callable[[Stranger], None]] = {
     "parameters": _parameters,
     "release": lambda one: one.ask(SetBool, "commander/release_arm", SetBool.Request(data=True)),
     "stop": lambda one: one.ask(Trigger, "commander/stop", Trigger.Request()),
-    "second_goal": lambda one: one.send(Execute, "execute", Execute.Goal(situation=at_place([2.0, 0.0, 0.4]))),
-    "lesson_at_the_origin": lambda one: one.send(Teach, "teach", Teach.Goal(situation=at_place([0.0, 0.0, 0.0]))),
+    "second_goal": lambda one: one.send(
+        Execute, "execute", Execute.Goal(situation=at_place([2.0, 0.0, 0.4]))
+    ),
+    "lesson_at_the_origin": lambda one: one.send(
+        Teach, "teach", Teach.Goal(situation=at_place([0.0, 0.0, 0.0]))
+    ),
 }
 """By name, what a stranger does."""
 

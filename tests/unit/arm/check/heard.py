@@ -1,4 +1,6 @@
-"""An arm that somebody leads through postures, and cameras that see it, without ROS: what was heard of them, right in all lines."""
+"""An arm that somebody leads through postures, and cameras that see it, without ROS: what was
+heard of them, right in all lines.
+"""
 
 from dataclasses import replace
 
@@ -12,13 +14,21 @@ MODEL = ArmModel()
 NAMES = tuple(f"wam_j{k}" for k in range(1, 8))
 MIDDLE = np.array([0.0, -0.9, 0.0, 0.8, 0.0, -0.35, 0.0])
 BEGIN_NS = 1_700_000_000 * 10**9
-QUIET = {"strongest_force": 60.0, "fastest_hand": 1.0, "farthest_error": 0.1, "joint_margin": 0.02, "longest_gap": 0.1}
+QUIET = {
+    "strongest_force": 60.0,
+    "fastest_hand": 1.0,
+    "farthest_error": 0.1,
+    "joint_margin": 0.02,
+    "longest_gap": 0.1,
+}
 """Limits for first throws."""
 
 
 def led(time):
     """Joint angles (n, 7) of an arm that is led about, all joints at speeds of their own."""
-    return MIDDLE + 0.5 * np.sin(np.outer(time, [0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
+    return MIDDLE + 0.5 * np.sin(
+        np.outer(time, [0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7)
+    )
 
 
 def heard(truth=None, duration=12.0, noise=1e-4, seed=0):
@@ -32,8 +42,14 @@ def heard(truth=None, duration=12.0, noise=1e-4, seed=0):
         orders=(NAMES,), position=q, velocity=np.gradient(q, time, axis=0),
     )  # fmt: skip
     hands = [MODEL.hand_pose(row) for row in led(frames)]
-    base, hand = Rotation.from_quat(truth.turn), Rotation.from_matrix(np.array([rotation for _, rotation in hands]))
-    place = base.apply(np.array([position for position, _ in hands]) + hand.apply(truth.hand_shift)) + truth.shift
+    base, hand = (
+        Rotation.from_quat(truth.turn),
+        Rotation.from_matrix(np.array([rotation for _, rotation in hands])),
+    )
+    place = (
+        base.apply(np.array([position for position, _ in hands]) + hand.apply(truth.hand_shift))
+        + truth.shift
+    )
     turned = (base * hand * Rotation.from_quat(truth.hand_turn)).as_quat()
     still = np.tile([0.0, 0.0, 0.0, 1.0], (len(frames), 1))
     bodies = {
@@ -64,7 +80,13 @@ def with_pose(whole, role="hand", **change):
 
 def kept(stream, mask):
     """A stream of poses with some of its messages only."""
-    return replace(stream, **{name: getattr(stream, name)[mask] for name in ("received_ns", "stamp_ns", "position", "quaternion")})
+    return replace(
+        stream,
+        **{
+            name: getattr(stream, name)[mask]
+            for name in ("received_ns", "stamp_ns", "position", "quaternion")
+        },
+    )
 
 
 def table(whole, limits=QUIET):

@@ -1,4 +1,6 @@
-"""Each line of the table says go of an arm that is right, and no go, with the value and the remedy, of its own fault."""
+"""Each line of the table says go of an arm that is right, and no go, with the value and the
+remedy, of its own fault.
+"""
 
 import math
 from dataclasses import replace
@@ -9,16 +11,31 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Registration
 from dart_skill.arm.check import Endpoint, Heard, JointStream, PoseStream, PostureCounter, Verdict
-from tests.unit.arm.check.heard import BEGIN_NS, NAMES, QUIET, heard, kept, table, with_joints, with_pose
+from tests.unit.arm.check.heard import (
+    BEGIN_NS,
+    NAMES,
+    QUIET,
+    heard,
+    kept,
+    table,
+    with_joints,
+    with_pose,
+)
 
 GOOD = heard()
-LOOSE = Registration(tuple(Rotation.from_rotvec([0.01, -0.005, 0.015]).as_quat()), (0.004, -0.003, 0.006),
-                     tuple(Rotation.from_rotvec([0.0, 0.015, -0.01]).as_quat()), (0.002, 0.0, -0.003))  # fmt: skip
+LOOSE = Registration(
+    tuple(Rotation.from_rotvec([0.01, -0.005, 0.015]).as_quat()),
+    (0.004, -0.003, 0.006),  # fmt: skip
+    tuple(Rotation.from_rotvec([0.0, 0.015, -0.01]).as_quat()),
+    (0.002, 0.0, -0.003),
+)
 
 
 def test_an_arm_that_is_right_is_go_in_every_line():
     lines, report = table(GOOD)
-    assert {one.verdict for one in report.lines} == {Verdict.GO}, [one for one in report.lines if one.verdict is not Verdict.GO]
+    assert {one.verdict for one in report.lines} == {Verdict.GO}, [
+        one for one in report.lines if one.verdict is not Verdict.GO
+    ]
     assert report.is_go and not any(one.remedy for one in report.lines)
     assert "6.0 ms" in lines["/vrpn_mocap/hand/pose: stamps"].measured
     assert report.registration.position_error < 3e-4
@@ -27,7 +44,9 @@ def test_an_arm_that_is_right_is_go_in_every_line():
 def test_what_cameras_and_arm_differ_in_is_found():
     fit = table(heard(LOOSE))[1].registration.registration
     for name in ("turn", "hand_turn"):
-        turned = Rotation.from_quat(getattr(fit, name)).inv() * Rotation.from_quat(getattr(LOOSE, name))
+        turned = Rotation.from_quat(getattr(fit, name)).inv() * Rotation.from_quat(
+            getattr(LOOSE, name)
+        )
         assert turned.magnitude() < 1e-3
     assert np.linalg.norm(np.subtract(fit.shift, LOOSE.shift)) < 1e-3
     assert np.linalg.norm(np.subtract(fit.hand_shift, LOOSE.hand_shift)) < 1e-3
@@ -142,19 +161,44 @@ def test_limits_that_are_no_limits_are_no_go(limit, value, check):
 
 
 def test_what_can_be_borne_is_a_warning_and_go():
-    """Stamps of the receipt, limits of the usual throws, a joint that nobody moved, a base that throws alone would not tell."""
-    lines, report = table(with_pose(GOOD, received_ns=H.stamp_ns + 100_000), {**QUIET, "strongest_force": 250.0, "fastest_hand": 5.5})
+    """Stamps of the receipt, limits of the usual throws, a joint that nobody moved, a base that
+    throws alone would not tell.
+    """
+    lines, report = table(
+        with_pose(GOOD, received_ns=H.stamp_ns + 100_000),
+        {**QUIET, "strongest_force": 250.0, "fastest_hand": 5.5},
+    )
     assert report.is_go
     told = {check: one for check, one in lines.items() if one.verdict is Verdict.WARN}
     assert set(told) == {"/vrpn_mocap/hand/pose: stamps", "strongest force", "fastest hand"}
-    assert "use_vrpn_timestamps" in told["/vrpn_mocap/hand/pose: stamps"].remedy and "VL2" in told["fastest hand"].remedy
-    resting, _ = table(joints(position=J.position * [1, 1, 1, 1, 1, 1, 0], velocity=J.velocity * [1, 1, 1, 1, 1, 1, 0]))
-    assert resting["joint velocities"].verdict is Verdict.WARN and "wam_j7" in resting["joint velocities"].remedy
+    assert (
+        "use_vrpn_timestamps" in told["/vrpn_mocap/hand/pose: stamps"].remedy
+        and "VL2" in told["fastest hand"].remedy
+    )
+    resting, _ = table(
+        joints(
+            position=J.position * [1, 1, 1, 1, 1, 1, 0],
+            velocity=J.velocity * [1, 1, 1, 1, 1, 1, 0],
+        )
+    )
+    assert (
+        resting["joint velocities"].verdict is Verdict.WARN
+        and "wam_j7" in resting["joint velocities"].remedy
+    )
     lost, _ = table(joints(publishers=(Endpoint("wam_driver", "best_effort"),)))
-    assert lost["/joint_states: QoS"].verdict is Verdict.WARN and "no command" in lost["/joint_states: QoS"].remedy
-    assert table(joints(orders=(SWAPPED,)))[0]["joint names"].verdict is Verdict.GO, "nodes read them by their names"
+    assert (
+        lost["/joint_states: QoS"].verdict is Verdict.WARN
+        and "no command" in lost["/joint_states: QoS"].remedy
+    )
+    assert table(joints(orders=(SWAPPED,)))[0]["joint names"].verdict is Verdict.GO, (
+        "nodes read them by their names"
+    )
     moved, report = table(seen_with(shift=(0.08, 0.0, 0.0)))
-    assert moved["base"].verdict is Verdict.WARN and "registration_file" in moved["base"].remedy and report.registration is not None
+    assert (
+        moved["base"].verdict is Verdict.WARN
+        and "registration_file" in moved["base"].remedy
+        and report.registration is not None
+    )
 
 
 def test_postures_about_one_axis_do_not_suffice_and_it_is_said_of_what():
@@ -173,7 +217,10 @@ def led_about_j1_only():
     frames = (H.stamp_ns - BEGIN_NS) * 1e-9
     hands = [MODEL.hand_pose(row) for row in ONE_AXIS[:: len(J) // len(H)][: len(H)]]
     velocity = speeds_of(time, ONE_AXIS, time)
-    place, turn = np.array([p for p, _ in hands]), Rotation.from_matrix(np.array([r for _, r in hands])).as_quat()
+    place, turn = (
+        np.array([p for p, _ in hands]),
+        Rotation.from_matrix(np.array([r for _, r in hands])).as_quat(),
+    )
     assert len(frames) == len(hands)
     return with_pose(joints(position=ONE_AXIS, velocity=velocity), position=place, quaternion=turn)
 
@@ -186,17 +233,29 @@ def test_nothing_at_all_is_no_go_and_no_exception():
 
 
 def test_in_a_simulation_ages_are_of_its_own_clock():
-    zero = with_joints(GOOD, stamp_ns=J.stamp_ns - BEGIN_NS + 10**9, received_ns=J.received_ns - BEGIN_NS + 10**9)
+    zero = with_joints(
+        GOOD, stamp_ns=J.stamp_ns - BEGIN_NS + 10**9, received_ns=J.received_ns - BEGIN_NS + 10**9
+    )
     for role, stream in zero.poses.items():
-        shifted = {name: getattr(stream, name) - BEGIN_NS + 10**9 for name in ("stamp_ns", "received_ns")}
+        shifted = {
+            name: getattr(stream, name) - BEGIN_NS + 10**9 for name in ("stamp_ns", "received_ns")
+        }
         zero = with_pose(zero, role, **shifted)
-    lines, report = table(replace(zero, simulated=True), {**QUIET, "strongest_force": 250.0, "fastest_hand": 5.5})
-    assert {one.verdict for one in report.lines} == {Verdict.GO}, [one for one in report.lines if one.verdict is not Verdict.GO]
+    lines, report = table(
+        replace(zero, simulated=True), {**QUIET, "strongest_force": 250.0, "fastest_hand": 5.5}
+    )
+    assert {one.verdict for one in report.lines} == {Verdict.GO}, [
+        one for one in report.lines if one.verdict is not Verdict.GO
+    ]
     assert "/clock" in lines["/joint_states: stamps"].asked
 
 
 def test_postures_are_counted_when_the_arm_rests_in_a_new_one():
-    counter, time, places = PostureCounter(), 0.0, [np.zeros(7), np.full(7, 0.5), np.zeros(7), np.full(7, -0.5)]
+    counter, time, places = (
+        PostureCounter(),
+        0.0,
+        [np.zeros(7), np.full(7, 0.5), np.zeros(7), np.full(7, -0.5)],
+    )
     counts, last = [], places[0]
     for place in places:
         for share in np.linspace(0.0, 1.0, 50):

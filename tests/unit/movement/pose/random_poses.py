@@ -12,7 +12,9 @@ def orientations(n, rng):
 
 def near(quaternion, spread, n, rng):
     """(n, 4) about one quaternion (4,); spread [rad] of each coordinate of the rotation vectors."""
-    return (Rotation.from_rotvec(rng.normal(0.0, spread, (n, 3))) * Rotation.from_quat(quaternion)).as_quat()
+    return (
+        Rotation.from_rotvec(rng.normal(0.0, spread, (n, 3))) * Rotation.from_quat(quaternion)
+    ).as_quat()
 
 
 def flipped(rows, rng):
@@ -23,7 +25,9 @@ def flipped(rows, rng):
 
 
 def turned(rows, rotation, first=0, shift=0.0):
-    """Rows (..., first + 7) with position and orientation turned by a rotation of scipy and shifted; the first columns stay."""
+    """Rows (..., first + 7) with position and orientation turned by a rotation of scipy and
+    shifted; the first columns stay.
+    """
     rows = np.array(rows)
     flat = rows.reshape(-1, rows.shape[-1])
     flat[:, first : first + 3] = rotation.apply(flat[:, first : first + 3]) + shift
@@ -39,6 +43,11 @@ def blocks(rotation, first=0):
 
 
 def apart(one, other):
-    """Largest angle [rad] between orientations (..., 4) in the last columns of two arrays of points."""
-    pair = [Rotation.from_quat(np.reshape(np.asarray(rows)[..., -4:], (-1, 4))) for rows in (one, other)]
+    """Largest angle [rad] between orientations (..., 4) in the last columns of two arrays of
+    points.
+    """
+    pair = [
+        Rotation.from_quat(np.reshape(np.asarray(rows)[..., -4:], (-1, 4)))
+        for rows in (one, other)
+    ]
     return (pair[0] * pair[1].inv()).magnitude().max()

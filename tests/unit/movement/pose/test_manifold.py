@@ -1,11 +1,19 @@
-"""The manifold R^n x S3 against scipy's rotations, closed forms, and the laws of a Riemannian manifold."""
+"""The manifold R^n x S3 against scipy's rotations, closed forms, and the laws of a Riemannian
+manifold.
+"""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.common.quaternions import from_vectors, product, to_vectors
-from dart_skill.movement.pose import angles_between, exponential, logarithm, mean_point, parallel_transport
+from dart_skill.movement.pose import (
+    angles_between,
+    exponential,
+    logarithm,
+    mean_point,
+    parallel_transport,
+)
 from dart_skill.movement.pose._derivatives import bend, inverse_jacobians
 from tests.unit.movement.pose.random_poses import apart, flipped, near, orientations, turned
 
@@ -21,25 +29,39 @@ def points(rng):
 
 
 def test_exponential_and_logarithm_are_those_of_scipy(points, rng):
-    base, tangent = points[0], np.column_stack([rng.normal(size=(300, 3)), rng.normal(0.0, 2.0, (300, 3))])
+    base, tangent = (
+        points[0],
+        np.column_stack([rng.normal(size=(300, 3)), rng.normal(0.0, 2.0, (300, 3))]),
+    )
     ends = exponential(base, tangent)
     wanted = Rotation.from_rotvec(tangent[:, 3:]) * Rotation.from_quat(base[3:])
     assert apart(ends, wanted.as_quat()) < 1e-14
     np.testing.assert_allclose(ends[:, :3], base[:3] + tangent[:, :3])
     ways = logarithm(base, points)
     np.testing.assert_allclose(
-        ways[:, 3:], (Rotation.from_quat(points[:, 3:]) * Rotation.from_quat(base[3:]).inv()).as_rotvec(), atol=1e-13
+        ways[:, 3:],
+        (Rotation.from_quat(points[:, 3:]) * Rotation.from_quat(base[3:]).inv()).as_rotvec(),
+        atol=1e-13,
     )
     np.testing.assert_allclose(ways[:, :3], points[:, :3] - base[:3])
 
 
 def test_a_full_turn_ends_where_it_began(points):
-    assert apart(exponential(points, np.tile([0.0, 0.0, 0.0, 0.0, 2.0 * np.pi, 0.0], (300, 1))), points) < 1e-14
+    assert (
+        apart(
+            exponential(points, np.tile([0.0, 0.0, 0.0, 0.0, 2.0 * np.pi, 0.0], (300, 1))), points
+        )
+        < 1e-14
+    )
 
 
 def test_both_signs_of_a_quaternion_are_one_orientation(points, rng):
     others = points[rng.permutation(300)]
-    np.testing.assert_allclose(logarithm(flipped(points, rng), flipped(others, rng)), logarithm(points, others), atol=1e-14)
+    np.testing.assert_allclose(
+        logarithm(flipped(points, rng), flipped(others, rng)),
+        logarithm(points, others),
+        atol=1e-14,
+    )
     assert apart(mean_point(flipped(points[:20], rng)), mean_point(points[:20])) < 1e-13
 
 
@@ -47,7 +69,9 @@ def test_half_a_turn_has_one_logarithm_for_both_signs(points):
     """There both ways are equally short; rounding must not choose between them."""
     ends = exponential(points, np.tile([0.0, 0.0, 0.0, np.pi * 0.6, -np.pi * 0.8, 0.0], (300, 1)))
     ways = logarithm(points, ends)
-    np.testing.assert_allclose(np.abs(ways[:, 3:]), np.tile([np.pi * 0.6, np.pi * 0.8, 0.0], (300, 1)), atol=1e-13)
+    np.testing.assert_allclose(
+        np.abs(ways[:, 3:]), np.tile([np.pi * 0.6, np.pi * 0.8, 0.0], (300, 1)), atol=1e-13
+    )
     ends[:, 3:] *= -1.0
     np.testing.assert_allclose(logarithm(points, ends), ways, atol=1e-13)
 
@@ -56,12 +80,16 @@ def test_a_turn_of_the_world_turns_tangent_vectors(points, rng):
     rotation = Rotation.random(random_state=3)
     ways = logarithm(points[:150], points[150:])
     np.testing.assert_allclose(
-        logarithm(turned(points[:150], rotation), turned(points[150:], rotation))[:, 3:], rotation.apply(ways[:, 3:]), atol=1e-13
+        logarithm(turned(points[:150], rotation), turned(points[150:], rotation))[:, 3:],
+        rotation.apply(ways[:, 3:]),
+        atol=1e-13,
     )
 
 
 def test_transport_is_that_of_the_sphere_in_four_dimensions(points, rng):
-    """On S3 in R^4: v - (u.v / |u|^2) (u + u'), with u and u' the logarithms at both ends (Absil, Mahony and Sepulchre 2008)."""
+    """On S3 in R^4: v - (u.v / |u|^2) (u + u'), with u and u' the logarithms at both ends (Absil,
+    Mahony and Sepulchre 2008).
+    """
     start, end = points[:100, 3:], points[100:200, 3:]
     end = np.where((start * end).sum(1, keepdims=True) < 0, -end, end)
     vectors = rng.normal(size=(100, 3))
@@ -69,11 +97,19 @@ def test_transport_is_that_of_the_sphere_in_four_dimensions(points, rng):
 
     def log(base, point):
         away = point - (base * point).sum(1, keepdims=True) * base
-        return away / np.linalg.norm(away, axis=1, keepdims=True) * np.arccos((base * point).sum(1, keepdims=True))
+        return (
+            away
+            / np.linalg.norm(away, axis=1, keepdims=True)
+            * np.arccos((base * point).sum(1, keepdims=True))
+        )
 
     u, back = log(start, end), log(end, start)
-    carried = flat - (u * flat).sum(1, keepdims=True) / np.square(u).sum(1, keepdims=True) * (u + back)
-    found = 0.5 * product(np.column_stack([parallel_transport(start, end, vectors), np.zeros(100)]), end)
+    carried = flat - (u * flat).sum(1, keepdims=True) / np.square(u).sum(1, keepdims=True) * (
+        u + back
+    )
+    found = 0.5 * product(
+        np.column_stack([parallel_transport(start, end, vectors), np.zeros(100)]), end
+    )
     np.testing.assert_allclose(found, carried, atol=1e-13)
 
 
@@ -81,24 +117,35 @@ def test_transport_keeps_lengths_and_the_direction_of_the_way(points):
     start, end = points[:100], points[100:200]
     way = logarithm(start, end)
     np.testing.assert_allclose(parallel_transport(start, end, way), way, atol=1e-13)
-    np.testing.assert_allclose(parallel_transport(start, end, way), -logarithm(end, start), atol=1e-13)
+    np.testing.assert_allclose(
+        parallel_transport(start, end, way), -logarithm(end, start), atol=1e-13
+    )
 
 
 def test_mean_of_near_orientations_is_that_of_scipy_to_third_order(rng):
     cloud, weights = near(orientations(1, rng)[0], 0.02, 50, rng), rng.uniform(0.2, 1.0, 50)
-    assert apart(mean_point(cloud, weights), Rotation.from_quat(cloud).mean(weights).as_quat()) < 1e-5
+    assert (
+        apart(mean_point(cloud, weights), Rotation.from_quat(cloud).mean(weights).as_quat()) < 1e-5
+    )
 
 
 def test_tangent_vectors_to_all_points_sum_to_zero_at_their_mean(rng):
-    cloud = np.column_stack([rng.normal(size=(60, 2)), near(orientations(1, rng)[0], 0.6, 60, rng)])
+    cloud = np.column_stack(
+        [rng.normal(size=(60, 2)), near(orientations(1, rng)[0], 0.6, 60, rng)]
+    )
     weights = rng.uniform(0.0, 1.0, 60)
-    np.testing.assert_allclose(weights @ logarithm(mean_point(cloud, weights), cloud), np.zeros(5), atol=1e-12)
+    np.testing.assert_allclose(
+        weights @ logarithm(mean_point(cloud, weights), cloud), np.zeros(5), atol=1e-12
+    )
 
 
 def test_mean_of_two_is_in_the_middle_of_the_shorter_way():
     two = Rotation.from_rotvec([[0.0, 0.0, 1.4], [0.0, 0.0, -1.6]]).as_quat()
     assert apart(mean_point(two), Rotation.from_rotvec([0.0, 0.0, -0.1]).as_quat()) < 1e-14
-    assert apart(mean_point(two, [3.0, 1.0]), Rotation.from_rotvec([0.0, 0.0, 0.65]).as_quat()) < 1e-14
+    assert (
+        apart(mean_point(two, [3.0, 1.0]), Rotation.from_rotvec([0.0, 0.0, 0.65]).as_quat())
+        < 1e-14
+    )
     across = Rotation.from_rotvec([[0.0, 0.0, 3.0], [0.0, 0.0, -3.0]]).as_quat()
     assert apart(mean_point(across), Rotation.from_rotvec([0.0, 0.0, np.pi]).as_quat()) < 1e-14
 
@@ -114,19 +161,30 @@ def test_mean_turns_with_the_points(rng):
 @pytest.mark.parametrize("angle", [0.0, 1e-6, 0.9e-4, 1.1e-4, 0.5, 3.0, np.pi, 5.0])
 def test_jacobian_is_the_derivative_of_the_rotation_vector(angle):
     vector, step = angle * np.array([2.0, -1.0, 2.0]) / 3.0, 1e-6
-    moved = [Rotation.from_rotvec(sign * step * axis) * Rotation.from_rotvec(vector) for axis in np.eye(3) for sign in (1.0, -1.0)]
+    moved = [
+        Rotation.from_rotvec(sign * step * axis) * Rotation.from_rotvec(vector)
+        for axis in np.eye(3)
+        for sign in (1.0, -1.0)
+    ]
     rows = np.array([one.as_rotvec() for one in moved])
     # scipy gives the shorter turn; beyond half a turn it is compared as the longer one.
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     other = rows - 2.0 * np.pi * rows / np.maximum(lengths, 1e-300)
     rows = np.where(
-        np.linalg.norm(other - vector, axis=1, keepdims=True) < np.linalg.norm(rows - vector, axis=1, keepdims=True), other, rows
+        np.linalg.norm(other - vector, axis=1, keepdims=True)
+        < np.linalg.norm(rows - vector, axis=1, keepdims=True),
+        other,
+        rows,
     )
-    np.testing.assert_allclose(inverse_jacobians(vector), ((rows[::2] - rows[1::2]) / (2.0 * step)).T, atol=3e-9)
+    np.testing.assert_allclose(
+        inverse_jacobians(vector), ((rows[::2] - rows[1::2]) / (2.0 * step)).T, atol=3e-9
+    )
 
 
 def test_angles_between_orientations(points):
-    wanted = (Rotation.from_quat(points[:150, 3:]) * Rotation.from_quat(points[150:, 3:]).inv()).magnitude()
+    wanted = (
+        Rotation.from_quat(points[:150, 3:]) * Rotation.from_quat(points[150:, 3:]).inv()
+    ).magnitude()
     np.testing.assert_allclose(angles_between(points[:150], points[150:]), wanted, atol=1e-13)
 
 
@@ -134,14 +192,18 @@ POINT = [0.0, 0.0, 0.0, 1.0]
 WRONG = {
     "holds nan at index": lambda: logarithm([np.nan, 0.0, 0.0, 1.0], POINT),
     "base: the quaternion has length 0;": lambda: logarithm(np.zeros(4), POINT),
-    r"points: the quaternion at index \(1,\) has length 2;": lambda: logarithm(POINT, [POINT, [0.0, 0.0, 0.0, 2.0]]),
+    r"points: the quaternion at index \(1,\) has length 2;": lambda: logarithm(
+        POINT, [POINT, [0.0, 0.0, 0.0, 2.0]]
+    ),
     "must have at least four columns": lambda: exponential([0.0, 0.0, 1.0], [0.0, 0.0]),
     "tangent must have 3 columns": lambda: exponential(POINT, np.zeros(4)),
     "others must have 4 columns": lambda: angles_between(POINT, [0.0, *POINT]),
     "points must have 2 dimension": lambda: mean_point(POINT),
     r"got shape \(0, 4\)": lambda: mean_point(np.empty((0, 4))),
     "weights are all zero": lambda: mean_point([POINT], [0.0]),
-    "no mean is unique": lambda: mean_point(Rotation.from_euler("z", [[0.0], [180.0]], degrees=True).as_quat()),
+    "no mean is unique": lambda: mean_point(
+        Rotation.from_euler("z", [[0.0], [180.0]], degrees=True).as_quat()
+    ),
 }
 
 
@@ -153,8 +215,16 @@ def test_what_is_wrong_is_named(message):
 
 @pytest.mark.parametrize("angle", [0.0, 0.01, 0.049, 0.051, 1.0, 3.0])
 def test_bend_is_the_derivative_of_the_jacobian(angle):
-    vector, covector, step = angle * np.array([2.0, -1.0, 2.0]) / 3.0, np.array([0.3, 1.0, -0.7]), 1e-5
-    sides = [to_vectors(product(from_vectors(sign * step * axis), from_vectors(vector))) for axis in np.eye(3) for sign in (1.0, -1.0)]
+    vector, covector, step = (
+        angle * np.array([2.0, -1.0, 2.0]) / 3.0,
+        np.array([0.3, 1.0, -0.7]),
+        1e-5,
+    )
+    sides = [
+        to_vectors(product(from_vectors(sign * step * axis), from_vectors(vector)))
+        for axis in np.eye(3)
+        for sign in (1.0, -1.0)
+    ]
     rows = covector @ inverse_jacobians(np.array(sides))
     wanted = (rows[::2] - rows[1::2]) / (2.0 * step)
     np.testing.assert_allclose(bend(vector, covector), 0.5 * (wanted + wanted.T), atol=1e-8)

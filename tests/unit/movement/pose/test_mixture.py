@@ -1,4 +1,6 @@
-"""Gaussian mixtures of poses: against the Euclidean ones where the spread is tiny, and the laws of the manifold where it is not."""
+"""Gaussian mixtures of poses: against the Euclidean ones where the spread is tiny, and the laws of
+the manifold where it is not.
+"""
 
 import numpy as np
 import pytest
@@ -6,8 +8,22 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from dart_skill.mixture import GaussianMixture, product_of_gaussians, regress
-from dart_skill.movement.pose import PoseMixture, angles_between, exponential, logarithm, mean_point, product_of_poses
-from tests.unit.movement.pose.random_poses import apart, blocks, flipped, near, orientations, turned
+from dart_skill.movement.pose import (
+    PoseMixture,
+    angles_between,
+    exponential,
+    logarithm,
+    mean_point,
+    product_of_poses,
+)
+from tests.unit.movement.pose.random_poses import (
+    apart,
+    blocks,
+    flipped,
+    near,
+    orientations,
+    turned,
+)
 
 TINY = 1e-6
 """Spread [rad] at which the curvature of the manifold, of its order, is below the tolerance."""
@@ -23,15 +39,24 @@ def demonstrations(rng, n=400, turn=4.0):
     """Rows t, x, y, z, quaternion (n, 8) that turn by `turn` [rad] about an axis that leans."""
     time = np.sort(rng.uniform(0.0, 1.0, n))
     axis = np.column_stack([0.3 * np.sin(3.0 * time), 0.2 * time, np.ones(n)])
-    path = Rotation.from_rotvec(turn * time[:, None] * axis) * Rotation.from_quat([0.5, 0.5, 0.5, 0.5])
+    path = Rotation.from_rotvec(turn * time[:, None] * axis) * Rotation.from_quat(
+        [0.5, 0.5, 0.5, 0.5]
+    )
     noisy = Rotation.from_rotvec(rng.normal(0.0, 0.05, (n, 3))) * path
-    position = np.column_stack([time, np.sin(3.0 * time), np.zeros(n)]) + rng.normal(0.0, 0.01, (n, 3))
+    position = np.column_stack([time, np.sin(3.0 * time), np.zeros(n)]) + rng.normal(
+        0.0, 0.01, (n, 3)
+    )
     return np.column_stack([time, position, noisy.as_quat()])
 
 
 def tangent_cloud(rng, n=300):
-    """Numbers (n, 7) in two clusters, of size one, and the rows (n, 8) of poses of which they are TINY tangent vectors."""
-    flat = rng.normal(size=(n, 7)) @ (np.eye(7) + 0.3 * rng.normal(size=(7, 7))) + np.where(rng.random(n) < 0.4, 3.0, 0.0)[:, None]
+    """Numbers (n, 7) in two clusters, of size one, and the rows (n, 8) of poses of which they are
+    TINY tangent vectors.
+    """
+    flat = (
+        rng.normal(size=(n, 7)) @ (np.eye(7) + 0.3 * rng.normal(size=(7, 7)))
+        + np.where(rng.random(n) < 0.4, 3.0, 0.0)[:, None]
+    )
     return flat, exponential(CENTRE_ROW, TINY * flat)
 
 
@@ -39,8 +64,12 @@ CENTRE_ROW = np.concatenate([[0.0], CENTRE])
 
 
 def start_of(flat):
-    first = GaussianMixture.from_parameters([0.5, 0.5], [np.zeros(7), np.full(7, 2.0)], np.tile(3.0 * np.eye(7), (2, 1, 1)))
-    curved = PoseMixture.from_parameters(first.priors_, exponential(CENTRE_ROW, TINY * first.means_), TINY**2 * first.covariances_)
+    first = GaussianMixture.from_parameters(
+        [0.5, 0.5], [np.zeros(7), np.full(7, 2.0)], np.tile(3.0 * np.eye(7), (2, 1, 1))
+    )
+    curved = PoseMixture.from_parameters(
+        first.priors_, exponential(CENTRE_ROW, TINY * first.means_), TINY**2 * first.covariances_
+    )
     return first, curved
 
 
@@ -50,10 +79,16 @@ def test_with_tiny_spread_the_fit_is_the_euclidean_one(rng):
     euclidean = GaussianMixture(2, tolerance=0.0, max_iterations=30).fit(flat, start=first)
     curved = PoseMixture(2, tolerance=0.0, max_iterations=30).fit(rows, start=curved_first)
     np.testing.assert_allclose(curved.priors_, euclidean.priors_, atol=1e-6)
-    np.testing.assert_allclose(logarithm(CENTRE_ROW, curved.means_) / TINY, euclidean.means_, atol=1e-5)
+    np.testing.assert_allclose(
+        logarithm(CENTRE_ROW, curved.means_) / TINY, euclidean.means_, atol=1e-5
+    )
     np.testing.assert_allclose(curved.covariances_ / TINY**2, euclidean.covariances_, atol=1e-4)
-    np.testing.assert_allclose(curved.log_density(rows) + 7.0 * np.log(TINY), euclidean.log_density(flat), atol=1e-4)
-    np.testing.assert_allclose(curved.responsibilities(rows), euclidean.responsibilities(flat), atol=1e-4)
+    np.testing.assert_allclose(
+        curved.log_density(rows) + 7.0 * np.log(TINY), euclidean.log_density(flat), atol=1e-4
+    )
+    np.testing.assert_allclose(
+        curved.responsibilities(rows), euclidean.responsibilities(flat), atol=1e-4
+    )
 
 
 @pytest.mark.parametrize("into", [[0], [1, 3]])
@@ -62,7 +97,9 @@ def test_with_tiny_spread_regression_is_the_euclidean_one(rng, into):
     first, curved_first = start_of(flat)
     euclidean = GaussianMixture(2).fit(flat, start=first)
     means = exponential(CENTRE_ROW, TINY * euclidean.means_)
-    curved = PoseMixture.from_parameters(euclidean.priors_, means, TINY**2 * euclidean.covariances_)
+    curved = PoseMixture.from_parameters(
+        euclidean.priors_, means, TINY**2 * euclidean.covariances_
+    )
     rest = np.setdiff1d(np.arange(7), into)
     wanted, wanted_covariance = regress(euclidean, flat[:40, into], into, rest)
     mean, covariance = curved.regress(rows[:40, into], into)
@@ -81,7 +118,9 @@ def test_with_tiny_spread_the_product_is_the_euclidean_one(rng):
 
 
 def random_factors(rng, n, apart_by):
-    means = np.column_stack([rng.normal(size=(n, 3)), near(orientations(1, rng)[0], apart_by, n, rng)])
+    means = np.column_stack(
+        [rng.normal(size=(n, 3)), near(orientations(1, rng)[0], apart_by, n, rng)]
+    )
     roots = rng.normal(size=(n, 6, 6))
     return means, 0.3 * roots @ np.swapaxes(roots, 1, 2) + 0.05 * np.eye(6)
 
@@ -94,9 +133,13 @@ def test_the_mode_of_a_product_is_where_the_density_is_largest(seed):
 
     def cost(move):
         ways = logarithm(means, exponential(mode, move))
-        return 0.5 * sum(way @ np.linalg.solve(one, way) for way, one in zip(ways, covariances, strict=True))
+        return 0.5 * sum(
+            way @ np.linalg.solve(one, way) for way, one in zip(ways, covariances, strict=True)
+        )
 
-    assert np.abs(minimize(cost, np.zeros(6), method="BFGS", options={"gtol": 1e-9}).x).max() < 1e-6
+    assert (
+        np.abs(minimize(cost, np.zeros(6), method="BFGS", options={"gtol": 1e-9}).x).max() < 1e-6
+    )
     begins = [logarithm(mode, other) for other in means]
     best = min(minimize(cost, begin, method="BFGS").fun for begin in begins)
     assert cost(np.zeros(6)) <= best + 1e-9
@@ -105,14 +148,18 @@ def test_the_mode_of_a_product_is_where_the_density_is_largest(seed):
 
 def test_a_product_of_factors_that_differ_by_nearly_half_a_turn_stays_at_the_sharp_one():
     turn = exponential(CENTRE, [0.0, 0.0, 0.0, 0.0, 0.0, np.radians(179.0)])
-    mode, covariance = product_of_poses([CENTRE, turn], [1e-4 * np.eye(6), np.diag([1.0] * 3 + [4.0] * 3)])
+    mode, covariance = product_of_poses(
+        [CENTRE, turn], [1e-4 * np.eye(6), np.diag([1.0] * 3 + [4.0] * 3)]
+    )
     assert apart(mode, CENTRE) < 2e-4
     np.testing.assert_allclose(covariance[3:, 3:], 1e-4 * np.eye(3), atol=1e-7)
 
 
 def test_the_product_of_one_factor_and_itself_has_half_its_covariance(rng):
     means, covariances = random_factors(rng, 1, 0.0)
-    mode, covariance = product_of_poses(np.repeat(means, 2, axis=0), np.repeat(covariances, 2, axis=0))
+    mode, covariance = product_of_poses(
+        np.repeat(means, 2, axis=0), np.repeat(covariances, 2, axis=0)
+    )
     assert apart(mode, means[0]) < 1e-14
     np.testing.assert_allclose(covariance, 0.5 * covariances[0], rtol=1e-10, atol=1e-12)
 
@@ -120,19 +167,29 @@ def test_the_product_of_one_factor_and_itself_has_half_its_covariance(rng):
 @pytest.mark.parametrize("seed", range(3))
 def test_turning_all_data_turns_the_mixture_and_its_regression(seed):
     rng = np.random.default_rng(seed)
-    rows, rotation, shift = demonstrations(rng), Rotation.random(random_state=seed), rng.normal(size=3)
+    rows, rotation, shift = (
+        demonstrations(rng),
+        Rotation.random(random_state=seed),
+        rng.normal(size=3),
+    )
     here = PoseMixture(5).fit(rows)
     there = PoseMixture(5).fit(turned(rows, rotation, 1, shift))
     matrix = blocks(rotation, 1)
     assert here.n_iterations_ == there.n_iterations_
     np.testing.assert_allclose(there.priors_, here.priors_, atol=1e-10)
     assert apart(there.means_, turned(here.means_, rotation, 1, shift)) < 1e-10
-    np.testing.assert_allclose(there.means_[:, :4], turned(here.means_, rotation, 1, shift)[:, :4], atol=1e-10)
-    np.testing.assert_allclose(there.covariances_, matrix @ here.covariances_ @ matrix.T, atol=1e-10)
+    np.testing.assert_allclose(
+        there.means_[:, :4], turned(here.means_, rotation, 1, shift)[:, :4], atol=1e-10
+    )
+    np.testing.assert_allclose(
+        there.covariances_, matrix @ here.covariances_ @ matrix.T, atol=1e-10
+    )
     time = np.linspace(0.0, 1.0, 30)
     (mean, covariance), (moved, moved_covariance) = here.regress(time), there.regress(time)
     assert apart(moved, turned(mean, rotation, 0, shift)) < 1e-10
-    np.testing.assert_allclose(moved_covariance, matrix[1:, 1:] @ covariance @ matrix[1:, 1:].T, atol=1e-10)
+    np.testing.assert_allclose(
+        moved_covariance, matrix[1:, 1:] @ covariance @ matrix[1:, 1:].T, atol=1e-10
+    )
 
 
 def test_both_signs_of_a_quaternion_give_one_mixture(rng):
@@ -140,7 +197,9 @@ def test_both_signs_of_a_quaternion_give_one_mixture(rng):
     one, other = PoseMixture(5).fit(rows), PoseMixture(5).fit(flipped(rows, rng))
     assert apart(one.means_, other.means_) < 1e-10
     np.testing.assert_allclose(other.covariances_, one.covariances_, atol=1e-10)
-    np.testing.assert_allclose(one.log_density(flipped(rows, rng)), one.log_density(rows), atol=1e-9)
+    np.testing.assert_allclose(
+        one.log_density(flipped(rows, rng)), one.log_density(rows), atol=1e-9
+    )
     assert apart(other.regress(0.3 * np.ones(1))[0], one.regress(0.3 * np.ones(1))[0]) < 1e-10
 
 
@@ -148,7 +207,9 @@ def test_both_signs_of_a_quaternion_give_one_mixture(rng):
 def test_regression_follows_a_turn_through_half_a_turn_and_beyond(degrees):
     time = np.linspace(0.0, 1.0, 400)
     path = Rotation.from_rotvec(np.radians(degrees) * time[:, None] * np.array([0.6, 0.0, 0.8]))
-    mixture = PoseMixture(2 + degrees // 45).fit(np.column_stack([time, np.zeros((400, 3)), path.as_quat()]))
+    mixture = PoseMixture(2 + degrees // 45).fit(
+        np.column_stack([time, np.zeros((400, 3)), path.as_quat()])
+    )
     mean, covariance = mixture.regress(time)
     # A constant rate is linear in each tangent space, so all components agree.
     assert np.degrees(apart(mean, path.as_quat())) < 0.2
@@ -156,9 +217,13 @@ def test_regression_follows_a_turn_through_half_a_turn_and_beyond(degrees):
 
 
 def test_regression_of_one_component_is_the_iteration_of_calinon(rng):
-    """Calinon 2020: the estimate moves until the tangent conditional mean, with a transported covariance, is zero."""
+    """Calinon 2020: the estimate moves until the tangent conditional mean, with a transported
+    covariance, is zero.
+    """
     root = 0.3 * rng.normal(size=(7, 7))
-    mixture = PoseMixture.from_parameters([1.0], CENTRE_ROW[None], (root @ root.T + 0.02 * np.eye(7))[None])
+    mixture = PoseMixture.from_parameters(
+        [1.0], CENTRE_ROW[None], (root @ root.T + 0.02 * np.eye(7))[None]
+    )
     (wanted,), _ = mixture.regress([0.8])
     estimate = CENTRE
     slope = mixture.covariances_[0, 1:, 0] / mixture.covariances_[0, 0, 0]
@@ -176,7 +241,9 @@ def test_regression_averages_components_that_disagree(rng):
     mixture = PoseMixture.from_parameters([0.5, 0.5], means, np.tile(1e-6 * np.eye(7), (2, 1, 1)))
     mean, covariance = mixture.regress([0.0])
     assert apart(mean[0], mean_point(means[:, 1:])) < 1e-12
-    np.testing.assert_allclose(np.diag(covariance[0]), [0.01, 0.0, 0.0, 0.0, 0.45**2, 0.0], atol=2e-6)
+    np.testing.assert_allclose(
+        np.diag(covariance[0]), [0.01, 0.0, 0.0, 0.0, 0.45**2, 0.0], atol=2e-6
+    )
 
 
 def test_the_likelihood_rises_and_all_is_found_again_from_samples(rng):
@@ -185,22 +252,35 @@ def test_the_likelihood_rises_and_all_is_found_again_from_samples(rng):
     found = PoseMixture(3, tolerance=1e-9).fit(samples)
     assert np.degrees(angles_between(found.means_, truth.means_).max()) < 3.0
     assert found.log_density(samples).mean() >= truth.log_density(samples).mean() - 1e-3
-    runs = [PoseMixture(3, tolerance=0.0, max_iterations=n).fit(samples[:800]).log_likelihood_ for n in (1, 2, 4, 8, 16)]
+    runs = [
+        PoseMixture(3, tolerance=0.0, max_iterations=n).fit(samples[:800]).log_likelihood_
+        for n in (1, 2, 4, 8, 16)
+    ]
     assert np.diff(runs).min() > 0
 
 
 def test_a_sample_with_weight_two_counts_as_two(rng):
     rows = demonstrations(rng, 120)
     weights = rng.integers(0, 3, 120)
-    weighted, repeated = PoseMixture(3).fit(rows, weights), PoseMixture(3).fit(np.repeat(rows, weights, axis=0))
+    weighted, repeated = (
+        PoseMixture(3).fit(rows, weights),
+        PoseMixture(3).fit(np.repeat(rows, weights, axis=0)),
+    )
     assert apart(weighted.means_, repeated.means_) < 1e-8
     np.testing.assert_allclose(weighted.covariances_, repeated.covariances_, atol=1e-8)
-    assert weighted.bic(rows, weights) == pytest.approx(repeated.bic(np.repeat(rows, weights, axis=0)))
+    assert weighted.bic(rows, weights) == pytest.approx(
+        repeated.bic(np.repeat(rows, weights, axis=0))
+    )
 
 
 def test_clusters_without_time_are_found_by_k_means(rng):
-    centres = [exponential(CENTRE, [0.0, 0.0, 0.0, *way]) for way in ([0.0, 0.0, 0.0], [0.0, 1.5, 0.0], [2.0, 0.0, 0.0])]
-    rows = np.concatenate([exponential(centre, rng.normal(0.0, 0.05, (80, 6))) for centre in centres])
+    centres = [
+        exponential(CENTRE, [0.0, 0.0, 0.0, *way])
+        for way in ([0.0, 0.0, 0.0], [0.0, 1.5, 0.0], [2.0, 0.0, 0.0])
+    ]
+    rows = np.concatenate(
+        [exponential(centre, rng.normal(0.0, 0.05, (80, 6))) for centre in centres]
+    )
     mixture = PoseMixture(3, n_starts=3).fit(rows, rng=rng)
     assert max(angles_between(mixture.means_, centre).min() for centre in centres) < 0.03
 
@@ -236,11 +316,15 @@ def spoilt(row, column, value):
 
 WRONG = {
     r"samples holds nan at index \(3, 2\)": lambda: PoseMixture(2).fit(spoilt(3, 2, np.nan)),
-    r"samples: the quaternion at index \(3,\) has length": lambda: PoseMixture(2).fit(spoilt(3, -1, 5.0)),
+    r"samples: the quaternion at index \(3,\) has length": lambda: PoseMixture(2).fit(
+        spoilt(3, -1, 5.0)
+    ),
     "must have columns x, y, z and a quaternion": lambda: PoseMixture(2).fit(ROWS[:, 2:]),
     "fit then needs rng": lambda: PoseMixture(2).fit(ROWS[:, 1:]),
     "21 components need at least as many samples": lambda: PoseMixture(21).fit(ROWS),
-    "rng for a random start, or start": lambda: PoseMixture(1).fit(ROWS, rng=np.random.default_rng(0), start=FITTED),
+    "rng for a random start, or start": lambda: PoseMixture(1).fit(
+        ROWS, rng=np.random.default_rng(0), start=FITTED
+    ),
     "start has means": lambda: PoseMixture(2).fit(ROWS, start=FITTED),
     "holds no parameters yet": lambda: PoseMixture(2).regress([0.0]),
     "samples must have 8 columns": lambda: FITTED.log_density(ROWS[:, 1:]),
@@ -249,7 +333,9 @@ WRONG = {
     "so far away that its log density overflows": lambda: FITTED.regress([1e200]),
     "means must have 2 dimension": lambda: product_of_poses(CENTRE, np.eye(6)),
     "covariances must have shape": lambda: product_of_poses([CENTRE], np.eye(6)),
-    "covariance of factor is not positive definite": lambda: product_of_poses([CENTRE], np.zeros((1, 6, 6))),
+    "covariance of factor is not positive definite": lambda: product_of_poses(
+        [CENTRE], np.zeros((1, 6, 6))
+    ),
 }
 
 
