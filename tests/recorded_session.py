@@ -2,7 +2,7 @@
 does. Needs no ROS.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class RecordedSession(Session):
         types, shown = typestore(), []
         for one in demonstrations:
             content = demonstration_message(types, as_published(one))
-            end_ns = one.stamp_ns + round(1e9 * one.ball_time[-1])
+            end_ns = one.stamp_ns + round(1e9 * one.moved.time[-1])
             shown.append((end_ns, DEMONSTRATION_TOPIC, end_ns, content))
         with BagWriter(path, custom_data={"seed": "3"}) as bag:
             for topic, type_name in TYPES.items():
@@ -130,17 +130,21 @@ def header(stamp_ns, frame_id="world"):
 
 def as_published(one):
     """A demonstration with the id that the recorder gives it."""
-    return replace(one, id=demonstration_id(one.stamp_ns + round(1e9 * one.hand_opened)))
+    return replace(one, id=demonstration_id(one.stamp_ns + round(1e9 * one.opened)))
 
 
 def same(one, other, names=None):
     """Names of the fields in which two dataclasses of arrays differ in any bit."""
     names = names or [item.name for item in fields(one)]
-    return [
-        n
-        for n in names
-        if not np.array_equal(np.asarray(getattr(one, n)), np.asarray(getattr(other, n)))
-    ]
+    return [name for name in names if not _equal(getattr(one, name), getattr(other, name))]
+
+
+def _equal(one, other):
+    if is_dataclass(one):
+        return same(one, other) == []
+    if isinstance(one, dict):
+        return list(one) == list(other) and all(_equal(one[key], other[key]) for key in one)
+    return np.array_equal(np.asarray(one), np.asarray(other))
 
 
 TAUGHT = np.array([[1.80, -0.60, 0.40], [2.00, 0.10, 0.40], [2.15, 0.70, 0.40]])

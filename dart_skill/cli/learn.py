@@ -287,7 +287,7 @@ def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
     learned, model = report.learned_from, skill.skill
     delay = (
         f"; the hand opens {1e3 * model.hand_delay:.0f} ms after it is told to"
-        if any(d.hand_opened == d.hand_opened for d in learned)
+        if any(d.opened == d.opened for d in learned)
         else ""
     )
     lines.append(

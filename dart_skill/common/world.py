@@ -14,8 +14,8 @@ ROLES = ("hand", "ball", "basket")
 """What a tracked body is in a throw."""
 THROW = "throw"
 """Name of the skill of throws at baskets."""
-THROWN = {THROW: ("ball", "basket"), "darts": ("dart", "board")}
-"""Skills of throwing: roles of what is thrown, and of what it is thrown at."""
+THROW_BODIES = ("ball", "basket")
+"""Roles of what is thrown, and of what it is thrown at."""
 DEMONSTRATION_TOPIC, MARK_TOPIC = "/demonstrations", "/demonstration_marks"
 """What was shown, and which of it is left out."""
 

@@ -16,7 +16,7 @@ from dart_skill.experiments.pose_skills import arm_of, configured, shown
 from dart_skill.session import BenchSession
 from dart_skill.skills.learning import LearnedSkill, NoPlan
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Pose, TaskDemonstration
+from dart_skill.skills.protocol import Demonstration, Pose
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def run_seed(
 
 def teach(
     session: BenchSession, skill: Place, rng: np.random.Generator, demonstrations: int = 8
-) -> list[TaskDemonstration]:
+) -> list[Demonstration]:
     """So many parts that a person put into holders, where they want them there.
 
     What jams is tried again with another holder; ValueError where most of it does.

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from dart_skill.session import SkillTrial
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import TaskDemonstration
+from dart_skill.skills.protocol import Demonstration
 from dart_skill.skills.reach import Reach
 
 ATTEMPTS = 3
@@ -38,16 +38,14 @@ def arm_of(arm: str, seed: int) -> str:
     return f"fleet:{seed}" if arm == "fleet" else arm
 
 
-def shown(
-    show: Callable[[], SkillTrial], demonstrations: int, what: str
-) -> list[TaskDemonstration]:
+def shown(show: Callable[[], SkillTrial], demonstrations: int, what: str) -> list[Demonstration]:
     """So many movements that succeeded; one that fails is shown again. ValueError where most fail.
 
     * show: a person shows one, of a new situation.
     * demonstrations: how many must succeed.
     * what: the person did with how many, in words, "reached {} cups".
     """
-    kept: list[TaskDemonstration] = []
+    kept: list[Demonstration] = []
     for _ in range(ATTEMPTS * demonstrations):
         trial = show()
         kept += [trial.seen] if trial.outcome.success else []

@@ -20,7 +20,7 @@ from dart_skill.session import BeltSession, SkillTrial
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.learning import ReactiveSkill
-from dart_skill.skills.protocol import Skill, TaskDemonstration
+from dart_skill.skills.protocol import Demonstration, Skill
 from dart_skill.skills.reach import Reach
 
 HELD = (0.7, 1.7)
@@ -103,7 +103,7 @@ def run_seed(
 
 def teach(
     session: BeltSession, rng: np.random.Generator, demonstrations: int = 8
-) -> list[TaskDemonstration]:
+) -> list[Demonstration]:
     """So many reaches that a person showed; one that fails is shown again with another cup.
     ValueError where most fail.
     """
@@ -166,7 +166,7 @@ def _distances(skill: Reach, trial: SkillTrial) -> tuple[float, float]:
         return float("nan"), float("nan")
 
 
-def _fastest(seen: TaskDemonstration, since: float) -> float:
+def _fastest(seen: Demonstration, since: float) -> float:
     """Greatest speed of the hand after an instant [s], as the cameras saw it [m/s]."""
     later = seen.hand_time > since
     return float(

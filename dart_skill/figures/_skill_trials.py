@@ -22,14 +22,14 @@ from dart_skill.figures._style import (
     save,
 )
 from dart_skill.session import SkillSummary
-from dart_skill.skills.protocol import HAND, Pose, Skill, TaskDemonstration
+from dart_skill.skills.protocol import HAND, Demonstration, Pose, Skill
 
 SIDE = 0.035
 """A body is drawn as a square of this half edge [m], turned as it is."""
 
 
 def draw_trials(
-    summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration], folder: str | Path
+    summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration], folder: str | Path
 ) -> list[Path]:
     """Write the figure; returns the paths. shown: what was learned from."""
     with house_style():
@@ -37,7 +37,7 @@ def draw_trials(
 
 
 def trials_figure(
-    summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration], narrow: bool = False
+    summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration], narrow: bool = False
 ) -> Figure:
     """The figure itself, as `draw_trials` writes it; narrow: its panels stand one below the other.
 
@@ -59,8 +59,8 @@ def trials_figure(
 
 
 def _movements(
-    skill: Skill, shown: Sequence[TaskDemonstration]
-) -> list[tuple[TaskDemonstration, np.ndarray]]:
+    skill: Skill, shown: Sequence[Demonstration]
+) -> list[tuple[Demonstration, np.ndarray]]:
     """Each demonstration with the positions of the hand (n, 3) between its first and its last
     instant.
     """
@@ -72,7 +72,7 @@ def _movements(
 
 
 def _draw_above(
-    axes: Axes, summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration]
+    axes: Axes, summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration]
 ) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, (one, hand) in enumerate(_movements(skill, shown)):
@@ -119,7 +119,7 @@ def _draw_body(axes: Axes, pose: Pose, colour: str, label: str, linestyle: str =
     )
 
 
-def _draw_side(axes: Axes, skill: Skill, shown: Sequence[TaskDemonstration]) -> None:
+def _draw_side(axes: Axes, skill: Skill, shown: Sequence[Demonstration]) -> None:
     for _, hand in _movements(skill, shown):
         way = np.concatenate(
             [[0.0], np.cumsum(np.linalg.norm(np.diff(hand[:, :2], axis=0), axis=1))]

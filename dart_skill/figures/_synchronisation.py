@@ -148,7 +148,12 @@ def _motion(
     origin = (d.stamp_ns - recording.start_ns) * 1e-9
     ball_centre = wam_description().hand.ball_centre
     release = fit_release(
-        d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, ball_centre
+        d.moved.time,
+        d.moved.position,
+        d.hand_time,
+        d.hand_position,
+        d.hand_quaternion,
+        ball_centre,
     )
     return DemonstratedMotion(
         name=d.id,

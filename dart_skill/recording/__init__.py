@@ -29,8 +29,13 @@ if TYPE_CHECKING:
     from dart_skill.recording.demonstration import (
         DEMONSTRATION_TOPIC,
         DEMONSTRATION_TYPE,
+        HAND,
         SKILL,
+        UNSEEN,
+        WORDS,
         Demonstration,
+        Event,
+        Track,
         arm_rows,
         demonstration_from_message,
         demonstration_message,
@@ -38,9 +43,12 @@ if TYPE_CHECKING:
         each_demonstration,
         fill_demonstration_message,
         filled,
+        grip_of,
         named,
         pose_rows,
         read_demonstrations,
+        situation_content,
+        situation_from_message,
         skill_of,
         stamp_ns,
         times_after,
@@ -68,10 +76,12 @@ else:
                 " is_stamped message qos_yaml serialize type_hash types_for typestore"
             ),
             "demonstration": (
-                "DEMONSTRATION_TOPIC DEMONSTRATION_TYPE SKILL Demonstration arm_rows"
+                "DEMONSTRATION_TOPIC DEMONSTRATION_TYPE HAND SKILL UNSEEN WORDS Demonstration"
+                " Event Track arm_rows"
                 " demonstration_from_message demonstration_message duration_content"
-                " each_demonstration fill_demonstration_message filled named pose_rows"
-                " read_demonstrations skill_of stamp_ns times_after"
+                " each_demonstration fill_demonstration_message filled grip_of named pose_rows"
+                " read_demonstrations situation_content situation_from_message skill_of stamp_ns"
+                " times_after"
             ),
             "grip_signal": "GripSignal Opening read_command",
             "joint_state": "JointLayout joint_layout",
@@ -88,11 +98,15 @@ __all__ = [
     "DEMONSTRATION_TOPIC",
     "DEMONSTRATION_TYPE",
     "DROPPED",
+    "HAND",
     "SKILL",
+    "UNSEEN",
+    "WORDS",
     "BagError",
     "BagReader",
     "BagWriter",
     "Demonstration",
+    "Event",
     "GripSignal",
     "GraphBag",
     "JointLayout",
@@ -102,6 +116,7 @@ __all__ = [
     "Marks",
     "Opening",
     "TopicInfo",
+    "Track",
     "arm_rows",
     "check_known",
     "definition",
@@ -114,6 +129,7 @@ __all__ = [
     "each_demonstration",
     "fill_demonstration_message",
     "filled",
+    "grip_of",
     "is_stamped",
     "joint_layout",
     "message",
@@ -124,6 +140,8 @@ __all__ = [
     "read_demonstrations",
     "read_dropped",
     "serialize",
+    "situation_content",
+    "situation_from_message",
     "skill_of",
     "stamp_ns",
     "times_after",

@@ -1,5 +1,4 @@
-"""A demonstration: one guided throw as the sensors saw it, and its way to and from messages and
-bags.
+"""A demonstration: one movement as the sensors saw it, and its way to and from messages and bags.
 
 The conversions work on any object with the fields of dart_skill_msgs/msg/Demonstration: on those
 of rclpy as well as on those that are decoded without ROS.
@@ -9,18 +8,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from rosbags.typesys.store import Typestore
 
 from dart_skill.common.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
-from dart_skill.common.constants import N_JOINTS, UNTURNED
+from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.world import (
     DEMONSTRATION_TOPIC,
     THROW,
-    THROWN,
     joint_names,
     joint_order,
     the_world,
@@ -36,9 +35,12 @@ from dart_skill.recording.bags import (
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 SKILL = THROW
-"""The skill of a demonstration that does not say of which one it is."""
-OPEN = "open"
-"""Event: the hand was told to open."""
+"""Skill of a recording that does not say of which one it is."""
+HAND = "hand"
+"""Role of the body that every skill has."""
+WORDS = {Grip.OPEN: "open", Grip.CLOSE: "close"}
+"""Names of the events in which the fingers are told something."""
+GRIPS = {name: grip for grip, name in WORDS.items()}
 _ITEMS = {
     "tracks": "dart_skill_msgs/msg/BodyTrack",
     "poses": "geometry_msgs/msg/PoseStamped",
@@ -47,243 +49,349 @@ _ITEMS = {
     "events": "dart_skill_msgs/msg/Event",
 }
 """Types of the elements of sequences, by the name of their field."""
-LONGEST = 120.0
-"""No throw takes longer, with all that is recorded before and after it [s]."""
-WIDEST_ANGLE, FASTEST_JOINT = 2.0 * np.pi, 100.0
-"""No joint of an arm is farther from its zero [rad], or faster [rad/s]: beyond it are degrees, or
-errors.
-"""
+LONGEST = 3600.0
+"""Longest demonstration, with all that is recorded before and after the movement [s]."""
+WIDEST_ANGLE = 2.0 * np.pi
+"""Largest angle of a joint [rad]: beyond it are degrees, or errors."""
+FASTEST_JOINT = 100.0
+"""Largest speed of a joint [rad/s]: beyond it are degrees, or errors."""
+BEFORE = 0.1
+"""Length of the time before an instant in which the pose of a body at that instant is seen [s]."""
 
 
-def _none(width: int | None = None) -> Callable[[], np.ndarray]:
-    return lambda: np.empty(0 if width is None else (0, width))
+def _freeze(one: Any, **arrays: np.ndarray) -> None:
+    """Copies of arrays as read-only fields of a frozen dataclass."""
+    for name, array in arrays.items():
+        array = array.copy()
+        array.setflags(write=False)
+        object.__setattr__(one, name, array)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A tracked body, in the world of the cameras; its arrays are read-only.
+
+    * time: (n,) [s], stamps.
+    * position: (n, 3) [m].
+    * quaternion: (n, 4), of length 1.
+
+    ValueError names what is not so.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    quaternion: np.ndarray
+
+    def __post_init__(self) -> None:
+        time, position = check_samples("track", self.time, self.position, least=0)
+        turns = check_unit_quaternions("track", self.quaternion, len(time))
+        _freeze(self, time=time, position=position, quaternion=turns)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def unturned(cls, time: np.ndarray, position: np.ndarray) -> Track:
+        """A body of which only the position is known: (n,) [s], (n, 3) [m]."""
+        return cls(time, position, np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1)))
+
+    def pose_at(self, instant: float) -> Pose:
+        """Where the body was just before an instant [s]: the median of the positions, and the mean
+        of the orientations seen then.
+
+        Of a body that was not seen then, the last that was seen before; if nothing was, the first
+        that was seen after.
+        """
+        seen = (self.time <= instant) & (self.time >= instant - BEFORE)
+        if not seen.any():
+            last = int(np.searchsorted(self.time, instant, side="right")) - 1
+            seen = np.arange(len(self.time)) == max(last, 0)
+        nearest = self.quaternion[seen][-1]
+        same_sign = self.quaternion[seen] * np.sign(self.quaternion[seen] @ nearest)[:, None]
+        return Pose(np.median(self.position[seen], axis=0), same_sign.mean(axis=0))
+
+    def resampled(self, time: np.ndarray) -> Track:
+        """The body at other stamps (n,) [s]: linear between samples; before the first and after
+        the last as it was there.
+        """
+        turns = np.sign(np.sum(self.quaternion[1:] * self.quaternion[:-1], axis=1))
+        signs = np.cumprod(np.concatenate([[1.0], np.where(turns == 0.0, 1.0, turns)]))
+        rows = np.hstack([self.position, self.quaternion * signs[:, None]])
+        there = np.column_stack([np.interp(time, self.time, column) for column in rows.T])
+        length = np.linalg.norm(there[:, 3:], axis=1, keepdims=True)
+        return Track(time, there[:, :3], there[:, 3:] / length)
+
+
+UNSEEN = Track(np.empty(0), np.empty((0, 3)), np.empty((0, 4)))
+"""Track of a body that was never seen."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """The fingers were told something. name: "open" or "close"; time: [s]."""
+
+    name: str
+    time: float
+
+    @property
+    def grip(self) -> Grip:
+        """What they were told."""
+        return GRIPS[self.name]
+
+
+def _none(*width: int) -> Callable[[], np.ndarray]:
+    return lambda: np.empty((0, *width))
 
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """One throw. All of it is in frame_id; times are seconds after stamp_ns, lengths metres,
-    quaternions x, y, z, w.
+    """One movement. All of it is in frame_id; times are seconds after stamp_ns, lengths metres,
+    quaternions x, y, z, w. Its arrays are read-only.
 
     * id: unique in a recording.
+    * tracks: of the bodies by role; one is the hand.
     * stamp_ns: the origin of all times.
-    * target: (3,), centre of the basket's rim, or of the board.
-    * hand_time, hand_position, hand_quaternion: (n,), (n, 3), (n, 4), poses of the hand, n >= 2.
-    * ball_time, ball_position: (m,), (m, 3), from the grip to the landing; may be empty.
+    * skill: that it shows.
+    * situation: where the bodies were when the movement began, and numbers, as far as they are
+      known.
     * joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm;
       may be empty.
-    * motion_start, motion_stop: when the speed crossed the thresholds; nan if unknown.
-    * hand_opened: when the hand was told to open; nan if unknown.
-    * joint_names: as the driver calls them; may be empty.
-    * skill: of throwing (`world.THROWN`), which says what the "ball" and the "basket" are: a dart
-      and a board, too.
+    * events: what the fingers were told, in order.
+    * motion_start, motion_stop: when the movement began and ended; nan if unknown.
+    * frame_id: str.
+    * joint_names: as the driver calls them.
 
     ValueError names what is not so.
     """
 
     id: str
-    stamp_ns: int
-    target: np.ndarray
-    hand_time: np.ndarray
-    hand_position: np.ndarray
-    hand_quaternion: np.ndarray
-    ball_time: np.ndarray = field(default_factory=_none())
-    ball_position: np.ndarray = field(default_factory=_none(3))
+    tracks: Mapping[str, Track]
+    stamp_ns: int = 0
+    skill: str = SKILL
+    situation: Situation = field(default_factory=lambda: Situation({}))
     joint_time: np.ndarray = field(default_factory=_none())
     joint_position: np.ndarray = field(default_factory=_none(N_JOINTS))
     joint_velocity: np.ndarray = field(default_factory=_none(N_JOINTS))
+    events: tuple[Event, ...] = ()
     motion_start: float = float("nan")
     motion_stop: float = float("nan")
-    hand_opened: float = float("nan")
     frame_id: str = the_world().frame_id
-    joint_names: tuple[str, ...] = ()
-    skill: str = SKILL
+    joint_names: tuple[str, ...] = joint_names()
 
     def __post_init__(self) -> None:
-        if self.skill not in THROWN:
-            raise ValueError(
-                f"demonstration {self.id} is of the skill '{self.skill}': throws are of"
-                f" {', '.join(THROWN)}"
-            )
         if not self.id or not isinstance(self.id, str):
             raise ValueError(f"id of a demonstration must be a non-empty text, got {self.id!r}")
+        name = f"demonstration {self.id}"
         if int(self.stamp_ns) != self.stamp_ns or self.stamp_ns < 0:
             raise ValueError(
-                f"{self}: stamp_ns = {self.stamp_ns} must be whole nanoseconds, not negative"
+                f"{name}: stamp_ns = {self.stamp_ns} must be whole nanoseconds, not negative"
             )
-        name = f"demonstration {self.id}"
-        target = as_place(self.target, f"{name}: its target")
-        hand_time, hand_position = check_samples(
-            f"{name}, hand", self.hand_time, self.hand_position, least=2
-        )
-        ball_time, ball_position = check_samples(
-            f"{name}, ball", self.ball_time, self.ball_position, least=0
-        )
-        joint_time, joint_position = check_samples(
+        if HAND not in self.tracks:
+            raise ValueError(
+                f"{name} has no track of the hand, only of"
+                f" {', '.join(sorted(self.tracks)) or 'nothing'}"
+            )
+        if len(self.tracks[HAND]) < 2:
+            raise ValueError(f"{name}, hand: {len(self.tracks[HAND])} samples, need at least 2")
+        for role, pose in self.situation.poses.items():
+            as_place(pose.position, f"{name}: the {role} of its situation")
+        time, position = check_samples(
             f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS
         )
         _, velocity = check_samples(
-            f"{name}, joint velocity",
-            self.joint_time,
-            self.joint_velocity,
-            least=0,
-            width=N_JOINTS,
+            f"{name}, joint velocity", time, self.joint_velocity, least=0, width=N_JOINTS
         )
-        self._set_arrays(
-            target=target,
-            hand_time=hand_time,
-            hand_position=hand_position,
-            hand_quaternion=check_unit_quaternions(
-                f"{name}, hand", self.hand_quaternion, len(hand_time)
-            ),
-            ball_time=ball_time,
-            ball_position=ball_position,
-            joint_time=joint_time,
-            joint_position=joint_position,
-            joint_velocity=velocity,
-        )
-        self._check_ranges(name)
+        _freeze(self, joint_time=time, joint_position=position, joint_velocity=velocity)
         object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        object.__setattr__(self, "events", tuple(self.events))
+        self._check_ranges(name)
         self._check_events(name)
 
     def __repr__(self) -> str:
-        return (
-            f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the"
-            " ball)"
-        )
-
-    def _set_arrays(self, **arrays: np.ndarray) -> None:
-        for name, array in arrays.items():
-            array = array.copy()
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+        seen = ", ".join(f"{len(track)} of the {role}" for role, track in self.tracks.items())
+        return f"Demonstration({self.id!r}, {self.skill}, poses: {seen})"
 
     def _check_ranges(self, name: str) -> None:
-        """No memory is asked for, and no sum overflows, on account of a number that no throw has."""
-        limits = {
-            "hand_time": (LONGEST, "s"), "hand_position": (FARTHEST, "m"), "ball_time": (LONGEST, "s"), "ball_position": (FARTHEST, "m"),
-            "joint_time": (LONGEST, "s"), "joint_position": (WIDEST_ANGLE, "rad"), "joint_velocity": (FASTEST_JOINT, "rad/s"),
-        }  # fmt: skip
-        for field_name, (limit, unit) in limits.items():
-            values = np.abs(getattr(self, field_name))
-            if values.size and values.max() > limit:
-                sample, most = (
-                    int(np.unravel_index(values.argmax(), values.shape)[0]),
-                    float(values.max()),
-                )
+        """No memory is asked for, and no sum overflows, on account of a number that no movement
+        has.
+        """
+        limits = [
+            *(
+                (f"time of the {role}", one.time, LONGEST, "s")
+                for role, one in self.tracks.items()
+            ),
+            *((f"the {role}", one.position, FARTHEST, "m") for role, one in self.tracks.items()),
+            ("joint_time", self.joint_time, LONGEST, "s"),
+            ("joint_position", self.joint_position, WIDEST_ANGLE, "rad"),
+            ("joint_velocity", self.joint_velocity, FASTEST_JOINT, "rad/s"),
+        ]
+        for what, values, limit, unit in limits:
+            if values.size and (most := float(np.abs(values).max())) > limit:
+                sample = int(np.unravel_index(np.abs(values).argmax(), values.shape)[0])
                 raise ValueError(
-                    f"{name}: {field_name} of sample {sample} is {most:.4g} {unit}: no throw goes"
+                    f"{name}: {what} of sample {sample} is {most:.4g} {unit}: no movement goes"
                     f" beyond {limit:.4g} {unit}"
                 )
 
     def _check_events(self, name: str) -> None:
-        events = {
-            "motion_start": self.motion_start,
-            "motion_stop": self.motion_stop,
-            "hand_opened": self.hand_opened,
-        }
-        for event, seconds in events.items():
+        instants = [("motion_start", self.motion_start), ("motion_stop", self.motion_stop)]
+        for event, seconds in [*instants, *((one.name, one.time) for one in self.events)]:
             if abs(seconds) > LONGEST:
                 raise ValueError(
                     f"{name}: {event} = {seconds:.4g} s: give at most {LONGEST:.0f} s after its"
                     " stamp, or nan if unknown"
                 )
+        for event, seconds in instants:
             object.__setattr__(self, event, float(seconds))
         if self.motion_stop < self.motion_start:
             raise ValueError(
                 f"{name}: motion_stop {self.motion_stop} s lies before motion_start"
                 f" {self.motion_start} s"
             )
-        if self.joint_names and len(self.joint_names) != N_JOINTS:
+        if len(self.joint_names) != N_JOINTS:
+            raise ValueError(f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS}")
+
+    def track(self, role: str) -> Track:
+        """Track of one body; ValueError if it was never seen."""
+        if not self.tracks.get(role, UNSEEN):
+            seen = sorted(name for name, track in self.tracks.items() if track)
             raise ValueError(
-                f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS} or none"
+                f"demonstration {self.id}: the {role} was never seen; tracked were"
+                f" {', '.join(seen)}"
             )
+        return self.tracks[role]
+
+    @property
+    def hand_time(self) -> np.ndarray:
+        return self.tracks[HAND].time
+
+    @property
+    def hand_position(self) -> np.ndarray:
+        return self.tracks[HAND].position
+
+    @property
+    def hand_quaternion(self) -> np.ndarray:
+        return self.tracks[HAND].quaternion
+
+    @property
+    def moved(self) -> Track:
+        """Track of the first body beside the hand: of what is thrown or carried."""
+        return next((track for role, track in self.tracks.items() if role != HAND), UNSEEN)
+
+    @property
+    def target(self) -> np.ndarray:
+        """Place (3,) of the first body of the situation: of what is thrown at; ValueError if it
+        has none.
+        """
+        if not self.situation.poses:
+            raise ValueError(f"demonstration {self.id} has a situation without a body")
+        return next(iter(self.situation.poses.values())).position
+
+    def aimed_at(self, place: np.ndarray) -> Demonstration:
+        """The same with the first body of the situation at another place (3,)."""
+        role = next(iter(self.situation.poses))
+        return replace(self, situation=self.situation.moved(role, Pose(place)))
+
+    @property
+    def opened(self) -> float:
+        """Time at which the fingers were first told to open; nan if they were not."""
+        return next((one.time for one in self.events if one.grip == Grip.OPEN), float("nan"))
 
 
-def fill_demonstration_message(
-    demonstration: Demonstration, msg: Any, new: Callable[[str], Any]
-) -> Any:
+def fill_demonstration_message(one: Demonstration, msg: Any, new: Callable[[str], Any]) -> Any:
     """Write a demonstration into an empty message object; returns it.
 
-    new: makes an empty message from a type name as "geometry_msgs/msg/PoseStamped".
+    one: the demonstration. new: makes an empty message from a type name as
+    "geometry_msgs/msg/PoseStamped".
     """
-    return filled(msg, _content(demonstration), new)
+    return filled(msg, _content(one), new)
 
 
-def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any:
-    """The message of a demonstration as an object of `types`, without ROS."""
-    return message(types, DEMONSTRATION_TYPE, _content(demonstration))
+def demonstration_message(types: Typestore, one: Demonstration) -> Any:
+    """The message of a demonstration as an object of `types`, without ROS. one: it."""
+    return message(types, DEMONSTRATION_TYPE, _content(one))
 
 
-def demonstration_from_message(msg: Any) -> Demonstration:
+def demonstration_from_message(msg: Any, skill: str = "") -> Demonstration:
     """The demonstration in a message object, of rclpy or decoded without ROS.
 
-    ValueError for one of another skill, or without what a throw has.
+    skill: whose demonstrations are wanted, in the frame of the world; empty: of any skill, in any
+    frame. ValueError for another one, and for a message that holds no demonstration.
     """
+    what = f"demonstration {msg.id}"
+    if not hasattr(msg, "tracks"):
+        raise ValueError(f"{what} is of a version that knew of throws only")
+    if skill and msg.skill != skill:
+        raise ValueError(f"{what} is of the skill '{msg.skill}', not of '{skill}'")
+    if skill and msg.header.frame_id != the_world().frame_id:
+        raise ValueError(
+            f"{what} is in frame '{msg.header.frame_id}', not '{the_world().frame_id}'"
+        )
     origin = stamp_ns(msg.header.stamp)
-    seen = _parts(msg)
-    hand, ball, joints = seen.hand, seen.ball, msg.joints
+    tracks = named(
+        f"{what}: tracks", [one.body for one in msg.tracks], [one.poses for one in msg.tracks]
+    )
     return Demonstration(
         id=msg.id,
+        tracks={role: _track(what, role, poses, origin) for role, poses in tracks.items()},
         stamp_ns=origin,
-        target=np.array(_vector(seen.target)),
-        hand_time=times_after(hand, origin),
-        hand_position=pose_rows(hand)[0],
-        hand_quaternion=pose_rows(hand)[1],
-        ball_time=times_after(ball, origin),
-        ball_position=pose_rows(ball)[0],
-        joint_time=times_after(joints, origin),
-        joint_position=arm_rows(joints, "position"),
-        joint_velocity=arm_rows(joints, "velocity"),
+        skill=msg.skill,
+        situation=situation_from_message(msg.situation, what),
+        joint_time=times_after(msg.joints, origin),
+        joint_position=arm_rows(msg.joints, "position"),
+        joint_velocity=arm_rows(msg.joints, "velocity"),
+        events=tuple(
+            Event(WORDS[grip_of(what, one.name)], stamp_ns(one.time_from_start) * 1e-9)
+            for one in msg.events
+        ),
         motion_start=_event(msg.motion_start, origin),
         motion_stop=_event(msg.motion_stop, origin),
-        hand_opened=seen.hand_opened,
         frame_id=msg.header.frame_id,
-        joint_names=_names(joints[0].name) if len(joints) else (),
-        skill=seen.skill,
+        joint_names=_names(msg.joints[0].name) if len(msg.joints) else joint_names(),
     )
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """Basket's rim in a message, poses of the hand, positions of the ball, and when the hand was
-    told to open after the stamp [s].
+def _track(what: str, role: str, poses: Sequence[Any], origin: int) -> Track:
+    try:
+        return Track(times_after(poses, origin), *pose_rows(poses))
+    except ValueError as error:
+        raise ValueError(f"{what}, {role}: {error}") from error
+
+
+def grip_of(what: str, name: str) -> Grip:
+    """What an event tells the fingers, by its name; ValueError, with `what` has the event, for
+    another one.
     """
-
-    target: Any
-    hand: Sequence[Any]
-    ball: Sequence[Any]
-    hand_opened: float
-    skill: str = SKILL
-
-
-def _parts(msg: Any) -> _Parts:
-    if msg.skill not in THROWN:
+    if name not in GRIPS:
         raise ValueError(
-            f"demonstration {msg.id} is of the skill '{msg.skill}', not of"
-            f" {' or '.join(map(repr, THROWN))}"
+            f"{what}: an event is called '{name}': the fingers are told {' or '.join(GRIPS)}"
         )
-    thrown, aimed_at = THROWN[msg.skill]
-    tracks = named(
-        f"demonstration {msg.id}: tracks",
-        [one.body for one in msg.tracks],
-        [one.poses for one in msg.tracks],
-    )
-    where = named(f"demonstration {msg.id}: situation", msg.situation.bodies, msg.situation.poses)
-    for what, role, found in (
-        ("no track of the", "hand", tracks),
-        ("a situation without the", aimed_at, where),
-    ):
-        if role not in found:
-            raise ValueError(
-                f"demonstration {msg.id} has {what} {role}, only of"
-                f" {', '.join(sorted(found)) or 'nothing'}"
-            )
-    opened = [stamp_ns(one.time_from_start) * 1e-9 for one in msg.events if one.name == OPEN]
-    told = opened[0] if opened else float("nan")
-    return _Parts(
-        where[aimed_at].position, tracks["hand"], tracks.get(thrown, ()), told, msg.skill
-    )
+    return GRIPS[name]
+
+
+def situation_from_message(msg: Any, what: str) -> Situation:
+    """The situation in a message object; ValueError, with `what` has it, for one that is none."""
+    poses = named(f"{what}: situation", msg.bodies, msg.poses)
+    numbers = named(f"{what}: situation", msg.names, msg.numbers)
+    at = {
+        role: Pose(np.array(_vector(one.position)), np.array(_quaternion(one.orientation)))
+        for role, one in poses.items()
+    }
+    return Situation(at, {name: float(number) for name, number in numbers.items()})
+
+
+def situation_content(situation: Situation) -> dict[str, Any]:
+    """Fields of dart_skill_msgs/msg/Situation."""
+    return {
+        "bodies": list(situation.poses),
+        "poses": [
+            pose_content(pose.position.tolist(), pose.quaternion.tolist())
+            for pose in situation.poses.values()
+        ],
+        "names": list(situation.numbers),
+        "numbers": [float(number) for number in situation.numbers.values()],
+    }
 
 
 def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
@@ -300,15 +408,13 @@ def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, A
 
 
 def skill_of(bag_path: str | os.PathLike) -> str:
-    """The skill that a bag's demonstrations are of; throwing, where it has none or cannot be read:
-    who learns of it says why.
+    """Skill of the demonstrations of a bag; throwing, where it has none or cannot be read: the
+    command that learns from it says why.
     """
     try:
         with GraphBag(bag_path) as bag:
-            if (
-                DEMONSTRATION_TOPIC not in bag.topics
-                or bag.topics[DEMONSTRATION_TOPIC].type_name != DEMONSTRATION_TYPE
-            ):
+            topic = bag.topics.get(DEMONSTRATION_TOPIC)
+            if topic is None or topic.type_name != DEMONSTRATION_TYPE:
                 return SKILL
             first = next(iter(bag.messages([DEMONSTRATION_TOPIC])), None)
     except (BagError, OSError):
@@ -316,19 +422,18 @@ def skill_of(bag_path: str | os.PathLike) -> str:
     return SKILL if first is None else getattr(first.data, "skill", SKILL)
 
 
-def read_demonstrations(
-    bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC
-) -> list[Demonstration]:
-    """Demonstrations of a bag in the order of recording; BagError if it has none or they are not
-    valid. topic: of the demonstrations.
+def read_demonstrations(bag_path: str | os.PathLike, skill: str = "") -> list[Demonstration]:
+    """Demonstrations of a bag in the order of recording; BagError if it has none, or they are not
+    valid, or of another skill than `skill`, where this is given.
     """
-    return list(each_demonstration(bag_path, topic))
+    return list(each_demonstration(bag_path, skill))
 
 
-def each_demonstration(
-    bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC
-) -> Iterator[Demonstration]:
-    """As `read_demonstrations`, one after the other, with its BagError. bag_path, topic: the same."""
+def each_demonstration(bag_path: str | os.PathLike, skill: str = "") -> Iterator[Demonstration]:
+    """As `read_demonstrations`, one after the other, with its BagError. bag_path, skill: the
+    same.
+    """
+    topic = DEMONSTRATION_TOPIC
     with GraphBag(bag_path) as bag:
         if topic not in bag.topics:
             raise BagError(
@@ -341,7 +446,7 @@ def each_demonstration(
             )
         try:
             for item in bag.messages([topic]):
-                yield demonstration_from_message(item.data)
+                yield demonstration_from_message(item.data, skill)
         except BagError:
             raise
         except (ValueError, AttributeError) as error:
@@ -354,7 +459,7 @@ def _content(one: Demonstration) -> dict[str, Any]:
     def after(seconds: float) -> int:
         return one.stamp_ns + round(float(seconds) * 1e9)
 
-    def event(seconds: float) -> dict[str, int]:
+    def instant(seconds: float) -> dict[str, int]:
         return stamp_content(0 if np.isnan(seconds) else after(seconds))
 
     def items(time: np.ndarray, contents: Iterable[dict]) -> list[dict]:
@@ -363,36 +468,27 @@ def _content(one: Demonstration) -> dict[str, Any]:
             for t, content in zip(time, contents, strict=True)
         ]
 
-    names, states = (
-        list(one.joint_names),
-        zip(one.joint_position.tolist(), one.joint_velocity.tolist(), strict=True),
-    )
-    hand = map(pose_content, one.hand_position.tolist(), one.hand_quaternion.tolist())
-    ball = (pose_content(point, UNTURNED) for point in one.ball_position.tolist())
-    opened = (
-        []
-        if np.isnan(one.hand_opened)
-        else [{"name": OPEN, "time_from_start": duration_content(one.hand_opened)}]
-    )
-    thrown, aimed_at = THROWN[one.skill]
+    def poses(track: Track) -> list[dict]:
+        both = zip(track.position.tolist(), track.quaternion.tolist(), strict=True)
+        return items(track.time, ({"pose": pose_content(*pose)} for pose in both))
+
+    names = list(one.joint_names)
+    states = zip(one.joint_position.tolist(), one.joint_velocity.tolist(), strict=True)
     return {
         "header": header_content(one.stamp_ns, one.frame_id),
         "skill": one.skill,
         "id": one.id,
-        "situation": {
-            "bodies": [aimed_at],
-            "poses": [pose_content(one.target.tolist(), UNTURNED)],
-        },
-        "tracks": [
-            {"body": "hand", "poses": items(one.hand_time, ({"pose": pose} for pose in hand))},
-            {"body": thrown, "poses": items(one.ball_time, ({"pose": pose} for pose in ball))},
-        ],
+        "situation": situation_content(one.situation),
+        "tracks": [{"body": role, "poses": poses(track)} for role, track in one.tracks.items()],
         "joints": items(
             one.joint_time, ({"name": names, "position": q, "velocity": v} for q, v in states)
         ),
-        "motion_start": event(one.motion_start),
-        "motion_stop": event(one.motion_stop),
-        "events": opened,
+        "motion_start": instant(one.motion_start),
+        "motion_stop": instant(one.motion_stop),
+        "events": [
+            {"name": event.name, "time_from_start": duration_content(event.time)}
+            for event in one.events
+        ],
     }
 
 
@@ -440,7 +536,7 @@ def times_after(items: Iterable[Any], origin: int) -> np.ndarray:
 
 def pose_rows(poses: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) and quaternions (n, 4) of PoseStamped messages. poses: the messages."""
-    turned = [[*_vector(item.pose.orientation), item.pose.orientation.w] for item in poses]
+    turned = [_quaternion(item.pose.orientation) for item in poses]
     return _rows([_vector(item.pose.position) for item in poses], 3), _rows(turned, 4)
 
 
@@ -455,6 +551,10 @@ def arm_rows(states: Sequence[Any], field_name: str) -> np.ndarray:
 
 def _vector(item: Any) -> list[float]:
     return [item.x, item.y, item.z]
+
+
+def _quaternion(item: Any) -> list[float]:
+    return [item.x, item.y, item.z, item.w]
 
 
 def _is_arm(names: Sequence[str]) -> bool:

@@ -27,7 +27,7 @@ from dart_skill.report._replay import Replay
 from dart_skill.report._skill_replay import replay_of, shown_in_replay
 from dart_skill.report._skill_run import SkillRun
 from dart_skill.session import DartsSummary, SkillResult, SkillSummary, in_words
-from dart_skill.skills.protocol import TaskDemonstration
+from dart_skill.skills.protocol import Demonstration
 from dart_skill.view import ViewUnavailable
 
 TRIALS = (
@@ -177,7 +177,7 @@ def _demonstrations_section(run: SkillRun) -> str:
     return f"<h2>Demonstrations</h2>{table}"
 
 
-def _situation(run: SkillRun, one: TaskDemonstration, start: float) -> str:
+def _situation(run: SkillRun, one: Demonstration, start: float) -> str:
     try:
         return in_words(run.skill.situation(one, start), run.skill.bodies, run.skill.units)
     except ValueError as error:

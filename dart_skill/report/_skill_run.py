@@ -12,11 +12,19 @@ from pathlib import Path
 import numpy as np
 
 from dart_skill.common.world import pose_topic, the_world
-from dart_skill.recording import BagError, BagReader, GraphBag, arm_rows, pose_rows, stamp_ns
+from dart_skill.recording import (
+    BagError,
+    BagReader,
+    GraphBag,
+    arm_rows,
+    pose_rows,
+    read_demonstrations,
+    stamp_ns,
+)
 from dart_skill.report._run import About, describe
 from dart_skill.session import SkillResult
 from dart_skill.skills.observation import worlds
-from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, read_task_demonstrations
+from dart_skill.skills.protocol import HAND, Demonstration, Skill
 
 FRAME_NS = 20_000_000
 """The bag is looked at in steps of so long: a replay has 25 pictures a second."""
@@ -63,7 +71,7 @@ class SkillRun:
     bag: Path
     about: About
     skill: Skill
-    shown: tuple[TaskDemonstration, ...]
+    shown: tuple[Demonstration, ...]
     poses: dict[str, Stamped]
     joints: Stamped
     movements: tuple[Movement, ...]
@@ -85,7 +93,7 @@ def read_skill_run(
     """
     bag = Path(bag)
     described = describe(bag, about or About(f"{skill.name.capitalize()}: a bag"))
-    shown = tuple(read_task_demonstrations(bag, skill))
+    shown = tuple(read_demonstrations(bag, skill.name))
     with GraphBag(bag) as reader:
         poses = {
             role: _poses(reader, pose_topic(the_world().body(role)))
@@ -101,7 +109,7 @@ def read_skill_run(
 def _movements(
     hand: Stamped,
     guided: np.ndarray,
-    shown: Sequence[TaskDemonstration],
+    shown: Sequence[Demonstration],
     trials: Sequence[SkillResult],
     then: Sequence[str],
 ) -> tuple[tuple[Movement, ...], tuple[str, ...]]:

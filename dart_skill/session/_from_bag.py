@@ -363,5 +363,5 @@ def explained(reasons: str) -> str:
 
 
 def _instant(one: Demonstration) -> int:
-    since = one.hand_opened if np.isfinite(one.hand_opened) else one.motion_start
+    since = one.opened if np.isfinite(one.opened) else one.motion_start
     return one.stamp_ns + round(1e9 * float(np.nan_to_num(since)))

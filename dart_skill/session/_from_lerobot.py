@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from dart_skill.arm import Grip
 from dart_skill.common.world import joint_names, the_world
 from dart_skill.recording import AS_ASKED, Demonstration, check_known
 from dart_skill.recording.lerobot import Episode, LeRobotDataset, changes_at, read_dataset
@@ -30,9 +29,8 @@ from dart_skill.skills.observation import FoundThrow, ThrowLog, judged
 from dart_skill.skills.practice import Practice, PractisingSkill
 from dart_skill.skills.protocol import (
     HAND,
+    Event,
     Skill,
-    TaskDemonstration,
-    Told,
     Track,
     load_skill,
     skill_names,
@@ -130,7 +128,7 @@ def throw_in_episode(
     """The throw of an episode, cut as the recorder cuts it, and what was seen; ValueError says
     what is missing.
     """
-    log = ThrowLog(joint_period_ns=1, skill=skill.name)
+    log = skill.sensor_log(joint_period_ns=1)
     for role in (HAND, *skill.bodies):
         stamps, rows = _seen(dataset, episode, role)
         for stamp, row in zip(stamps.tolist(), rows, strict=True):
@@ -146,9 +144,7 @@ def throw_in_episode(
     return log.cut(_id(episode), int(stamps[-1])), log
 
 
-def movement_in_episode(
-    dataset: LeRobotDataset, episode: Episode, skill: Skill
-) -> TaskDemonstration:
+def movement_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Skill) -> Demonstration:
     """The demonstration of an episode; ValueError says what is missing."""
     tracks = {}
     for role in (HAND, *skill.bodies):
@@ -157,10 +153,18 @@ def movement_in_episode(
             raise ValueError(f"{dataset.path}: episode {episode.index}: the {role} was never seen")
         tracks[role] = Track(1e-9 * (stamps - BEGIN_NS), rows[:, :3], rows[:, 3:])
     told = tuple(
-        Told(instant, Grip.OPEN if on else Grip.CLOSE) for instant, on in _told(dataset, episode)
+        Event("open" if on else "close", instant) for instant, on in _told(dataset, episode)
     )
-    return TaskDemonstration(
-        _id(episode), tracks, episode.time, *_joints(dataset, episode), told, stamp_ns=BEGIN_NS
+    position, velocity = _joints(dataset, episode)
+    return Demonstration(
+        id=_id(episode),
+        tracks=tracks,
+        stamp_ns=BEGIN_NS,
+        skill=skill.name,
+        joint_time=episode.time,
+        joint_position=position,
+        joint_velocity=velocity,
+        events=told,
     )
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from dart_skill.arm import ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.surface import game_at
-from dart_skill.common.world import THROW, THROWN, the_world
-from dart_skill.recording import Demonstration
+from dart_skill.common.world import THROW, THROW_BODIES, the_world
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.session._arm import parameters_of_arm
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import (
@@ -88,7 +88,9 @@ class Session:
             node_parameters("wam_simulator.yaml", "wam_simulator")
         )
         self.plant = Plant(settings, seed)
-        self._roles = ("hand", *THROWN[skill := THROW if settings.board is None else "darts"])
+        name = THROW if settings.board is None else "darts"
+        bodies = THROW_BODIES if settings.board is None else ("dart", "board")
+        self._roles = (HAND, *bodies)
         cameras = cameras or MotionCaptureConfig.from_parameters(
             node_parameters("optitrack.yaml", "mock_optitrack")
         )
@@ -100,7 +102,7 @@ class Session:
         self.commander = Commander(limits, self.plant.description_of_load)
         self._geometry = ArmGeometry()
         self._exposed: list[PlantState] = []
-        self._log, self._keep, self._bag = ThrowLog(skill=skill), keep_states, bag
+        self._log, self._keep, self._bag = ThrowLog(skill=name, bodies=bodies), keep_states, bag
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
         self.steps = 0
 

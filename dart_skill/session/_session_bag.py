@@ -29,14 +29,7 @@ from dart_skill.recording import (
 )
 from dart_skill.simulation import Sample
 from dart_skill.skills.observation import attach_arm
-from dart_skill.skills.protocol import (
-    HAND,
-    Skill,
-    TaskDemonstration,
-    Told,
-    Track,
-    task_demonstration_message,
-)
+from dart_skill.skills.protocol import HAND, Event, Skill, Track
 
 JOINT_STATES, COMMAND, GUIDING = "/joint_states", "/wam/command", "/wam/teacher_wrench"
 JOINT_STATE, WAM_COMMAND, POSE = (
@@ -112,19 +105,19 @@ class SessionBag:
 
     def keep_throw(self, shown: Demonstration, now_ns: int) -> None:
         """A throw that succeeded, at the end of its world. shown: the throw."""
-        opened = shown.stamp_ns + round(1e9 * shown.hand_opened)
+        opened = shown.stamp_ns + round(1e9 * shown.opened)
         self._demonstrate(
             demonstration_message(self._types, replace(shown, id=demonstration_id(opened))), now_ns
         )
 
-    def keep_movement(self, shown: TaskDemonstration, now_ns: int) -> TaskDemonstration:
+    def keep_movement(self, shown: Demonstration, now_ns: int) -> Demonstration:
         """Keep another movement that succeeded, at the end of its world; returns it as it is read
         from the bag, to the last bit.
 
         shown: the movement.
         """
-        kept = _on_its_own_clock(shown)
-        self._demonstrate(task_demonstration_message(self._types, kept, self._skill), now_ns)
+        kept = self._skill.described(_on_its_own_clock(shown))
+        self._demonstrate(demonstration_message(self._types, kept), now_ns)
         return kept
 
     def _demonstrate(self, content: Any, now_ns: int) -> None:
@@ -171,7 +164,7 @@ def _filled(content: Any, command: Command) -> Any:
     return content
 
 
-def _on_its_own_clock(one: TaskDemonstration) -> TaskDemonstration:
+def _on_its_own_clock(one: Demonstration) -> Demonstration:
     """A demonstration whose times begin with the first pose of the hand, named after that stamp,
     as the recorder cuts it.
     """
@@ -190,6 +183,8 @@ def _on_its_own_clock(one: TaskDemonstration) -> TaskDemonstration:
             for role, track in one.tracks.items()
         },
         joint_time=since(one.joint_time),
-        told=tuple(Told(float(since(np.array(told.time))), told.grip) for told in one.told),
+        events=tuple(
+            Event(event.name, float(since(np.array(event.time)))) for event in one.events
+        ),
         stamp_ns=origin_ns,
     )

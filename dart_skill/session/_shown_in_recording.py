@@ -14,9 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dart_skill.arm import Grip
 from dart_skill.common.constants import NS_PER_S
-from dart_skill.common.world import THROW, THROWN, the_world
+from dart_skill.common.world import THROW, the_world
 from dart_skill.recording import (
     Demonstration,
     GraphBag,
@@ -29,16 +28,7 @@ from dart_skill.recording import (
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.session._from_bag import explained, throws_in_bag
 from dart_skill.skills.learning import configuration
-from dart_skill.skills.protocol import (
-    HAND,
-    Skill,
-    TaskDemonstration,
-    Told,
-    Track,
-    load_skill,
-    read_task_demonstrations,
-)
-from dart_skill.skills.throw import Throw
+from dart_skill.skills.protocol import HAND, Event, Skill, Track, load_skill
 
 AROUND_NS = 50_000_000
 """Samples of so long before and after a movement help to tell where a body was at its ends; worlds
@@ -59,7 +49,7 @@ class Shown:
     * tracks: of the hand and of the bodies, by role.
     * joint_time (m,) [s], joint_position (m, 7) [rad], joint_velocity (m, 7) [rad/s]; m = 0 if
       they were not recorded.
-    * told: what the fingers were told.
+    * events: what the fingers were told.
     """
 
     id: str
@@ -69,7 +59,7 @@ class Shown:
     joint_time: np.ndarray
     joint_position: np.ndarray
     joint_velocity: np.ndarray
-    told: tuple[Told, ...] = ()
+    events: tuple[Event, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,24 +143,18 @@ def _throws_at_baskets(
 def _published(
     path: str | os.PathLike, skill: Skill, without: Sequence[str]
 ) -> tuple[list[Shown], dict[str, str]]:
-    found: Sequence[Demonstration | TaskDemonstration]
-    found = (
-        read_demonstrations(path)
-        if isinstance(skill, Throw)
-        else read_task_demonstrations(path, skill)
-    )
+    found = read_demonstrations(path, skill.name)
     check_known(without, [one.id for one in found], str(path))
     reasons = unwanted(path, without)
     kept = [one for one in found if one.id not in reasons]
-    shown = [
-        _of_throw(one) if isinstance(one, Demonstration) else _of_movement(one) for one in kept
-    ]
-    return shown, {one.id: reasons[one.id] for one in found if one.id in reasons}
+    return [_as_published(one) for one in kept], {
+        one.id: reasons[one.id] for one in found if one.id in reasons
+    }
 
 
 def _with_streams(one: Demonstration, recording: ThrowRecording) -> Shown:
     """A throw with all that was recorded until the ball was down, the hand after its motion, too."""
-    duration = _end_of_throw(one)
+    duration = _end(one)
     since, until = one.stamp_ns - AROUND_NS, one.stamp_ns + round(1e9 * duration) + AROUND_NS
 
     def within(stamps: np.ndarray) -> np.ndarray:
@@ -190,34 +174,26 @@ def _with_streams(one: Demonstration, recording: ThrowRecording) -> Shown:
         mask = within(recording.joints.stamp_ns)
         time = 1e-9 * (recording.joints.stamp_ns[mask] - one.stamp_ns)
         position, velocity = recording.joints.position[mask], recording.joints.velocity[mask]
-    return Shown(one.id, one.stamp_ns, duration, tracks, time, position, velocity, _opened(one))
+    return Shown(one.id, one.stamp_ns, duration, tracks, time, position, velocity, one.events)
 
 
-def _of_throw(one: Demonstration) -> Shown:
-    """A throw as it was published: the hand until its motion ended."""
-    thrown, aimed_at = THROWN[one.skill]
-    unturned = np.tile([0.0, 0.0, 0.0, 1.0], (len(one.ball_time), 1))
-    tracks = {
-        HAND: Track(one.hand_time, one.hand_position, one.hand_quaternion),
-        aimed_at: _resting(one.target),
+def _as_published(one: Demonstration) -> Shown:
+    """A movement with what was published of it; what has no track rests where its situation has
+    it.
+    """
+    resting = {
+        role: _resting(pose.position)
+        for role, pose in one.situation.poses.items()
+        if role not in one.tracks
     }
-    if len(one.ball_time):
-        tracks[thrown] = Track(one.ball_time, one.ball_position, unturned)
+    tracks = {role: track for role, track in one.tracks.items() if len(track)}
     joints = (one.joint_time, one.joint_position, one.joint_velocity)
-    return Shown(one.id, one.stamp_ns, _end_of_throw(one), tracks, *joints, _opened(one))
+    return Shown(one.id, one.stamp_ns, _end(one), {**resting, **tracks}, *joints, one.events)
 
 
-def _of_movement(one: TaskDemonstration) -> Shown:
-    joints = (one.joint_time, one.joint_position, one.joint_velocity)
-    return Shown(one.id, one.stamp_ns, float(one.hand_time[-1]), one.tracks, *joints, one.told)
-
-
-def _end_of_throw(one: Demonstration) -> float:
-    return float(max(one.hand_time[-1], one.ball_time[-1] if len(one.ball_time) else 0.0))
-
-
-def _opened(one: Demonstration) -> tuple[Told, ...]:
-    return () if np.isnan(one.hand_opened) else (Told(one.hand_opened, Grip.OPEN),)
+def _end(one: Demonstration) -> float:
+    """When the last of the hand and of what it moves was seen [s]."""
+    return float(max(track.time[-1] for track in (one.tracks[HAND], one.moved) if len(track)))
 
 
 def _resting(position: np.ndarray) -> Track:

@@ -16,7 +16,7 @@ from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_word
 from dart_skill.simulation import Belt
 from dart_skill.skills.learning import LearnedSkill, ReactiveSkill
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Situation, Skill, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import Demonstration, Situation, Skill, TaskOutcome
 from dart_skill.skills.reach import Reach
 
 
@@ -30,7 +30,7 @@ class _Table(Protocol):
     def show(self, situation: Situation) -> SkillTrial:
         """A person shows it once; ValueError says why that cannot be."""
 
-    def learn(self, shown: list[TaskDemonstration]) -> str:
+    def learn(self, shown: list[Demonstration]) -> str:
         """Learn it; the digest of the model."""
 
     def attempt(self, situation: Situation) -> SkillTrial:
@@ -47,7 +47,7 @@ class _Placing:
     def show(self, situation: Situation) -> SkillTrial:
         return self.session.teach(situation.pose("holder"), self._skill.seat)
 
-    def learn(self, shown: list[TaskDemonstration]) -> str:
+    def learn(self, shown: list[Demonstration]) -> str:
         self._learned = LearnedSkill(self._skill, shown)
         return self._learned.model_id
 
@@ -67,7 +67,7 @@ class _Reaching:
     def show(self, situation: Situation) -> SkillTrial:
         return self.session.teach(self._belt(situation))
 
-    def learn(self, shown: list[TaskDemonstration]) -> str:
+    def learn(self, shown: list[Demonstration]) -> str:
         self._learned = ReactiveSkill(self._skill, shown)
         return self._learned.model_id
 
@@ -129,11 +129,11 @@ def skill_demo(job: Job, skill: Skill, say: Say) -> SkillSummary:
 
 def _teach(
     table: _Table, bag: SessionBag, skill: Skill, job: Job, rng: np.random.Generator, say: Say
-) -> tuple[list[TaskDemonstration], int]:
+) -> tuple[list[Demonstration], int]:
     """What was shown, in new situations for those in which it failed; and how many attempts that
     took.
     """
-    kept: list[TaskDemonstration] = []
+    kept: list[Demonstration] = []
     drawn, wanted = skill.draws(rng, job.demonstrations), job.demonstrations
     for lesson in range(2 * wanted):
         situation = drawn[lesson] if lesson < wanted else skill.draw(rng)

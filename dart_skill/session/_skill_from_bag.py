@@ -9,7 +9,7 @@ from typing import Any
 from dart_skill.recording import check_known, read_demonstrations, unwanted
 from dart_skill.skills.learning import AnySkill, configuration, learn_usable
 from dart_skill.skills.practice import Practice
-from dart_skill.skills.protocol import Skill, read_task_demonstrations
+from dart_skill.skills.protocol import Skill
 from dart_skill.skills.throw import Throw
 
 
@@ -21,7 +21,7 @@ def learn_skill_from_bag(
     without: ids that are left out, besides those that were dropped while they were recorded.
     ValueError if too few are left.
     """
-    shown = read_task_demonstrations(path, skill)
+    shown = read_demonstrations(path, skill.name)
     out = _left_out(path, shown, without)
     try:
         learned, unfit = learn_usable(skill, [one for one in shown if one.id not in out])
@@ -38,9 +38,7 @@ def learn_throws_from_bag(
 
     ValueError for a bag of another skill.
     """
-    shown = read_demonstrations(path)
-    if other := sorted({one.skill for one in shown} - {skill.name}):
-        raise ValueError(f"{path} shows the skill {', '.join(other)}, not '{skill.name}'")
+    shown = read_demonstrations(path, skill.name)
     out = _left_out(path, shown, without)
     practice = Practice(
         [one for one in shown if one.id not in out], skill.configured_for(configuration(name))

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dart_skill.arm import Command, Commander, CommanderSettings, Grip
+from dart_skill.recording import WORDS
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import (
     ArmGeometry,
@@ -20,8 +21,8 @@ from dart_skill.simulation import (
     MotionCapture,
     Workbench,
 )
-from dart_skill.skills.observation import ThrowLog
-from dart_skill.skills.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, Told, Track
+from dart_skill.skills.observation import SensorLog
+from dart_skill.skills.protocol import HAND, Demonstration, Event, Skill, TaskOutcome, Track
 
 LONGEST = 30.0
 """A movement that takes longer is given up [s]."""
@@ -50,7 +51,7 @@ class SkillTrial:
     * outcome: what the skill says.
     """
 
-    seen: TaskDemonstration
+    seen: Demonstration
     outcome: TaskOutcome
     message: str = ""
 
@@ -104,10 +105,10 @@ class SkillSession:
         self.plant.step(command, push)
 
     def _watch_anew(self) -> None:
-        self._log, self._due = ThrowLog(), LatencyQueue()
+        self._log, self._due = SensorLog(()), LatencyQueue()
         self._exposed: list[Frame] = []
         self._seen: dict[str, list] = {}
-        self._told: list[Told] = []
+        self._told: list[Event] = []
 
     def _run(
         self, what: str, push: Push, over: Callable[[], bool], watch: float = WATCHED
@@ -140,7 +141,7 @@ class SkillSession:
         if command.grip != Grip.UNSPECIFIED and (
             not self._told or self._told[-1].grip != command.grip
         ):
-            self._told.append(Told(command.stamp_ns * 1e-9, command.grip))
+            self._told.append(Event(WORDS[command.grip], command.stamp_ns * 1e-9))
 
     def _frame(self) -> Frame:
         plant = self.plant
@@ -184,7 +185,15 @@ class SkillSession:
         tracks = self._tracks()
         if self._bag is not None:
             self._bag.end_of_movement()
-        seen = TaskDemonstration(name, tracks, stamps, rows[:, :7], rows[:, 7:], tuple(self._told))
+        seen = Demonstration(
+            id=name,
+            tracks=tracks,
+            skill=self.skill.name,
+            joint_time=stamps,
+            joint_position=rows[:, :7],
+            joint_velocity=rows[:, 7:],
+            events=tuple(self._told),
+        )
         begin = self._told[0].time if self._told else float(seen.hand_time[0])
         outcome = self.skill.judge(seen, self.skill.situation(seen, begin))
         return SkillTrial(seen, outcome, self.commander.message)

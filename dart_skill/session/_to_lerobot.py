@@ -201,10 +201,10 @@ def _openness(one: Shown, frames: np.ndarray, fps: int) -> np.ndarray:
     """Share (n,) of each frame in which the hand was told to be open; before the first word it is
     what the word changes.
     """
-    if not one.told:
+    if not one.events:
         return np.zeros(len(frames))
-    words = [float(told.grip == Grip.OPEN) for told in one.told]
-    stamps = np.array([min(-1.0, one.told[0].time - 1.0), *(told.time for told in one.told)])
+    words = [float(told.grip == Grip.OPEN) for told in one.events]
+    stamps = np.array([min(-1.0, one.events[0].time - 1.0), *(told.time for told in one.events)])
     return held_mean(
         stamps, np.array([[1.0 - words[0]], *([word] for word in words)]), frames, fps
     )[:, 0]

@@ -15,10 +15,10 @@ from dart_skill.arm import ArmModel
 from dart_skill.skills.learning import LearnedSkill
 from dart_skill.skills.protocol import (
     HAND,
+    Demonstration,
     Pose,
     Situation,
     Skill,
-    TaskDemonstration,
     TaskOutcome,
     Track,
 )
@@ -83,7 +83,7 @@ def show(number, body, rng):
     }
     waits = time[time <= 1.0]
     joints = np.tile(POSTURE, (len(waits), 1))
-    return TaskDemonstration(f"shown_{number}", tracks, waits, joints, np.zeros_like(joints))
+    return Demonstration(f"shown_{number}", tracks, waits, joints, np.zeros_like(joints))
 
 
 rng = np.random.default_rng(0)

@@ -1,7 +1,5 @@
 """What the skill learner learns from, without a graph: it needs the messages of ROS, but no node."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from dart_skill.skills.learning import _preparation
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.skills import learning
 from tests.paths import BAGS
+from tests.throw_demonstrations import changed_throw
 
 
 @pytest.fixture
@@ -42,7 +41,9 @@ def test_a_demonstration_is_worked_out_as_it_comes_and_not_again_by_lessons(thro
 
 def test_one_that_cannot_be_learned_from_is_left_to_the_lesson(throws):
     shown = read_demonstrations(BAGS / "demonstrations")[:3]
-    blind = replace(shown[2], id="blind", ball_time=np.empty(0), ball_position=np.empty((0, 3)))
+    blind = changed_throw(
+        shown[2], id="blind", ball_time=np.empty(0), ball_position=np.empty((0, 3))
+    )
     throws.expect(blind)
     lesson = throws.learn([*shown, blind], "")
     assert lesson.demonstrations == 3 and "blind" in lesson.left_out[0]

@@ -22,6 +22,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
 from tests.integration.conftest import endpoints_of_processes, graphs, plan_request
 from tests.policies import allowed, may
+from tests.throw_demonstrations import changed_throw
 from tests.warm import starting_warm
 
 COLD = True
@@ -191,7 +192,7 @@ def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_
         add(shown[0])
     with pytest.raises(GraphFailure, match="did not start in this hand"):
         add(
-            replace(
+            changed_throw(
                 shown[0], id="elsewhere", hand_position=shown[0].hand_position + [0.0, 0.0, 0.5]
             )
         )

@@ -15,10 +15,11 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from dart_skill.arm import Command
+from dart_skill.recording import read_demonstrations
 from dart_skill.session import learn_skill_from_bag
 from dart_skill.simulation import Holder
 from dart_skill.skills.learning import Policy
-from dart_skill.skills.protocol import Pose, Situation, load_skill, read_task_demonstrations
+from dart_skill.skills.protocol import Pose, Situation, load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
@@ -250,7 +251,7 @@ def test_no_demonstration_begins_in_the_world_before(graph, reach):
     """The teacher sets the world anew as soon as the recorder listens, and the last poses of the
     old one come after that.
     """
-    for one in read_task_demonstrations(graph.bag, reach):
+    for one in read_demonstrations(graph.bag, reach.name):
         assert max(np.diff(one.hand_time).max(), np.diff(one.track("cup").time).max()) < 0.1, (
             one.id
         )

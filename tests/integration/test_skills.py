@@ -16,9 +16,9 @@ from rclpy.action import ActionClient
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from dart_skill.recording import BagReader
+from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.skills.learning import LearnedSkill
-from dart_skill.skills.protocol import load_skill, read_task_demonstrations
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED
@@ -228,7 +228,7 @@ def test_what_is_too_long_ago_is_not_judged(graph):
 
 def test_the_bag_teaches_the_same_without_nodes(graph, place):
     graph.stop()  # closes the bag; the last test that needs the nodes
-    shown = read_task_demonstrations(graph.bag, place)
+    shown = read_demonstrations(graph.bag, place.name)
     assert LearnedSkill(place, shown).model_id == graph.learned.model_id
     with BagReader(graph.bag) as bag:
         assert {"/vrpn_mocap/part/pose", "/vrpn_mocap/holder/pose", "/joint_states"} <= set(

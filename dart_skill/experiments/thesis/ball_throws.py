@@ -70,7 +70,7 @@ def _recording(trial: Trial) -> Recording:
         np.empty((0, 3)),
         d.target,
         none,
-        d.stamp_ns + round(d.hand_opened * 1e9),
+        d.stamp_ns + round(d.opened * 1e9),
     )
 
 
@@ -142,8 +142,8 @@ def demonstrated(one: Demonstration, throw: PreparedThrow) -> Trajectory:
     """A lesson as the cameras saw it, up to the plane of the rim."""
     moving = (one.hand_time >= one.motion_start) & (one.hand_time <= one.motion_stop)
     release = one.motion_start + throw.release_time - throw.start
-    flying = (one.ball_time >= release) & (one.ball_position[:, 2] >= one.target[2])
-    ball = one.ball_position[flying]
+    flying = (one.moved.time >= release) & (one.moved.position[:, 2] >= one.target[2])
+    ball = one.moved.position[flying]
     return Trajectory(
         one.hand_time[moving],
         one.hand_position[moving],

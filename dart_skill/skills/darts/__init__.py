@@ -16,7 +16,7 @@ import numpy as np
 
 from dart_skill.arm import DART, WamDescription
 from dart_skill.common.surface import BOARD_DIAMETER, BoardFace, Game, game_at
-from dart_skill.common.world import THROWN, the_world
+from dart_skill.common.world import the_world
 from dart_skill.darts import place_of, score
 from dart_skill.skills.learning import SkillConfiguration
 from dart_skill.skills.practice import CorrectionSettings
@@ -112,7 +112,7 @@ class Darts(Throw):
 
     name = "darts"
     task = "throw the dart at the board"
-    bodies = THROWN["darts"]
+    bodies = ("dart", "board")
     world = "board"
     corrects = "board"
     numbers = AIM

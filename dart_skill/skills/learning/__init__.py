@@ -11,7 +11,14 @@ from dart_skill.skills.learning._configuration import (
 from dart_skill.skills.learning._crowd import Crowd
 from dart_skill.skills.learning._ellipsoids import component_ellipsoids
 from dart_skill.skills.learning._learned import LearnedSkill, NoPlan
-from dart_skill.skills.learning._learning import AnySkill, learn, learn_usable
+from dart_skill.skills.learning._learning import (
+    AnySkill,
+    changed_skill,
+    learn,
+    learn_usable,
+    load_skill_model,
+    save_skill_model,
+)
 from dart_skill.skills.learning._model_file import SavedModel, load_model, save_model
 from dart_skill.skills.learning._moving_frames import moving_frames
 from dart_skill.skills.learning._outliers import outliers, unlike
@@ -22,11 +29,6 @@ from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._prepared import PreparedMovement, check_movement, prepare_movement
 from dart_skill.skills.learning._reactive import ReactiveSkill
 from dart_skill.skills.learning._release import landing_if_late
-from dart_skill.skills.learning._skill_file import (
-    changed_skill,
-    load_skill_model,
-    save_skill_model,
-)
 from dart_skill.skills.learning._task_frames import frames_for
 from dart_skill.skills.learning._throw_components import choose_throw_components
 from dart_skill.skills.learning._throwing import (

@@ -6,13 +6,15 @@ names in addition; `intervals` is the plainest that throws as well. docs/skill.m
 comparison.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration
+from dart_skill.arm import KnownRegistration, Registration
 from dart_skill.common.constants import PARTITIONS
 from dart_skill.common.surface import Game, game_at
 
@@ -148,6 +150,18 @@ class SkillConfiguration:
             )
         object.__setattr__(self, "board", tuple(float(value) for value in self.board))
         game_at(self.board)
+
+    @classmethod
+    def from_saved(cls, values: Mapping[str, Any]) -> SkillConfiguration:
+        """That of which `dataclasses.asdict` made these values; ValueError, or TypeError for a
+        name that is none, if they make no sense.
+        """
+        known = values["registration"]
+        if known is not None:
+            known = KnownRegistration(
+                Registration(**known["registration"]), tuple(known["spread"])
+            )
+        return cls(**{**values, "registration": known})
 
     @property
     def game(self) -> Game:

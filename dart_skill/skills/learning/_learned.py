@@ -33,7 +33,7 @@ from dart_skill.skills.learning._pose_features import (
 from dart_skill.skills.learning._prepared import PreparedMovement
 from dart_skill.skills.learning._shown import RATE, Shown
 from dart_skill.skills.observation import position_noise
-from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration
+from dart_skill.skills.protocol import HAND, Demonstration, Situation, Skill
 
 Encoded = tuple[DSGMR, list[np.ndarray], list[list[TaskFrame]]]
 """A model, and the features and frames of the demonstrations to which it was fitted."""
@@ -63,7 +63,7 @@ class LearnedSkill(Shown):
       that the skill corrects.
     """
 
-    def __init__(self, skill: Skill, demonstrations: Sequence[TaskDemonstration]):
+    def __init__(self, skill: Skill, demonstrations: Sequence[Demonstration]):
         super().__init__(skill, demonstrations)
         self._misses: list[np.ndarray] = []
         self._models = self._fit()

@@ -1,100 +1,114 @@
-"""A learned skill on disk: the demonstrations that it was made from and its configuration, in one
-NumPy archive without pickle.
+"""A learned skill on disk: the demonstrations that it was made from and its settings, in one NumPy
+archive without pickle.
 
 A model is a cache of its demonstrations: loading learns it again, to the last bit. What practice
 has found out about misses goes with it.
 """
 
+from __future__ import annotations
+
 import json
-from dataclasses import asdict, fields
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration, Registration
 from dart_skill.common.archive import in_order, numbered, read_arrays, write_arrays
 from dart_skill.common.files import new_file, open_file
-from dart_skill.recording import Demonstration
-from dart_skill.skills.learning._configuration import SkillConfiguration
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import SKILL, Demonstration, Event, Track
+from dart_skill.skills.protocol import Skill, skill_type
 
-KIND, VERSION = "dart_skill model", 2
-"""What a model file says it is. The version changes when older files cannot be read as they are
-any more.
-"""
-NO_THROWS = np.empty((0, 6))
+KIND = "dart_skill model"
+"""What a model file says it is."""
+VERSION = 3
+"""Changes when older files cannot be read as they are any more."""
+NO_TRIALS = np.empty((0, 6))
+PARTS = ("time", "position", "quaternion")
+JOINTS = ("joint_time", "joint_position", "joint_velocity")
+PLAIN = ("id", "skill", "stamp_ns", "frame_id", "joint_names", "motion_start", "motion_stop")
 
 
 class SavedModel(NamedTuple):
     """What is in a model file.
 
     * demonstrations: list of Demonstration.
-    * configuration: SkillConfiguration.
-    * practised: (n, 6), `Correction.throws`.
+    * configuration: settings with which its skill learned, `Skill.saved_settings`.
+    * practised: (n, d), what trials told: of throws `Correction.throws`, else the misses.
     * found: dict, what practice has found besides, `PractisingSkill.state`; None before practice.
     * origin: dict, how the recording was read that it was learned from, where that was not plain;
       else None.
+    * skill: its name.
     """
 
     demonstrations: list[Demonstration]
-    configuration: SkillConfiguration
+    configuration: Any
     practised: np.ndarray
     found: dict | None
     origin: dict | None = None
+    skill: str = SKILL
 
 
 def save_model(
     path: str | Path,
-    demonstrations: list[Demonstration],
-    configuration: SkillConfiguration,
-    practised: np.ndarray = NO_THROWS,
+    demonstrations: Sequence[Demonstration],
+    configuration: Any,
+    practised: np.ndarray = NO_TRIALS,
     found: dict | None = None,
     origin: dict | None = None,
 ) -> None:
     """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at
     all.
 
-    practised (n, 6): `Correction.throws`. found: what practice has found besides,
-    `PractisingSkill.state`; default None: nothing. origin: as of `SavedModel`; None where stamps
-    were taken as they are. FileNotFoundError if there is no such folder, ValueError if the
-    demonstrations are more than a model may have.
+    demonstrations: of one skill; the others: as of `SavedModel`, by default without practice.
+    FileNotFoundError if there is no such folder, ValueError if the demonstrations are more than a
+    model may have.
     """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
+    skill = next((one.skill for one in demonstrations), SKILL)
     content: dict[str, Any] = {
         "format": np.array(f"{KIND} {VERSION}"),
+        "skill": np.array(skill),
         "configuration": np.array(json.dumps(asdict(configuration))),
+        "practised": np.asarray(practised, dtype=float),
     }
-    content["practised"] = np.asarray(practised, dtype=float)
     for name, value in (("found", found), ("origin", origin)):
         if value is not None:
             content[name] = np.array(json.dumps(value, allow_nan=False))
-    content |= numbered(
-        {field.name: getattr(one, field.name) for field in fields(one)} for one in demonstrations
-    )
+    content |= numbered(map(_arrays, demonstrations))
     with new_file(path) as file:
         write_arrays(file, content)
 
 
-def load_model(path: str | Path) -> SavedModel:
-    """Demonstrations, configuration, and what practice has found, of a model file.
+def load_model(path: str | Path, skill: Skill | None = None) -> SavedModel:
+    """What is in a model file.
 
-    ValueError if it is not one, or one of another version.
+    skill: of which it must be; default None: of any that is installed. ValueError if it is none,
+    of another skill, or of another version.
     """
     with open_file(path) as file:
         try:
             content = read_arrays(file)
             _check_format(str(content.pop("format")))
-            configuration = _configuration(json.loads(str(content.pop("configuration"))))
+            name, settings = (str(content.pop(one)) for one in ("skill", "configuration"))
             practised = _practised(content.pop("practised"))
             found, origin = _found(content.pop("found", None)), _found(content.pop("origin", None))
-            demonstrations = [_demonstration(values) for values in in_order(content)]
-        except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
+            demonstrations = [_demonstration(arrays) for arrays in in_order(content)]
+            values = json.loads(settings)
+        # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
+        except Exception as error:
             raise ValueError(
                 f"{path} is not a model file of dart_skill: {error or type(error).__name__}"
             ) from error
-    return SavedModel(demonstrations, configuration, practised, found, origin)
+    if skill and name != skill.name:
+        raise ValueError(f"{path} is a model of the skill '{name}', not of '{skill.name}'")
+    kind = type(skill) if skill else skill_type(name)
+    configuration = kind.saved_settings(values, str(path))
+    return SavedModel(demonstrations, configuration, practised, found, origin, name)
 
 
 def _check_format(found: str) -> None:
@@ -110,9 +124,9 @@ def _check_format(found: str) -> None:
 
 def _practised(values: np.ndarray) -> np.ndarray:
     values = np.asarray(values)
-    if values.ndim != 2 or values.shape[1] != 6 or not np.issubdtype(values.dtype, np.floating):
+    if values.ndim != 2 or not np.issubdtype(values.dtype, np.floating):
         raise ValueError(
-            f"its practised throws have the shape {values.shape}: (n, 6) numbers are known"
+            f"its practised trials have the shape {values.shape}: rows of numbers are known"
         )
     return values
 
@@ -127,17 +141,39 @@ def _found(text: np.ndarray | None) -> dict | None:
     return found
 
 
-def _configuration(values: dict[str, Any]) -> SkillConfiguration:
-    known = values.pop("registration")
-    if known is not None:
-        known = KnownRegistration(Registration(**known["registration"]), tuple(known["spread"]))
-    return SkillConfiguration(**values, registration=known)
+def _arrays(one: Demonstration) -> dict[str, Any]:
+    """A demonstration as arrays by name: its numbers and texts as JSON, which keeps all bits."""
+    about = {name: getattr(one, name) for name in PLAIN} | {
+        "events": [(event.name, event.time) for event in one.events],
+        "poses": {
+            role: [pose.position.tolist(), pose.quaternion.tolist()]
+            for role, pose in one.situation.poses.items()
+        },
+        "numbers": dict(one.situation.numbers),
+    }
+    tracks = {
+        f"track.{role}.{part}": getattr(track, part)
+        for role, track in one.tracks.items()
+        for part in PARTS
+    }
+    joints = {name: getattr(one, name) for name in JOINTS}
+    return {"about": np.array(json.dumps(about)), **joints, **tracks}
 
 
-def _demonstration(content: dict[str, np.ndarray]) -> Demonstration:
-    values: dict[str, Any] = {f.name: content[f.name] for f in fields(Demonstration)}
-    kinds = {"id": str, "frame_id": str, "stamp_ns": int, "skill": str}
-    plain = {name: kind(values[name]) for name, kind in kinds.items()}
-    names = tuple(str(name) for name in values["joint_names"])
-    events = {name: float(values[name]) for name in ("motion_start", "motion_stop", "hand_opened")}
-    return Demonstration(**{**values, **plain, **events, "joint_names": names})
+def _demonstration(arrays: dict[str, np.ndarray]) -> Demonstration:
+    about = json.loads(str(arrays["about"]))
+    roles = [name[6:-5] for name in arrays if name.startswith("track.") and name.endswith(".time")]
+    return Demonstration(
+        tracks={
+            role: Track(*(arrays[f"track.{role}.{part}"] for part in PARTS)) for role in roles
+        },
+        situation=Situation(
+            {role: Pose(*map(np.array, pose)) for role, pose in about["poses"].items()},
+            about["numbers"],
+        ),
+        events=tuple(Event(str(name), float(time)) for name, time in about["events"]),
+        joint_time=arrays["joint_time"],
+        joint_position=arrays["joint_position"],
+        joint_velocity=arrays["joint_velocity"],
+        **{name: about[name] for name in PLAIN},
+    )

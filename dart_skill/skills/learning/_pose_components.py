@@ -16,15 +16,13 @@ from dart_skill.skills.protocol import (
     BIC,
     COMPONENTS,
     CROSS_VALIDATION,
+    Demonstration,
     Skill,
-    TaskDemonstration,
     check_way,
 )
 
 
-def choose_components(
-    skill: Skill, demonstrations: Sequence[TaskDemonstration], way: str
-) -> Skill:
+def choose_components(skill: Skill, demonstrations: Sequence[Demonstration], way: str) -> Skill:
     """The skill with the number of components, among COMPONENTS, that is best in a way (BIC or
     CROSS_VALIDATION).
 

@@ -214,11 +214,11 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
     both = sightings(d, _kinematics())
     _check_joints(both)
     ball, surface = reading.game.projectile, reading.game.surface
-    free = find_flight(d.ball_time, d.ball_position, ball) if len(d.ball_time) else None
+    free = find_flight(d.moved.time, d.moved.position, ball) if len(d.moved.time) else None
     grip = wam_description().hand.ball_centre
     release = fit_release(
-        d.ball_time,
-        d.ball_position,
+        d.moved.time,
+        d.moved.position,
         d.hand_time,
         d.hand_position,
         d.hand_quaternion,
@@ -252,7 +252,7 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
         release_time=float(release.time - shared),
         start_posture=_start_posture(d, azimuth),
         sightings=both,
-        hand_delay=_hand_delay(release.time - d.hand_opened),
+        hand_delay=_hand_delay(release.time - d.opened),
         noise=float(noise[0]),
     )
 
@@ -359,8 +359,8 @@ def _task(demonstration: Demonstration, reading: _Reading, free: FreeFlight | No
         return demonstration.target
     d, game, radius = demonstration, reading.game, the_world().basket_radius
     outcome = judge_flight(
-        d.ball_time,
-        d.ball_position,
+        d.moved.time,
+        d.moved.position,
         d.target,
         radius,
         game.projectile,

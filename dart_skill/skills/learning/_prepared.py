@@ -10,7 +10,7 @@ import numpy as np
 from dart_skill.arm import ArmModel, Grip, Sightings
 from dart_skill.skills.learning._pose_features import pose_features
 from dart_skill.skills.observation import sightings
-from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration, Track
+from dart_skill.skills.protocol import HAND, Demonstration, Situation, Skill, Track
 
 BEFORE = 0.1
 """The hand is recorded for so long before a movement starts, at least [s]: derivatives there need
@@ -60,7 +60,7 @@ class PreparedMovement:
 
 
 def prepare_movement(
-    skill: Skill, demonstration: TaskDemonstration, arm: ArmModel
+    skill: Skill, demonstration: Demonstration, arm: ArmModel
 ) -> PreparedMovement:
     """ValueError names the demonstration and what is wrong with it. arm: model of the arm."""
     try:
@@ -69,12 +69,12 @@ def prepare_movement(
         raise ValueError(f"demonstration {demonstration.id}: {error}") from error
 
 
-def check_movement(skill: Skill, demonstration: TaskDemonstration) -> None:
+def check_movement(skill: Skill, demonstration: Demonstration) -> None:
     """ValueError says why a demonstration cannot be learned from."""
     prepare_movement(skill, demonstration, ArmModel())
 
 
-def _prepare(skill: Skill, demonstration: TaskDemonstration, arm: ArmModel) -> PreparedMovement:
+def _prepare(skill: Skill, demonstration: Demonstration, arm: ArmModel) -> PreparedMovement:
     d, hand = demonstration, demonstration.track(HAND)
     start, stop = skill.cut(d)
     if not hand.time[0] + BEFORE <= start < stop <= hand.time[-1]:
@@ -96,7 +96,7 @@ def _prepare(skill: Skill, demonstration: TaskDemonstration, arm: ArmModel) -> P
         time=hand.time[near] - start,
         features=pose_features(hand.position[near], hand.quaternion[near]),
         duration=stop - start,
-        told=tuple((one.time - start, one.grip) for one in d.told if start <= one.time <= stop),
+        told=tuple((one.time - start, one.grip) for one in d.events if start <= one.time <= stop),
         joint_time=d.joint_time - start,
         joint_position=d.joint_position,
         sightings=sightings(d, arm),

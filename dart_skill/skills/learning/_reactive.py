@@ -19,11 +19,11 @@ from dart_skill.skills.learning._prepared import PreparedMovement
 from dart_skill.skills.learning._shown import RATE, Shown
 from dart_skill.skills.observation import position_noise
 from dart_skill.skills.protocol import (
+    Demonstration,
     Pose,
     ReactiveSkillSettings,
     Situation,
     Skill,
-    TaskDemonstration,
     Track,
 )
 
@@ -46,7 +46,7 @@ class ReactiveSkill(Shown):
     AutonomousDSGMR over [t, u, x, y, z].
     """
 
-    def __init__(self, skill: Skill, demonstrations: Sequence[TaskDemonstration]):
+    def __init__(self, skill: Skill, demonstrations: Sequence[Demonstration]):
         if not skill.reacts or not isinstance(skill.settings, ReactiveSkillSettings):
             raise ValueError(
                 f"the skill '{skill.name}' does not react: it needs `reacts = True`, and settings"

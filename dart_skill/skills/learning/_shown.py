@@ -13,7 +13,7 @@ import numpy as np
 from dart_skill.arm import ArmModel, Grip, GripEvent, fit_registration
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
-from dart_skill.skills.protocol import HAND, Pose, Skill, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import HAND, Demonstration, Pose, Skill, TaskOutcome
 
 RATE = 100.0
 """Rate of the samples that are learned from [1/s]."""
@@ -25,7 +25,7 @@ class Shown:
     Parameters and attributes as of `LearnedSkill` and `ReactiveSkill`, which derive from it.
     """
 
-    def __init__(self, skill: Skill, demonstrations: Sequence[TaskDemonstration]):
+    def __init__(self, skill: Skill, demonstrations: Sequence[Demonstration]):
         skill.check_settings()
         least = skill.settings.least_demonstrations
         if len(demonstrations) < least:

@@ -13,12 +13,13 @@ import numpy as np
 from dart_skill.arm import wam_description
 from dart_skill.common.checks import to_the_nanosecond
 from dart_skill.common.flight import TENNIS_BALL, Ball
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.surface import BASKETS, Game
-from dart_skill.common.world import THROWN, the_world
+from dart_skill.common.world import THROW_BODIES, the_world
 from dart_skill.movement import VelocityThreshold, segment_containing
-from dart_skill.recording import SKILL, Demonstration
+from dart_skill.recording import HAND, SKILL, Demonstration, Event, Track
 from dart_skill.skills.observation._outcome import Outcome, Release, fit_release, judge_flight
-from dart_skill.skills.observation._sensor_log import JOINTS, RESET_NS, SensorLog, Stream
+from dart_skill.skills.observation._sensor_log import JOINTS, SensorLog, Stream
 
 THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
 ARRIVAL_NS = 50_000_000
@@ -73,11 +74,16 @@ class ThrowLog(SensorLog):
     and basket in any case. `rejected` counts samples that were stale or not finite.
     """
 
-    def __init__(self, joint_period_ns: int = 10_000_000, skill: str = SKILL):
+    def __init__(
+        self,
+        joint_period_ns: int = 10_000_000,
+        skill: str = SKILL,
+        bodies: tuple[str, str] = THROW_BODIES,
+    ):
         self.skill = skill
-        self._thrown, self._aimed_at = THROWN[skill]
-        super().__init__(("hand", *THROWN[skill]), joint_period_ns)
-        self.turned = frozenset({"hand"})
+        self._thrown, self._aimed_at = bodies
+        super().__init__((HAND, *bodies), joint_period_ns)
+        self.turned = frozenset({HAND})
 
     def clear(self) -> None:
         """Forget everything."""
@@ -88,7 +94,7 @@ class ThrowLog(SensorLog):
 
     @property
     def hand(self) -> Stream:
-        return self.bodies["hand"]
+        return self.bodies[HAND]
 
     @property
     def ball(self) -> Stream:
@@ -100,7 +106,7 @@ class ThrowLog(SensorLog):
 
     def take(self, role: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose of a body; how ball and basket are turned is of no use."""
-        if role == "hand":
+        if role == HAND:
             super().take(role, stamp_ns, position, quaternion)
         else:
             self._keep(role, stamp_ns, position)
@@ -119,7 +125,7 @@ class ThrowLog(SensorLog):
 
     def part(self, since_ns: int, until_ns: int) -> ThrowLog:
         """A log of what was seen between two instants, the hand's button aside."""
-        part = ThrowLog(self._joint_period_ns, self.skill)
+        part = ThrowLog(self._joint_period_ns, self.skill, (self._thrown, self._aimed_at))
         part.bodies = {
             role: stream.part(since_ns, until_ns) for role, stream in self.bodies.items()
         }
@@ -190,7 +196,7 @@ class ThrowLog(SensorLog):
         for what, stream in (*self.bodies.items(), (JOINTS, self.joints)):
             if len(stream.stamps) < LEAST_SAMPLES:
                 raise ValueError(self._too_few(what, stream))
-        origin = self._first_of_the_world(thrown_ns)
+        origin = self.world_begins_ns(thrown_ns)
         time, hand = self.hand.between(origin, 0.0, (until_ns - origin) * 1e-9)
         thrown = (thrown_ns - origin) * 1e-9
         segment = segment_containing(thresholds.segment(time, hand[:, :3], thrown), thrown)
@@ -209,35 +215,22 @@ class ThrowLog(SensorLog):
             )
         return Demonstration(
             id=name,
+            tracks={
+                HAND: Track(hand_time, hand[:, :3], hand[:, 3:]),
+                self._thrown: Track.unturned(ball_time, ball),
+            },
             stamp_ns=origin,
-            target=self._basket_position(origin, stop),
-            hand_time=hand_time,
-            hand_position=hand[:, :3],
-            hand_quaternion=hand[:, 3:],
-            ball_time=ball_time,
-            ball_position=ball,
+            skill=self.skill,
+            situation=Situation({self._aimed_at: Pose(self._basket_position(origin, stop))}),
             joint_time=joint_time,
             joint_position=joints[:, :7],
             joint_velocity=joints[:, 7:],
             motion_start=to_the_nanosecond(segment.motion_start - segment.start),
             motion_stop=to_the_nanosecond(segment.motion_stop - segment.start),
-            hand_opened=np.nan if self.opened_ns is None else (self.opened_ns - origin) * 1e-9,
-            skill=self.skill,
+            events=()
+            if self.opened_ns is None
+            else (Event("open", (self.opened_ns - origin) * 1e-9),),
         )
-
-    def _first_of_the_world(self, thrown_ns: int) -> int:
-        """Stamp of the first hand sample since the world was last set anew before the throw: when
-        the log was begun changes no cut.
-        """
-        stamps = np.array(self.joints.stamps, dtype=np.int64)
-        begins = stamps[1:][(np.diff(stamps) > RESET_NS) & (stamps[1:] <= thrown_ns)]
-        since = begins[-1] if len(begins) else 0
-        hand = [stamp for stamp in self.hand.stamps if stamp >= since]
-        if not hand:
-            raise ValueError(
-                "no samples of the hand since the world was set anew: is it tracked and published?"
-            )
-        return hand[0]
 
     def _basket_position(self, origin_ns: int, stop: float) -> np.ndarray:
         """Where the basket stood during the motion; if it was hidden then, where it was seen at

@@ -10,6 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dart_skill.arm import all_finite
+from dart_skill.common.constants import N_JOINTS, Grip
+from dart_skill.common.situation import Situation
+from dart_skill.recording import HAND, WORDS, Demonstration, Event, Track
 
 RESET_NS = 500_000_000
 """Where the arm's own sensors were silent for longer, the world was set anew: what was seen before
@@ -18,6 +21,10 @@ belongs to no movement after it.
 
 JOINTS = "arm's joints"
 """What the arm's own sensors are called."""
+REPEATED_NS = 100_000_000
+"""Longest time between two commands to the fingers that are one: a commander repeats them."""
+LOOK_BACK_NS = 500_000_000
+"""Longest time for which a body is where it was last seen."""
 
 
 @dataclass
@@ -66,7 +73,7 @@ class Stream:
 
 
 class SensorLog:
-    """Poses of bodies by their role, and joint states, since `clear`.
+    """Poses of bodies by their role, joint states, and what the fingers were told, since `clear`.
 
     * roles: of the bodies.
     * joint_period_ns: joint states are thinned to about this period, the rate of the poses,
@@ -87,6 +94,8 @@ class SensorLog:
         self.joints = Stream()
         self._joint_phase_ns = 0
         self.left_out: Counter[str] = Counter()
+        self.told: list[tuple[int, Grip]] = []
+        self._last_told: tuple[int, Grip] = (-REPEATED_NS, Grip.UNSPECIFIED)
 
     @property
     def rejected(self) -> int:
@@ -121,6 +130,15 @@ class SensorLog:
     def _begins_a_world(self, stamp_ns: int) -> bool:
         return not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS
 
+    def add_told(self, stamp_ns: int, grip: Grip) -> None:
+        """The fingers were told something; the same again and again counts once."""
+        if grip == Grip.UNSPECIFIED:
+            return
+        before, last = self._last_told
+        self._last_told = stamp_ns, grip
+        if grip != last or abs(stamp_ns - before) > REPEATED_NS:
+            self.told.append((stamp_ns, grip))
+
     def stamps(self) -> list[np.ndarray]:
         """Stamps (n,) [ns] of each sensor's samples: of the bodies in the order of their roles,
         then of the joints.
@@ -134,6 +152,75 @@ class SensorLog:
         for stream in self._streams():
             old = slice(0, min(bisect_left(stream.stamps, stamp_ns), len(stream.stamps) - 1))
             del stream.stamps[old], stream.rows[old]
+        self.told = [one for one in self.told if one[0] >= stamp_ns]
+
+    def seen(self, name: str, since_ns: int, until_ns: int, skill: str) -> Demonstration:
+        """All that was seen between two stamps, with the first as the origin of its times;
+        ValueError says which body was never seen.
+        """
+        tracks = {}
+        for role, stream in self.bodies.items():
+            part = stream.part(since_ns, until_ns)
+            if not part.stamps:
+                raise ValueError(f"the {role} was not seen: is it tracked and published?")
+            rows = np.array(part.rows)
+            tracks[role] = Track(_seconds(part.stamps, since_ns), rows[:, :3], rows[:, 3:])
+        joints = self.joints.part(since_ns, until_ns)
+        states = np.array(joints.rows).reshape(-1, 2 * N_JOINTS)
+        return Demonstration(
+            id=name,
+            tracks=tracks,
+            stamp_ns=since_ns,
+            skill=skill,
+            joint_time=_seconds(joints.stamps, since_ns),
+            joint_position=states[:, :N_JOINTS],
+            joint_velocity=states[:, N_JOINTS:],
+            events=tuple(
+                Event(WORDS[grip], (ns - since_ns) * 1e-9)
+                for ns, grip in self.told
+                if since_ns <= ns <= until_ns
+            ),
+        )
+
+    def world_begins_ns(self, instant_ns: int | None = None) -> int:
+        """Stamp of the first sample of the hand since the world was last set anew before an
+        instant; None: the instant at which the fingers were first told something, or the end.
+
+        ValueError if the hand was not seen there.
+        """
+        if instant_ns is None:
+            instant_ns = self.told[0][0] if self.told else np.iinfo(np.int64).max
+        stamps = np.array(self.joints.stamps, dtype=np.int64)
+        begins = stamps[1:][(np.diff(stamps) > RESET_NS) & (stamps[1:] <= instant_ns)]
+        since = int(begins[-1]) if len(begins) else 0
+        hand = self.bodies[HAND].stamps
+        first = bisect_left(hand, since)
+        if first == len(hand):
+            raise ValueError(
+                "no samples of the hand since the world was set anew: is it tracked and published?"
+            )
+        return hand[first]
+
+    def situation_at(self, stamp_ns: int) -> Situation:
+        """Where all bodies beside the hand were just before a stamp; ValueError says which one was
+        not seen.
+        """
+        poses = {}
+        for role, stream in self.bodies.items():
+            part = stream.part(stamp_ns - LOOK_BACK_NS, stamp_ns)
+            if role == HAND:
+                continue
+            if not part.stamps:
+                raise ValueError(f"the {role} was not seen: is it tracked and published?")
+            rows = np.array(part.rows)
+            track = Track(_seconds(part.stamps, stamp_ns), rows[:, :3], rows[:, 3:])
+            poses[role] = track.pose_at(0.0)
+        return Situation(poses)
 
     def _streams(self) -> tuple[Stream, ...]:
         return *self.bodies.values(), self.joints
+
+
+def _seconds(stamps: Sequence[int], origin_ns: int) -> np.ndarray:
+    """Stamps (n,) [ns] as seconds after an origin."""
+    return (np.array(stamps, dtype=np.int64) - origin_ns) * 1e-9

@@ -12,8 +12,9 @@ import numpy as np
 from dart_skill.common.world import the_world
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration, GripSignal, Opening, demonstration_id
-from dart_skill.skills.observation._cutting import RESET_NS, THRESHOLDS, ThrowLog, watched_until
+from dart_skill.skills.observation._cutting import THRESHOLDS, ThrowLog, watched_until
 from dart_skill.skills.observation._outcome import Outcome, judge_flight
+from dart_skill.skills.observation._sensor_log import RESET_NS
 
 MEMORY_NS = 60_000_000_000
 """What was seen longer before the present belongs to no throw any more."""

@@ -17,12 +17,12 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import WamDescription, with_box
 from dart_skill.skills.protocol import (
     HAND,
+    Demonstration,
     Pose,
     Situation,
     Skill,
     SkillSettings,
     Solid,
-    TaskDemonstration,
     TaskOutcome,
 )
 
@@ -166,9 +166,9 @@ class Place(Skill):
         hand, part = situation.pose(HAND), situation.pose("part")
         return [hand, situation.pose("holder").place(part.sees(hand))]
 
-    def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
+    def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """Whether the part is in the holder, after the fingers have opened. seen: the movement."""
-        part, opened = seen.track("part"), [one.time for one in seen.told][-1:]
+        part, opened = seen.track("part"), [one.time for one in seen.events][-1:]
         if not opened or part.time[-1] < opened[0] + LIES:
             return TaskOutcome(
                 False,
@@ -200,7 +200,7 @@ class Place(Skill):
             )
         return TaskOutcome(True, error, miss=miss)
 
-    def _beside(self, seen: TaskDemonstration, situation: Situation) -> np.ndarray:
+    def _beside(self, seen: Demonstration, situation: Situation) -> np.ndarray:
         """How far beside the axis of the holder the part came down (3,) [m], just before it could
         touch; nan if it came down elsewhere.
 
@@ -211,7 +211,7 @@ class Place(Skill):
         over = (
             (np.hypot(local[:, 0], local[:, 1]) < WIDE)
             & (local[:, 2] > self.settings.depth + TOUCHES)
-            & (part.time < seen.told[-1].time)
+            & (part.time < seen.events[-1].time)
         )
         last = np.flatnonzero(over)[-LOOKS:]
         if len(last) < LOOKS:

@@ -177,7 +177,7 @@ class PractisingSkill:
             return Told(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
         try:
             seen = prepare(
-                replace(trial, target=plan.target), replace(self.skill.configuration, relabel=True)
+                trial.aimed_at(plan.target), replace(self.skill.configuration, relabel=True)
             )
         except ValueError as error:
             return Told(False, str(error))

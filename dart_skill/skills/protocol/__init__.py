@@ -1,17 +1,7 @@
-"""What a skill is: the protocol that all skills follow, the data that passes through it, and where
-skills are found by name.
-"""
+"""What a skill is: the protocol that all skills follow, and where skills are found by name."""
 
-from dart_skill.skills.protocol._demonstration import HAND, TaskDemonstration, Told, Track
-from dart_skill.skills.protocol._messages import (
-    WORDS,
-    grip_of,
-    read_task_demonstrations,
-    situation_content,
-    task_demonstration_content,
-    task_demonstration_from_message,
-    task_demonstration_message,
-)
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import HAND, Demonstration, Event, Track
 from dart_skill.skills.protocol._registry import load_skill, skill_names, skill_type
 from dart_skill.skills.protocol._settings import (
     BIC,
@@ -21,40 +11,30 @@ from dart_skill.skills.protocol._settings import (
     SkillSettings,
     check_way,
 )
-from dart_skill.skills.protocol._situation import Pose, Situation
 from dart_skill.skills.protocol._skill import Planner, Skill, TaskOutcome, settings_file
 from dart_skill.skills.protocol._solid import Solid
-from dart_skill.skills.protocol._task_log import TaskLog
 from dart_skill.skills.protocol._words import SkillWords
 
 __all__ = [
     "BIC",
     "COMPONENTS",
     "CROSS_VALIDATION",
+    "Demonstration",
+    "Event",
     "HAND",
     "Planner",
     "Pose",
     "ReactiveSkillSettings",
     "Situation",
-    "Solid",
     "Skill",
     "SkillSettings",
     "SkillWords",
-    "TaskDemonstration",
-    "TaskLog",
+    "Solid",
     "TaskOutcome",
-    "Told",
     "Track",
-    "WORDS",
     "check_way",
-    "grip_of",
     "load_skill",
-    "read_task_demonstrations",
     "settings_file",
-    "situation_content",
     "skill_names",
     "skill_type",
-    "task_demonstration_content",
-    "task_demonstration_from_message",
-    "task_demonstration_message",
 ]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
@@ -15,10 +15,11 @@ import numpy as np
 
 from dart_skill.arm import MotionPlan, Speed, WamDescription
 from dart_skill.common.configuration import config_path
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold, segment_containing
-from dart_skill.skills.protocol._demonstration import HAND, TaskDemonstration
+from dart_skill.recording import HAND, Demonstration
+from dart_skill.skills.observation import SensorLog
 from dart_skill.skills.protocol._settings import SkillSettings
-from dart_skill.skills.protocol._situation import Pose, Situation
 from dart_skill.skills.protocol._solid import Solid
 from dart_skill.skills.protocol._words import SkillWords
 
@@ -114,6 +115,13 @@ class Skill:
         path = settings_file(cls)
         return cls(None if path is None else cls.settings_type.from_file(path))
 
+    @classmethod
+    def saved_settings(cls, values: Mapping[str, Any], where: str) -> Any:
+        """What a model file has of the settings with which the skill learned; ValueError, with
+        `where` they stand, if these are none of this skill.
+        """
+        return cls.settings_type.from_mapping(dict(values), where)
+
     @property
     def moves(self) -> str:
         """Role of what the movement moves, without which nobody sees what comes of it: the first
@@ -180,14 +188,14 @@ class Skill:
         """
         return {}
 
-    def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
+    def cut(self, demonstration: Demonstration) -> tuple[float, float]:
         """First and last instant of the movement in a recording [s]; ValueError if there is none.
 
         Default: from when the fingers were told something for the first time to when they were
         told for the last time. Where they were told nothing, or only once, the movement between
         the velocity thresholds (8.4.3), the one in which they were told.
         """
-        told = demonstration.told
+        told = demonstration.events
         if len(told) > 1:
             return told[0].time, told[-1].time
         s = self.settings
@@ -203,13 +211,26 @@ class Skill:
             found = max(thresholds.segment(time, position), key=lambda one: one.duration)
         return found.motion_start, found.motion_stop
 
-    def situation(self, demonstration: TaskDemonstration, start: float) -> Situation:
+    def sensor_log(self, joint_period_ns: int = 10_000_000) -> SensorLog:
+        """A log of what is seen of its bodies; joint_period_ns: as of `SensorLog`."""
+        return SensorLog((HAND, *self.bodies), joint_period_ns)
+
+    def described(self, seen: Demonstration) -> Demonstration:
+        """What was seen with the situation and the instants of the movement that it shows;
+        ValueError if it shows none.
+        """
+        start, stop = self.cut(seen)
+        return replace(
+            seen, situation=self.situation(seen, start), motion_start=start, motion_stop=stop
+        )
+
+    def situation(self, demonstration: Demonstration, start: float) -> Situation:
         """Where all bodies are when the movement starts [s]. Default: where they were just before."""
         return Situation(
             {role: demonstration.track(role).pose_at(start) for role in (HAND, *self.bodies)}
         )
 
-    def achieved(self, demonstration: TaskDemonstration, situation: Situation) -> Situation:
+    def achieved(self, demonstration: Demonstration, situation: Situation) -> Situation:
         """The situation for which the movement would have been right: a miss can be relabelled.
         Default: the one that there was.
         """
@@ -299,7 +320,7 @@ class Skill:
         """
         return situation
 
-    def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
+    def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """What became of a movement that was made in a situation, from what was seen of it.
 
         NotImplementedError if the skill does not say.

@@ -16,12 +16,12 @@ from scipy.spatial.transform import Rotation
 from dart_skill.movement import VelocityThreshold
 from dart_skill.skills.protocol import (
     HAND,
+    Demonstration,
     Pose,
     ReactiveSkillSettings,
     Situation,
     Skill,
     Solid,
-    TaskDemonstration,
     TaskOutcome,
 )
 
@@ -90,7 +90,7 @@ class Reach(Skill):
     def solids(self, role: str) -> Sequence[Solid]:
         return (Solid("cup", (WIDE, self.settings.rim, 0.003)),)
 
-    def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
+    def cut(self, demonstration: Demonstration) -> tuple[float, float]:
         """From when the hand begins to move to when it rests in the cup, as seen from there: the
         cup may go on.
 
@@ -138,7 +138,7 @@ class Reach(Skill):
         """None: how the belt will run is nothing that the arm knows."""
         return []
 
-    def distances(self, seen: TaskDemonstration) -> tuple[float, float]:
+    def distances(self, seen: Demonstration) -> tuple[float, float]:
         """Distances of the hand from the cup's axis as it passes the rim, and from the middle at
         the end [m]; ValueError if it did not.
 
@@ -147,7 +147,7 @@ class Reach(Skill):
         at_rim, miss = self._places(seen)
         return float(np.hypot(*at_rim[:2])), float(np.linalg.norm(miss))
 
-    def _places(self, seen: TaskDemonstration) -> tuple[np.ndarray, np.ndarray]:
+    def _places(self, seen: Demonstration) -> tuple[np.ndarray, np.ndarray]:
         """Where the hand came past the rim, and ended from the middle, (3,) each, as the cup sees
         it [m]; ValueError if nowhere.
         """
@@ -161,7 +161,7 @@ class Reach(Skill):
             - self.settings.middle,
         )
 
-    def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
+    def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """Whether the hand came into the cup without touching its rim, and ended in its middle.
         seen: the movement.
         """
@@ -179,7 +179,7 @@ class Reach(Skill):
 
     # what was seen from the cup
 
-    def _from_cup(self, seen: TaskDemonstration) -> np.ndarray:
+    def _from_cup(self, seen: Demonstration) -> np.ndarray:
         """The hand in the frame of the cup, at the stamps of the hand (n, 3) [m]."""
         cup = seen.track("cup").resampled(seen.hand_time)
         return (
@@ -200,7 +200,7 @@ class Reach(Skill):
             )
         return int(above[-1])
 
-    def _rests_at(self, seen: TaskDemonstration, local: np.ndarray) -> float:
+    def _rests_at(self, seen: Demonstration, local: np.ndarray) -> float:
         """When the hand has come to rest in the cup [s]; ValueError if it did not."""
         time, below = seen.hand_time, np.arange(len(local)) > self._past_rim(local)
         speeds = self._speeds(time, local)

@@ -8,21 +8,22 @@ thrown at what (`game`), and where a situation says that it shall go (`target`).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill.arm import Grip, Speed
+from dart_skill.arm import Speed
 from dart_skill.common.regions import REGION
 from dart_skill.common.surface import BASKETS, Game
-from dart_skill.common.world import THROW, THROWN, the_world
-from dart_skill.skills.observation import Outcome, judge_flight
+from dart_skill.common.world import THROW, THROW_BODIES, the_world
+from dart_skill.skills.observation import Outcome, ThrowLog, judge_flight
 from dart_skill.skills.protocol import (
+    Demonstration,
     Pose,
     Situation,
     Skill,
     SkillWords,
-    TaskDemonstration,
     TaskOutcome,
 )
 
@@ -36,7 +37,7 @@ class Throw(Skill):
 
     name = THROW
     task = "throw the ball into the basket"
-    bodies = THROWN[THROW]
+    bodies = THROW_BODIES
     world = "basket"
     speed = Speed.THROW
     corrects = "basket"
@@ -98,6 +99,15 @@ class Throw(Skill):
         """Own throws between two looks at when to let go; 0: that is not practised."""
         return 0
 
+    @classmethod
+    def saved_settings(cls, values: Mapping[str, Any], where: str) -> SkillConfiguration:
+        from dart_skill.skills.learning import SkillConfiguration
+
+        try:
+            return SkillConfiguration.from_saved(values)
+        except (ValueError, TypeError, KeyError) as error:
+            raise ValueError(f"{where} is not a model file of dart_skill: {error}") from error
+
     def configured_for(self, configuration: SkillConfiguration) -> SkillConfiguration:
         """A configuration of throws, as this skill uses it."""
         return configuration
@@ -125,11 +135,18 @@ class Throw(Skill):
         """A basket in the region of config/world.yaml."""
         return self.at(REGION.spread(1, rng)[0])
 
-    def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
+    def cut(self, demonstration: Demonstration) -> tuple[float, float]:
         """All of it: a throw is cut when it is recorded (`skills.observation`)."""
         return float(demonstration.hand_time[0]), float(demonstration.hand_time[-1])
 
-    def situation(self, demonstration: TaskDemonstration, start: float) -> Situation:
+    def sensor_log(self, joint_period_ns: int = 10_000_000) -> ThrowLog:
+        return ThrowLog(joint_period_ns, self.name, self.bodies)
+
+    def described(self, seen: Demonstration) -> Demonstration:
+        """As it is: it was cut when it was recorded."""
+        return seen
+
+    def situation(self, demonstration: Demonstration, start: float) -> Situation:
         """The one that it shows how to serve: where the throw went; ValueError if nobody saw that.
         start: of the movement [s].
         """
@@ -141,19 +158,19 @@ class Throw(Skill):
             )
         return self.at(self.target(middle) + outcome.miss)
 
-    def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
+    def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """Where the ball came down on the plane of the rim, or the dart met the board, and whether
         it is in. seen: the throw.
         """
-        opened = [one.time for one in seen.told if one.grip == Grip.OPEN]
+        opened = seen.opened
         thrown, aimed_at = self.bodies
-        if not opened:
+        if np.isnan(opened):
             return TaskOutcome(
                 False, np.nan, "the hand was never told to open: nothing was thrown"
             )
         track, target, game = seen.track(thrown), self.target(situation), self.game
-        after = track.time >= opened[0]
-        time, position = track.time[after] - opened[0], track.position[after]
+        after = track.time >= opened
+        time, position = track.time[after] - opened, track.position[after]
         outcome = judge_flight(
             time,
             position,

@@ -45,24 +45,20 @@ from dart_skill.common.constants import N_JOINTS, NS_PER_S
 from dart_skill.common.pace import PhaseRule
 from dart_skill.common.world import THROW
 from dart_skill.recording import (
+    WORDS,
     Demonstration,
     demonstration_from_message,
     fill_demonstration_message,
-    filled,
+    grip_of,
     joint_layout,
     named,
 )
 from dart_skill.skills.observation import Outcome, Release
-from dart_skill.skills.protocol import (
-    WORDS,
-    Situation,
-    Skill,
-    TaskDemonstration,
-    TaskOutcome,
-    grip_of,
-    task_demonstration_content,
-)
 from dart_skill.skills.protocol import Pose as BodyPose
+from dart_skill.skills.protocol import (
+    Situation,
+    TaskOutcome,
+)
 from dart_skill.skills.throw import Throw
 
 if TYPE_CHECKING:
@@ -427,13 +423,6 @@ def seen_at(message: OutcomeMsg, instant: str) -> np.ndarray:
     """Where something was at an instant (3,) that an outcome tells of; NaN if it does not."""
     found = [one for one in message.observed if one.name == instant]
     return vector(found[0].pose.position) if found else np.full(3, np.nan)
-
-
-def task_demonstration_msg(one: TaskDemonstration, skill: Skill) -> DemonstrationMsg:
-    """A demonstration of a skill as a message."""
-    return filled(
-        DemonstrationMsg(), task_demonstration_content(one, skill), lambda name: NEW[name]()
-    )
 
 
 def task_outcome_msg(

@@ -32,7 +32,7 @@ from dart_skill.recording import (
     types_for,
 )
 from dart_skill.skills.observation import ThrowFinder, watched_until
-from dart_skill.skills.protocol import HAND, TaskDemonstration, load_skill
+from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
@@ -447,7 +447,7 @@ class DemonstrationRecorder(BagKeeper):
         return response
 
     def _keep(
-        self, one: Demonstration | TaskDemonstration, message: DemonstrationMsg, until: int
+        self, one: Demonstration | Demonstration, message: DemonstrationMsg, until: int
     ) -> str:
         """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it
         cannot be learned from, if so.

@@ -19,8 +19,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.common.regions import Region
 from dart_skill.common.world import THROW
+from dart_skill.recording import demonstration_from_message
 from dart_skill.simulation import Basket
-from dart_skill.skills.protocol import HAND, Skill, load_skill, task_demonstration_from_message
+from dart_skill.skills.protocol import HAND, Skill, load_skill
 from dart_skill.skills.throw import Throw
 from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
 from dart_skill_nodes.client.failures import CallFailed
@@ -98,7 +99,7 @@ def _task_shown(skill: Skill):
     """
 
     def shown(message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
-        one = task_demonstration_from_message(message, skill)
+        one = demonstration_from_message(message, skill.name)
         start, stop = skill.cut(one)
         places = [one.track(role).pose_at(start).position for role in skill.bodies]
         return one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)], np.array(

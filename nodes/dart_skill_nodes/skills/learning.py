@@ -14,7 +14,7 @@ from dart_skill_msgs.msg import Situation as SituationMsg
 
 from dart_skill.arm import KnownRegistration
 from dart_skill.mixture import GaussianMixture
-from dart_skill.recording import Demonstration, read_demonstrations
+from dart_skill.recording import Demonstration, demonstration_from_message, read_demonstrations
 from dart_skill.skills.learning import (
     AnySkill,
     PreparedThrow,
@@ -41,15 +41,7 @@ from dart_skill.skills.practice import (
     practised_skill,
     save_practised,
 )
-from dart_skill.skills.protocol import (
-    HAND,
-    Skill,
-    TaskDemonstration,
-    TaskOutcome,
-    check_way,
-    read_task_demonstrations,
-    task_demonstration_from_message,
-)
+from dart_skill.skills.protocol import HAND, Skill, TaskOutcome, check_way
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 
@@ -189,22 +181,14 @@ class ThrowLearning:
             )
 
     def demonstration(self, message: DemonstrationMsg) -> Demonstration:
-        return self._own(conversions.demonstration(message))
+        return demonstration_from_message(message, self.skill)
 
     def expect(self, one: Demonstration) -> None:
         with suppress(ValueError):  # the lesson says why it is left out
             prepare(one, self._chosen("")[0])
 
     def read(self, bag: str) -> list[Demonstration]:
-        return [self._own(one) for one in read_demonstrations(bag)]
-
-    def _own(self, one: Demonstration) -> Demonstration:
-        """A demonstration; ValueError for one of another game."""
-        if one.skill != self.skill:
-            raise ValueError(
-                f"demonstration {one.id} is of the skill '{one.skill}', not of '{self.skill}'"
-            )
-        return one
+        return read_demonstrations(bag, self.skill)
 
     def _chosen(self, name: str) -> tuple[SkillConfiguration, str]:
         """The configuration of that name as the parameters change it, and what they change."""
@@ -303,7 +287,7 @@ class ThrowLearning:
         return skill.skill.model_id
 
     def load(self, path: str) -> str:
-        saved = load_model(path)
+        saved = load_model(path, self._thrown)
         if saved.configuration.game != self._thrown.game:
             raise ValueError(
                 f"{path} is a model of other throws: it was learned for another game or board than"
@@ -369,14 +353,14 @@ class TaskLearning:
         changed_skill(self._skill, parameters)
         check_way(parameters["choose_components"])
 
-    def demonstration(self, message: DemonstrationMsg) -> TaskDemonstration:
-        return task_demonstration_from_message(message, self._skill)
+    def demonstration(self, message: DemonstrationMsg) -> Demonstration:
+        return demonstration_from_message(message, self._skill.name)
 
-    def expect(self, one: TaskDemonstration) -> None:
+    def expect(self, one: Demonstration) -> None:
         """Nothing: a movement is cut when it is learned."""
 
-    def read(self, bag: str) -> list[TaskDemonstration]:
-        return read_task_demonstrations(bag, self._skill)
+    def read(self, bag: str) -> list[Demonstration]:
+        return read_demonstrations(bag, self._skill.name)
 
     def _changed(self, configuration: str) -> tuple[Skill, str]:
         """The skill with the settings that the parameters change, and what they change."""
@@ -387,7 +371,7 @@ class TaskLearning:
             )
         return changed_skill(self._skill, self._parameters())
 
-    def learn(self, demonstrations: Sequence[TaskDemonstration], configuration: str) -> Lesson:
+    def learn(self, demonstrations: Sequence[Demonstration], configuration: str) -> Lesson:
         skill, changes = self._changed(configuration)
         model, left_out = learn_usable(skill, demonstrations)
         if way := self._parameters()["choose_components"]:
@@ -412,16 +396,16 @@ class TaskLearning:
             raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
         return self.model
 
-    def finding(self, one: TaskDemonstration, configuration: str) -> str:
+    def finding(self, one: Demonstration, configuration: str) -> str:
         skill, _ = self._changed(configuration)
         check_movement(skill, one)
         start, stop = skill.cut(one)
         return (
-            f"a movement of {stop - start:.1f} s, {len(one.told)} times the fingers were told"
+            f"a movement of {stop - start:.1f} s, {len(one.events)} times the fingers were told"
             " something"
         )
 
-    def describe(self, one: TaskDemonstration) -> tuple[int, str, float, SituationMsg]:
+    def describe(self, one: Demonstration) -> tuple[int, str, float, SituationMsg]:
         start, stop = self._skill.cut(one)
         situation = conversions.situation_msg(self._skill.situation(one, start))
         return (
@@ -445,7 +429,7 @@ class TaskLearning:
         return message, SituationMsg()
 
     def tell(self, trial: DemonstrationMsg, plan: PlanMsg) -> Taken:
-        seen, model = task_demonstration_from_message(trial, self._skill), self._learned
+        seen, model = demonstration_from_message(trial, self._skill.name), self._learned
         start, _ = self._skill.cut(seen)
         outcome: TaskOutcome = self._skill.judge(seen, self._skill.situation(seen, start))
         model.tell(outcome)

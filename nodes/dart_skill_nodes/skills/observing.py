@@ -20,15 +20,8 @@ from dart_skill.recording import (
     read_command,
 )
 from dart_skill.skills.learning import DEFAULT, check_movement, prepare
-from dart_skill.skills.observation import SensorLog, ThrowLog, judged, seen_down
-from dart_skill.skills.protocol import (
-    HAND,
-    Situation,
-    Skill,
-    TaskDemonstration,
-    TaskLog,
-    task_demonstration_message,
-)
+from dart_skill.skills.observation import SensorLog, judged, seen_down
+from dart_skill.skills.protocol import HAND, Situation, Skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
@@ -53,7 +46,7 @@ class Observer(Protocol):
     def hear_command(self, stamp_ns: int, data: bytes, recording: bool) -> None:
         """A serialised command: what the fingers are told."""
 
-    def cut(self, up_to_ns: int) -> Demonstration | TaskDemonstration:
+    def cut(self, up_to_ns: int) -> Demonstration | Demonstration:
         """What was recorded, up to a stamp; ValueError says what is missing."""
 
     def lags(self, tracked: TrackedBodies, one, up_to_ns: int) -> bool:
@@ -90,7 +83,7 @@ class ThrowObserver:
     ):
         self.loose, self._aimed_at = skill.bodies
         self.roles, self.awaited = (HAND, *skill.bodies), (HAND, self._aimed_at)
-        self.log = ThrowLog(skill=skill.name)
+        self.log = skill.sensor_log()
         self._skill, self._thresholds, self._rim_radius, self._frame_id = (
             skill,
             thresholds,
@@ -163,30 +156,30 @@ class TaskObserver:
     """Every other skill: cut and judged by its own class."""
 
     def __init__(self, skill: Skill, frame_id: str):
-        self._skill, self._frame_id, self.log = skill, frame_id, TaskLog(skill.bodies)
+        self._skill, self._frame_id, self.log = skill, frame_id, skill.sensor_log()
         self.roles = self.awaited = (HAND, *skill.bodies)
         self.loose = skill.moves
 
     def hear_command(self, stamp_ns: int, data: bytes, recording: bool) -> None:
         self.log.add_told(stamp_ns, Grip(read_command(data)[2]))
 
-    def cut(self, up_to_ns: int) -> TaskDemonstration:
-        since = self.log.world_begins_ns
-        one = self.log.cut(demonstration_id(since), since, up_to_ns)
+    def cut(self, up_to_ns: int) -> Demonstration:
+        since = self.log.world_begins_ns()
+        one = self.log.seen(demonstration_id(since), since, up_to_ns, self._skill.name)
         self._skill.cut(one)  # what is no movement of the skill is no demonstration
         return one
 
-    def lags(self, tracked: TrackedBodies, one: TaskDemonstration, up_to_ns: int) -> bool:
+    def lags(self, tracked: TrackedBodies, one: Demonstration, up_to_ns: int) -> bool:
         return False  # all that it needs was waited for
 
-    def check(self, one: TaskDemonstration) -> None:
+    def check(self, one: Demonstration) -> None:
         check_movement(self._skill, one)
 
-    def message(self, one: TaskDemonstration) -> DemonstrationMsg:
-        return conversions.task_demonstration_msg(one, self._skill)
+    def message(self, one: Demonstration) -> DemonstrationMsg:
+        return conversions.demonstration_msg(self._skill.described(one))
 
-    def recorded(self, types: Typestore, one: TaskDemonstration) -> object:
-        return task_demonstration_message(types, one, self._skill)
+    def recorded(self, types: Typestore, one: Demonstration) -> object:
+        return demonstration_message(types, self._skill.described(one))
 
     def late(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> bool:
         return any(tracked.is_late(role, until_ns) for role in self.roles)
@@ -199,7 +192,7 @@ class TaskObserver:
                 " forgotten"
             )
         since = begun - RUN_UP_NS
-        seen = self.log.cut("trial", since, until_ns or tracked.newest_ns)
+        seen = self.log.seen("trial", since, until_ns or tracked.newest_ns, self._skill.name)
         asked = conversions.situation(request.situation)
         before = self._skill.situation(seen, (begun - since) * 1e-9)
         situation = Situation({**before.poses, **asked.poses}, {**before.numbers, **asked.numbers})

@@ -5,7 +5,7 @@ and the cameras say what came of it.
 import numpy as np
 
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Pose, Situation, Skill, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import Demonstration, Pose, Situation, Skill, TaskOutcome
 
 STANDS = Pose(np.array([0.0, 0.14, 0.05]))
 """Where the part shall stand, as the holder sees it [m]."""
@@ -31,7 +31,7 @@ class Beside(Skill):
         ]  # it stands on the table itself
         return Situation({"holder": Pose(level, holder.quaternion)})
 
-    def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
+    def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         part = seen.track("part")
         stands = situation.pose("holder").sees(part.pose_at(part.time[-1])).position
         miss = (stands - STANDS.position) * [1.0, 1.0, 0.0]

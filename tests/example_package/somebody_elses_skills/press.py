@@ -2,7 +2,7 @@
 pressed must be said.
 """
 
-from dart_skill.skills.protocol import HAND, Situation, Skill, TaskDemonstration, TaskOutcome
+from dart_skill.skills.protocol import HAND, Demonstration, Situation, Skill, TaskOutcome
 
 NEAR = 0.01
 """The hand presses a button that it is so near to [m]."""
@@ -12,7 +12,7 @@ class Press(Skill):
     name = "press"
     bodies = ("button",)
 
-    def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
+    def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         last = seen.track(HAND).pose_at(seen.hand_time[-1])
         error = float(abs(situation.pose("button").sees(last).position).max())
         return TaskOutcome(

@@ -27,8 +27,8 @@ from dart_skill.movement import (
     warped_distance,
 )
 from dart_skill.policy_search import PoWER
-from dart_skill.recording import Demonstration
 from dart_skill.recording.imports import PoseStream, RigidTransform
+from tests.throw_demonstrations import throw_demonstration
 
 N = 30
 TIME = np.linspace(0.0, 1.0, N)
@@ -66,7 +66,7 @@ def demonstration(**changed):
         "joint_velocity": joints,
         "target": np.array([2.0, 0.3, 0.4]),
     }
-    return Demonstration(id="a", stamp_ns=0, **{**content, **changed})
+    return throw_demonstration(id="a", stamp_ns=0, **{**content, **changed})
 
 
 ENTRIES = {
@@ -113,7 +113,7 @@ def test_masked_and_missing_values_are_refused(entry, bad):
 def test_times_targets_and_returns_are_no_exception():
     with pytest.raises(ValueError, match="not finite"):
         demonstration(hand_time=masked(TIME))
-    with pytest.raises(ValueError, match="its target is at"):
+    with pytest.raises(ValueError, match="position"):
         demonstration(target=masked(np.array([2.0, 0.3, 0.4]), 1))
     with pytest.raises(ValueError, match="position"):
         RigidTransform(masked(np.zeros(3), 0))

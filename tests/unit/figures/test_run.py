@@ -135,7 +135,7 @@ def test_events_lie_on_the_clock_of_the_recording(motions, taught):
     for motion, trial in zip(motions, taught, strict=True):
         told = (
             trial.demonstration.stamp_ns - trial.states[0].stamp_ns
-        ) * 1e-9 + trial.demonstration.hand_opened
+        ) * 1e-9 + trial.demonstration.opened
         assert motion.time[0] == 0.0
         assert (
             motion.first

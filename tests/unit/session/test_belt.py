@@ -13,7 +13,7 @@ from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import BodyMotion
 from dart_skill.skills.learning import Policy, ReactiveSkill
-from dart_skill.skills.protocol import Situation, TaskDemonstration, Track
+from dart_skill.skills.protocol import Demonstration, Situation, Track
 from dart_skill.skills.reach import Reach
 
 BELT = Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0))
@@ -180,7 +180,7 @@ def seen(path, turn=0.0, way=(0.0, 0.1, 0.0), until=5.0):
         "hand": Track(time, cup + rotation.apply(local), quaternion),
         "cup": Track(time, cup, quaternion),
     }
-    return TaskDemonstration("one", tracks, np.empty(0), np.empty((0, 7)), np.empty((0, 7)))
+    return Demonstration("one", tracks)
 
 
 def into(x, y=0.0, end=(0.0, 0.0, 0.0)):

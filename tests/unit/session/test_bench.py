@@ -12,7 +12,7 @@ from dart_skill.session import BenchSession
 from dart_skill.simulation import PlantSettings, make_world
 from dart_skill.skills.learning import LearnedSkill
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Pose, Situation, TaskDemonstration, Told, Track
+from dart_skill.skills.protocol import Demonstration, Event, Pose, Situation, Track
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def test_a_demonstration_holds_what_the_cameras_saw_and_what_the_fingers_were_to
     _, _, shown, _ = taught
     for one in shown:
         assert set(one.tracks) == {"hand", "part", "holder"} and [
-            told.grip for told in one.told
+            told.grip for told in one.events
         ] == [Grip.CLOSE, Grip.OPEN]
         assert 0.008 < np.median(np.diff(one.hand_time)) < 0.012 and len(one.joint_time) > 300
 
@@ -120,14 +120,11 @@ def lies_at(local, opened=3.0, until=4.0, drop=0.12):
     path = local.position + np.outer(height, [0.0, 0.0, 1.0])
     part = Track(time, path, np.tile(local.quaternion, (len(time), 1)))
     still = Track(time, np.zeros((len(time), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1)))
-    told = (Told(0.5, Grip.CLOSE), Told(opened, Grip.OPEN))
-    seen = TaskDemonstration(
+    told = (Event("close", 0.5), Event("open", opened))
+    seen = Demonstration(
         "one",
         {"hand": still, "part": part, "holder": still},
-        np.empty(0),
-        np.empty((0, 7)),
-        np.empty((0, 7)),
-        told,
+        events=told,
     )
     return Place().judge(seen, Situation({"holder": Pose(np.zeros(3))}))
 

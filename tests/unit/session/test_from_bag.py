@@ -41,6 +41,7 @@ from dart_skill.skills.observation._throw_finder import MEMORY_NS
 from dart_skill.skills.practice import PractisingSkill
 from tests.paths import ROOT
 from tests.recorded_session import THROWN_AT, as_published, same
+from tests.throw_demonstrations import changed_throw
 
 BASKET = np.array([1.9, -0.1, 0.4])
 ROLES = ("hand", "ball", "basket")
@@ -126,9 +127,9 @@ def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded_session,
     assert len(throws) == len(trials)
     for throw, trial in zip(throws, trials, strict=True):
         one, known = throw.demonstration, trial.demonstration
-        after = (throw.stamp_ns - known.stamp_ns) * 1e-9 - known.hand_opened
+        after = (throw.stamp_ns - known.stamp_ns) * 1e-9 - known.opened
         assert 0.015 < after < 0.05, f"{1e3 * after:.1f} ms after the command"
-        assert np.isnan(one.hand_opened)
+        assert np.isnan(one.opened)
         assert (
             same(
                 one,
@@ -138,7 +139,7 @@ def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded_session,
             == []
         )
         np.testing.assert_array_equal(
-            one.ball_position[: len(known.ball_time)], known.ball_position
+            one.moved.position[: len(known.moved.time)], known.moved.position
         )
 
 
@@ -316,7 +317,9 @@ def test_misses_are_left_out_unless_asked_for(recorded_session, expected):
     """With the basket said to stand elsewhere each throw is a miss; where the balls came down is
     the same, and so is what is learned.
     """
-    elsewhere = replace(OWN, bodies={**OWN.bodies, "basket": PoseSource(fixed=(2.0, 1.0, 0.4))})
+    elsewhere = changed_throw(
+        OWN, bodies={**OWN.bodies, "basket": PoseSource(fixed=(2.0, 1.0, 0.4))}
+    )
     with pytest.raises(
         ValueError,
         match=(
@@ -343,7 +346,7 @@ def test_a_recording_without_joints_says_what_is_missing(recorded_session):
 
 def test_bodies_with_exchanged_names_teach_the_same(recorded_session, expected):
     hand, ball = OWN.bodies["hand"], OWN.bodies["ball"]
-    exchanged = replace(OWN, bodies={**OWN.bodies, "hand": ball, "ball": hand})
+    exchanged = changed_throw(OWN, bodies={**OWN.bodies, "hand": ball, "ball": hand})
     skill, report = learn_from_bag(recorded_session[0], exchanged)
     swaps = [fault for fault in report.faults if fault.kind == "swap"]
     assert (
@@ -526,7 +529,7 @@ def test_the_command_reads_a_laboratory_and_its_faults(tmp_path, recording, caps
     stale.position[40:44], stale.quaternion[40:44] = stale.position[39], stale.quaternion[39]
     write_laboratory(
         tmp_path,
-        replace(recording, bodies={**recording.bodies, "hand": stale}),
+        changed_throw(recording, bodies={**recording.bodies, "hand": stale}),
         np.random.default_rng(0),
     )
     assert (

@@ -23,7 +23,7 @@ from dart_skill.session import (
 from dart_skill.session._from_lerobot import movement_in_episode, throw_in_episode
 from dart_skill.session._shown_in_recording import Shown, ShownSkill, read_shown
 from dart_skill.session._to_lerobot import features_of, frames_of
-from dart_skill.skills.protocol import HAND, Told, Track, load_skill
+from dart_skill.skills.protocol import HAND, Event, Track, load_skill
 from tests.recorded_session import THROWN_AT
 
 PICTURES = "observation.images.scene"
@@ -57,7 +57,7 @@ def test_every_demonstration_is_an_episode_and_what_is_none_is_named(bag, export
     assert list(done.left_out.values()) == ["thrown by the arm itself"]
     assert {episode.task for episode in dataset.episodes} == {"throw the ball into the basket"}
     for episode, one in zip(dataset.episodes, shown, strict=True):
-        assert episode.time[-1] == pytest.approx(one.ball_time[-1], abs=0.01), (
+        assert episode.time[-1] == pytest.approx(one.moved.time[-1], abs=0.01), (
             "from the cut to the landing"
         )
 
@@ -114,7 +114,7 @@ def test_the_dataset_teaches_what_the_bag_teaches(bag, tmp_path, name, fps, apar
     expected, told = learn_from_bag(bag, configuration=name)
     assert [one.id for one in report.learned_from] == ["episode_0", "episode_1", "episode_2"]
     for one, other in zip(report.learned_from, told.learned_from, strict=True):
-        since_start = [d.hand_opened - d.motion_start for d in (one, other)]
+        since_start = [d.opened - d.motion_start for d in (one, other)]
         assert since_start[0] == pytest.approx(since_start[1], abs=late)
         assert np.allclose(one.target, other.target, atol=1e-4)
     plans = [skill.plan(THROWN_AT) for skill in (learned, expected)]
@@ -132,9 +132,7 @@ def test_the_instant_at_which_the_hand_was_told_to_open_is_kept(bag, dataset):
     """To the microsecond, at 100 frames a second."""
     for episode, one in zip(dataset.episodes, read_demonstrations(bag), strict=True):
         cut = throw_in_episode(dataset, episode, load_skill("throw"))[0]
-        assert (cut.stamp_ns - 10**9) * 1e-9 + cut.hand_opened == pytest.approx(
-            one.hand_opened, abs=1e-5
-        )
+        assert (cut.stamp_ns - 10**9) * 1e-9 + cut.opened == pytest.approx(one.opened, abs=1e-5)
 
 
 def test_a_demonstration_is_left_out_and_without_a_word_the_release_is_found_in_the_flight(
@@ -152,7 +150,7 @@ def test_a_demonstration_is_left_out_and_without_a_word_the_release_is_found_in_
     silent = open_dataset(dataset.path).episodes[0]
     silent.frames["action"][:, -1] = 0.0
     one = throw_in_episode(dataset, silent, load_skill("throw"))[0]
-    assert np.isnan(one.hand_opened) and one.motion_stop > 0.5
+    assert np.isnan(one.opened) and one.motion_stop > 0.5
 
 
 def test_a_movement_of_another_skill_comes_back_as_it_was(tmp_path):
@@ -165,7 +163,7 @@ def test_a_movement_of_another_skill_comes_back_as_it_was(tmp_path):
         "part": Track(time, way - [0.0, 0.0, 0.1], unturned),
     }
     tracks["holder"] = Track(time[:150], np.tile([0.6, 0.0, 1.1], (150, 1)), unturned[:150])
-    told = (Told(0.1234, Grip.CLOSE), Told(1.7654, Grip.OPEN))
+    told = (Event("close", 0.1234), Event("open", 1.7654))
     joints = np.arange(0.0, 2.0, 0.002)
     angles = np.outer(joints, np.arange(1.0, 8.0)) / 10.0
     one = Shown("a", 5 * 10**9, 2.0, tracks, joints, angles, np.ones_like(angles), told)
@@ -179,8 +177,8 @@ def test_a_movement_of_another_skill_comes_back_as_it_was(tmp_path):
         and dataset.names["action"][0] == "wam_j1.position [rad]"
     ), "nobody recorded commands"
     back = movement_in_episode(dataset, dataset.episodes[0], shown.skill)
-    assert [word.grip for word in back.told] == [Grip.CLOSE, Grip.OPEN]
-    assert np.allclose([word.time for word in back.told], [0.1234, 1.7654], atol=1e-5)
+    assert [word.grip for word in back.events] == [Grip.CLOSE, Grip.OPEN]
+    assert np.allclose([word.time for word in back.events], [0.1234, 1.7654], atol=1e-5)
     assert np.allclose(back.hand_position[:, 0], 0.3 * back.hand_time, atol=1e-6)
     assert back.track("holder").time[-1] == pytest.approx(1.5, abs=0.02), (
         "where it was not seen it has no samples"

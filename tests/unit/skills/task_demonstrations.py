@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from dart_skill.arm import ArmModel
-from dart_skill.skills.protocol import Pose, Situation, TaskDemonstration, Track
+from dart_skill.skills.protocol import Demonstration, Pose, Situation, Track
 
 POSTURE = np.array([-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0])
 """The hand points down, where every movement starts [rad]."""
@@ -36,7 +36,7 @@ def draw_body(rng, size=1.0):
 
 
 def show(rng, body, role="button", told=(), name="", way=None):
-    """One demonstration (TaskDemonstration); told: (instant after the start [s], grip) of the
+    """One demonstration (Demonstration); told: (instant after the start [s], grip) of the
     fingers.
     """
     way = 2.0 * rng.uniform(0.9, 1.1) if way is None else way
@@ -58,13 +58,13 @@ def show(rng, body, role="button", told=(), name="", way=None):
     )
     rests = time[time <= 5.0]  # where the joints are known without inverse kinematics
     joints, tracks = np.tile(POSTURE, (len(rests), 1)), {"hand": hand, role: seen}
-    return TaskDemonstration(
+    return Demonstration(
         name or f"shown_{rng.integers(1e9)}",
         tracks,
-        rests,
-        joints,
-        np.zeros_like(joints),
-        tuple(told),
+        joint_time=rests,
+        joint_position=joints,
+        joint_velocity=np.zeros_like(joints),
+        events=tuple(told),
     )
 
 

@@ -6,6 +6,7 @@ import pytest
 from dart_skill.movement import VelocityThreshold
 from dart_skill.skills.observation import ThrowLog, seen_down, watched_until
 from dart_skill.skills.observation._sensor_log import Stream
+from tests.throw_demonstrations import assert_same
 
 MS = 1_000_000
 START_NS = 5_000 * MS
@@ -46,15 +47,12 @@ def test_a_cut_contains_the_motion_with_its_margins_and_the_release():
     assert d.id == "one"
     begin = (d.stamp_ns - START_NS) * 1e-9
     assert (
-        begin + d.hand_time[0]
-        <= begin + d.motion_start
-        < begin + d.hand_opened
-        < begin + d.motion_stop
+        begin + d.hand_time[0] <= begin + d.motion_start < begin + d.opened < begin + d.motion_stop
     )
     assert 1.0 < begin + d.motion_start < 1.2 and 1.6 < begin + d.motion_stop < 1.85
     assert d.motion_start == pytest.approx(0.15, abs=0.011), "the run-up"
     assert d.hand_time[-1] == pytest.approx(d.motion_stop + 0.1, abs=0.011), "the settling"
-    assert d.stamp_ns + round(d.hand_opened * 1e9) == OPENED_NS
+    assert d.stamp_ns + round(d.opened * 1e9) == OPENED_NS
 
 
 def test_samples_of_a_cut_are_those_that_came():
@@ -71,8 +69,8 @@ def test_samples_of_a_cut_are_those_that_came():
 
 def test_the_ball_is_kept_until_the_end_and_the_hand_only_for_its_motion():
     d = filled().cut("one", END_NS)
-    assert (d.stamp_ns + d.ball_time[-1] * 1e9 - START_NS) * 1e-9 == pytest.approx(2.9)
-    assert d.hand_time[-1] < d.ball_time[-1] - 0.8
+    assert (d.stamp_ns + d.moved.time[-1] * 1e9 - START_NS) * 1e-9 == pytest.approx(2.9)
+    assert d.hand_time[-1] < d.moved.time[-1] - 0.8
 
 
 def test_nothing_after_the_given_instant_is_used():
@@ -83,9 +81,9 @@ def test_nothing_after_the_given_instant_is_used():
         log.take("hand", START_NS + k * 10 * MS, np.full(3, 9.0), UPRIGHT)
         log.take("ball", START_NS + k * 10 * MS, np.full(3, 9.0), UPRIGHT)
     second = log.cut("one", until)
-    np.testing.assert_array_equal(first.ball_position, second.ball_position)
+    np.testing.assert_array_equal(first.moved.position, second.moved.position)
     np.testing.assert_array_equal(first.hand_position, second.hand_position)
-    assert first.ball_time[-1] <= (until - first.stamp_ns) * 1e-9
+    assert first.moved.time[-1] <= (until - first.stamp_ns) * 1e-9
 
 
 @pytest.mark.parametrize(
@@ -214,15 +212,7 @@ def test_rejected_samples_leave_no_trace_in_the_cut():
         dirty.add_joints(stamp, np.full(7, time), np.full(7, 0.1 * time))
     dirty.add_opening(OPENED_NS)
     first, second = clean.cut("one", END_NS), dirty.cut("one", END_NS)
-    for name in (
-        "hand_time",
-        "hand_position",
-        "ball_time",
-        "ball_position",
-        "joint_position",
-        "target",
-    ):
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
+    assert_same(first, second)
     assert dirty.rejected == 300 * 3
 
 
@@ -291,16 +281,7 @@ def test_what_was_seen_before_the_world_was_set_anew_changes_no_cut():
     early.add_opening(OPENED_NS)
     first, second = clean.cut("one", END_NS), early.cut("one", END_NS)
     assert first.stamp_ns == second.stamp_ns
-    for name in (
-        "hand_time",
-        "hand_position",
-        "ball_time",
-        "ball_position",
-        "joint_time",
-        "joint_position",
-        "target",
-    ):
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
+    assert_same(first, second)
 
 
 def test_a_ball_that_was_seen_to_leave_the_hand_stands_in_for_the_button():
@@ -308,7 +289,7 @@ def test_a_ball_that_was_seen_to_leave_the_hand_stands_in_for_the_button():
     log.add_release(OPENED_NS)
     log.add_release(OPENED_NS + 500 * MS)
     first, second = log.cut("one", END_NS), told.cut("one", END_NS)
-    assert np.isnan(first.hand_opened) and second.hand_opened > 0.0
+    assert np.isnan(first.opened) and second.opened > 0.0
     assert first.stamp_ns == second.stamp_ns
     np.testing.assert_array_equal(first.hand_position, second.hand_position)
 

@@ -11,7 +11,6 @@ from dart_skill.arm import DART, wam_description
 from dart_skill.common.world import the_world
 from dart_skill.darts import as_target
 from dart_skill.recording import (
-    Demonstration,
     demonstration_from_message,
     demonstration_message,
     types_for,
@@ -21,6 +20,7 @@ from dart_skill.skills.darts import Darts, DartsSettings
 from dart_skill.skills.learning import DEFAULT, load_model, save_model
 from dart_skill.skills.protocol import Situation, load_skill
 from dart_skill.skills.throw import Throw
+from tests.throw_demonstrations import throw_demonstration
 from tests.unit.board_points import in_world
 
 
@@ -124,15 +124,16 @@ def test_its_world_has_a_dart_and_a_board_that_stays(darts):
 def shown():
     time = np.linspace(0.0, 1.0, 20)
     place, turn = np.tile([1.0, 0.0, 1.5], (20, 1)), np.tile([0.0, 0.0, 0.0, 1.0], (20, 1))
-    return Demonstration(
-        "one",
-        5,
-        np.array([2.37, 0.0, 1.73]),
-        time,
-        place,
-        turn,
-        time,
-        place,
+    return throw_demonstration(
+        ("dart", "board"),
+        id="one",
+        stamp_ns=5,
+        target=[2.37, 0.0, 1.73],
+        hand_time=time,
+        hand_position=place,
+        hand_quaternion=turn,
+        ball_time=time,
+        ball_position=place,
         hand_opened=0.5,
         skill="darts",
     )
@@ -147,7 +148,7 @@ def test_a_demonstration_says_of_what_it_is_in_messages(shown):
     )
     again = demonstration_from_message(message)
     assert again.skill == "darts"
-    np.testing.assert_array_equal(again.ball_position, shown.ball_position)
+    np.testing.assert_array_equal(again.moved.position, shown.moved.position)
 
 
 def test_a_demonstration_says_of_what_it_is_in_model_files(shown, tmp_path):
@@ -156,8 +157,3 @@ def test_a_demonstration_says_of_what_it_is_in_model_files(shown, tmp_path):
     assert demonstrations[0].skill == "darts" and configuration.game == Darts().game
     save_model(tmp_path / "throws.npz", [replace(shown, skill="throw")], DEFAULT)
     assert load_model(tmp_path / "throws.npz")[0][0].skill == "throw"
-
-
-def test_a_demonstration_of_what_is_no_throw_is_refused(shown):
-    with pytest.raises(ValueError, match="of the skill 'place': throws are of throw, darts"):
-        replace(shown, skill="place")

@@ -16,6 +16,7 @@ from dart_skill.skills.learning import (
 )
 from dart_skill.skills.learning._first_aim import FirstAim
 from dart_skill.skills.learning._throwing import AIM_TOLERANCE
+from tests.throw_demonstrations import changed_throw
 
 
 def landing(aim):
@@ -112,7 +113,7 @@ def test_demonstrations_at_one_place_tell_no_first_aim(demonstrations, throws_tr
     """And no throw is worked out for it."""
     one = demonstrations[0]
     skill = learn_throwing(
-        [one, replace(one, id="another", hand_position=one.hand_position + 1e-6)]
+        [one, changed_throw(one, id="another", hand_position=one.hand_position + 1e-6)]
     )
     assert skill._first_aim(one.target) is None and not throws_tried
 

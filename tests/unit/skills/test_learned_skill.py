@@ -18,7 +18,7 @@ from dart_skill.skills.learning import (
     unlike,
 )
 from dart_skill.skills.learning._pose_features import VECTORS, with_free_length, with_prior
-from dart_skill.skills.protocol import Pose, Situation, Skill, SkillSettings, TaskOutcome, Told
+from dart_skill.skills.protocol import Event, Pose, Situation, Skill, SkillSettings, TaskOutcome
 from tests.unit.skills.task_demonstrations import (
     GRIP,
     POSTURE,
@@ -230,9 +230,9 @@ def test_events_come_at_the_mean_of_the_stretched_instants():
                 rng,
                 draw_body(rng),
                 told=(
-                    Told(5.0, Grip.CLOSE),
-                    Told(5.0 + share * way, Grip.OPEN),
-                    Told(5.0 + way, Grip.CLOSE),
+                    Event("close", 5.0),
+                    Event("open", 5.0 + share * way),
+                    Event("close", 5.0 + way),
                 ),
                 way=way,
             )
@@ -247,7 +247,7 @@ def test_events_come_at_the_mean_of_the_stretched_instants():
 
 def test_demonstrations_whose_fingers_do_different_things_are_named(demonstrations):
     rng = np.random.default_rng(2)
-    other = show(rng, draw_body(rng), told=(Told(5.1, Grip.CLOSE),), name="odd")
+    other = show(rng, draw_body(rng), told=(Event("close", 5.1),), name="odd")
     with pytest.raises(
         ValueError,
         match="demonstration odd tells the fingers close, demonstration shown_0 nothing",
@@ -286,7 +286,7 @@ def test_a_recording_that_begins_too_late_is_named(demonstrations):
             )  # fmt: skip
             for k, v in late.tracks.items()
         },
-        told=(Told(5.0, Grip.CLOSE), Told(6.5, Grip.OPEN)),
+        events=(Event("close", 5.0), Event("open", 6.5)),
     )
     with pytest.raises(
         ValueError,

@@ -14,10 +14,11 @@ from dart_skill.simulation import Swing
 from dart_skill.skills.learning import DEFAULT, learn_throwing, prepare
 from dart_skill.skills.practice import PracticeSettings
 from dart_skill.skills.practice._practice import Practice
+from tests.throw_demonstrations import changed_throw
 
 
 def trial_like(demonstration, name, **changes):
-    return replace(demonstration, id=name, **changes)
+    return changed_throw(demonstration, id=name, **changes)
 
 
 def bulged(demonstration, name, size):
@@ -26,20 +27,20 @@ def bulged(demonstration, name, size):
     def moved(time, position):
         share = np.clip(
             (time - demonstration.motion_start)
-            / (demonstration.hand_opened - 0.15 - demonstration.motion_start),
+            / (demonstration.opened - 0.15 - demonstration.motion_start),
             0.0,
             1.0,
         )
         return position + size * np.sin(np.pi * share)[:, None] ** 2 * np.array([0.0, 1.0, 0.0])
 
     hand = moved(demonstration.hand_time, demonstration.hand_position)
-    ball = moved(demonstration.ball_time, demonstration.ball_position)
+    ball = moved(demonstration.moved.time, demonstration.moved.position)
     nobody = {
         "joint_time": np.empty(0),
         "joint_position": np.empty((0, 7)),
         "joint_velocity": np.empty((0, 7)),
     }
-    return replace(
+    return changed_throw(
         demonstration, id=name, hand_position=hand, ball_position=ball, **nobody
     )  # joints would say that it did not
 
@@ -115,13 +116,13 @@ def test_another_way_at_far_baskets_alone_may_be_for_the_distance(demonstrations
     ("spoil", "message"),
     [
         (
-            lambda d: replace(
-                d, id="t", ball_time=d.ball_time[:5], ball_position=d.ball_position[:5]
+            lambda d: changed_throw(
+                d, id="t", ball_time=d.moved.time[:5], ball_position=d.moved.position[:5]
             ),
             "no free flight|ball",
         ),
         (
-            lambda d: replace(d, id="t", hand_position=d.hand_position + [0.0, 0.0, 0.5]),
+            lambda d: changed_throw(d, id="t", hand_position=d.hand_position + [0.0, 0.0, 0.5]),
             "did not start in this hand",
         ),
         (lambda d: d, "already"),
@@ -224,10 +225,10 @@ def test_a_trial_that_cannot_be_learned_from_is_taken_back_and_may_be_tried_agai
 def test_demonstrations_that_cannot_be_read_are_left_out_by_name_and_the_rest_are_learned(
     demonstrations,
 ):
-    blind = replace(
+    blind = changed_throw(
         demonstrations[1], id="blind", ball_time=np.empty(0), ball_position=np.empty((0, 3))
     )
-    elsewhere = replace(
+    elsewhere = changed_throw(
         demonstrations[2],
         id="elsewhere",
         hand_position=demonstrations[2].hand_position + [0.0, 0.0, 0.5],
@@ -246,7 +247,7 @@ def test_demonstrations_that_cannot_be_read_are_left_out_by_name_and_the_rest_ar
 
 def test_where_too_few_can_be_read_all_reasons_are_told(demonstrations):
     broken = [
-        replace(one, id=f"broken_{k}", hand_position=one.hand_position + [0.0, 0.0, 0.5])
+        changed_throw(one, id=f"broken_{k}", hand_position=one.hand_position + [0.0, 0.0, 0.5])
         for k, one in enumerate(demonstrations[:3])
     ]
     with pytest.raises(ValueError, match="1 demonstrations are too few.*broken_0.*broken_1"):
@@ -259,11 +260,11 @@ def test_a_delay_that_no_hand_can_have_is_none(demonstrations):
     """
     one = demonstrations[0]
     for off in (-0.2, 0.1, 1.0):
-        odd = replace(one, hand_opened=one.hand_opened - off)
+        odd = changed_throw(one, hand_opened=one.opened - off)
         seen = prepare(odd, DEFAULT).hand_delay
         assert (0.0 <= seen <= 0.3) if off == 0.1 else np.isnan(seen)
     skill = learn_throwing(
-        [replace(one, hand_opened=one.hand_opened + 0.2) for one in demonstrations]
+        [changed_throw(one, hand_opened=one.opened + 0.2) for one in demonstrations]
     )
     plan = skill.plan(demonstrations[2].target)
     assert skill.hand_delay == 0.0 and plan.open_hand == pytest.approx(plan.release)
@@ -287,7 +288,7 @@ POISON = {
         "its motion is from -100",
     ),
     "a ball that stayed for minutes": (
-        lambda d: {"ball_time": d.ball_time + 100.0},
+        lambda d: {"ball_time": d.moved.time + 100.0},
         "occluded|no hand samples",
     ),
 }
@@ -296,7 +297,7 @@ POISON = {
 @pytest.mark.parametrize("kind", POISON)
 def test_a_poisoned_demonstration_is_named_and_the_others_are_learned_from(demonstrations, kind):
     spoil, reason = POISON[kind]
-    bad = replace(demonstrations[0], id="bad", **spoil(demonstrations[0]))
+    bad = changed_throw(demonstrations[0], id="bad", **spoil(demonstrations[0]))
     practice = Practice([*demonstrations, bad])
     assert list(practice.kept_out) == ["bad"] and re.search(reason, practice.kept_out["bad"])
     assert practice.learn().model_id == learn_throwing(demonstrations).model_id
@@ -308,7 +309,9 @@ def test_a_demonstration_without_joints_takes_no_posture_away(demonstrations):
         "joint_position": np.empty((0, 7)),
         "joint_velocity": np.empty((0, 7)),
     }
-    skill = learn_throwing([*demonstrations, replace(demonstrations[0], id="unseen", **nobody)])
+    skill = learn_throwing(
+        [*demonstrations, changed_throw(demonstrations[0], id="unseen", **nobody)]
+    )
     assert np.isfinite(skill.plan(demonstrations[2].target).start_posture).all()
 
 

@@ -13,6 +13,7 @@ from dart_skill.skills.learning import landing_if_late, learn_throwing
 from dart_skill.skills.practice import METHODS, PractisingSkill
 from dart_skill.skills.practice._correction import polar
 from dart_skill.skills.practice._searching import BEFORE, SCATTER, correction_of
+from tests.throw_demonstrations import changed_throw
 
 BASKETS = np.array([[1.85, 0.10, 0.4], [2.05, -0.30, 0.4], [1.75, 0.45, 0.4]])
 
@@ -125,10 +126,10 @@ def test_a_throw_without_a_plan_is_a_demonstration(demonstrations):
 def test_a_throw_that_nobody_saw_is_told_and_teaches_nothing(demonstrations):
     skill = PractisingSkill(demonstrations)
     plan = skill.plan(BASKETS[0])
-    blind = replace(
+    blind = changed_throw(
         demonstrations[0],
-        ball_time=demonstrations[0].ball_time[:5],
-        ball_position=demonstrations[0].ball_position[:5],
+        ball_time=demonstrations[0].moved.time[:5],
+        ball_position=demonstrations[0].moved.position[:5],
     )
     told = skill.tell(plan, blind)
     assert (
@@ -145,7 +146,7 @@ def test_a_release_after_which_the_plan_never_comes_down_teaches_nothing(demonst
     sunk = plan.path.position - np.outer(plan.path.time > plan.release + 0.1, [0.0, 0.0, 3.0])
     told = skill.tell(
         replace(plan, path=replace(plan.path, position=sunk)),
-        replace(one, hand_opened=one.hand_opened - 0.25),
+        changed_throw(one, hand_opened=one.opened - 0.25),
     )
     assert not told.kept and "comes down nowhere" in told.reason, told
     assert len(skill.correction) == len(skill.steadiness) == 0

@@ -5,17 +5,16 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm import Grip
 from dart_skill.common.configuration import config_path
 from dart_skill.simulation import PlantSettings, make_world
 from dart_skill.skills.place import PlaceSettings
 from dart_skill.skills.protocol import (
+    Event,
     Pose,
     Situation,
     Skill,
     SkillSettings,
     TaskOutcome,
-    Told,
     Track,
     load_skill,
     settings_file,
@@ -85,7 +84,7 @@ def test_a_movement_lies_between_thresholds_where_the_fingers_were_told_nothing(
 
 
 def test_a_movement_lies_between_what_the_fingers_were_told(rng):
-    told = (Told(4.9, Grip.CLOSE), Told(7.2, Grip.OPEN))
+    told = (Event("close", 4.9), Event("open", 7.2))
     assert Touch().cut(show(rng, body_at(0.6, 0.1, 0.3), told=told)) == (4.9, 7.2)
 
 

@@ -13,13 +13,13 @@ from dart_skill.movement import attractor_from_motion
 from dart_skill.skills.execution import BodyMotion
 from dart_skill.skills.learning import ReactiveSkill, moving_frames
 from dart_skill.skills.protocol import (
+    Demonstration,
+    Event,
     Pose,
     ReactiveSkillSettings,
     Situation,
     Skill,
     SkillSettings,
-    TaskDemonstration,
-    Told,
     Track,
 )
 from tests.unit.skills.task_demonstrations import NOISE, POSTURE, START, smooth
@@ -69,22 +69,20 @@ def show(rng, truck, told=(), name="", until=8.5):
     }
     rests = time[time <= 5.0]
     joints = np.tile(POSTURE, (len(rests), 1))
-    return TaskDemonstration(
+    return Demonstration(
         name or f"shown_{rng.integers(1e9)}",
         tracks,
-        rests,
-        joints,
-        np.zeros_like(joints),
-        tuple(told),
+        joint_time=rests,
+        joint_position=joints,
+        joint_velocity=np.zeros_like(joints),
+        events=tuple(told),
     )
 
 
 @pytest.fixture(scope="module")
 def demonstrations():
     rng = np.random.default_rng(0)
-    return [
-        show(rng, Truck(rng), told=(Told(6.8, Grip.OPEN),), name=f"shown_{k}") for k in range(8)
-    ]
+    return [show(rng, Truck(rng), told=(Event("open", 6.8),), name=f"shown_{k}") for k in range(8)]
 
 
 @pytest.fixture(scope="module")
@@ -316,7 +314,7 @@ def test_what_cannot_be_learned_from_is_named(demonstrations):
             "demonstration odd: the truck was not seen from 4.500 to 7.700 s",
         ),
         ([one, without(one, tracks=short)], "demonstration odd: at spans"),
-        ([one, without(one, told=())], "demonstration odd tells the fingers nothing"),
+        ([one, without(one, events=())], "demonstration odd tells the fingers nothing"),
     ]
     for shown, said in cases:
         with pytest.raises(ValueError, match=said):

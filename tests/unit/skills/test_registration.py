@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import ArmModel, HandPath, Registration, fit_registration
 from dart_skill.skills.learning import learn_throwing
 from dart_skill.skills.observation import sightings
+from tests.throw_demonstrations import changed_throw
 
 TURN, HAND_TURN = (
     Rotation.from_rotvec([0.004, -0.006, 0.02]),
@@ -30,13 +31,13 @@ def moved(demonstration, seen=TRUE, rng=None, noise=0.0):
     position = base.apply(d.hand_position + hand.apply(seen.hand_shift)) + np.array(seen.shift)
     if rng is not None:
         position = position + noise * rng.standard_normal(position.shape)
-    return replace(
+    return changed_throw(
         d,
         hand_time=d.hand_time + seen.delay,
         hand_position=position,
         hand_quaternion=(base * hand * Rotation.from_quat(seen.hand_turn)).as_quat(),
-        ball_time=d.ball_time + seen.delay,
-        ball_position=base.apply(np.array(d.ball_position)) + np.array(seen.shift),
+        ball_time=d.moved.time + seen.delay,
+        ball_position=base.apply(np.array(d.moved.position)) + np.array(seen.shift),
         target=base.apply(np.array(d.target)) + np.array(seen.shift),
     )
 
@@ -153,7 +154,7 @@ def _angular(turn, time):
 )
 def test_what_is_no_registration_is_refused(change):
     with pytest.raises(ValueError, match="registration"):
-        replace(TRUE, **change)
+        changed_throw(TRUE, **change)
 
 
 def test_a_body_that_the_cameras_see_is_where_the_arm_has_it():

@@ -35,6 +35,7 @@ from dart_skill.skills.learning import (
 from dart_skill.skills.learning._configuration import THESIS
 from dart_skill.skills.learning._throwing import REACH_MARGIN, SIDE_MARGIN, credence_of
 from dart_skill.skills.observation import fit_release
+from tests.throw_demonstrations import changed_throw, parts_of, throw_demonstration
 
 NEW_BASKETS = [(1.75, 0.0, 0.4), (2.05, 0.45, 0.4), (1.6, -0.4, 0.4), (1.9, 0.2, 0.55)]
 
@@ -54,14 +55,14 @@ def turned(demonstration, angle):
     turn = Rotation.from_euler("z", angle)
     joints = demonstration.joint_position.copy()
     joints[:, 0] += angle
-    return replace(
+    return changed_throw(
         demonstration,
         target=turn.apply(demonstration.target.copy()),
         hand_position=turn.apply(demonstration.hand_position.copy()),
         hand_quaternion=(
             turn * Rotation.from_quat(demonstration.hand_quaternion.copy())
         ).as_quat(),
-        ball_position=turn.apply(demonstration.ball_position.copy()),
+        ball_position=turn.apply(demonstration.moved.position.copy()),
         joint_position=joints,
     )
 
@@ -115,14 +116,16 @@ def test_the_task_is_where_the_ball_landed_or_where_the_basket_stood(taught, dem
 
 
 def test_a_demonstration_that_cannot_be_used_is_named(demonstrations):
-    blind = replace(
+    blind = changed_throw(
         demonstrations[0], id="lost", ball_time=np.empty(0), ball_position=np.empty((0, 3))
     )
     with pytest.raises(ValueError, match="demonstration lost: "):
         learn_throwing([*demonstrations, blind])
     first = demonstrations[0]
-    held = replace(
-        first, id="held", ball_position=np.tile(first.ball_position[0], (len(first.ball_time), 1))
+    held = changed_throw(
+        first,
+        id="held",
+        ball_position=np.tile(first.moved.position[0], (len(first.moved.time), 1)),
     )
     with pytest.raises(ValueError, match="demonstration held: no free flight"):
         learn_throwing([*demonstrations, held])
@@ -162,7 +165,7 @@ def test_a_demonstration_is_prepared_once_for_all_that_read_it_alike(demonstrati
     ids=str,
 )
 def test_what_reads_a_demonstration_otherwise_prepares_it_anew(demonstrations, changes):
-    other, kept = replace(DEFAULT, **changes), prepare(demonstrations[0], DEFAULT)
+    other, kept = changed_throw(DEFAULT, **changes), prepare(demonstrations[0], DEFAULT)
     again, fresh = prepare(demonstrations[0], other), prepare(replace(demonstrations[0]), other)
     differing = []
     for part in ("time", "motion", "attractor", "task"):
@@ -350,20 +353,19 @@ def test_learning_uses_only_what_was_recorded(taught, demonstrations, new_plan):
     thrown away here nothing changes.
     """
     allowed = {
-        "id", "stamp_ns", "target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position", "joint_time",
-        "joint_position", "joint_velocity", "motion_start", "motion_stop", "hand_opened", "frame_id", "joint_names", "skill",
+        "id", "stamp_ns", "tracks", "situation", "events", "joint_time", "joint_position", "joint_velocity", "motion_start", "motion_stop",
+        "frame_id", "joint_names", "skill",
     }  # fmt: skip
     assert {f.name for f in fields(Demonstration)} == allowed
-    rebuilt = [Demonstration(**{name: np.copy(getattr(d, name)) if isinstance(getattr(d, name), np.ndarray) else getattr(d, name)
-                                for name in allowed}) for d in demonstrations]  # fmt: skip
+    rebuilt = [throw_demonstration(**parts_of(one)) for one in demonstrations]
     assert same_plan(learn_throwing(rebuilt).plan(np.array(NEW_BASKETS[0])), new_plan)
     for trial, demonstration in zip(taught, demonstrations, strict=True):
         truth = {s.stamp_ns: s.ball_position for s in trial.states}
-        stamps = [demonstration.stamp_ns + round(t * 1e9) for t in demonstration.ball_time]
+        stamps = [demonstration.stamp_ns + round(t * 1e9) for t in demonstration.moved.time]
         errors = np.array(
             [
                 p - truth[s]
-                for s, p in zip(stamps, demonstration.ball_position, strict=True)
+                for s, p in zip(stamps, demonstration.moved.position, strict=True)
                 if s in truth
             ]
         )
@@ -554,7 +556,7 @@ def test_the_release_of_every_demonstration_is_consistent_with_its_flight(demons
     for d in demonstrations:
         grip = wam_description().hand.ball_centre
         release = fit_release(
-            d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip
+            d.moved.time, d.moved.position, d.hand_time, d.hand_position, d.hand_quaternion, grip
         )
         assert release.grip_distance < 3e-3 and release.flight.residual < 1e-3
 
@@ -583,26 +585,26 @@ def test_a_hand_that_was_hidden_about_the_release_still_tells_when_it_was(
     learning.
     """
     for one in demonstrations:
-        release = one.hand_opened + prepare(one, DEFAULT).hand_delay
+        release = one.opened + prepare(one, DEFAULT).hand_delay
         start = int(np.searchsorted(one.hand_time, release)) + first
         seen = np.delete(np.arange(len(one.hand_time)), np.arange(start, start + hidden))
         parts = {
             name: getattr(one, name)[seen]
             for name in ("hand_time", "hand_position", "hand_quaternion")
         }
-        delay = prepare(replace(one, **parts), DEFAULT).hand_delay
-        assert abs(one.hand_opened + delay - release) < off
+        delay = prepare(changed_throw(one, **parts), DEFAULT).hand_delay
+        assert abs(one.opened + delay - release) < off
 
 
 def test_a_hand_that_was_hidden_for_longer_is_named(demonstrations):
     one = demonstrations[0]
-    seen = np.abs(one.hand_time - one.hand_opened) > 0.2
+    seen = np.abs(one.hand_time - one.opened) > 0.2
     parts = {
         name: getattr(one, name)[seen]
         for name in ("hand_time", "hand_position", "hand_quaternion")
     }
     with pytest.raises(ValueError, match=f"{one.id}: the hand was hidden at the release"):
-        prepare(replace(one, **parts), DEFAULT)
+        prepare(changed_throw(one, **parts), DEFAULT)
 
 
 @pytest.mark.parametrize("name", ["intervals", "two_frames", "without_inputs_once"])
@@ -645,7 +647,7 @@ def test_a_demonstration_that_was_seen_badly_counts_less(demonstrations):
     """One hand in 5 mm of noise: the others count in full."""
     rng = np.random.default_rng(3)
     first = demonstrations[0]
-    poor = replace(
+    poor = changed_throw(
         first,
         hand_position=first.hand_position + 0.005 * rng.standard_normal(first.hand_position.shape),
     )
@@ -717,7 +719,7 @@ def test_position_and_orientation_have_gains_of_their_own(demonstrations):
 )
 def test_gains_that_cannot_be_are_refused(how, why):
     with pytest.raises(ValueError, match=why):
-        replace(DEFAULT, **how)
+        changed_throw(DEFAULT, **how)
 
 
 def test_gains_are_part_of_the_name_of_a_model(demonstrations):
@@ -758,7 +760,10 @@ AS_CONFIGURED = {
     ],
 )
 def test_a_configuration_is_changed_where_a_parameter_says_so(parameters, fields, said):
-    assert changed(DEFAULT, {**AS_CONFIGURED, **parameters}) == (replace(DEFAULT, **fields), said)
+    assert changed(DEFAULT, {**AS_CONFIGURED, **parameters}) == (
+        changed_throw(DEFAULT, **fields),
+        said,
+    )
 
 
 def test_a_change_that_cannot_be_is_refused():

@@ -18,7 +18,6 @@ from dart_skill import view
 from dart_skill.arm import ArmModel, wam_description, write_urdf
 from dart_skill.common.regions import Region
 from dart_skill.mixture import GaussianMixture
-from dart_skill.recording import Demonstration
 from dart_skill.simulation import Camera
 from dart_skill.skills.learning import component_ellipsoids
 from dart_skill.skills.protocol import load_skill, skill_names
@@ -31,6 +30,7 @@ from dart_skill.view._server import is_own_page
 from dart_skill.view._trail import Trail, segments
 from dart_skill.view._urdf_shapes import read_links
 from tests.integration.browser import project
+from tests.throw_demonstrations import throw_demonstration
 from tests.view_client import PageClient
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -353,7 +353,13 @@ def test_demonstrations_are_curves_that_are_not_joined(scene):
     def one(name, n, target):
         time = np.arange(n) * 0.01
         way = np.column_stack([time, np.zeros(n), np.ones(n)])
-        return Demonstration(name, 0, np.array(target), time, way, np.tile(IDENTITY, (n, 1)))
+        return throw_demonstration(
+            id=name,
+            target=target,
+            hand_time=time,
+            hand_position=way,
+            hand_quaternion=np.tile(IDENTITY, (n, 1)),
+        )
 
     scene.show_demonstrations([one("a", 11, [2.0, 0.0, 0.4]), one("b", 6, [1.5, 0.5, 0.4])])
     lines = node(scene, "/demonstrations/hand").points
