@@ -565,7 +565,7 @@ def _is_arm(names: Sequence[str]) -> bool:
 
 
 def _names(names: Sequence[str]) -> tuple[str, ...]:
-    return joint_names() if _is_arm(names) else tuple(names)
+    return joint_names() if not len(names) or _is_arm(names) else tuple(names)
 
 
 def _of_arm(names: Sequence[str], values: Sequence[float]) -> Sequence[float]:

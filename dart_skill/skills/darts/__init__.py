@@ -115,6 +115,7 @@ class Darts(Throw):
     bodies = ("dart", "board")
     world = "board"
     corrects = "board"
+    cuts_itself = False
     numbers = AIM
     units = MappingProxyType(dict.fromkeys(AIM, "m"))
     settings_type = DartsSettings

@@ -12,6 +12,7 @@ import numpy as np
 
 from dart_skill.arm import wam_description
 from dart_skill.common.checks import to_the_nanosecond
+from dart_skill.common.constants import Grip
 from dart_skill.common.flight import TENNIS_BALL, Ball
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.surface import BASKETS, Game
@@ -28,6 +29,8 @@ LEAST_JOINTS = 0.5
 """Least share of a throw that the joints must be known for."""
 LEAST_SAMPLES = 10
 """With fewer samples of a sensor there is no demonstration."""
+LOOKED_NS = 1_000_000_000
+"""A basket is where it was last seen within so long before [ns]."""
 BEFORE_NS = 200_000_000
 """The release is looked for from so long before the hand was told to open."""
 
@@ -110,6 +113,18 @@ class ThrowLog(SensorLog):
             super().take(role, stamp_ns, position, quaternion)
         else:
             self._keep(role, stamp_ns, position)
+
+    def add_told(self, stamp_ns: int, grip: Grip) -> None:
+        super().add_told(stamp_ns, grip)
+        if grip == Grip.OPEN:
+            self.add_opening(stamp_ns)
+
+    def situation_at(self, stamp_ns: int) -> Situation:
+        """Where the basket was last seen before a stamp; ValueError if it was not."""
+        seen = self.basket.part(stamp_ns - LOOKED_NS, stamp_ns)
+        if not seen.stamps:
+            raise ValueError(f"the {self._aimed_at} was not seen: is it tracked and published?")
+        return Situation({self._aimed_at: Pose(seen.rows[-1])})
 
     def add_opening(self, stamp_ns: int) -> None:
         """The hand was told to open; only the first time counts."""

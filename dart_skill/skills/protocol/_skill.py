@@ -17,13 +17,15 @@ from dart_skill.arm import MotionPlan, Speed, WamDescription
 from dart_skill.common.configuration import config_path
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold, segment_containing
-from dart_skill.recording import HAND, Demonstration
+from dart_skill.recording import HAND, Demonstration, demonstration_id
 from dart_skill.skills.observation import SensorLog
 from dart_skill.skills.protocol._settings import SkillSettings
 from dart_skill.skills.protocol._solid import Solid
 from dart_skill.skills.protocol._words import SkillWords
 
 K = TypeVar("K", bound="Skill")
+RUN_UP_NS = 1_000_000_000
+"""A movement that is judged is looked at from so long before it began [ns]."""
 
 
 class Planner(Protocol):
@@ -56,12 +58,15 @@ class TaskOutcome:
     * reason: of a failure, in words; empty for a success.
     * miss: where the body that practice corrects (`Skill.corrects`) seems to be off (3,) [m], in
       its own axes; nan if nobody can tell.
+    * observed: places (3,) [m] and velocities (3,) [m/s] at instants that the skill names, as the
+      release of a ball.
     """
 
     success: bool
     error: float
     reason: str = ""
     miss: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+    observed: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
 
 class Skill:
@@ -84,7 +89,11 @@ class Skill:
       shown.
     * units: of the numbers of a situation, by name, for who reads them; one that is not here has
       none.
+    * turned: whether it matters how the bodies are turned that a situation names.
+    * learner: class that learns it (`skills.practice.Learner`), as "module:class".
     * by_pointer: whether it is slow enough to be shown with a mouse.
+    * cuts_itself: whether every movement into its world is found and cut without ~/start and
+      ~/stop.
     * has_configurations: whether its model can be chosen among those of config/configurations.
     * settings_type: class of its settings.
 
@@ -100,7 +109,10 @@ class Skill:
     corrects = ""
     numbers: tuple[str, ...] = ()
     units: Mapping[str, str] = MappingProxyType({})
+    turned = True
+    learner = "dart_skill.skills.practice:Learner"
     by_pointer = True
+    cuts_itself = False
     has_configurations = False
     settings_type: type[SkillSettings] = SkillSettings
 
@@ -211,9 +223,76 @@ class Skill:
             found = max(thresholds.segment(time, position), key=lambda one: one.duration)
         return found.motion_start, found.motion_stop
 
+    @property
+    def awaited(self) -> tuple[str, ...]:
+        """Roles whose poses up to its end are waited for before a demonstration is cut."""
+        return (HAND, *self.bodies)
+
+    @property
+    def decisive(self) -> tuple[str, ...]:
+        """Roles that decide what became of a movement."""
+        return (HAND, *self.bodies)
+
+    def take_world(self, parameters: Mapping[str, Any]) -> None:
+        """Take what a node was told of the world. Default: nothing of it matters."""
+
     def sensor_log(self, joint_period_ns: int = 10_000_000) -> SensorLog:
         """A log of what is seen of its bodies; joint_period_ns: as of `SensorLog`."""
         return SensorLog((HAND, *self.bodies), joint_period_ns)
+
+    def record(
+        self, log: SensorLog, until_ns: int, thresholds: VelocityThreshold
+    ) -> Demonstration:
+        """What a log saw of a demonstration, up to a stamp; ValueError says what is missing.
+
+        thresholds: of the recorder. Default: all since the world was set anew.
+        """
+        since = log.world_begins_ns()
+        seen = log.seen(demonstration_id(since), since, until_ns, self.name)
+        self.cut(seen)  # what is no movement of the skill is no demonstration
+        return seen
+
+    def is_decided(
+        self, log: SensorLog, situation: Situation, told_ns: int, until_ns: int
+    ) -> bool:
+        """Whether later poses change nothing about what became of a movement. Default: they may.
+
+        told_ns: stamp at which the fingers were told the last thing.
+        """
+        return False
+
+    def judged_since(self, begun_ns: int, told_ns: int) -> int:
+        """Stamp from which on a log must remember what is judged. begun_ns, told_ns: as of
+        `outcome`.
+        """
+        return begun_ns - RUN_UP_NS
+
+    def outcome(
+        self, log: SensorLog, asked: Situation, begun_ns: int, told_ns: int, until_ns: int
+    ) -> tuple[TaskOutcome, Situation]:
+        """What became of a movement by what a log saw up to a stamp, and in which situation.
+
+        asked: situation that was asked for, as far as it was. begun_ns, told_ns: stamps at which
+        it began, and the fingers were told the last thing; 0: not known. ValueError where the log
+        does not tell.
+        """
+        since = self.judged_since(begun_ns, told_ns)
+        seen = log.seen("trial", since, until_ns, self.name)
+        before = self.situation(seen, (begun_ns - since) * 1e-9)
+        situation = Situation({**before.poses, **asked.poses}, {**before.numbers, **asked.numbers})
+        return self.judge(seen, situation), situation
+
+    def shown_motion(self, one: Demonstration) -> tuple[float, float]:
+        """First and last instant of the movement that a demonstration shows [s]."""
+        return self.cut(one)
+
+    def drawn(self, one: Demonstration) -> tuple[float, float]:
+        """First and last instant of what is drawn of a demonstration [s]. Default: its movement."""
+        return self.shown_motion(one)
+
+    def shown_in(self, one: Demonstration) -> Situation:
+        """The situation in which a demonstration was shown."""
+        return self.situation(one, self.cut(one)[0])
 
     def described(self, seen: Demonstration) -> Demonstration:
         """What was seen with the situation and the instants of the movement that it shows;

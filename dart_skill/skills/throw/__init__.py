@@ -17,8 +17,18 @@ from dart_skill.arm import Speed
 from dart_skill.common.regions import REGION
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
-from dart_skill.skills.observation import Outcome, ThrowLog, judge_flight
+from dart_skill.movement import VelocityThreshold
+from dart_skill.recording import demonstration_id
+from dart_skill.skills.observation import (
+    Outcome,
+    SensorLog,
+    ThrowLog,
+    judge_flight,
+    judged,
+    seen_down,
+)
 from dart_skill.skills.protocol import (
+    HAND,
     Demonstration,
     Pose,
     Situation,
@@ -26,6 +36,9 @@ from dart_skill.skills.protocol import (
     SkillWords,
     TaskOutcome,
 )
+
+LANDING, RELEASE = "landing", "release"
+"""Instants of a throw at which it is told where the ball was."""
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning import SkillConfiguration
@@ -41,8 +54,12 @@ class Throw(Skill):
     world = "basket"
     speed = Speed.THROW
     corrects = "basket"
+    turned = False
+    learner = "dart_skill.skills.throw._learner:ThrowLearner"
     by_pointer = False
+    cuts_itself = True
     has_configurations = True
+    rim_radius = the_world().basket_radius
     cocked: tuple[float, float, float] | None = None
     """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing
     for baskets.
@@ -139,8 +156,69 @@ class Throw(Skill):
         """All of it: a throw is cut when it is recorded (`skills.observation`)."""
         return float(demonstration.hand_time[0]), float(demonstration.hand_time[-1])
 
+    @property
+    def awaited(self) -> tuple[str, ...]:
+        """All but what is thrown: it may fly until it was seen to land."""
+        return (HAND, self.bodies[1])
+
+    @property
+    def decisive(self) -> tuple[str, ...]:
+        return (self.moves,)
+
+    def take_world(self, parameters: Mapping[str, Any]) -> None:
+        self.rim_radius = parameters["basket_radius"]
+
     def sensor_log(self, joint_period_ns: int = 10_000_000) -> ThrowLog:
         return ThrowLog(joint_period_ns, self.name, self.bodies)
+
+    def record(
+        self, log: SensorLog, until_ns: int, thresholds: VelocityThreshold
+    ) -> Demonstration:
+        """The throw in which the hand was opened, cut where it was fast enough (8.4.3)."""
+        assert isinstance(log, ThrowLog)
+        return log.cut(demonstration_id(log.opened_ns or 0), until_ns, thresholds)
+
+    def is_decided(
+        self, log: SensorLog, situation: Situation, told_ns: int, until_ns: int
+    ) -> bool:
+        """Whether what was thrown was seen to pass the surface of its target."""
+        assert isinstance(log, ThrowLog)
+        return seen_down(log, self._target_of(situation), told_ns, until_ns, self.game)
+
+    def _target_of(self, situation: Situation) -> np.ndarray:
+        """Where a throw was meant to go (3,), by a situation that was asked for or recorded."""
+        if self.bodies[1] in situation.poses:
+            return situation.pose(self.bodies[1]).position
+        return self.target(situation)
+
+    def judged_since(self, begun_ns: int, told_ns: int) -> int:
+        return told_ns
+
+    def outcome(
+        self, log: SensorLog, asked: Situation, begun_ns: int, told_ns: int, until_ns: int
+    ) -> tuple[TaskOutcome, Situation]:
+        """By where the ball came down, or the dart met the board: the flight since the hand was
+        told to open.
+        """
+        assert isinstance(log, ThrowLog)
+        target = self.target(asked)
+        if log.basket.rows:
+            self.check_seen(log.basket.rows[-1])
+        outcome, release = judged(log, target, self.rim_radius, told_ns, until_ns, self.game)
+        unseen = np.full(3, np.nan)
+        left = (release.position, release.velocity) if release else (unseen, unseen)
+        observed = {LANDING: (outcome.landing, unseen), RELEASE: left}
+        error = float(outcome.landing_error) if outcome.landing_seen else np.nan
+        return TaskOutcome(bool(outcome.in_basket), error, observed=observed), self.about(asked)
+
+    def shown_motion(self, one: Demonstration) -> tuple[float, float]:
+        return one.motion_start, one.motion_stop
+
+    def drawn(self, one: Demonstration) -> tuple[float, float]:
+        return self.cut(one)
+
+    def shown_in(self, one: Demonstration) -> Situation:
+        return Situation({self.bodies[1]: Pose(one.target)})
 
     def described(self, seen: Demonstration) -> Demonstration:
         """As it is: it was cut when it was recorded."""
@@ -175,7 +253,7 @@ class Throw(Skill):
             time,
             position,
             target,
-            the_world().basket_radius,
+            self.rim_radius,
             game.projectile,
             surface=game.surface,
         )

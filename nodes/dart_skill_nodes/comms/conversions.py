@@ -9,7 +9,7 @@ import math
 import struct
 from array import array
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -43,7 +43,6 @@ from dart_skill.arm import (
 from dart_skill.common.checks import as_place
 from dart_skill.common.constants import N_JOINTS, NS_PER_S
 from dart_skill.common.pace import PhaseRule
-from dart_skill.common.world import THROW
 from dart_skill.recording import (
     WORDS,
     Demonstration,
@@ -53,16 +52,13 @@ from dart_skill.recording import (
     joint_layout,
     named,
 )
-from dart_skill.skills.observation import Outcome, Release
 from dart_skill.skills.protocol import Pose as BodyPose
-from dart_skill.skills.protocol import (
-    Situation,
-    TaskOutcome,
-)
+from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
 from dart_skill.skills.throw import Throw
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning import Policy
+    from dart_skill.skills.practice import Planned
 
 UNIT = 1e-3
 """A quaternion's length is 1 within this."""
@@ -381,13 +377,18 @@ def target_of(message: SituationMsg) -> np.ndarray:
     return place_of(message, BASKET)
 
 
-def aimed(message: SituationMsg, skill: Throw, what: str = "the situation") -> Situation:
+def aimed(message: SituationMsg, skill: Any, what: str = "the situation") -> Situation:
     """What a throw needs of a situation; how bodies are turned, and where others are, is of no
     effect. ValueError for what is missing, and for what the throw does not have.
     """
     skill.check_known(message.bodies, message.names)
     poses = {body: BodyPose(place_of(message, body, what)) for body in skill.situated}
     return skill.about(Situation(poses, numbers_of(message, what) if skill.numbers else {}))
+
+
+def asked(message: SituationMsg, skill: Skill) -> Situation:
+    """What a skill takes of a situation that is asked for; ValueError for what it does not have."""
+    return situation(message) if skill.turned else aimed(message, skill)
 
 
 def numbers_of(message: SituationMsg, what: str) -> dict[str, float]:
@@ -432,39 +433,18 @@ def task_outcome_msg(
     message = unseen_outcome_msg(about, skill, frame_id, ns)
     message.seen, message.success = math.isfinite(outcome.error), outcome.success
     message.error, message.message = float(outcome.error), outcome.reason
-    message.observed = [body_state(MISS, outcome.miss)]
+    observed = outcome.observed or {MISS: (outcome.miss, np.zeros(3))}
+    message.observed = [body_state(name, *state) for name, state in observed.items()]
     return message
 
 
 def task_outcome(message: OutcomeMsg) -> TaskOutcome:
     """The outcome in a message."""
-    return TaskOutcome(message.success, message.error, message.message, seen_at(message, MISS))
-
-
-def outcome_msg(
-    outcome: Outcome,
-    about: SituationMsg,
-    frame_id: str,
-    ns: int,
-    release: Release | None = None,
-    skill: str = THROW,
-) -> OutcomeMsg:
-    """What became of a throw as a message; what was not seen is NaN."""
-    message, unseen = OutcomeMsg(skill=skill, situation=about), np.full(3, np.nan)
-    set_stamp(message.header.stamp, ns)
-    message.header.frame_id = frame_id
-    message.seen, message.success, message.error = (
-        bool(outcome.landing_seen),
-        bool(outcome.in_basket),
-        float(outcome.landing_error),
-    )
-    left = (
-        body_state(RELEASE, release.position, release.velocity)
-        if release
-        else body_state(RELEASE, unseen, unseen)
-    )
-    message.observed = [body_state(LANDING, outcome.landing, unseen), left]
-    return message
+    observed = {
+        one.name: (vector(one.pose.position), vector(one.twist.linear)) for one in message.observed
+    }
+    miss = seen_at(message, MISS)
+    return TaskOutcome(message.success, message.error, message.message, miss, observed)
 
 
 def unseen_outcome_msg(about: SituationMsg, skill: str, frame_id: str, ns: int = 0) -> OutcomeMsg:
@@ -475,7 +455,7 @@ def unseen_outcome_msg(about: SituationMsg, skill: str, frame_id: str, ns: int =
     return message
 
 
-def throw_plan_msg(plan: ThrowPlan, frame_id: str, skill: Throw = BASKETS) -> PlanMsg:
+def throw_plan_msg(plan: ThrowPlan, frame_id: str, skill: Any = BASKETS) -> PlanMsg:
     """A plan of a throw as a message."""
     message = plan_msg(plan.motion, frame_id)
     message.skill, message.model_id = skill.name, plan.model_id
@@ -514,6 +494,21 @@ def throw_plan(message: PlanMsg, skill: Throw = BASKETS) -> ThrowPlan:
         registration=motion.registration,
         pace=motion.pace,
     )
+
+
+def planned_msg(planned: "Planned", frame_id: str, skill: Skill) -> PlanMsg:
+    """What was planned as a message."""
+    plan = planned.plan
+    if isinstance(plan, ThrowPlan):
+        message = throw_plan_msg(plan, frame_id, skill)
+    elif isinstance(plan, MotionPlan):
+        message = plan_msg(plan, frame_id)
+    else:
+        message = policy_msg(plan, frame_id)
+    if planned.aim is not None:
+        message.aim = situation_msg(planned.aim)
+    message.model_id, message.situation = planned.model_id, situation_msg(planned.situation)
+    return message
 
 
 def plan_msg(plan: MotionPlan, frame_id: str) -> PlanMsg:

@@ -20,7 +20,7 @@ from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from dart_skill.arm import ArmState
-from dart_skill.common.world import THROW
+from dart_skill.common.configuration import node_parameters
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import (
     DEMONSTRATION_TYPE,
@@ -32,8 +32,8 @@ from dart_skill.recording import (
     types_for,
 )
 from dart_skill.skills.observation import ThrowFinder, watched_until
+from dart_skill.skills.practice import learner_of
 from dart_skill.skills.protocol import HAND, load_skill
-from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import OfTheArm, StateReader
@@ -62,7 +62,7 @@ from dart_skill_nodes.process.node_base import (
     declare_bodies,
     run,
 )
-from dart_skill_nodes.skills.observing import Observer, TaskObserver, ThrowObserver
+from dart_skill_nodes.skills.observing import Observer
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),
@@ -143,7 +143,7 @@ class DemonstrationRecorder(BagKeeper):
             *(t for t, role in self._role_of.items() if role == "hand"),
         }
         self._finder, self._arrivals, self._has_marks = None, Arrivals(), False
-        if isinstance(self._observer, ThrowObserver) and self.p["automatic"]:
+        if self.p["automatic"]:
             self._finder = ThrowFinder(self._observer.log, self._thresholds)
         self._messages, self._full = (
             RawBatches(self),
@@ -155,16 +155,16 @@ class DemonstrationRecorder(BagKeeper):
         return TransitionCallbackReturn.SUCCESS
 
     def _make_observer(self) -> Observer:
-        if self.p["automatic"] and self._skill.name != THROW:
+        if self.p["automatic"] and not self._skill.cuts_itself:
             raise ValueError(
                 f"automatic is for throws at baskets: the skill '{self._skill.name}' needs ~/start"
                 " and ~/stop"
             )
-        if isinstance(self._skill, Throw):
-            return ThrowObserver(
-                self._skill, self._thresholds, self.p["basket_radius"], self.p["frame_id"]
-            )
-        return TaskObserver(self._skill, self.p["frame_id"])
+        self._skill.take_world(self.p)
+        learner = learner_of(
+            self._skill, lambda: node_parameters("skill_learner.yaml", "skill_learner")
+        )
+        return Observer(self._skill, learner, self._thresholds, self.p["frame_id"])
 
     def _close(self) -> None:
         if self._bag is not None:
@@ -254,7 +254,7 @@ class DemonstrationRecorder(BagKeeper):
         if self._finder:
             self._finder.add_command(data, guiding=topic == GUIDING)
         else:
-            self._observer.hear_command(ns, data, self._recording)
+            self._observer.hear_command(ns, data)
 
     def _find(self) -> None:
         sensors = [self._newest.get(topic, 0) for topic in (JOINT_STATES, *self._role_of)]
@@ -336,8 +336,7 @@ class DemonstrationRecorder(BagKeeper):
             until or self._up_to or self._time.now_ns
         )  # who gives no stamp asks for what there is, and again for the same
         if not self._cameras_gone and (
-            (until and self._streams_lag(until))
-            or any(map(self._body_lags, self._observer.awaited))
+            (until and self._streams_lag(until)) or any(map(self._body_lags, self._skill.awaited))
         ):
             response.pending, response.message = (
                 True,
@@ -426,7 +425,7 @@ class DemonstrationRecorder(BagKeeper):
                 self._observer.lags(self._tracked, one, self._up_to) and not self._cameras_gone
             )
         except ValueError as error:
-            response.pending = self._body_lags(self._observer.loose) and not self._cameras_gone
+            response.pending = self._body_lags(self._skill.moves) and not self._cameras_gone
             response.message = (
                 f"not seen: {self._cameras_gone}; {error}" if self._cameras_gone else str(error)
             )
@@ -446,9 +445,7 @@ class DemonstrationRecorder(BagKeeper):
             response.readable = not response.message
         return response
 
-    def _keep(
-        self, one: Demonstration | Demonstration, message: DemonstrationMsg, until: int
-    ) -> str:
+    def _keep(self, one: Demonstration, message: DemonstrationMsg, until: int) -> str:
         """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it
         cannot be learned from, if so.
         """

@@ -5,6 +5,7 @@ request.
 from itertools import cycle
 from typing import Any
 
+import numpy as np
 from dart_skill_msgs.msg import Demonstration, DemonstrationMark, DemonstrationStatus
 from dart_skill_msgs.srv import (
     AddTrial,
@@ -18,25 +19,25 @@ from geometry_msgs.msg import Point
 from rcl_interfaces.msg import SetParametersResult
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.arm import load_registration
+from dart_skill.arm import ThrowPlan, load_registration
 from dart_skill.common import palette
-from dart_skill.recording import BagError, Marks, check_known, read_dropped
+from dart_skill.recording import (
+    BagError,
+    Marks,
+    check_known,
+    demonstration_from_message,
+    read_demonstrations,
+    read_dropped,
+)
 from dart_skill.skills.learning import NoPlan, Unreachable, component_ellipsoids
+from dart_skill.skills.practice import Learner, Lesson, Standing, learner_of
 from dart_skill.skills.protocol import load_skill
-from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.markers import marker_colour
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, NEWEST, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.skills.learning import (
-    Compared,
-    Learning,
-    Lesson,
-    TaskLearning,
-    ThrowLearning,
-)
 
 TABLE = [
     Parameter("skill", "that it learns"),
@@ -131,7 +132,8 @@ class SkillLearner(GuardedNode):
         self.p = declare(self, "skill_learner.yaml", TABLE)
         self._heard: dict[str, Any] = {}
         self._marked = Marks()
-        self._learning = self._make_learning()
+        self._skill = load_skill(self.p["skill"])
+        self._learner = self._make_learner()
         self.add_on_set_parameters_callback(self._check_changes)
         self.create_subscription(Demonstration, DEMONSTRATIONS, self._on_demonstration, LATCHED)
         self.create_subscription(DemonstrationMark, MARKS, self._on_mark, LATCHED)
@@ -146,14 +148,11 @@ class SkillLearner(GuardedNode):
         self.create_service(ModelFile, "~/load", self._on_load)
         self._diagnostics = Diagnostics(self, self._describe)
 
-    def _make_learning(self) -> Learning:
+    def _make_learner(self) -> Learner:
         registration = (
             load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
         )
-        skill = load_skill(self.p["skill"])
-        if isinstance(skill, Throw):
-            return ThrowLearning(skill, self._parameters_now, registration)
-        return TaskLearning(skill, self._parameters_now)
+        return learner_of(self._skill, self._parameters_now, registration)
 
     def _parameters_now(self) -> dict[str, Any]:
         return {row.name: self.get_parameter(row.name).value for row in TABLE}
@@ -165,14 +164,14 @@ class SkillLearner(GuardedNode):
             self.get_logger().error(f"a demonstration is left out: {error}")
             return
         self._heard[one.id] = one
-        self._learning.expect(one)
+        self._learner.expect(one)
 
     def _on_mark(self, mark: DemonstrationMark) -> None:
         self._marked.take(mark)
 
     def _checked(self, message: Demonstration) -> Any:
         self._check_frame(message)
-        return self._learning.demonstration(message)
+        return demonstration_from_message(message, self._skill.name)
 
     def _check_frame(self, message: Demonstration) -> None:
         if message.header.frame_id != self.p["frame_id"]:
@@ -182,7 +181,7 @@ class SkillLearner(GuardedNode):
 
     def _check_changes(self, parameters: list) -> SetParametersResult:
         try:
-            self._learning.check(
+            self._learner.check(
                 self._parameters_now() | {one.name: one.value for one in parameters}
             )
         except ValueError as error:
@@ -223,11 +222,11 @@ class SkillLearner(GuardedNode):
         self, bag: str, without: list[str], configuration: str
     ) -> tuple[Lesson, list[str]]:
         """Learn from a bag, or from what was heard, but for what was dropped; the ids of that."""
-        heard = self._learning.read(bag) if bag else self._in_order()
+        heard = read_demonstrations(bag, self._skill.name) if bag else self._in_order()
         check_known(without, [one.id for one in heard], bag or "the learner")
         marked = read_dropped(bag) if bag else self._marked.dropped
         out = marked | set(without)
-        lesson = self._learning.learn([one for one in heard if one.id not in out], configuration)
+        lesson = self._learner.learn([one for one in heard if one.id not in out], configuration)
         return lesson, [one.id for one in heard if one.id in out]
 
     def _in_order(self) -> list[Any]:
@@ -236,11 +235,11 @@ class SkillLearner(GuardedNode):
 
     def _on_list(self, request, response):
         try:
-            compared = self._learning.compared() if request.compare else {}
+            compared = self._learner.standings() if request.compare else {}
             response.demonstrations = [
                 self._status(one, request.configuration, compared) for one in self._in_order()
             ]
-            self._learning.check(
+            self._learner.check(
                 self._parameters_now()
                 | ({"configuration": request.configuration} if request.configuration else {})
             )
@@ -255,20 +254,20 @@ class SkillLearner(GuardedNode):
         return response
 
     def _status(
-        self, one: Any, configuration: str, compared: dict[str, Compared]
+        self, one: Any, configuration: str, compared: dict[str, Standing]
     ) -> DemonstrationStatus:
-        counts = compared.get(one.id, Compared(float("nan")))
+        counts = compared.get(one.id, Standing(float("nan")))
         status = DemonstrationStatus(
-            skill=self._learning.skill, id=one.id, dropped=one.id in self._marked.dropped
+            skill=self._skill.name, id=one.id, dropped=one.id in self._marked.dropped
         )
         status.weight, status.unlike, status.outlier = counts.weight, counts.unlike, counts.outlier
         try:
-            stamp_ns, status.header.frame_id, duration, status.situation = self._learning.describe(
-                one
-            )
-            conversions.set_stamp(status.header.stamp, stamp_ns)
-            status.duration = conversions.duration_msg(duration)
-            status.readable, status.finding = True, self._learning.finding(one, configuration)
+            start, stop = self._skill.shown_motion(one)
+            status.header.frame_id = one.frame_id
+            conversions.set_stamp(status.header.stamp, one.stamp_ns)
+            status.duration = conversions.duration_msg(float(np.nan_to_num(stop - start)))
+            status.situation = conversions.situation_msg(self._skill.shown_in(one))
+            status.readable, status.finding = True, self._learner.finding(one, configuration)
         except ValueError as error:
             status.readable, status.finding = False, str(error)
         return status
@@ -297,9 +296,10 @@ class SkillLearner(GuardedNode):
                     f"the situation is in frame '{request.header.frame_id}', not"
                     f" '{self.p['frame_id']}'"
                 )
-            response.plan, response.held = self._learning.plan(
-                request.situation, self.p["frame_id"], request.explore
-            )
+            asked = conversions.asked(request.situation, self._skill)
+            planned = self._learner.plan(asked, request.explore)
+            response.plan = conversions.planned_msg(planned, self.p["frame_id"], self._skill)
+            response.held = conversions.situation_msg(planned.held)
             response.success = True
         except ValueError as error:
             response.success, response.unreachable, response.message = (
@@ -312,13 +312,12 @@ class SkillLearner(GuardedNode):
     def _on_add_trial(self, request, response):
         response.left = [float("nan")] * 2
         try:
-            if not self._learning.learned:
+            if not self._learner.learned:
                 raise ValueError(
                     "nothing is learned yet: call ~/learn, or ~/load a model, before trials are"
                     " added"
                 )
-            self._check_frame(request.trial)
-            taken = self._learning.tell(request.trial, request.plan)
+            taken = self._learner.tell(self._checked(request.trial), self._carried_out(request))
             response.success, response.message, response.left = (
                 taken.kept,
                 taken.message,
@@ -330,18 +329,24 @@ class SkillLearner(GuardedNode):
             response.success, response.message = False, str(error)
         return response
 
+    def _carried_out(self, request) -> ThrowPlan | None:
+        """The plan of a trial, where the learner needs it and the trial had one."""
+        if not (self._learner.needs_plan and request.plan.trajectory.points):
+            return None
+        return conversions.throw_plan(request.plan, self._skill)
+
     def _on_save(self, request, response):
         try:
-            if not self._learning.learned:
+            if not self._learner.learned:
                 raise ValueError("nothing is learned yet: there is no model to save")
-            response.model_id, response.success = self._learning.save(request.path), True
+            response.model_id, response.success = self._learner.save(request.path), True
         except (ValueError, OSError) as error:
             response.success, response.message = False, str(error)
         return response
 
     def _on_load(self, request, response):
         try:
-            response.model_id, response.success = self._learning.load(request.path), True
+            response.model_id, response.success = self._learner.load(request.path), True
             self._publish_markers()
         except (ValueError, OSError) as error:
             response.success, response.message = False, str(error)
@@ -351,10 +356,10 @@ class SkillLearner(GuardedNode):
 
     def _publish_markers(self) -> None:
         array = MarkerArray(markers=[Marker(action=Marker.DELETEALL)])
-        groups, places = self._learning.mixtures()
+        groups, places = self._learner.mixtures()
         for colour, (name, mixture) in zip(cycle(COLOURS), groups.items(), strict=False):
             for k, (position, orientation, size) in enumerate(
-                component_ellipsoids(mixture, angles=self._learning.angles)
+                component_ellipsoids(mixture, angles=self._learner.angles)
             ):
                 marker = Marker(ns=name, id=k, type=Marker.SPHERE, action=Marker.ADD, color=colour)
                 marker.header.frame_id = self.p["frame_id"]
@@ -370,9 +375,9 @@ class SkillLearner(GuardedNode):
         self._markers.publish(array)
 
     def _describe(self):
-        if not self._learning.learned:
+        if not self._learner.learned:
             return OK, "nothing learned yet", {"heard": len(self._heard)}
-        return OK, "ready to plan", {"heard": len(self._heard), **self._learning.values()}
+        return OK, "ready to plan", {"heard": len(self._heard), **self._learner.values()}
 
 
 def main(args: list[str] | None = None) -> None:

@@ -8,6 +8,7 @@ own: what they ask for comes through a queue, and the scene changes in the execu
 
 import os
 import queue
+from functools import partial
 
 import numpy as np
 from dart_skill_msgs.action import Practice, Teach
@@ -22,7 +23,6 @@ from dart_skill.common.world import THROW
 from dart_skill.recording import demonstration_from_message
 from dart_skill.simulation import Basket
 from dart_skill.skills.protocol import HAND, Skill, load_skill
-from dart_skill.skills.throw import Throw
 from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
@@ -81,36 +81,14 @@ CAMERAS = "mock_optitrack"
 PICTURES_PER_PATH = 3
 
 
-def _throw_shown(_: Throw):
-    """From a demonstration of a throw to the way of the hand (n, 3), and to where it was aimed (1,
-    3).
-    """
-
-    def shown(message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
-        one = conversions.demonstration(message)
-        return one.hand_position, one.target[None]
-
-    return shown
-
-
-def _task_shown(skill: Skill):
-    """The same of another skill: the way between its first and its last instant, and where the
-    bodies were then (m, 3).
-    """
-
-    def shown(message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
-        one = demonstration_from_message(message, skill.name)
-        start, stop = skill.cut(one)
-        places = [one.track(role).pose_at(start).position for role in skill.bodies]
-        return one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)], np.array(
-            places
-        ).reshape(-1, 3)
-
-    return shown
-
-
-SHOWN_OF = {True: _throw_shown, False: _task_shown}
-"""By whether it is a skill of throwing."""
+def _shown(skill: Skill, message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
+    """Way of the hand (n, 3) in a demonstration, and the places (m, 3) of bodies at its begin."""
+    one = demonstration_from_message(message, skill.name)
+    start, stop = skill.drawn(one)
+    where = skill.shown_in(one)
+    places = [where.pose(role).position for role in skill.bodies if role in where.poses]
+    moves = (one.hand_time >= start) & (one.hand_time <= stop)
+    return one.hand_position[moves], np.array(places).reshape(-1, 3)
 
 
 class Viewer(GuardedNode):
@@ -128,7 +106,7 @@ class Viewer(GuardedNode):
         self._skill = skill = load_skill(self.p["skill"])
         other = None if skill.name == THROW else skill
         self._scene = Scene(self._server, region=region, basket=basket, skill=other)
-        self._demonstrated = SHOWN_OF[isinstance(skill, Throw)](skill)
+        self._demonstrated = partial(_shown, skill)
         self._panel = Panel(self._server, self._scene, self._requests.put, skill)
         self._demonstrations, self._new_demonstration, self._basket, self._fault = (
             {},

@@ -1,4 +1,4 @@
-"""What the skill learner learns from, without a graph: it needs the messages of ROS, but no node."""
+"""What the skill learner learns from, without a graph."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 from dart_skill.common.configuration import load_yaml
 from dart_skill.recording import read_demonstrations
 from dart_skill.skills.learning import _preparation
+from dart_skill.skills.practice import learner_of
 from dart_skill.skills.protocol import load_skill
-from dart_skill_nodes.skills import learning
 from tests.paths import BAGS
 from tests.throw_demonstrations import changed_throw
 
@@ -15,7 +15,7 @@ from tests.throw_demonstrations import changed_throw
 @pytest.fixture
 def throws():
     parameters = load_yaml("skill_learner.yaml")["skill_learner"]["ros__parameters"]
-    return learning.ThrowLearning(load_skill("throw"), lambda: parameters, None)
+    return learner_of(load_skill("throw"), lambda: parameters)
 
 
 @pytest.fixture
