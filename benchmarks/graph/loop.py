@@ -35,7 +35,7 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from benchmarks.rows import tell  # noqa: E402
 from dart_skill.common.constants import N_JOINTS  # noqa: E402
 from dart_skill.common.world import joint_names  # noqa: E402
-from dart_skill.session import Session, learn_throws_from_bag  # noqa: E402
+from dart_skill.session import Session, learn_skill  # noqa: E402
 from dart_skill.simulation import Plant, PlantSettings  # noqa: E402
 from dart_skill.simulation._bullet import pybullet  # noqa: E402
 from dart_skill.skills.throw import Throw  # noqa: E402
@@ -123,8 +123,9 @@ def of_session(seconds: float) -> tuple[float, float, float]:
     """The same of throws in one process: plant, cameras, commander, and the judging of each throw;
     and throws in a second of processor time.
     """
-    practice, _ = learn_throws_from_bag(BAG, Throw())
-    plan, session = practice.learn().plan(np.array(TARGET)), Session(0)
+    skill = Throw()
+    learner, _ = learn_skill(BAG, skill)
+    plan, session = learner.plan(skill.at(np.array(TARGET))).plan, Session(0)
     begun, used, throws = time.monotonic(), time.process_time(), 0
     while time.monotonic() < begun + seconds:
         session.throw(plan)

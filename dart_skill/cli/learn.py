@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from dart_skill.skills.observation import FoundThrow
     from dart_skill.skills.practice import PractisingSkill
     from dart_skill.skills.protocol import Skill
-    from dart_skill.skills.throw import Throw
 
 NEXT = "next: dart-skill demo{} --model {}"
 
@@ -180,85 +179,33 @@ def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
 def _learn_skill(
     options: argparse.Namespace, skill: Skill, output: Path, dataset: LeRobotDataset | None = None
 ) -> int:
-    """Another skill than throwing at baskets, from the demonstrations that a recorder cut, or from
-    a dataset.
-    """
-    from dart_skill.session import learn_skill_from_bag, learn_skill_from_dataset
-    from dart_skill.skills.learning import save_skill_model
-    from dart_skill.skills.throw import Throw
+    """Any skill, from the demonstrations that a recorder cut, or from a dataset."""
+    from dart_skill.session import learn_skill
 
-    if isinstance(skill, Throw):
-        return _learn_other_throws(options, skill, output, dataset)
-    name = skill.name
-    of_throws = {
+    given = {
         "--with-throws": options.with_throws,
-        "--configuration": options.configuration,
         "--remember": options.remember is not None,
+        "--configuration": options.configuration and not skill.has_configurations,
     }
-    for option, given in of_throws.items():
-        if given:
-            raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{name}'")
+    for option in (name for name, value in given.items() if value):
+        raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{skill.name}'")
     if dataset is None:
         tell_bag_faults(options.bag)
-        learned, left_out = learn_skill_from_bag(options.bag, skill, options.without)
-    else:
-        learned, left_out = learn_skill_from_dataset(dataset, skill, options.without)
-    save_skill_model(output, learned)
-    told: dict[str, object] = {
-        "skill": name,
-        "learned_from": [one.id for one in learned.demonstrations],
-        "left_out": left_out,
-    }
+    source = options.bag if dataset is None else dataset
+    learner, lesson = learn_skill(source, skill, options.configuration or "", options.without)
+    learner.save(output)
     told = {
-        **told,
-        "duration_s": learned.duration,
-        "model_id": learned.model_id,
+        "skill": skill.name,
+        "learned_from": lesson.learned_from,
+        "left_out": dict(lesson.left_out),
+        "facts": lesson.facts,
+        "model_id": lesson.model_id,
         "model": str(output),
     }
-    lines = [*(f"{one}: left out: {why}" for one, why in left_out.items())]
-    lines.append(
-        f"learned '{name}' from {len(learned.demonstrations)} demonstrations; a movement takes"
-        f" {learned.duration:.1f} s"
-    )
-    lines += [f"model {learned.model_id}: {output}", *_next(name, output)]
-    print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
-    return 0
-
-
-def _learn_other_throws(
-    options: argparse.Namespace, skill: Throw, output: Path, dataset: LeRobotDataset | None
-) -> int:
-    """Throws in another game than at baskets, from the demonstrations that a recorder cut, or from
-    a dataset.
-    """
-    from dart_skill.session import learn_other_throws_from_dataset, learn_throws_from_bag
-    from dart_skill.skills.learning import save_model
-
-    for option, given in {
-        "--with-throws": options.with_throws,
-        "--remember": options.remember is not None,
-    }.items():
-        if given:
-            raise ValueError(
-                f"{option} is for throws at baskets: {options.bag} is of the skill '{skill.name}'"
-            )
-    name = options.configuration or "default"
-    if dataset is None:
-        tell_bag_faults(options.bag)
-        practice, left_out = learn_throws_from_bag(options.bag, skill, name, options.without)
-    else:
-        practice, left_out = learn_other_throws_from_dataset(dataset, skill, name, options.without)
-    learned = practice.learn()
-    save_model(output, practice.demonstrations, learned.configuration)
-    told: dict[str, object] = {
-        "skill": skill.name,
-        "learned_from": [one.id for one in practice.demonstrations],
-        "left_out": left_out,
-    }
-    told = {**told, "model_id": learned.model_id, "model": str(output)}
-    lines = [f"{one}: left out: {why}" for one, why in left_out.items()]
-    lines.append(f"learned '{skill.name}' from {len(practice.demonstrations)} throws")
-    lines += [f"model {learned.model_id}: {output}", *_next(skill.name, output)]
+    lines = [f"{one}: left out: {why}" for one, why in lesson.left_out.items()]
+    learned = f"learned '{skill.name}' from {len(lesson.learned_from)} demonstrations"
+    lines.append("; ".join([learned, *lesson.facts]))
+    lines += [f"model {lesson.model_id}: {output}", *_next(skill.name, output)]
     print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
     return 0
 

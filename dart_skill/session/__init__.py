@@ -46,17 +46,15 @@ if TYPE_CHECKING:
     from dart_skill.session._finding import find_throws
     from dart_skill.session._from_bag import LearnReport, NothingLearned, learn_from_bag
     from dart_skill.session._from_lerobot import (
-        learn_other_throws_from_dataset,
-        learn_skill_from_dataset,
         learn_throws_from_dataset,
         open_dataset,
         skill_of_dataset,
     )
     from dart_skill.session._in_process import Session, Trial
     from dart_skill.session._reaching_person import ReachingPerson
+    from dart_skill.session._recorded_lessons import learn_skill
     from dart_skill.session._session_bag import LAYOUT, SessionBag
     from dart_skill.session._skill_demo import skill_demo
-    from dart_skill.session._skill_from_bag import learn_skill_from_bag, learn_throws_from_bag
     from dart_skill.session._skill_session import SkillSession, SkillTrial
     from dart_skill.session._to_lerobot import FPS, ExportedDataset, PictureMaker, write_lerobot
 else:
@@ -75,15 +73,12 @@ else:
             "_disagreement": "Cause Disagreement disagreement",
             "_finding": "find_throws",
             "_from_bag": "LearnReport NothingLearned learn_from_bag",
-            "_from_lerobot": (
-                "learn_other_throws_from_dataset learn_skill_from_dataset"
-                " learn_throws_from_dataset open_dataset skill_of_dataset"
-            ),
+            "_from_lerobot": ("learn_throws_from_dataset open_dataset skill_of_dataset"),
             "_in_process": "Session Trial",
             "_reaching_person": "ReachingPerson",
             "_session_bag": "LAYOUT SessionBag",
             "_skill_demo": "skill_demo",
-            "_skill_from_bag": "learn_skill_from_bag learn_throws_from_bag",
+            "_recorded_lessons": "learn_skill",
             "_skill_session": "SkillSession SkillTrial",
             "_to_lerobot": "FPS ExportedDataset PictureMaker write_lerobot",
         },
@@ -131,10 +126,7 @@ __all__ = [
     "footer",
     "in_words",
     "learn_from_bag",
-    "learn_other_throws_from_dataset",
-    "learn_skill_from_bag",
-    "learn_skill_from_dataset",
-    "learn_throws_from_bag",
+    "learn_skill",
     "learn_throws_from_dataset",
     "open_dataset",
     "play_leg",

@@ -19,14 +19,12 @@ from dart_skill.session._from_bag import LearnReport
 from dart_skill.session._to_lerobot import OPEN, pose_names, position_name, velocity_name
 from dart_skill.skills.learning import (
     LEAST_DEMONSTRATIONS,
-    AnySkill,
     SkillConfiguration,
     configuration,
-    learn_usable,
     prepare,
 )
 from dart_skill.skills.observation import FoundThrow, ThrowLog, judged
-from dart_skill.skills.practice import Practice, PractisingSkill
+from dart_skill.skills.practice import PractisingSkill
 from dart_skill.skills.protocol import (
     HAND,
     Event,
@@ -70,7 +68,9 @@ def learn_throws_from_dataset(
     """
     chosen, skill = configuration(name), skill_of_dataset(dataset)
     assert isinstance(skill, Throw)
-    check_known(without, [_id(episode) for episode in dataset.episodes], str(dataset.path))
+    check_known(
+        without, [id_of_episode(episode) for episode in dataset.episodes], str(dataset.path)
+    )
     found = [_found(dataset, episode, skill, chosen, without) for episode in dataset.episodes]
     report = LearnReport(dataset.path.name, True, tuple(found))
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
@@ -81,37 +81,6 @@ def learn_throws_from_dataset(
         )
         raise ValueError("; ".join([f"{dataset.path}: {few} are needed", *reasons]))
     return PractisingSkill(list(report.learned_from), chosen, method), report
-
-
-def learn_other_throws_from_dataset(
-    dataset: LeRobotDataset, skill: Throw, name: str = "default", without: Collection[str] = ()
-) -> tuple[Practice, dict[str, str]]:
-    """Throws in another game; as `learn_throws_from_bag`."""
-    check_known(without, [_id(episode) for episode in dataset.episodes], str(dataset.path))
-    shown, left_out = [], {}
-    for episode in dataset.episodes:
-        if _id(episode) in without:
-            left_out[_id(episode)] = AS_ASKED
-            continue
-        try:
-            shown.append(throw_in_episode(dataset, episode, skill)[0])
-        except ValueError as error:
-            left_out[_id(episode)] = str(error)
-    practice = Practice(shown, skill.configured_for(configuration(name)))
-    return practice, {**left_out, **practice.kept_out}
-
-
-def learn_skill_from_dataset(
-    dataset: LeRobotDataset, skill: Skill, without: Collection[str] = ()
-) -> tuple[AnySkill, dict[str, str]]:
-    """Any other skill; as `learn_skill_from_bag`. ValueError says why it cannot be learned."""
-    check_known(without, [_id(episode) for episode in dataset.episodes], str(dataset.path))
-    shown = [movement_in_episode(dataset, episode, skill) for episode in dataset.episodes]
-    try:
-        learned, unfit = learn_usable(skill, [one for one in shown if one.id not in without])
-    except ValueError as error:
-        raise ValueError(f"{dataset.path}: {error}") from error
-    return learned, {**dict.fromkeys(without, AS_ASKED), **unfit}
 
 
 def open_dataset(path: str | os.PathLike) -> LeRobotDataset:
@@ -129,6 +98,7 @@ def throw_in_episode(
     what is missing.
     """
     log = skill.sensor_log(joint_period_ns=1)
+    assert isinstance(log, ThrowLog)
     for role in (HAND, *skill.bodies):
         stamps, rows = _seen(dataset, episode, role)
         for stamp, row in zip(stamps.tolist(), rows, strict=True):
@@ -141,7 +111,16 @@ def throw_in_episode(
         log.add_opening(BEGIN_NS + round(1e9 * opened[0]))
     elif release := log.release_between(BEGIN_NS, int(stamps[-1]), skill.game.projectile):
         log.add_release(BEGIN_NS + round(1e9 * release.time))
-    return log.cut(_id(episode), int(stamps[-1])), log
+    return log.cut(id_of_episode(episode), int(stamps[-1])), log
+
+
+def demonstration_in_episode(
+    dataset: LeRobotDataset, episode: Episode, skill: Skill
+) -> Demonstration:
+    """The demonstration of an episode; ValueError says what is missing."""
+    if isinstance(skill, Throw):
+        return throw_in_episode(dataset, episode, skill)[0]
+    return movement_in_episode(dataset, episode, skill)
 
 
 def movement_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Skill) -> Demonstration:
@@ -157,7 +136,7 @@ def movement_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Skill)
     )
     position, velocity = _joints(dataset, episode)
     return Demonstration(
-        id=_id(episode),
+        id=id_of_episode(episode),
         tracks=tracks,
         stamp_ns=BEGIN_NS,
         skill=skill.name,
@@ -181,7 +160,7 @@ def _found(
     try:
         one, log = throw_in_episode(dataset, episode, skill)
     except ValueError as error:
-        return FoundThrow(BEGIN_NS, True, reason=f"{_id(episode)}: {error}")
+        return FoundThrow(BEGIN_NS, True, reason=f"{id_of_episode(episode)}: {error}")
     opened = log.left_ns if log.opened_ns is None else log.opened_ns
     assert opened is not None  # as it was cut
     outcome, _ = judged(
@@ -197,7 +176,7 @@ def _found(
     return throw
 
 
-def _id(episode: Episode) -> str:
+def id_of_episode(episode: Episode) -> str:
     return f"episode_{episode.index}"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dart_skill.skills.learning import Crowd, SkillConfiguration, prepare
+from dart_skill.skills.learning import Coverage, SkillConfiguration, prepare
 from dart_skill.skills.observation import FoundThrow
 
 
@@ -34,7 +34,7 @@ class ThrowMemory:
             True: [],
             False: [],
         }  # places in `throws`, by whether somebody guided the throw
-        self._crowds = {True: Crowd(), False: Crowd()}
+        self._crowds = {True: Coverage(), False: Coverage()}
 
     def take(self, throws: Iterable[FoundThrow]) -> None:
         """The next ones."""

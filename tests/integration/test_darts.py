@@ -18,8 +18,7 @@ from dart_skill.arm import same_plan
 from dart_skill.cli import main
 from dart_skill.darts import as_target, name_at
 from dart_skill.experiments import arm_darts
-from dart_skill.session import learn_throws_from_bag
-from dart_skill.skills.practice import PractisingSkill
+from dart_skill.session import learn_skill
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs._darts_run import play_leg, practise_darts
@@ -196,11 +195,9 @@ def test_a_leg_is_played_with_the_spread_that_is_known(graph, skill, monkeypatch
 def test_the_bag_teaches_the_same_without_nodes(graph, skill, tmp_path, capsys):
     """Last: its nodes must have ended."""
     graph.stop()
-    practice, left_out = learn_throws_from_bag(graph.bag, skill)
-    assert not left_out and len(practice.demonstrations) == SHOWN
-    again = PractisingSkill(practice.demonstrations, practice.configuration, "none").plan(
-        skill.target(skill.aimed(as_target("T20")))
-    )
+    learner, lesson = learn_skill(graph.bag, skill)
+    assert not lesson.left_out and len(lesson.learned_from) == SHOWN
+    again = learner.plan(skill.aimed(as_target("T20"))).plan
     # a message has the aim as right and up from the bull, whose last bit is another one than that
     # of the point
     told = conversions.throw_plan_msg(again, "world", skill)
@@ -208,7 +205,7 @@ def test_the_bag_teaches_the_same_without_nodes(graph, skill, tmp_path, capsys):
         conversions.throw_plan(told, skill), conversions.throw_plan(graph.first, skill)
     )
     assert main(["learn", str(graph.bag), "--output", str(tmp_path / "darts.npz")]) == 0
-    assert f"learned 'darts' from {SHOWN} throws" in capsys.readouterr().out
+    assert f"learned 'darts' from {SHOWN} demonstrations; " in capsys.readouterr().out
     assert main(["report", str(graph.bag), "--output", str(tmp_path / "report.html")]) == 0
     assert (
         f"darts: {SHOWN} demonstrations, {OWN} movements of the arm's own"
@@ -216,6 +213,6 @@ def test_the_bag_teaches_the_same_without_nodes(graph, skill, tmp_path, capsys):
     )
     page = (tmp_path / "report.html").read_text()
     assert (
-        all(one.id in page for one in practice.demonstrations)
+        all(one in page for one in lesson.learned_from)
         and "What became of trials is not in a bag" in page
     )

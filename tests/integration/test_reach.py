@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool
 
 from dart_skill.arm import Command
 from dart_skill.recording import read_demonstrations
-from dart_skill.session import learn_skill_from_bag
+from dart_skill.session import learn_skill
 from dart_skill.simulation import Holder
 from dart_skill.skills.learning import Policy
 from dart_skill.skills.protocol import Pose, Situation, load_skill
@@ -243,8 +243,8 @@ def test_somebody_with_a_pointer_shows_it_in_a_cup_that_moves_slowly(graph, reac
 
 def test_the_bag_teaches_the_same_without_nodes(graph, reach):
     graph.stop()  # closes the bag; the last test that needs the nodes
-    learned, left_out = learn_skill_from_bag(graph.bag, reach)
-    assert learned.model_id == graph.learned.model_id and not left_out
+    _, lesson = learn_skill(graph.bag, reach)
+    assert lesson.model_id == graph.learned.model_id and not lesson.left_out
 
 
 def test_no_demonstration_begins_in_the_world_before(graph, reach):

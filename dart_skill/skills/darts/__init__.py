@@ -115,7 +115,8 @@ class Darts(Throw):
     bodies = ("dart", "board")
     world = "board"
     corrects = "board"
-    cuts_itself = False
+    cuts_itself = practised_by_hand = False
+    target_choice = "dart_skill.skills.darts._target_choice:BestAim"
     numbers = AIM
     units = MappingProxyType(dict.fromkeys(AIM, "m"))
     settings_type = DartsSettings

@@ -1,5 +1,6 @@
 """From demonstrations to a model, and from a situation to a plan."""
 
+from dart_skill.skills.learning._components import choose_components, choose_throw_components
 from dart_skill.skills.learning._configuration import (
     CONFIGURATIONS,
     DEFAULT,
@@ -8,7 +9,7 @@ from dart_skill.skills.learning._configuration import (
     changed,
     configuration,
 )
-from dart_skill.skills.learning._crowd import Crowd
+from dart_skill.skills.learning._coverage import Coverage
 from dart_skill.skills.learning._ellipsoids import component_ellipsoids
 from dart_skill.skills.learning._learned import LearnedSkill, NoPlan
 from dart_skill.skills.learning._learning import (
@@ -23,14 +24,12 @@ from dart_skill.skills.learning._model_file import SavedModel, load_model, save_
 from dart_skill.skills.learning._moving_frames import moving_frames
 from dart_skill.skills.learning._outliers import outliers, unlike
 from dart_skill.skills.learning._policy import Policy
-from dart_skill.skills.learning._pose_components import choose_components
 from dart_skill.skills.learning._pose_features import frame_of, orientations, pose_features
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._prepared import PreparedMovement, check_movement, prepare_movement
 from dart_skill.skills.learning._reactive import ReactiveSkill
 from dart_skill.skills.learning._release import landing_if_late
 from dart_skill.skills.learning._task_frames import frames_for
-from dart_skill.skills.learning._throw_components import choose_throw_components
 from dart_skill.skills.learning._throwing import (
     LEAST_DEMONSTRATIONS,
     ThrowingSkill,
@@ -42,7 +41,7 @@ from dart_skill.skills.learning._throwing import (
 __all__ = [
     "AnySkill",
     "CONFIGURATIONS",
-    "Crowd",
+    "Coverage",
     "DEFAULT",
     "LADDER",
     "LEAST_DEMONSTRATIONS",

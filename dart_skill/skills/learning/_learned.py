@@ -22,6 +22,7 @@ from dart_skill.movement import (
     stable_gains,
     stiffness_from_covariance,
 )
+from dart_skill.skills.learning._movement_model import RATE, MovementModel
 from dart_skill.skills.learning._pose_features import (
     VECTORS,
     frame_of,
@@ -31,7 +32,6 @@ from dart_skill.skills.learning._pose_features import (
     with_prior,
 )
 from dart_skill.skills.learning._prepared import PreparedMovement
-from dart_skill.skills.learning._shown import RATE, Shown
 from dart_skill.skills.observation import position_noise
 from dart_skill.skills.protocol import HAND, Demonstration, Situation, Skill
 
@@ -43,7 +43,7 @@ class NoPlan(ValueError):
     """No plan for this situation; the message says why."""
 
 
-class LearnedSkill(Shown):
+class LearnedSkill(MovementModel):
     """A skill learned from demonstrations.
 
     Parameters:

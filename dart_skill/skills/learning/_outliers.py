@@ -10,9 +10,9 @@ import numpy as np
 
 from dart_skill.skills.learning._learned import LearnedSkill
 from dart_skill.skills.learning._learning import AnySkill, learn
+from dart_skill.skills.learning._movement_model import RATE
 from dart_skill.skills.learning._pose_features import VECTORS
 from dart_skill.skills.learning._reactive import ReactiveSkill
-from dart_skill.skills.learning._shown import RATE
 
 FEWEST = 3
 """Fewest demonstrations of which one can be unlike the others."""

@@ -12,11 +12,11 @@ import numpy as np
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import AutonomousDSGMR, Motion, MovingFrame, smooth_derivatives
 from dart_skill.skills.execution import BodyMotion, ReactiveGuide
+from dart_skill.skills.learning._movement_model import RATE, MovementModel
 from dart_skill.skills.learning._moving_frames import moving_frames
 from dart_skill.skills.learning._policy import Policy, phase_rule
 from dart_skill.skills.learning._pose_features import VECTORS, with_prior
 from dart_skill.skills.learning._prepared import PreparedMovement
-from dart_skill.skills.learning._shown import RATE, Shown
 from dart_skill.skills.observation import position_noise
 from dart_skill.skills.protocol import (
     Demonstration,
@@ -28,7 +28,7 @@ from dart_skill.skills.protocol import (
 )
 
 
-class ReactiveSkill(Shown):
+class ReactiveSkill(MovementModel):
     """A skill learned from demonstrations of its position among bodies that may move; the hand
     keeps the orientation of the start.
 

@@ -47,8 +47,8 @@ from dart_skill.movement import (
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._ball_path import ball_states
 from dart_skill.skills.learning._configuration import DEFAULT, SkillConfiguration
-from dart_skill.skills.learning._course import Course
 from dart_skill.skills.learning._first_aim import LEAST_SPAN, FirstAim
+from dart_skill.skills.learning._planned_path import PlannedPath
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._release import certainly_within, farthest, hit_at, stretched_at
 from dart_skill.skills.learning._task_frames import frames_for
@@ -97,7 +97,7 @@ class _Throw:
     follows the course and opens then.
     """
 
-    course: Course
+    course: PlannedPath
     release: float
     landing: np.ndarray
 
@@ -462,7 +462,7 @@ class ThrowingSkill:
             raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on {where}")
         return _Throw(course, release, landing)
 
-    def _course(self, task: np.ndarray, model: Model) -> Course:
+    def _course(self, task: np.ndarray, model: Model) -> PlannedPath:
         """The movement for a task parameter (3,), which starts at rest where the demonstrations
         start.
         """
@@ -480,16 +480,16 @@ class ThrowingSkill:
             movement = model.reproduce(
                 frames, clock, start, AT_REST, inputs=inputs, step=c.step, covariance=False
             )
-            return Course.of(movement, azimuth, roll)
+            return PlannedPath.of(movement, azimuth, roll)
         longest = LONGEST_DRIVE * (self._stop - self._start)
         policy = model.policy(frames, phase=clock, inputs=inputs)
         run = policy.run(start, AT_REST, step=c.step, duration=longest)
         rate = np.maximum(np.gradient(run.phase, run.time), model.rule.slowest)
         return self._on_the_clock(
-            Course.of(run, azimuth, roll, policy.gain(run.phase) / rate[:, None]), run.phase
+            PlannedPath.of(run, azimuth, roll, policy.gain(run.phase) / rate[:, None]), run.phase
         )
 
-    def _on_the_clock(self, course: Course, phase: np.ndarray) -> Course:
+    def _on_the_clock(self, course: PlannedPath, phase: np.ndarray) -> PlannedPath:
         """A course driven by the state, with a clock on which its phase (n,) is that of the
         release at the time of the release.
         """
@@ -512,7 +512,7 @@ class ThrowingSkill:
             )[0]
         return np.concatenate([position, angles[:2]]), float(angles[2])
 
-    def _around_release(self, course: Course) -> Course:
+    def _around_release(self, course: PlannedPath) -> PlannedPath:
         """The part of a course in which the release can be."""
         if self.configuration.release == "shown":
             earliest, latest = -2.0 * self.configuration.step, 2.0 * self.configuration.step
@@ -523,7 +523,7 @@ class ThrowingSkill:
         )
         return course.part(min(first, len(course.time) - 3), stop)
 
-    def _farthest_release(self, near: Course, hits: np.ndarray) -> float:
+    def _farthest_release(self, near: PlannedPath, hits: np.ndarray) -> float:
         """The instant [s] at which the ball flies farthest, for a part of a course whose balls
         come down at hits (n, 3).
         """
@@ -555,7 +555,9 @@ class ThrowingSkill:
         assert covariance is not None
         return covariance[:, :3, :3]
 
-    def _with_gains(self, aim: np.ndarray, course: Course) -> tuple[Course, GainsOverTime]:
+    def _with_gains(
+        self, aim: np.ndarray, course: PlannedPath
+    ) -> tuple[PlannedPath, GainsOverTime]:
         """The course with other attractors and gains: the same motion, held the more firmly the
         more the demonstrations agreed.
         """

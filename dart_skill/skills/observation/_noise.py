@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from dart_skill.movement import estimate_noise
-from dart_skill.skills.observation._speeds import repeats, usual_speeds
 
 LEAST = 2e-5
 """No camera system repeats a body at rest to less [m]: docs/sources.md."""
@@ -51,3 +51,16 @@ def fresh(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray
     kept = np.ones(len(samples), dtype=bool)
     kept[1:] = (samples[1:] != samples[:-1]).any(axis=1)
     return time[kept], samples[kept]
+
+
+def repeats(samples: np.ndarray) -> bool:
+    """Whether one of the samples (n, d) is the same as the one before."""
+    return bool((samples[1:] == samples[:-1]).all(axis=1).any())
+
+
+def usual_speeds(time: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Speeds (n - 1,) [m/s] between samples (n,) [s], (n, 3) [m], each the median of five: a leap
+    of one sample does not count.
+    """
+    speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time)
+    return np.median(sliding_window_view(np.pad(speed, 2, mode="edge"), 5), axis=1)

@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from dart_skill.arm import ArmModel, Sightings
+from dart_skill.recording import Demonstration
 from dart_skill.skills.observation._grip import rows_at
 
 INSTANTS = 24
 """Instants of a demonstration at which the two are compared."""
 
 
-class Recorded(Protocol):
-    """What a demonstration of any skill has: the hand (n,), (n, 3), (n, 4) and the joints (k,),
-    (k, 7), (k, 7), on one clock.
-    """
-
-    @property
-    def hand_time(self) -> np.ndarray: ...
-    @property
-    def hand_position(self) -> np.ndarray: ...
-    @property
-    def hand_quaternion(self) -> np.ndarray: ...
-    @property
-    def joint_time(self) -> np.ndarray: ...
-    @property
-    def joint_position(self) -> np.ndarray: ...
-    @property
-    def joint_velocity(self) -> np.ndarray: ...
-
-
-def sightings(demonstration: Recorded, model: ArmModel) -> Sightings:
+def sightings(demonstration: Demonstration, model: ArmModel) -> Sightings:
     """The hand of a demonstration at some instants; none (k = 0) if the arm's joints were not
     recorded meanwhile. model: of the arm.
     """

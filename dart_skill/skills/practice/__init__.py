@@ -18,6 +18,7 @@ from dart_skill.skills.practice._learner import (
 from dart_skill.skills.practice._practice import Practice, PracticeSettings
 from dart_skill.skills.practice._practised_file import practised_skill, save_practised
 from dart_skill.skills.practice._practising import METHODS, PractisingSkill
+from dart_skill.skills.practice._target_choice import TargetChoice, target_choice_of
 
 __all__ = [
     "CorrectionSettings",
@@ -33,8 +34,10 @@ __all__ = [
     "PracticeSettings",
     "PractisingSkill",
     "Standing",
+    "TargetChoice",
     "learner_of",
     "practised_skill",
     "save_practised",
+    "target_choice_of",
     "with_components",
 ]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -38,16 +38,21 @@ NOTHING = "nothing is learned yet: call ~/learn, or ~/load a model"
 class Lesson:
     """What came of learning.
 
-    * demonstrations: number of those that were learned from.
+    * learned_from: ids of the demonstrations.
     * model_id: digest of the model.
-    * said: what there is to say of it.
-    * left_out: why demonstrations were left out.
+    * said: what was learned; facts: what there is to say of it.
+    * left_out: why demonstrations were left out, by their ids.
     """
 
-    demonstrations: int
+    learned_from: tuple[str, ...]
     model_id: str
-    said: tuple[str, ...]
-    left_out: tuple[str, ...] = ()
+    said: str
+    facts: tuple[str, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+    def without(self, left_out: Mapping[str, str]) -> Lesson:
+        """The same with more that was left out before."""
+        return replace(self, left_out={**left_out, **self.left_out})
 
 
 @dataclass(frozen=True)
@@ -162,12 +167,12 @@ class Learner:
             model = learn(skill, model.demonstrations)
             changes = with_components(changes, skill.settings.components, way)
         self.model = model
-        n = len(model.demonstrations)
-        said = (
-            f"learned '{self.skill.name}' from {n} demonstrations{changes and f' with {changes}'}",
-            f"a movement takes {model.duration:.1f} s",
+        ids = tuple(one.id for one in model.demonstrations)
+        said = f"learned '{self.skill.name}' from {len(ids)} demonstrations"
+        facts = (f"a movement takes {model.duration:.1f} s",)
+        return Lesson(
+            ids, model.model_id, said + (changes and f" with {changes}"), facts, left_out
         )
-        return Lesson(n, model.model_id, said, tuple(left_out.values()))
 
     def finding(self, one: Demonstration, configuration: str = "") -> str:
         """What can be made of a demonstration, in words; ValueError says why nothing can."""

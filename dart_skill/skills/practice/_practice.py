@@ -15,7 +15,7 @@ from dart_skill.movement import Fit, check_alignment, find_patterns, turn_matrix
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning import (
     DEFAULT,
-    Crowd,
+    Coverage,
     PreparedThrow,
     SkillConfiguration,
     ThrowingSkill,
@@ -215,4 +215,4 @@ class Practice:
 
     def _most_crowded(self, memory: list[Demonstration]) -> int:
         """Index of the older of the two whose tasks are nearest to each other."""
-        return Crowd(np.array([self._prepared[one.id].task for one in memory])).most_crowded()
+        return Coverage(np.array([self._prepared[one.id].task for one in memory])).most_crowded()

@@ -40,7 +40,7 @@ METHODS = ("residual", "bootstrap", "both", "power", "none")
 
 
 @dataclass(frozen=True)
-class Told:
+class TrialLesson:
     """What became of a throw that was reported.
 
     Parameters:
@@ -168,19 +168,19 @@ class PractisingSkill:
             self.search.remember(plan, tried)
         return plan
 
-    def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
+    def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> TrialLesson:
         """What came of a plan of this skill; without a plan the throw is a demonstration, whatever
         the method. trial: plan and outcome.
         """
         if plan is None:
             verdict = self._bootstrap(trial)
-            return Told(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
+            return TrialLesson(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
         try:
             seen = prepare(
                 trial.aimed_at(plan.target), replace(self.skill.configuration, relabel=True)
             )
         except ValueError as error:
-            return Told(False, str(error))
+            return TrialLesson(False, str(error))
         delay = self._delay_of(seen)
         spread = USUAL if self.hand is None else self.hand.spread
         late = likely_late(
@@ -188,7 +188,7 @@ class PractisingSkill:
         )
         place, miss, explained = repeatable_miss(plan, seen.task, late, self._game)
         if not np.isfinite([miss, explained]).all():
-            return Told(
+            return TrialLesson(
                 False,
                 f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere",
             )
@@ -204,7 +204,7 @@ class PractisingSkill:
         share = 1.0 if self.correction is None else self.correction.share
         # The plan was meant for another place if it was corrected.
         left = self._game.surface.seen_from(plan.target, place, miss - share * explained)
-        return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
+        return TrialLesson(verdict.kept, verdict.reason, left, verdict.forgotten)
 
     @property
     def practised(self) -> int:

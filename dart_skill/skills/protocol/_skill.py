@@ -91,6 +91,9 @@ class Skill:
       none.
     * turned: whether it matters how the bodies are turned that a situation names.
     * learner: class that learns it (`skills.practice.Learner`), as "module:class".
+    * target_choice: class that chooses what to try next (`skills.practice.TargetChoice`), as
+      "module:class".
+    * practised_by_hand: whether a person can put the bodies to their places while it practises.
     * by_pointer: whether it is slow enough to be shown with a mouse.
     * cuts_itself: whether every movement into its world is found and cut without ~/start and
       ~/stop.
@@ -111,6 +114,8 @@ class Skill:
     units: Mapping[str, str] = MappingProxyType({})
     turned = True
     learner = "dart_skill.skills.practice:Learner"
+    target_choice = "dart_skill.skills.practice:TargetChoice"
+    practised_by_hand = False
     by_pointer = True
     cuts_itself = False
     has_configurations = False
@@ -222,6 +227,13 @@ class Skill:
         else:
             found = max(thresholds.segment(time, position), key=lambda one: one.duration)
         return found.motion_start, found.motion_stop
+
+    @property
+    def shown_by(self) -> str:
+        """How a simulated person shows it: "carry" the first body to its goal, "follow" the body
+        that it reacts to, or "swing".
+        """
+        return "follow" if self.reacts else "carry"
 
     @property
     def awaited(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dart_skill.arm import Speed
-from dart_skill.common.regions import REGION
+from dart_skill.common.regions import REGION, Region
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
 from dart_skill.movement import VelocityThreshold
@@ -56,10 +56,14 @@ class Throw(Skill):
     corrects = "basket"
     turned = False
     learner = "dart_skill.skills.throw._learner:ThrowLearner"
+    target_choice = "dart_skill.skills.throw._target_choice:WorstTarget"
+    practised_by_hand = True
+    shown_by = "swing"
     by_pointer = False
     cuts_itself = True
     has_configurations = True
     rim_radius = the_world().basket_radius
+    region = REGION
     cocked: tuple[float, float, float] | None = None
     """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing
     for baskets.
@@ -104,7 +108,7 @@ class Throw(Skill):
     @property
     def middle(self) -> tuple[float, float, float]:
         """A place (3,) [m] of the surface that a throw goes through."""
-        return (0.5 * (REGION.near + REGION.far), 0.0, REGION.rim)
+        return (0.5 * (self.region.near + self.region.far), 0.0, self.region.rim)
 
     @property
     def correction(self) -> CorrectionSettings | None:
@@ -150,7 +154,7 @@ class Throw(Skill):
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         """A basket in the region of config/world.yaml."""
-        return self.at(REGION.spread(1, rng)[0])
+        return self.at(self.region.spread(1, rng)[0])
 
     def cut(self, demonstration: Demonstration) -> tuple[float, float]:
         """All of it: a throw is cut when it is recorded (`skills.observation`)."""
@@ -166,7 +170,10 @@ class Throw(Skill):
         return (self.moves,)
 
     def take_world(self, parameters: Mapping[str, Any]) -> None:
-        self.rim_radius = parameters["basket_radius"]
+        self.rim_radius = parameters.get("basket_radius", self.rim_radius)
+        if "near" in parameters:
+            own = {name: parameters[name] for name in ("near", "far", "side", "rim")}
+            self.region = Region(**own)
 
     def sensor_log(self, joint_period_ns: int = 10_000_000) -> ThrowLog:
         return ThrowLog(joint_period_ns, self.name, self.bodies)

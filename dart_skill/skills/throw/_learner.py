@@ -103,14 +103,14 @@ class ThrowLearner(Learner):
             changes = with_components(changes, chosen.components, way)
         self.take(list(demonstrations), chosen)
         model, practice = self._practising.skill, self._practising.practice
-        n = len(practice.demonstrations)
-        said = (
-            f"learned from {n} demonstrations with"
-            f" '{model.configuration.name}'{changes and f' but {changes}'}",
+        ids = tuple(one.id for one in practice.demonstrations)
+        said = f"learned from {len(ids)} demonstrations with '{model.configuration.name}'"
+        facts = (
             f"the hand opens {1e3 * model.hand_delay:.0f} ms after it is told to",
             *filter(None, [practice.patterns()]),
         )
-        return Lesson(n, model.model_id, said, tuple(practice.kept_out.values()))
+        said += changes and f" but {changes}"
+        return Lesson(ids, model.model_id, said, facts, practice.kept_out)
 
     def take(self, demonstrations: list[Demonstration], chosen: SkillConfiguration) -> None:
         """Learn from demonstrations with a configuration."""

@@ -17,10 +17,8 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 
 from dart_skill.arm import Grip
-from dart_skill.common.regions import Region
-from dart_skill.common.world import THROW
-from dart_skill.skills.darts import Darts
 from dart_skill.skills.observation import ARRIVAL_NS
+from dart_skill.skills.practice import target_choice_of
 from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
@@ -47,7 +45,6 @@ from dart_skill_nodes.process.node_base import (
     declare_bodies,
     run,
 )
-from dart_skill_nodes.skills.choosing import Choosing, DartsChoosing, TaskChoosing, ThrowChoosing
 
 TABLE = [
     Parameter("skill", "that is practised"),
@@ -83,7 +80,8 @@ class CoachNode(GuardedNode):
         self.p = declare(self, "coach.yaml", TABLE)
         self._skill = load_skill(self.p["skill"])
         self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
-        self._choosing = self._make_choosing()
+        self._skill.take_world(self.p)
+        self._choice = target_choice_of(self._skill, self.p["candidates"], self.p["seed"])
         self._goal, self._sighting, self._stopped = None, None, ""
         self._client: Presence | None = None  # who waits for the result
         self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
@@ -114,16 +112,8 @@ class CoachNode(GuardedNode):
             self, lambda: (OK, "practising" if self._goal else "waiting", {})
         )
 
-    def _make_choosing(self) -> Choosing:
-        if isinstance(self._skill, Darts):
-            return DartsChoosing(self._skill)
-        if self._skill.name != THROW:
-            return TaskChoosing(self._skill, self.p["candidates"], self.p["seed"])
-        region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
-        return ThrowChoosing(region, self.p["candidates"], self.p["seed"])
-
     def _make_person(self) -> Person:
-        if self._skill.name != THROW:
+        if not self._skill.practised_by_hand:
             raise ValueError(
                 "with simulated:=false a person practises throws; let the skill"
                 f" '{self._skill.name}' be executed (/execute)"
@@ -135,6 +125,10 @@ class CoachNode(GuardedNode):
             )
         )
         return Person(self, self._calls, self.p["frame_id"], self._name_of, patience)
+
+    def _asked(self, situation: Situation):
+        """What the skill takes of a situation; ValueError for one that is none."""
+        return conversions.asked(situation, self._skill)
 
     def _on_goal(self, goal) -> GoalResponse:
         if self._goal is not None:
@@ -157,7 +151,7 @@ class CoachNode(GuardedNode):
         try:
             situations = list(goal_handle.request.situations)
             for one in situations:
-                self._choosing.check(one)
+                self._asked(one)
             follow, wanted = (
                 goal_handle.request.follow_bodies,
                 goal_handle.request.trials or len(situations),
@@ -244,8 +238,8 @@ class CoachNode(GuardedNode):
         """The situation where the skill is worst, of those for which the learner has a plan; a
         plan that needs a look comes later.
         """
-        situations = self._choosing.candidates()
-        if self._choosing.looks or len(situations) == 1:
+        situations = [conversions.situation_msg(one) for one in self._choice.candidates()]
+        if self._choice.looks or len(situations) == 1:
             return situations[0]
         for situation in situations:
             response = await self._plan_for(situation)
@@ -299,7 +293,7 @@ class CoachNode(GuardedNode):
                     "executed"
                 ).removeprefix("; ")
         else:
-            self._choosing.give_up(situation)
+            self._choice.give_up(self._asked(situation))
             self._why_not = f"; {self._things[:-1]} {number}: {made.message}"
         result.outcomes.append(made.outcome)
         self._goal.publish_feedback(feedback)
@@ -316,7 +310,7 @@ class CoachNode(GuardedNode):
         self, number: int, situation: Situation, why: str, result: Practice.Result
     ) -> None:
         """A situation that the arm does not reach costs its own trial, and not those after it."""
-        self._choosing.give_up(situation)
+        self._choice.give_up(self._asked(situation))
         self._why_not = f"; {self._things[:-1]} {number}: {why}"
         result.outcomes.append(
             conversions.unseen_outcome_msg(situation, self._skill.name, self.p["frame_id"])
@@ -337,7 +331,7 @@ class CoachNode(GuardedNode):
         if not self._goal.request.only_execute:
             await self._recording.start(lambda: self._sequence.hold(False))
         stamp = await self._sequence.reset(situation)
-        if self._choosing.looks:
+        if self._choice.looks:
             return await self._sequence.look()
         if situation is None:
             situation = await self._as_it_is(stamp)
@@ -409,6 +403,7 @@ class CoachNode(GuardedNode):
         """Give the trial to the learner; why it was not learned from, if so, and what there is to
         say of the next one.
         """
+        asked, outcome = self._asked(situation), conversions.task_outcome(made.outcome)
         told_ns = conversions.stamp_ns(made.outcome.header.stamp)
         opens = any(
             event.name == conversions.WORDS[Grip.OPEN] for event in made.plan.events
@@ -416,14 +411,14 @@ class CoachNode(GuardedNode):
         watched_ns = round(self.p["watch_time"] * 1e9) if opens else 0
         cut = await self._recording.stop(told_ns + watched_ns - ARRIVAL_NS, False, "practice")
         if not cut.success:
-            return cut.message, self._choosing.tell(situation, np.nan, made.outcome)
+            return cut.message, self._choice.tell(asked, np.nan, outcome)
         cut.demonstration.id = f"{self._skill.name}_{told_ns}"
         request = AddTrial.Request(trial=cut.demonstration, plan=made.plan)
         told = await self._calls.call(self._add_trial, request, may_refuse=True)
         left = float(np.hypot(*told.left))
         result.learned += told.success
-        return told.message, self._choosing.tell(
-            situation, left if np.isfinite(left) else made.outcome.error, made.outcome
+        return told.message, self._choice.tell(
+            asked, left if np.isfinite(left) else outcome.error, outcome
         )
 
     def _check_cameras(self, what: str = "") -> None:

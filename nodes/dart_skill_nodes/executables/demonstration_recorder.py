@@ -46,6 +46,7 @@ from dart_skill_nodes.comms.names import (
     in_graph,
     pose_topic,
 )
+from dart_skill_nodes.comms.observing import Observer
 from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
@@ -62,7 +63,6 @@ from dart_skill_nodes.process.node_base import (
     declare_bodies,
     run,
 )
-from dart_skill_nodes.skills.observing import Observer
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),

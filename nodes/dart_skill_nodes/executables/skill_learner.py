@@ -206,12 +206,17 @@ class SkillLearner(GuardedNode):
             return response
         response.success, response.demonstrations, response.model_id = (
             True,
-            lesson.demonstrations,
+            len(lesson.learned_from),
             lesson.model_id,
         )
-        left_out = [f"left out: {reason}" for reason in lesson.left_out]
+        left_out = [f"left out: {reason}" for reason in lesson.left_out.values()]
         response.message = "; ".join(
-            [*lesson.said, *left_out, *([f"dropped: {', '.join(dropped)}"] if dropped else [])]
+            [
+                lesson.said,
+                *lesson.facts,
+                *left_out,
+                *([f"dropped: {', '.join(dropped)}"] if dropped else []),
+            ]
         )
         for reason in left_out:
             self.get_logger().warning(reason)

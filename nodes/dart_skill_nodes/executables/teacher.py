@@ -43,6 +43,7 @@ from dart_skill_nodes.comms.presence import LOOK, Cameras, publishers, subscribe
 from dart_skill_nodes.comms.qos import COMPLETE, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
+from dart_skill_nodes.comms.showing import PointerShowing, showing_of
 from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
 from dart_skill_nodes.process.node_base import (
     OK,
@@ -52,7 +53,6 @@ from dart_skill_nodes.process.node_base import (
     declare_bodies,
     run,
 )
-from dart_skill_nodes.skills.showing import PointerShowing, showing_of
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),

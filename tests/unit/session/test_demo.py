@@ -13,8 +13,7 @@ from dart_skill.recording import BagReader
 from dart_skill.session import (
     Job,
     darts_demo,
-    learn_skill_from_bag,
-    learn_throws_from_bag,
+    learn_skill,
     skill_demo,
     throwing_demo,
 )
@@ -31,8 +30,8 @@ def job(tmp_path):
 def test_the_bag_teaches_what_was_learned_to_the_last_bit(name, job):
     said = []
     summary = skill_demo(job, load_skill(name), said.append)
-    learned, left_out = learn_skill_from_bag(job.bag, load_skill(name))
-    assert not left_out and any(f"model {learned.model_id}" in line for line in said)
+    _, lesson = learn_skill(job.bag, load_skill(name))
+    assert not lesson.left_out and any(f"model {lesson.model_id}" in line for line in said)
     assert (
         summary.succeeded == 1
         and summary.layout == "in-process"
@@ -62,8 +61,8 @@ def test_darts_are_those_of_the_experiment_to_the_last_bit(job):
         True,
         True,
     ] and summary.leg is None
-    practice, left_out = learn_throws_from_bag(job.bag, skill)
-    assert len(practice.demonstrations) == 3 and not left_out
+    _, lesson = learn_skill(job.bag, skill)
+    assert len(lesson.learned_from) == 3 and not lesson.left_out
 
 
 def test_a_parameter_that_no_session_has_is_refused(job):

@@ -33,7 +33,7 @@ def test_a_demonstration_is_worked_out_as_it_comes_and_not_again_by_lessons(thro
     for one in shown[:3]:
         throws.expect(one)
     assert prepared == [one.id for one in shown[:3]]
-    assert throws.learn(shown[:3], "").demonstrations == 3
+    assert len(throws.learn(shown[:3]).learned_from) == 3
     assert throws.finding(shown[0], "") and prepared == [one.id for one in shown[:3]]
     throws.learn(shown, "")  # one more
     assert prepared == [one.id for one in shown]
@@ -46,4 +46,4 @@ def test_one_that_cannot_be_learned_from_is_left_to_the_lesson(throws):
     )
     throws.expect(blind)
     lesson = throws.learn([*shown, blind], "")
-    assert lesson.demonstrations == 3 and "blind" in lesson.left_out[0]
+    assert len(lesson.learned_from) == 3 and "blind" in lesson.left_out["blind"]

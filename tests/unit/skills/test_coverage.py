@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dart_skill.skills.learning import Crowd
+from dart_skill.skills.learning import Coverage
 
 PLACES = st.tuples(*[st.integers(-3, 3)] * 3)
 
@@ -22,7 +22,7 @@ def test_what_is_the_most_crowded_is_known_after_any_change(first, changes):
     far apart.
     """
     points = [np.array(place, dtype=float) for place in first]
-    crowd = Crowd(np.array(points).reshape(-1, 3))
+    crowd = Coverage(np.array(points).reshape(-1, 3))
     for change in changes:
         if isinstance(change, tuple):
             crowd.add(np.array(change, dtype=float))

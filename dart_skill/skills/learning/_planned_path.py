@@ -19,7 +19,7 @@ from dart_skill.movement import (
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class PlannedPath:
     """A movement for one task parameter.
 
     The features are x, y, z [m] in the world and alpha, beta [rad] in axes turned by an azimuth
@@ -52,7 +52,7 @@ class Course:
         azimuth: float,
         roll: float,
         pace_gain: np.ndarray | None = None,
-    ) -> Course:
+    ) -> PlannedPath:
         """The course of a movement that DS-GMR made."""
         return cls(
             movement.time,
@@ -65,7 +65,7 @@ class Course:
             pace_gain,
         )
 
-    def part(self, start: int, stop: int) -> Course:
+    def part(self, start: int, stop: int) -> PlannedPath:
         """The course between two indices."""
         return replace(
             self,

@@ -19,7 +19,7 @@ RATE = 100.0
 """Rate of the samples that are learned from [1/s]."""
 
 
-class Shown:
+class MovementModel:
     """Demonstrations of a skill, ready to be learned from.
 
     Parameters and attributes as of `LearnedSkill` and `ReactiveSkill`, which derive from it.

@@ -11,7 +11,6 @@ from geometry_msgs.msg import PoseStamped
 from dart_skill.arm import ArmState, Command, Grip
 from dart_skill.simulation import Person, Phase, PulledHand, Swing, Teacher
 from dart_skill.skills.protocol import Skill
-from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 
 
@@ -68,7 +67,7 @@ class ThrowShowing(_AtOneGlance):
 
     looks = False
 
-    def __init__(self, skill: Throw, p: dict[str, Any]):
+    def __init__(self, skill: Any, p: dict[str, Any]):
         swing = Swing(cocked=skill.cocked) if skill.cocked else None
         self._skill, self._teacher = (
             skill,
@@ -245,8 +244,10 @@ class PointerShowing(_AtOneGlance):
         self._hand.let_go()
 
 
+SHOWINGS = {"swing": ThrowShowing, "carry": CarryShowing, "follow": ReachShowing}
+"""Ways of a simulated person, by what `Skill.shown_by` calls them."""
+
+
 def showing_of(skill: Skill, p: dict[str, Any]) -> Showing:
-    """How a person shows the skill."""
-    if skill.reacts:
-        return ReachShowing(skill, p)
-    return ThrowShowing(skill, p) if isinstance(skill, Throw) else CarryShowing(skill, p)
+    """How a simulated person shows the skill."""
+    return SHOWINGS[skill.shown_by](skill, p)

@@ -7,7 +7,7 @@ import numpy as np
 NOBODY = np.empty((0, 3))
 
 
-class Crowd:
+class Coverage:
     """Points that come and go, oldest first. A point costs work and memory in proportion to how
     many there are.
 

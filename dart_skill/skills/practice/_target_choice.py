@@ -1,0 +1,49 @@
+"""What to go for in the next trial: a part of a skill, chosen by its name."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+import numpy as np
+
+from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
+
+
+class TargetChoice:
+    """Situations that the skill draws, each as good as another.
+
+    Parameters:
+
+    * skill: that is practised.
+    * candidates: number of situations to choose among.
+    * seed: of the random numbers.
+
+    Attribute looks: whether a plan needs what the cameras see of the bodies first.
+    """
+
+    looks = True
+
+    def __init__(self, skill: Skill, candidates: int, seed: int):
+        self.skill, self._candidates = skill, candidates
+        self._rng = np.random.default_rng([seed, 5])
+
+    def candidates(self) -> list[Situation]:
+        """Situations to try next, first the one that teaches most; ValueError if the skill offers
+        none.
+        """
+        return [self.skill.draw(self._rng, wide=True) for _ in range(self._candidates)]
+
+    def tell(self, situation: Situation, error: float, outcome: TaskOutcome) -> str:
+        """Error in a situation [m], nan if it was not seen, and the outcome; returns what there is
+        to say of the next one.
+        """
+        return ""
+
+    def give_up(self, situation: Situation) -> None:
+        """There was no movement in a situation."""
+
+
+def target_choice_of(skill: Skill, candidates: int, seed: int) -> TargetChoice:
+    """The choice that a skill names (`Skill.target_choice`); parameters as of `TargetChoice`."""
+    point = metadata.EntryPoint(skill.name, skill.target_choice, "dart_skill.target_choices")
+    return point.load()(skill, candidates, seed)
