@@ -2,7 +2,7 @@
 demonstrations varied, and how well it keeps to the path where they agreed.
 
 The same demonstrations and baskets for each kind of gains. The hand follows the law (7.19) alone
-(`tracking: none`). `dart-skill experiment compliance` prints the table that docs/skill.md quotes.
+(`tracking: none`). `dart-skill experiment compliance` prints the table that docs/throwing.md quotes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The main job many times over, in process: teach, learn, throw at new baskets, for several seeds
 and configurations.
 
-`dart-skill experiment throws` prints the table that README and docs/skill.md quote.
+`dart-skill experiment throws` prints the table that README and docs/throwing.md quote.
 """
 
 from dataclasses import dataclass

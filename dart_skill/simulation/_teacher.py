@@ -3,7 +3,7 @@ gravity-compensated arm, and never sets a joint.
 
 The person has a swing in mind: turn the arm to the basket, pause, swing it over the top in about
 0.7 s, let go, follow through. How fast the swing has to be comes from the flight of the ball; how
-well a person does it, from docs/throwing_study.md: release point 1.5 cm, duration 4 %, speed 0.8
+well a person does it, from docs/throwing.md: release point 1.5 cm, duration 4 %, speed 0.8
 %, a trembling hand. A throw that misses is tried again, corrected by what was seen.
 """
 

@@ -233,7 +233,7 @@ class Panel:
             )
             names = tuple(CONFIGURATIONS)
             self._configuration = self._gui.add_dropdown(
-                "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/skill.md",
+                "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/throwing.md",
                 visible=self._skill.has_configurations,
             )  # fmt: skip
             learn = self._button("Learn", self._learn)

@@ -2,7 +2,7 @@
 demonstrations are aligned and weighted.
 
 `thesis` is what chapter 8 describes; `default` is DS-GMR as the thesis means it, with what LADDER
-names in addition; `intervals` is the plainest that throws as well. docs/skill.md holds the
+names in addition; `intervals` is the plainest that throws as well. docs/throwing.md holds the
 comparison.
 """
 

@@ -57,7 +57,7 @@ LEAST_DEMONSTRATIONS = 2
 MARGIN = 0.05
 """Time before the start and after the stop of a motion that is learned, too [s]."""
 REACH_MARGIN = 0.25
-"""How far beyond the demonstrated distances a plan may aim, as a share of them: docs/skill.md has
+"""How far beyond the demonstrated distances a plan may aim, as a share of them: docs/throwing.md has
 what comes of it.
 """
 SIDE_MARGIN = np.deg2rad(45.0)

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 USUAL = 0.004
-"""Standard deviation [s] of a hand about which little is known: docs/throwing_study.md."""
+"""Standard deviation [s] of a hand about which little is known: docs/throwing.md."""
 PRIOR_WEIGHT = 4.0
 """Openings that this counts for."""
 SURPRISE = 2.5

@@ -124,7 +124,9 @@ def comments_and_docstrings(source: str) -> str:
 
 
 def test_a_file_that_is_not_here_is_noticed():
-    assert missing("[a](../config/wam.yaml), docs/skill.md, skill.md, `config/*.yaml`") == set()
+    assert (
+        missing("[a](../config/wam.yaml), docs/throwing.md, throwing.md, `config/*.yaml`") == set()
+    )
     assert missing("see nowhere.md, docs/wam.yaml, facts 6.1") == {
         "nowhere.md",
         "docs/wam.yaml",
