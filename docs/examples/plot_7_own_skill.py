@@ -83,7 +83,13 @@ def show(number, body, rng):
     }
     waits = time[time <= 1.0]
     joints = np.tile(POSTURE, (len(waits), 1))
-    return Demonstration(f"shown_{number}", tracks, waits, joints, np.zeros_like(joints))
+    return Demonstration(
+        f"shown_{number}",
+        tracks,
+        joint_time=waits,
+        joint_position=joints,
+        joint_velocity=np.zeros_like(joints),
+    )
 
 
 rng = np.random.default_rng(0)

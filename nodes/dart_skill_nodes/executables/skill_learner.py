@@ -322,7 +322,8 @@ class SkillLearner(GuardedNode):
                     "nothing is learned yet: call ~/learn, or ~/load a model, before trials are"
                     " added"
                 )
-            taken = self._learner.tell(self._checked(request.trial), self._carried_out(request))
+            plan = self._carried_out(request)
+            taken = self._learner.tell(self._checked(request.trial), plan)
             response.success, response.message, response.left = (
                 taken.kept,
                 taken.message,
