@@ -1,6 +1,7 @@
 # make demo    teach, learn, and throw at ten baskets       make demo ARGS="--seed 3 --output /somewhere"
 # make test    the tests, but for some that take long
 # make test-all  every test
+# make test-oldest  unit tests of the library with the oldest NumPy, SciPy and Matplotlib that it takes
 # make setup   only the environment and the build           make setup PYTHON=python3.12
 # make docs    the documentation as a website in build/docs; a broken link is an error
 # make linkcheck  do the links to other sites still lead somewhere? needs the internet
@@ -12,7 +13,7 @@
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
-.PHONY: demo test test-all setup docs linkcheck benchmark growth lock clean
+.PHONY: demo test test-all test-oldest setup docs linkcheck benchmark growth lock clean
 .DEFAULT_GOAL := demo
 
 # A robot does not announce itself to the building until its user says so.
@@ -45,6 +46,15 @@ test: setup
 
 test-all: setup
 	$(call run_tests)
+
+# Without ROS and without what needs a newer NumPy; last bits differ from those of NumPy 2.
+OLDEST := numpy==1.26.4 scipy==1.11.4 matplotlib==3.7.5
+OF_LIBRARY := $(addprefix tests/unit/,arm common darts experiments figures mixture movement policy_search recording simulation skills)
+
+test-oldest: setup
+	@.venv/bin/python3 -m venv build/oldest
+	@build/oldest/bin/python3 -m pip install --quiet --disable-pip-version-check -r requirements/runtime.txt -r requirements/oldest.txt $(OLDEST)
+	@build/oldest/bin/python3 -m pytest $(OF_LIBRARY) -m "not slow" -n 2 --dist loadfile
 
 # The set-up script runs on any Python from 3.8 on, and looks for the best one itself.
 setup:

@@ -39,31 +39,26 @@ LIBRARY_DATA = ["py.typed", "*.pxd", "*/*.pxd", "*/*/*.pxd"]
 IN_THE_WHEEL = {"config": ["**/*"], "msg_schemas": ["package.xml", "msg/*", "srv/*", "action/*"]}
 """Folders beside the library that the wheel takes into it, and which of their files."""
 
-CORE = [
-    "numpy>=1.26,<3",
-    "scipy>=1.11,<2",
-    "pyyaml>=6,<7",
-    "mcap>=1.6,<2",
-    "rosbags>=0.11,<0.12",
-    "zstandard>=0.21,<1",
-    "lz4>=4,<5",
-]
+
+def required(*names: str) -> list[str]:
+    """Requirements with the versions that requirements/versions.txt has, markers included."""
+    file = Path(__file__).resolve().parent / "requirements" / "versions.txt"
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return [line for name in names for line in lines if re.match(rf"{re.escape(name)}[<>=]", line)]
+
+
+CORE = required("numpy", "scipy", "pyyaml", "mcap", "rosbags", "zstandard", "lz4")
 """Learning, where to aim, and bags (docs/dependencies.md says why each)."""
 EXTRAS = {
     # an arm: its kinematics and dynamics, and the world around it
-    "sim": [
-        "pin>=2.7,<5",
-        'pybullet>=3.2.6,<3.3; python_version < "3.12"',
-        'pybullet-arm64>=3.2.8,<3.3; python_version >= "3.12"',
-        "tqdm>=4.64,<5",
-    ],
-    "plot": ["matplotlib>=3.7,<4", "tqdm>=4.64,<5"],
-    "view": ["viser>=1.1,<1.2"],
+    "sim": required("pin", "pybullet", "pybullet-arm64", "tqdm"),
+    "plot": required("matplotlib", "tqdm"),
+    "view": required("viser"),
     # tools that others have: data sets, tables, another live view
-    "lerobot": ["pyarrow>=16,<30", "av>=12,<20"],
-    "pandas": ["pandas>=2.1,<4"],
-    "foxglove": ["foxglove-sdk>=0.25,<1"],
-    "c3d": ["c3d>=0.6,<0.7"],
+    "lerobot": required("pyarrow", "av"),
+    "pandas": required("pandas"),
+    "foxglove": required("foxglove-sdk"),
+    "c3d": required("c3d"),
 }
 
 

@@ -652,10 +652,8 @@ def missing_requirements(work: Workspace) -> tuple[list[str], str]:
     Ubuntu 24.04, on which Jazzy runs, has a Matplotlib that is older than what figures need.
     """
     files = [file for file in requirement_files(work) if file.name != "build.txt"]
-    lines = [
-        line.split("#")[0].strip() for file in files for line in file.read_text().splitlines()
-    ]
-    wanted = {line: module_of(line) for line in lines if line}
+    lines = [line for file in files for line in with_versions(file)]
+    wanted = {line: module_of(line) for line in lines}
     missing, numpy = json.loads(work.ask(MISSING, json.dumps(wanted)))
     return missing, numpy
 
@@ -680,11 +678,32 @@ print(json.dumps([missing, __import__("numpy").__version__ if importlib.util.fin
 """
 
 
-def module_of(requirement: str) -> str:
-    """The module that a line of a requirements file provides."""
+def with_versions(file: Path) -> list[str]:
+    """The lines of a requirements file with the versions that requirements/versions.txt has."""
+    versions: dict[str, list[str]] = {}
+    for line in stripped(REQUIREMENTS / "versions.txt"):
+        versions.setdefault(name_of(line), []).append(line)
+    names = [line for line in stripped(file) if not line.startswith("-c ")]
+    return [known for line in names for known in versions.get(name_of(line), [line])]
+
+
+def stripped(file: Path) -> list[str]:
+    """Lines of a file without comments and blank lines."""
+    lines = (line.split("#")[0].strip() for line in file.read_text().splitlines())
+    return [line for line in lines if line]
+
+
+def name_of(requirement: str) -> str:
+    """Name of the package that a line requires."""
     name = re.match(r"[A-Za-z0-9_.-]+", requirement)
     assert name is not None, requirement
-    return MODULES.get(name.group(), name.group().replace("-", "_"))
+    return name.group()
+
+
+def module_of(requirement: str) -> str:
+    """The module that a line of a requirements file provides."""
+    name = name_of(requirement)
+    return MODULES.get(name, name.replace("-", "_"))
 
 
 def rewrite_include_paths(work: Workspace) -> None:
