@@ -684,7 +684,16 @@ def with_versions(file: Path) -> list[str]:
     for line in stripped(REQUIREMENTS / "versions.txt"):
         versions.setdefault(name_of(line), []).append(line)
     names = [line for line in stripped(file) if not line.startswith("-c ")]
-    return [known for line in names for known in versions.get(name_of(line), [line])]
+    return [
+        known
+        for line in names
+        for known in ([line] if has_version(line) else versions.get(name_of(line), [line]))
+    ]
+
+
+def has_version(requirement: str) -> bool:
+    """Whether a line says a version itself."""
+    return re.search("[<>=~]", requirement.split(";")[0]) is not None
 
 
 def stripped(file: Path) -> list[str]:

@@ -30,6 +30,7 @@ BUILT_FROM = (
     "dart_skill",
     "config",
     "msg_schemas",
+    "requirements",
     "setup.py",
     "setup.cfg",
     "pyproject.toml",
@@ -95,12 +96,9 @@ def test_the_wheel_and_the_workspace_want_the_same_versions():
     lines = [
         line
         for name in ("runtime", "test")
-        for line in (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()
+        for line in workspace.with_versions(ROOT / "requirements" / f"{name}.txt")
     ]
-    wanted = {
-        (one.name, str(one.specifier), str(one.marker))
-        for one in map(Requirement, (line for line in lines if line[:1].isalnum()))
-    }
+    wanted = {(one.name, str(one.specifier), str(one.marker)) for one in map(Requirement, lines)}
     own = {
         (one.name, str(one.specifier), str(one.marker))
         for extra in ("", *EXTRAS)

@@ -185,9 +185,9 @@ def test_what_is_locked_is_what_the_requirements_allow(python):
             if requirement.marker is None or requirement.marker.evaluate(here):
                 (locked[canonicalize_name(requirement.name)],) = requirement.specifier
     for file in ("build", "runtime", "test", "ros-pypi"):
-        for line in (ROOT / "requirements" / f"{file}.txt").read_text().splitlines():
-            wanted = None if line.startswith("#") else Requirement(line)
-            if wanted is not None and (wanted.marker is None or wanted.marker.evaluate(here)):
+        for line in workspace.with_versions(ROOT / "requirements" / f"{file}.txt"):
+            wanted = Requirement(line)
+            if wanted.marker is None or wanted.marker.evaluate(here):
                 version = locked[canonicalize_name(wanted.name)].version
                 assert wanted.specifier.contains(version), (
                     f"{line}: {version} is locked: make lock"
@@ -275,7 +275,9 @@ def test_a_module_that_was_not_compiled_meanwhile_is_compiled_in_a_step_of_its_o
     installing, monkeypatch
 ):
     monkeypatch.setattr(
-        workspace, "stale_modules", lambda: [workspace.ROOT / "dart_skill" / "rotations.py"]
+        workspace,
+        "stale_modules",
+        lambda: [workspace.ROOT / "dart_skill" / "common" / "rotations.py"],
     )
     _, modules = installing()
     assert not modules.is_done()
