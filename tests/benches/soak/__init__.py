@@ -24,7 +24,7 @@ from dart_skill_nodes.verbs._run import carried_out, say, teach
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
-    from dart_skill_nodes.verbs.soak.samples import Sample, Usage
+    from tests.benches.soak.samples import Sample, Usage
 
 ROUND = 10
 """Throws between two samples."""
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the soak; exit status 1 if something did not stay as it was."""
-    from dart_skill_nodes.verbs.soak.samples import Sample, changes
+    from tests.benches.soak.samples import Sample, changes
 
     if not options.minutes > 0.0 or options.seed < 0 or not 0.0 <= options.speed <= FASTEST:
         parser.error(
@@ -147,7 +147,7 @@ def practise(
 
     processes: numbers of those that are looked at, by name.
     """
-    from dart_skill_nodes.verbs.soak.samples import Sample
+    from tests.benches.soak.samples import Sample
 
     now = begun = time.monotonic()
     thrown, before, stamp, used = 0, 0.0, 0.0, dict.fromkeys(processes, 0.0)
@@ -175,7 +175,7 @@ def _stamp(result) -> float:
 
 
 def _usage(pid: int, processor: float) -> "Usage":
-    from dart_skill_nodes.verbs.soak.samples import Usage
+    from tests.benches.soak.samples import Usage
 
     return Usage(memory_of(pid) / 1e6, processor, threads_of(pid), descriptors_of(pid))
 
@@ -198,7 +198,7 @@ def _missing(thrown: int, bag: Path) -> list[str]:
 
 def _draw(samples: list["Sample"], options: argparse.Namespace) -> None:
     from dart_skill.figures import save
-    from dart_skill_nodes.verbs.soak.samples import curve
+    from tests.benches.soak.samples import curve
 
     save(curve(samples, options.warm_up), options.output, "soak")
 

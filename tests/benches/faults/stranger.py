@@ -40,7 +40,7 @@ from dart_skill_nodes.comms.qos import COMPLETE, LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import make_executor
 from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs.faults.cases import GARBAGE
+from tests.benches.faults.cases import GARBAGE
 
 NAME = "stranger"
 ORDERS, DONE = f"/{NAME}/orders", f"/{NAME}/done"
