@@ -15,7 +15,7 @@ import rclpy
 from ament_index_python import get_package_prefix
 
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.comms.running_nodes import running
+from dart_skill_nodes.comms.this_machine import running
 from dart_skill_nodes.process.node_base import make_executor
 from tests.paths import ROOT
 from tests.warm import WarmPopen

@@ -37,7 +37,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.names import DIAGNOSTICS, full_name, in_graph, nodes_there
 from dart_skill_nodes.comms.presence import LOOK, Presence, be_alive, servers
-from dart_skill_nodes.comms.running_nodes import ENDING, running
+from dart_skill_nodes.comms.this_machine import ENDING, running
 from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
 

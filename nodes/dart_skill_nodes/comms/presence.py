@@ -28,7 +28,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Empty, String
 
-from dart_skill_nodes.comms.system_process import LOW_NUMBER, SystemProcess, runs
+from dart_skill_nodes.comms.this_machine import LOW_NUMBER, SystemProcess, runs
 
 LEASE = 3.5
 """A node that is not heard of for so long is taken for dead; a process may be held up for 3 s [s,

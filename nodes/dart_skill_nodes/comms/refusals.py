@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from dart_skill_nodes.comms.in_process import Handing, has_called
 from dart_skill_nodes.comms.qos import CALLS, WALL
-from dart_skill_nodes.comms.running_nodes import hold
+from dart_skill_nodes.comms.this_machine import hold
 
 SAID_AGAIN = 5.0
 """A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad

@@ -27,7 +27,7 @@ from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.awake import Awake
+from dart_skill_nodes.comms.arm_time import FreezeDetector
 from dart_skill_nodes.comms.coroutines import (
     CoroutineActionServer,
     Promise,
@@ -87,7 +87,7 @@ class CoachNode(GuardedNode):
         self._goal, self._sighting, self._stopped = None, None, ""
         self._client: Presence | None = None  # who waits for the result
         self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
-        self._awake, self._unseen = Awake(), ""
+        self._awake, self._unseen = FreezeDetector(), ""
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
         self._sequence = TrialSequence(

@@ -40,12 +40,11 @@ from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.arm_commands import CommandWriter
-from dart_skill_nodes.comms.awake import Awake
+from dart_skill_nodes.comms.arm_time import FreezeDetector, TimeOfTheArm
+from dart_skill_nodes.comms.commands import CommandWriter, new_sender
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
 from dart_skill_nodes.comms.joint_states import Rivals, StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name, pose_topic
-from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import (
     LOOK,
     Cameras,
@@ -58,8 +57,6 @@ from dart_skill_nodes.comms.presence import (
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
-from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
-from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import (
     ERROR,
     OK,
@@ -70,6 +67,7 @@ from dart_skill_nodes.process.node_base import (
     declare_bodies,
     run,
 )
+from dart_skill_nodes.process.parameters import LIMITS
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
@@ -190,7 +188,7 @@ class CommanderNode(GuardedNode):
         self._reacting: ReactiveGuide | None = None  # is told where the bodies are
         self._cameras = Cameras(self, pose_topic(name_of[self._skill.moves]))
         self._unseen = ""  # why nobody would see a throw
-        self._awake = Awake()
+        self._awake = FreezeDetector()
         self._states_name = full_name(self, JOINT_STATES)
         self._strangers: list[str] = []  # who commands the arm, too
         self._arm_fault = ""  # why the arm's own safety module has stopped it

@@ -30,7 +30,6 @@ from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.joint_states import OfTheArm
-from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.comms.names import (
     DEMONSTRATIONS,
@@ -40,6 +39,7 @@ from dart_skill_nodes.comms.names import (
     pose_topic,
 )
 from dart_skill_nodes.comms.qos import LATCHED, WALL
+from dart_skill_nodes.comms.raw_batches import LatestMessages, poses_of
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.graph_processes import TOKEN
 from dart_skill_nodes.process.node_base import (

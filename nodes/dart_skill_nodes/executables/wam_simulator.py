@@ -34,17 +34,15 @@ from dart_skill.arm import (
 from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.arm_commands import command_reader
+from dart_skill_nodes.comms.arm_time import HELD
+from dart_skill_nodes.comms.commands import ObeyedPublisher
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 from dart_skill_nodes.comms.in_process import call_soon
 from dart_skill_nodes.comms.names import CLOCK, COMMANDS, DESCRIPTION, GUIDING, JOINT_STATES
-from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
 from dart_skill_nodes.comms.qos import CLOCK_QOS, COMPLETE, FRAMES, LOOP, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.tf_messages import LiveTransforms
-from dart_skill_nodes.comms.time_of_the_arm import HELD
-from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import (
     ERROR,
     OK,
@@ -54,6 +52,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     run,
 )
+from dart_skill_nodes.process.parameters import LIMITS
 
 TABLE = [
     Parameter("skill", "in whose world the arm stands"),
@@ -248,7 +247,11 @@ class WamSimulator(GuardedNode):
         self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in PUSHES.items()}
         for who, topic in PUSHES.items():
             self.create_subscription(
-                WamCommand, topic, partial(self._on_answer, who, command_reader()), LOOP, raw=True
+                WamCommand,
+                topic,
+                partial(self._on_answer, who, LayoutReader(WamCommand)),
+                LOOP,
+                raw=True,
             )
 
     def _make_services(self) -> None:

@@ -1,13 +1,14 @@
-"""Where the graph is found and heard: on this machine alone, and on a ROS domain. Imported before
-rclpy starts.
+"""What the environment says to rcl and DDS before rclpy starts: that the graph is found and heard on
+this machine alone, on which ROS domain, and where logs are written.
 """
 
 import os
 import socket
+import tempfile
 from contextlib import closing
+from pathlib import Path
 
 from dart_skill.common.configuration import config_path
-from dart_skill_nodes.process.logs import find_log_folder
 
 RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -87,3 +88,31 @@ def _free(port: int) -> bool:
             except OSError:
                 return False
     return True
+
+
+def find_log_folder() -> None:
+    """Let rcl write logs to a new temporary folder where the usual one cannot be made, without
+    which it starts nothing: no HOME, or one that this user may not write to. Call before rclpy
+    starts.
+    """
+    if os.environ.get("ROS_LOG_DIR"):
+        return
+    if not _is_writable(_usual()):
+        os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="ros_log_")
+
+
+def _usual() -> Path | None:
+    """As rcl has it; it looks at HOME alone, not at the list of users."""
+    if named := os.environ.get("ROS_HOME"):
+        return Path(named, "log")
+    home = os.environ.get("HOME")
+    return Path(home, ".ros", "log") if home else None
+
+
+def _is_writable(folder: Path | None) -> bool:
+    try:
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return folder is not None and os.access(folder, os.W_OK)

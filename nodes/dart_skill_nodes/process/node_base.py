@@ -31,11 +31,9 @@ from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
-from dart_skill_nodes.process.discovery import hear_loopback_alone
-from dart_skill_nodes.process.logs import find_log_folder
-from dart_skill_nodes.process.parameters import Parameter
+from dart_skill_nodes.process.discovery import find_log_folder, hear_loopback_alone
+from dart_skill_nodes.process.parameters import Parameter, heed_arguments, unknown_parameters
 from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.process.usage import heed_arguments, unknown_parameters
 
 ENDS_WITHIN = 0.1
 """Whether it was told to end, a process looks so often [s, wall clock]: not after each of

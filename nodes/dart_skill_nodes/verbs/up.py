@@ -231,7 +231,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     ends by itself, or says nothing.
     """
     from dart_skill_nodes.client.graph_client import GraphClient
-    from dart_skill_nodes.comms.running_nodes import ENDING
+    from dart_skill_nodes.comms.this_machine import ENDING
 
     wanted = executables(options)
     with (

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -13,12 +14,6 @@ from dart_skill.cli.run_options import add_arm, differences, folder, output_fold
 from dart_skill.common.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import COMMANDS
-from dart_skill_nodes.comms.system_process import (
-    descriptors_of,
-    memory_of,
-    processor_time_of,
-    threads_of,
-)
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
 from dart_skill_nodes.verbs._run import carried_out, say, teach
 
@@ -155,7 +150,7 @@ def practise(
         asked = time.monotonic()
         result = client.practise(ROUND)
         now, before, stamp = time.monotonic(), stamp, _stamp(result)
-        already, used = used, {name: processor_time_of(pid) for name, pid in processes.items()}
+        already, used = used, {name: _processor_time_of(pid) for name, pid in processes.items()}
         thrown += result.executed
         if before:
             usage = {
@@ -177,7 +172,17 @@ def _stamp(result) -> float:
 def _usage(pid: int, processor: float) -> "Usage":
     from tests.benches.soak.samples import Usage
 
-    return Usage(memory_of(pid) / 1e6, processor, threads_of(pid), descriptors_of(pid))
+    process = Path(f"/proc/{pid}")
+    pages = int((process / "statm").read_text().split()[1])
+    memory = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+    threads, descriptors = (len(os.listdir(process / name)) for name in ("task", "fd"))
+    return Usage(memory, processor, threads, descriptors)
+
+
+def _processor_time_of(pid: int) -> float:
+    """Processor time that a process has used so far, its threads together [s]."""
+    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _missing(thrown: int, bag: Path) -> list[str]:

@@ -1,11 +1,13 @@
-"""Whether the arm's time goes on, as whoever moves the arm sees it: the stamps of its states,
-against the clock of the wall.
+"""Whether time goes on: that of the arm, as the node that moves the arm sees it, and that of this
+process.
 
-A simulator that waits for an answer, or for a state to arrive, stands still for ever; one that
-somebody holds says so on HELD.
+The arm's time is that of the stamps of its states, against the clock of the wall. A simulator that
+waits for an answer, or for a state to arrive, stands still for ever; one that is held says so on
+HELD.
 """
 
 import time
+from pathlib import Path
 
 from rclpy.node import Node
 from std_msgs.msg import Bool
@@ -21,6 +23,10 @@ process may be held up [s, wall clock].
 """
 HELD_LONG = 1.0
 """Who holds a world for a trial lets it run sooner [s, wall clock]."""
+SCHEDULED = Path("/proc/thread-self/schedstat")
+"""Statistics of its reader: time on a core, and time in which it waited for one [ns] (Linux,
+Documentation/scheduler/sched-stats).
+"""
 
 
 class TimeOfTheArm:
@@ -69,3 +75,34 @@ class TimeOfTheArm:
             f"the arm's time has stood still for {self.silence:.1f} s: /joint_states, or an answer"
             " to them, gets lost (see /diagnostics)"
         )
+
+
+class FreezeDetector:
+    """Tells whether this process was frozen: stopped by a signal, or with its whole machine. A
+    process that waited for a core was not. Ask it in one thread, again and again.
+    """
+
+    def __init__(self) -> None:
+        self._asked = self._looked = time.monotonic()
+        self._busy = busy_time()
+
+    def frozen(self) -> float:
+        """Time in which this thread neither ran nor waited for a core since the last call [s]; 0
+        if it is not longer than LEASE.
+        """
+        now = time.monotonic()
+        gap = now - self._asked
+        self._asked = now
+        lost = gap - (busy_time() - self._busy) if gap > LEASE else 0.0
+        if now - self._looked > LOOK:  # so that hardly anything counts that was before the gap
+            self._looked, self._busy = now, busy_time()
+        return lost if lost > LEASE else 0.0
+
+
+def busy_time() -> float:
+    """Time in which this thread has run or waited for a core [s]; 0 where the system does not say."""
+    try:
+        running, waiting, _ = SCHEDULED.read_text().split()
+    except (OSError, ValueError):
+        return 0.0
+    return 1e-9 * (int(running) + int(waiting))
