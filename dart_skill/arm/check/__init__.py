@@ -4,8 +4,8 @@ was heard of them, go or no go.
 
 from dart_skill.arm.check._check import ArmReport, check_arm
 from dart_skill.arm.check._heard import Endpoint, Heard, JointStream, PoseStream
+from dart_skill.arm.check._joints import PostureCounter
 from dart_skill.arm.check._line import Line, Verdict
-from dart_skill.arm.check._postures import PostureCounter
 
 __all__ = [
     "ArmReport",

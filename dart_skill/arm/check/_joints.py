@@ -1,4 +1,6 @@
-"""The joints: names, range, units, and whether speeds are those of the positions."""
+"""The joints: names, range, units, and whether speeds are those of the positions; and the different
+postures that a person leads the arm through.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +19,13 @@ SHARE = 0.25
 """So far the slope of speeds over differences of positions may be from one."""
 WINDOW = 0.02
 """Over which positions are differenced [s]."""
+
+REST = 0.05
+"""Joint speed below which an arm rests [rad/s]."""
+RESTING = 0.3
+"""Time that it has to rest, to be in a posture [s]."""
+NEW = 0.2
+"""A posture is new if a joint is so far from where it was in all others [rad]."""
 
 
 def joint_lines(stream: JointStream, description: WamDescription) -> list[Line]:
@@ -195,3 +204,33 @@ def _cause(slopes: list[float]) -> str:
     if all(abs(slope * np.rad2deg(1.0) - 1.0) < SHARE for slope in slopes):
         return "positions look like degrees, velocities like rad/s: the driver must give radians"
     return "speeds are not those of the positions: look at units, order and filter of the driver"
+
+
+class PostureCounter:
+    """Counts the different postures in which an arm rested."""
+
+    def __init__(self) -> None:
+        self._found: list[np.ndarray] = []
+        self._last: tuple[float, np.ndarray] | None = None
+        self._since: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def add(self, time: float, position: np.ndarray) -> bool:
+        """Take the joints (7,) [rad] at an instant [s]; whether that makes a new posture."""
+        last = self._last
+        self._last = (time, position)
+        if last is None or not time > last[0]:
+            self._since = time
+            return False
+        if np.abs(position - last[1]).max() > REST * (time - last[0]):
+            self._since = time
+        if (
+            self._since is None
+            or time - self._since < RESTING
+            or any(np.abs(position - one).max() < NEW for one in self._found)
+        ):
+            return False
+        self._found.append(position.copy())
+        return True
