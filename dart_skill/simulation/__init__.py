@@ -23,7 +23,8 @@ if TYPE_CHECKING:
         MotionCaptureConfig,
         Sample,
     )
-    from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
+    from dart_skill.simulation._plant import Plant, PlantState
+    from dart_skill.simulation._plant_settings import PlantSettings
     from dart_skill.simulation._pulled_hand import PulledHand, Pulling
     from dart_skill.simulation._reacher import Reacher, Reaching
     from dart_skill.simulation._stillness import Stillness
@@ -44,7 +45,8 @@ else:
             "_motion_capture": (
                 "BasketWalls Camera Frame LatencyQueue MotionCapture MotionCaptureConfig Sample"
             ),
-            "_plant": "Plant PlantSettings PlantState",
+            "_plant": "Plant PlantState",
+            "_plant_settings": "PlantSettings",
             "_pulled_hand": "PulledHand Pulling",
             "_reacher": "Reacher Reaching",
             "_stillness": "Stillness",

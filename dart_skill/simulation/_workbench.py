@@ -14,15 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import WamDescription, wam_description, with_box
+from dart_skill.simulation._arm_in_world import HAND_LINK_INDEX, small_box
 from dart_skill.simulation._bullet import BulletClient, pybullet
-from dart_skill.simulation._plant import (
-    HAND_LINK_INDEX,
-    Plant,
-    PlantSettings,
-    PlantState,
-    in_principal_axes,
-    small_box,
-)
+from dart_skill.simulation._plant import Plant, PlantState, in_principal_axes
+from dart_skill.simulation._plant_settings import PlantSettings
 
 Pose = tuple[np.ndarray, np.ndarray]
 """Position (3,) [m] and quaternion (4,)."""
@@ -98,15 +93,14 @@ class Workbench(Plant):
         self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None
     ) -> PlantState:
         """As of the plant."""
-        self._check_movable(poses)
-        self._check_numbers(numbers or {})
+        self._check_situation(poses, numbers or {})
         if poses:
             self.stand(poses[self.movable_body])
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
         """As of the plant. position: of the body (3,) [m]."""
-        self._check_movable([role])
+        self._check_situation([role])
         self.stand((position, quaternion))
         self._world.resetBasePositionAndOrientation(
             self._holder_body, self._holder[0].tolist(), self._holder[1].tolist()

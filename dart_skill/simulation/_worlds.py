@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from dart_skill.simulation._board import Board
-from dart_skill.simulation._plant import Plant, PlantSettings
+from dart_skill.simulation._plant import Plant
+from dart_skill.simulation._plant_settings import PlantSettings
 
 WORLDS = ("basket", "board", "bench", "belt")
 """A ball in the hand, and a basket; a dart, and a board; a part on a table, and a holder into
@@ -47,12 +48,13 @@ class BoardWorld(Plant):
         """As of every plant; the board hangs where it did."""
         super().change(replace(settings, board=self.settings.board))
 
-    def _check_movable(self, roles: Iterable[str]) -> None:
+    def _check_situation(self, roles: Iterable[str], numbers: Iterable[str] = ()) -> None:
         if named := ", ".join(sorted(roles)):
             raise ValueError(
                 f"the board hangs where it is (board_position): no situation puts the {named}"
                 " somewhere"
             )
+        super()._check_situation((), numbers)
 
 
 def make_world(

@@ -177,7 +177,7 @@ class Judge:
         return response.outcome
 
 
-class Eyes:
+class BodyLocator:
     """The node that sees the poses, for a node that needs to know where bodies are."""
 
     def __init__(self, node: Node, calls: ServiceCalls):

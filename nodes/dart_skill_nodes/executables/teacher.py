@@ -25,7 +25,7 @@ from dart_skill.arm import REST_SPEED, ArmState, Command, Grip
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import Eyes, Judge, Recording, ServiceCalls
+from dart_skill_nodes.client.service_calls import BodyLocator, Judge, Recording, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_time import FreezeDetector, TimeOfTheArm
@@ -122,7 +122,10 @@ class TeacherNode(GuardedNode):
             Recording(self, calls),
             Judge(self, calls),
         )
-        self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "simulation/step")
+        self._eyes, self._step = (
+            BodyLocator(self, calls),
+            self.create_client(Step, "simulation/step"),
+        )
         self._reader, self._writer, self._written = (
             StateReader(),
             CommandWriter(new_sender(), self.p["frame_id"]),

@@ -35,7 +35,7 @@ LAYERS = (
 """Rooms of the library, from the ground up: a room imports from lower layers, and from nowhere
 else.
 """
-NODE_LAYERS = ({"comms"}, {"process"}, {"skills"}, {"client"}, {"executables"}, {"verbs"})
+NODE_LAYERS = ({"comms"}, {"process"}, {"skills"}, {"client"}, {"arm"}, {"executables"}, {"verbs"})
 """The same for the nodes."""
 ROS = {
     "rclpy",
