@@ -11,7 +11,7 @@ from dart_skill.arm._command import (
     all_finite,
     check_command,
 )
-from dart_skill.arm._description import DART, Ball, WamDescription, wam_description, with_box
+from dart_skill.arm._description import DART, HeldBall, WamDescription, wam_description, with_box
 from dart_skill.arm._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace
 from dart_skill.arm._registration import (
     KnownRegistration,
@@ -86,7 +86,7 @@ __all__ = [
     "Actuation",
     "ArmModel",
     "ArmState",
-    "Ball",
+    "HeldBall",
     "DART",
     "BridgeSettings",
     "Command",

@@ -48,11 +48,6 @@ def rotation_error(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return turn(np.asarray(target, dtype=float), np.asarray(rotation, dtype=float))
 
 
-def pose_error(position: np.ndarray, rotation: np.ndarray, hand: HandState) -> np.ndarray:
-    """What the hand lacks to a pose (6,): way [m] over rotation vector [rad], world axes."""
-    return np.concatenate([position - hand.position, rotation_error(rotation, hand.rotation)])
-
-
 @dataclass(frozen=True)
 class PoseGains:
     """Spring and damper of the hand per unit mass: stiffness [1/s^2] and damping [1/s], linear
@@ -123,8 +118,8 @@ class Impedance:
         """Acceleration (6,) that (7.19) asks of the hand in a state of the arm, as of
         `attractor_acceleration`.
 
-        reference: what the hand shall do; gains: of the attractor; tracking: of a pull as of
-        `tracking_acceleration` on top, or None.
+        reference: what the hand shall do; gains: of the attractor; tracking: of a second pull,
+        towards the motion that (7.19) predicts, or None.
         """
         terms, r, add = self.model.at(q, qd), reference, self._drive.add_pull
         if gains.stiffness.ndim == 2:
@@ -175,21 +170,12 @@ def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGai
     y; hand: x and v; gains: k and d.
     """
     if gains.stiffness.ndim == 2:
-        error = pose_error(reference.attractor_position, reference.attractor_rotation, hand)
+        way = reference.attractor_position - hand.position
+        error = np.append(way, rotation_error(reference.attractor_rotation, hand.rotation))
         return gains.stiffness @ error - gains.damping @ hand.velocity
     at_rest = reference.attractor_position, reference.attractor_rotation, AT_REST
     return pull(
         *at_rest, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping
-    )
-
-
-def tracking_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
-    """A second pull, towards the motion that (7.19) predicts: zero as long as the arm does what
-    was predicted (6,).
-    """
-    expected = reference.position, reference.rotation, reference.velocity
-    return pull(
-        *expected, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping
     )
 
 

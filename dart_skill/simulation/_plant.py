@@ -13,9 +13,9 @@ import numpy as np
 
 from dart_skill.arm import (
     ArmState,
-    Ball,
     Command,
     Grip,
+    HeldBall,
     WamDescription,
     check_command,
     check_push,
@@ -441,7 +441,7 @@ def in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float]
     return rotate_one(back, point - centre).tolist(), back.tolist()
 
 
-def _ball_body(world: BulletClient, ball: Ball, mass: float) -> int:
+def _ball_body(world: BulletClient, ball: HeldBall, mass: float) -> int:
     shape = world.createCollisionShape(pybullet.GEOM_SPHERE, radius=ball.radius)
     body = world.createMultiBody(mass, shape, small_box(world))
     inertia = [ball.inertia * mass / ball.mass] * 3

@@ -12,7 +12,7 @@ import numpy as np
 from dart_skill.common import palette
 from dart_skill.view._placing import on_plane
 from dart_skill.view._shapes import sphere
-from dart_skill.view._solids import Part
+from dart_skill.view._solids import ColouredMesh
 
 RADIUS = 0.055
 """Radius of the ball that is dragged [m]: larger than the hand, so that the mouse meets it."""
@@ -35,7 +35,7 @@ class HeldHand:
     * parts: of the body that is brought somewhere, as they are drawn.
     """
 
-    def __init__(self, server: Any, parts: list[Part]):
+    def __init__(self, server: Any, parts: list[ColouredMesh]):
         self._server, self._grip, self._hand = server, np.zeros(3), np.zeros(3)
         scene, ball = server.scene, sphere(RADIUS)
         vertices, faces = ball.vertices.astype(np.float32), ball.faces.astype(np.uint32)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.arm import ArmModel
-from dart_skill.arm.check._heard import Heard, PoseStream
-from dart_skill.arm.check._line import Line, Verdict, graded, line
+from dart_skill.arm.check._heard import Heard, HeardPoses
+from dart_skill.arm.check._line import Grade, Line, graded, line
 from dart_skill.skills.observation import position_noise
 
 RATE = 100.0
@@ -40,13 +40,13 @@ def camera_lines(heard: Heard, model: ArmModel, joints_are_right: bool) -> list[
     return lines
 
 
-def _reach(role: str, stream: PoseStream, heard: Heard, model: ArmModel | None) -> Line:
+def _reach(role: str, stream: HeardPoses, heard: Heard, model: ArmModel | None) -> Line:
     asked, check = f"in {100 * SEEN:.0f} % of the frames", f"{role}: seen"
     stamps, states = stream.stamp_ns[stream.forward], heard.joints.stamp_ns[heard.joints.forward]
     if len(stamps) < 3:
         return line(
             check,
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "never",
             asked,
             "is it switched on and named as in config/world.yaml? are its markers seen?",
@@ -132,12 +132,12 @@ def _hands(stamps: np.ndarray, heard: Heard, model: ArmModel) -> np.ndarray:
     return np.array([model.hand_pose(row)[0] for row in q]).reshape(-1, 3)
 
 
-def _noise(role: str, stream: PoseStream) -> Line:
+def _noise(role: str, stream: HeardPoses) -> Line:
     forward = stream.forward & np.isfinite(stream.position).all(axis=1)
     asked = f"at most {1e3 * NOISE:.0f} mm"
     if np.count_nonzero(forward) < FEW:
         return line(
-            f"{role}: noise", Verdict.NO_GO, "too few frames", asked, "let the cameras see it"
+            f"{role}: noise", Grade.NO_GO, "too few frames", asked, "let the cameras see it"
         )
     time = (stream.stamp_ns[forward] - stream.stamp_ns[forward][0]) * 1e-9
     noise = position_noise(time, stream.position[forward])

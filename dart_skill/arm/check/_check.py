@@ -14,7 +14,7 @@ from dart_skill.arm.check._cameras import RATE, camera_lines
 from dart_skill.arm.check._hand import hand_lines
 from dart_skill.arm.check._heard import Heard
 from dart_skill.arm.check._joints import joint_lines
-from dart_skill.arm.check._line import Line, Verdict, graded, line
+from dart_skill.arm.check._line import Grade, Line, graded, line
 from dart_skill.arm.check._topics import (
     command_line,
     frame_line,
@@ -51,7 +51,7 @@ class ArmReport:
     @property
     def is_go(self) -> bool:
         """Whether no line says NO-GO."""
-        return all(one.verdict is not Verdict.NO_GO for one in self.lines)
+        return all(one.verdict is not Grade.NO_GO for one in self.lines)
 
 
 def check_arm(
@@ -86,7 +86,7 @@ def check_arm(
             frame_line(stream, the_world().frame_id),
         ]
     lines += [time_base_line(heard), command_line(heard)]
-    right = all(one.verdict is not Verdict.NO_GO for one in of_joints[:2])
+    right = all(one.verdict is not Grade.NO_GO for one in of_joints[:2])
     of_hand, fit = hand_lines(heard, model, right)
     lines += [
         *of_hand,
@@ -119,7 +119,7 @@ def _safety_lines(limits: Mapping, description: WamDescription, simulated: bool)
             "lower farthest_error in config/commander.yaml: a throw is stopped that far from its plan",
         ),
         line(
-            "joint limits", Verdict.GO if inside else Verdict.NO_GO, f"of {len(lower)} joints, margin {margin:g} rad",
+            "joint limits", Grade.GO if inside else Grade.NO_GO, f"of {len(lower)} joints, margin {margin:g} rad",
             "lower below upper, with the margin between", "correct lower and upper of config/wam.yaml",
         ),
         line(
@@ -134,8 +134,8 @@ def _speed_line(hand: float, simulated: bool) -> Line:
         "" if simulated else f"; {VELOCITY_LIMIT:g} m/s until the arm's limit is raised"
     )
     verdict = graded(hand, FASTEST, 8.0)
-    if verdict is Verdict.GO and not simulated and hand > VELOCITY_LIMIT:
-        verdict = Verdict.WARN
+    if verdict is Grade.GO and not simulated and hand > VELOCITY_LIMIT:
+        verdict = Grade.WARN
     remedy = (
         "the arm stops at its own limit (fault VL2): raise it with setVelocityLimit after each"
         " power-up, begin with less in fastest_hand"

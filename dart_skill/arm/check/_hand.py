@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import ArmModel, RegistrationFit, Sightings, measure_registration
 from dart_skill.arm.check._heard import Heard
 from dart_skill.arm.check._joints import speeds_of
-from dart_skill.arm.check._line import Line, Verdict, graded, line, worst
+from dart_skill.arm.check._line import Grade, Line, graded, line, worst
 
 STEP = 0.05
 """The hand is looked at whenever a joint has moved by so much since the last time [rad]."""
@@ -91,7 +91,7 @@ def hand_lines(
     check = "hand against kinematics"
     if not joints_are_right:
         return [
-            line(check, Verdict.NO_GO, "not compared", asked, "set the joints right first")
+            line(check, Grade.NO_GO, "not compared", asked, "set the joints right first")
         ], None
     seen = sightings_of(heard, model)
     if len(seen) < 3:
@@ -100,13 +100,13 @@ def hand_lines(
             " the cameras see it"
         )
         return [
-            line(check, Verdict.NO_GO, f"{len(seen)} different postures were seen", asked, remedy)
+            line(check, Grade.NO_GO, f"{len(seen)} different postures were seen", asked, remedy)
         ], None
     fit = measure_registration(seen)
     left = _left(fit, asked)
     postures = _postures(fit)
     lines = [left, postures, _base(fit), _height(fit, model), _body(fit), _delay(fit)]
-    is_trusted = Verdict.NO_GO not in (left.verdict, postures.verdict)
+    is_trusted = Grade.NO_GO not in (left.verdict, postures.verdict)
     return (lines if is_trusted else lines[:2]), (fit if is_trusted else None)
 
 
@@ -124,7 +124,7 @@ def _asked(good: tuple[float, float], bearable: tuple[float, float]) -> str:
 
 def _both(
     shift: float, turn: float, good: tuple[float, float], bearable: tuple[float, float]
-) -> Verdict:
+) -> Grade:
     return worst(graded(shift, good[0], bearable[0]), graded(turn, good[1], bearable[1]))
 
 
@@ -163,7 +163,7 @@ def _base(fit: RegistrationFit) -> Line:
     x, y, _ = fit.registration.shift
     verdict = _both(float(np.hypot(x, y)), float(turn), BASE, TOO_FAR_BASE)
     remedy = "give learner and commander the file of --write (registration_file)"
-    if verdict is Verdict.NO_GO:
+    if verdict is Grade.NO_GO:
         remedy = (
             "set the origin and the axes of the cameras' world again: origin below J1, x where J1"
             " is zero, z up"
@@ -204,7 +204,7 @@ def _body(fit: RegistrationFit) -> Line:
     )
     verdict = _both(shift, float(turn), BODY, TOO_FAR_BODY)
     remedy = "give learner and commander the file of --write (registration_file)"
-    if verdict is Verdict.NO_GO:
+    if verdict is Grade.NO_GO:
         remedy = (
             "move the pivot of the rigid body to the mounting face of the hand and turn its axes:"
             " z out of the palm (Motive: Rigid Body)"
@@ -218,7 +218,7 @@ def _delay(fit: RegistrationFit) -> Line:
     asked = "cameras stamp at most 20 ms after the joints"
     if fit.spread[12] > 0.005:
         return line(
-            "delay of the stamps", Verdict.GO, "not told: the arm rested; throws tell it", asked
+            "delay of the stamps", Grade.GO, "not told: the arm rested; throws tell it", asked
         )
     late, spread = 1e3 * fit.registration.delay, 1e3 * fit.spread[12]
     verdict = graded(abs(late), 20.0, 50.0)

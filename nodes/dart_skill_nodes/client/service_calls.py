@@ -97,7 +97,7 @@ def _unanswered(name: str, asked: Presence, limit: float) -> str:
     )
 
 
-class Recording:
+class RecorderCalls:
     """The demonstration recorder, for a node that lets something be recorded."""
 
     def __init__(self, node: Node, calls: ServiceCalls):

@@ -22,7 +22,7 @@ LOOK_AGAIN = 0.2
 
 
 @dataclass
-class _Topic:
+class _FollowedTopic:
     name: str
     callback: Callable
     type: type | None
@@ -74,7 +74,9 @@ class MatchingSubscriptions:
         so that nothing is missed of a reliable publisher; needs message_type.
         """
         name = self._node.resolve_topic_name(topic)
-        self._topics[topic] = _Topic(name, callback, message_type, depth, raw, on_offer, at_once)
+        self._topics[topic] = _FollowedTopic(
+            name, callback, message_type, depth, raw, on_offer, at_once
+        )
         self.go_on()
 
     def go_on(self) -> None:
@@ -135,7 +137,7 @@ class MatchingSubscriptions:
             self._on_look(name, frozenset(bytes(offer.endpoint_gid) for offer in heard))
 
     def _heard(
-        self, name: str, topic: _Topic, offers: list[TopicEndpointInfo]
+        self, name: str, topic: _FollowedTopic, offers: list[TopicEndpointInfo]
     ) -> list[TopicEndpointInfo]:
         """Those that publish the type that is heard; DDS hands over nothing of the others, and
         says nothing of it.
@@ -150,7 +152,9 @@ class MatchingSubscriptions:
                 self._node.get_logger().warning(self.strange[name])
         return [offer for offer in offers if offer.topic_type == wanted]
 
-    def _make(self, topic: _Topic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]) -> None:
+    def _make(
+        self, topic: _FollowedTopic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]
+    ) -> None:
         if topic.subscription is not None:
             self._owner.destroy_subscription(topic.subscription)
         qos = QoSProfile(depth=topic.depth, reliability=chosen[0], durability=chosen[1])

@@ -24,7 +24,7 @@ from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
-from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
+from dart_skill_nodes.client.service_calls import PATIENCE, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_time import FreezeDetector
@@ -89,7 +89,7 @@ class CoachNode(GuardedNode):
         self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
         self._awake, self._unseen = FreezeDetector(), ""
         self._calls = ServiceCalls(self)
-        self._recording = Recording(self, self._calls)
+        self._recording = RecorderCalls(self, self._calls)
         self._sequence = TrialSequence(
             self, self._calls, self.p["frame_id"], lambda: self.p["simulated"]
         )

@@ -25,7 +25,7 @@ from dart_skill.arm import REST_SPEED, ArmState, Command, Grip
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import BodyLocator, Judge, Recording, ServiceCalls
+from dart_skill_nodes.client.service_calls import BodyLocator, Judge, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_time import FreezeDetector, TimeOfTheArm
@@ -119,7 +119,7 @@ class TeacherNode(GuardedNode):
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = (
             calls.call,
-            Recording(self, calls),
+            RecorderCalls(self, calls),
             Judge(self, calls),
         )
         self._eyes, self._step = (
