@@ -18,9 +18,11 @@ LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
 """Metres that a metre, or a radian, of the hand's motion counts for when directions are compared:
 0.18 m from the wrist to the ball.
 """
-SLOW, WEAK = 0.02, 0.1
-"""Speed of a joint [rad/s], and torque that drives it in parts of its Coulomb friction, that tell
-in which direction friction acts.
+SLOW = 0.02
+"""Joint speed from which the direction of the motion tells that of the friction [rad/s]."""
+WEAK = 0.1
+"""Torque from which the direction of the drive tells that of the friction, in parts of the Coulomb
+friction.
 """
 NO_TORQUE, NO_SPEED, AT_REST = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(6)
 
@@ -199,11 +201,12 @@ class JointServo:
     a modulus margin of 0.25 with cables of half the stiffness of config/fleet.yaml, speeds behind
     a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
     """
-    TAKES_OUT, SHARE = 0.5, 0.4
-    """What is left of the distance to a careful motion is taken out at this rate [1/s], with this
-    share of the limits at most. The modulus margin is 0.21 with it; at 3 1/s nothing would be left
-    of it.
+    TAKES_OUT = 0.5
+    """Rate at which what is left of the distance to a careful motion is taken out [1/s]. The
+    modulus margin is 0.21 with it; at 3 1/s nothing would be left of it.
     """
+    SHARE = 0.4
+    """Share of the torque limits that this uses at most."""
     BRAKING_TIME = 0.12
     """In which a braked arm loses 1 - 1/e of its speed, if the torques allow it [s]."""
 

@@ -28,10 +28,12 @@ from dart_skill.common.quaternions import (
 )
 from dart_skill.common.rotations import of_matrices
 
-POSITION, ANGLE = 0.004, 0.01
-"""How far the arm's kinematics is off at one instant while somebody pushes it [m], [rad]:
-neighbouring instants are off alike.
+POSITION = 0.004
+"""Error of the arm's kinematics at one instant while a person pushes the arm [m]; neighbouring
+instants have nearly the same error.
 """
+ANGLE = 0.01
+"""The same of the orientation [rad]."""
 USUAL = np.repeat([0.02, 0.02, 0.02, 0.01, 0.01], [3, 3, 3, 3, 1])
 """Standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m] and delay [s] of a
 system that was set up with care.
@@ -41,11 +43,14 @@ ANYTHING = np.repeat([3.0, 3.0, 3.0, 0.3, 0.01], [3, 3, 3, 3, 1])
 """The same of a system of which nothing is known; only of the delay is the usual said, which an
 arm that rests does not tell.
 """
-LEAST_POSITION, LEAST_ANGLE = 0.001, 0.002
-"""No arm's kinematics is better than that [m], [rad]: what is left of a fit may be less by chance.
-"""
-SETTLED, MOST_ROUNDS = 1e-9, 50
-"""A measurement goes on until the unknowns change by less, and stops after so many rounds."""
+LEAST_POSITION = 0.001
+"""Error that the kinematics of every arm has [m]; what is left of a fit may be less by chance."""
+LEAST_ANGLE = 0.002
+"""The same of the orientation [rad]."""
+SETTLED = 1e-9
+"""Change of the unknowns below which a measurement ends."""
+MOST_ROUNDS = 50
+"""Rounds after which a measurement ends in any case."""
 HALF_TURN = 3.0
 """Nearer to half a turn the axis of a turn is not sure [rad]."""
 FIRMEST = np.repeat([0.002, 0.002, 0.002, 0.002, 0.001], [3, 3, 3, 3, 1])

@@ -53,7 +53,7 @@ class ArmInWorld:
         self._nominal_arm = ArmDynamics(self.description)
         self._commands: list[Command] = []
         self._stamp_ns = self._step_count = 0
-        self._seen_hand: tuple[np.ndarray, np.ndarray] | None = None  # until somebody asks for it
+        self._seen_hand: tuple[np.ndarray, np.ndarray] | None = None  # None until it is asked for
         self._build_arm()
 
     def close(self) -> None:
@@ -160,7 +160,7 @@ class ArmInWorld:
         return Braking(self._stamp_ns, joint_torque=self._joints.braking(), speed=Speed.THROW)
 
     def _observe(self) -> None:
-        """Read the joints; where the hand is, is read when somebody asks."""
+        """Read the joints; the hand is looked at when it is asked for."""
         self._joints.read()
         self._seen_hand = None
 
@@ -268,7 +268,7 @@ def unseen(urdf: str) -> str:
     """The same bodies with a small box as the only visible shape of a link.
 
     PyBullet makes a mesh of every visible shape, or of every collision shape where none is
-    visible, which takes ten times as long as all the rest of loading; nobody looks.
+    visible, which takes ten times as long as all the rest of loading; none is looked at.
     """
     robot = ElementTree.fromstring(urdf)
     for link in robot.findall("link"):

@@ -27,10 +27,12 @@ NUMBERS = (*WAY, "steady", "start", "duration", "tunnel")
 """Names of the numbers of a situation in the world of a belt: the fields of `Belt`, the way along
 each axis.
 """
-UPRIGHT, IN, AROUND = 0.01, 0.01, 0.001
-"""A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its
-speed is measured over this time [s].
-"""
+UPRIGHT = 0.01
+"""Lean of a cup up to which it is upright [rad]."""
+IN = 0.01
+"""Distance from the middle of the cup up to which the hand is in it [m]."""
+AROUND = 0.001
+"""Time before and after an instant over which the speed of the cup is measured [s]."""
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ class Plant(ArmInWorld):
         self._changed: PlantSettings | None = None
         self._held: int | None = None  # the constraint between hand and ball
         self._free_at: int | None = None  # the stamp at which the hand will have opened [ns]
-        self._seen_loose: LooseState | None = None  # None until somebody asks for it
+        self._seen_loose: LooseState | None = None  # None until it is asked for
         self.reset()
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
@@ -227,7 +227,7 @@ class Plant(ArmInWorld):
         )
 
     def step(self, command: Command, push: Command | None = None) -> None:
-        """Advance by one control period under the controller's command and, if somebody guides the
+        """Advance by one control period under the controller's command and, if a person guides the
         arm, their push.
 
         Both must answer the present state. The push acts on the arm from outside: no motor limits

@@ -28,8 +28,8 @@ class PlantSettings:
     * gravity_error: share of the gravity torque that compensation misses; calibrated arms show 5 %
       (docs/sources.md).
     * friction_scale, motor_scale: factors on the joint friction, and on what the motors can do.
-    * base_turn: the arm's base stands turned about the vertical, and nobody told the controller
-      [rad].
+    * base_turn: the arm's base stands turned about the vertical, which the controller does not
+      know [rad].
     * hand_delay, hand_spread: mean and standard deviation of the time from the command to the ball
       being free [s].
     * hand_clearance: a released ball that is farther from the hand than this can touch the hand

@@ -240,7 +240,7 @@ class Teacher:
 
     def learn_from(self, landed: np.ndarray) -> None:
         """Aim the next throw against the miss: landed (3,) is where the ball was seen to come
-        down. ValueError if nobody saw that.
+        down. ValueError if that was not seen.
         """
         if not np.isfinite(landed[:2]).all():
             raise ValueError(

@@ -25,8 +25,10 @@ DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 """A part that stands is seen from a hand that points down with its z axis against the hand's: half
 a turn about y.
 """
-GRASPED, ALONG = 0.02, 0.2
-"""Fingers that close get hold of a part whose place and axis are off by no more [m], [rad]."""
+GRASPED = 0.02
+"""Distance of the part from its place in the hand up to which closing fingers get hold of it [m]."""
+ALONG = 0.2
+"""Lean of the part in the hand up to which closing fingers get hold of it [rad]."""
 IN = 0.003
 """A part whose origin is nearer to where it ends along the holder's axis is in it [m]."""
 
@@ -108,7 +110,7 @@ class Workbench(Plant):
 
     @property
     def succeeded(self) -> bool:
-        """Whether the part lies in the holder, and nobody holds it."""
+        """Whether the part lies in the holder, and is not held."""
         turn = Rotation.from_quat(self._holder[1])
         local = turn.inv().apply(np.array(self._loose.position) - self._holder[0])
         seat = 0.5 * self.bench.size[2]

@@ -48,10 +48,12 @@ BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
 """The same of darts: as the thrower sees the board."""
 CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
-STILL_ANGLE, STILL, STILL_TURN = 2e-3, 2e-3, 1e-2
-"""Joint angles [rad], positions [m] and quaternions that differ by less from what is shown are not
-sent: less than a pixel.
-"""
+STILL_ANGLE = 2e-3
+"""Change of a joint angle below which nothing is sent to the page: less than a pixel [rad]."""
+STILL = 2e-3
+"""Change of a position below which nothing is sent [m]."""
+STILL_TURN = 1e-2
+"""Change of a component of a quaternion below which nothing is sent."""
 PRODUCT = "components"
 """Gaussians of the product of all task frames. Beside it those of the frames are hidden at first:
 of one frame alone they are wide.
@@ -267,7 +269,7 @@ class Scene:
             lod="off", side="double", cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
-    # what somebody does
+    # what the mouse does
 
     def on_basket_dragged(self, callback: Callable[[np.ndarray, bool], None]) -> None:
         """Call with the place (3,) in the region that is nearest to where the mouse drags the

@@ -29,7 +29,7 @@ LIGHT_FROM = (2.0, -3.0, 5.0)
 NEAR, FAR = 0.05, 20.0
 WIDTH, HEIGHT = 320, 240
 AWAY = (0.0, 0.0, -50.0)
-"""Where a body is that nobody has seen yet."""
+"""Where a body is drawn that was not seen yet."""
 
 
 class SceneCamera:

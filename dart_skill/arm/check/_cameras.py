@@ -11,18 +11,24 @@ from dart_skill.skills.observation import position_noise
 
 RATE = 100.0
 """Frame rate of the cameras [Hz]."""
-SEEN, TOO_FEW = 0.95, 0.80
-"""Share of the frames in which a body is seen: good, bearable."""
-NOISE, TOO_NOISY = 0.001, 0.005
-"""Standard deviation of a coordinate: good, bearable [m]."""
+SEEN = 0.95
+"""Share of the frames in which a body should be seen."""
+TOO_FEW = 0.80
+"""Share of the frames below which nothing may move."""
+NOISE = 0.001
+"""Standard deviation of a coordinate that is good [m]."""
+TOO_NOISY = 0.005
+"""Standard deviation of a coordinate above which nothing may move [m]."""
 CELL = 0.25
 """Edge of the cells into which the swept volume is divided [m]."""
 FEW = 20
 """Frames that a part needs to be named."""
-DISCOVERY_NS, JUMP_NS = 200_000_000, 600_000_000_000
-"""Frames that nobody can have heard yet, and a step of the stamps that is another time base and no
-gap.
+DISCOVERY_NS = 200_000_000
+"""Time at the ends of the listening in which frames may be missing: publishers are discovered
+late.
 """
+JUMP_NS = 600_000_000_000
+"""Step of the stamps from which on it is another time base, and no gap."""
 SILENT_NS = 100_000_000
 """Joint states that are farther apart than this were not heard in between, as where a simulation
 was reset.

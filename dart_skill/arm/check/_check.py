@@ -1,5 +1,5 @@
-"""The whole table, with what the numbers of safety in config/ say: the limits of the commander, and
-the arm's own.
+"""The whole table, with the lines about numbers of safety in config/: limits of the commander, and
+of the arm itself.
 """
 
 from __future__ import annotations
@@ -31,10 +31,14 @@ VELOCITY_LIMIT = 1.0
 """At which the WAM's safety system stops the arm (fault VL2), measured at the elbow, unless
 setVelocityLimit raises it [m/s].
 """
-FIRST_FORCE, STRONGEST_FORCE = 100.0, 250.0
-"""Strongest force for first throws, and for any [N]."""
-FASTEST, ERROR = 5.5, 0.15
-"""Fastest hand [m/s] and farthest error [m] that throws at 2.5 m need."""
+FIRST_FORCE = 100.0
+"""Strongest force for first throws [N]."""
+STRONGEST_FORCE = 250.0
+"""Strongest force for any throws [N]."""
+FASTEST = 5.5
+"""Speed of the hand that throws at 2.5 m need [m/s]."""
+ERROR = 0.15
+"""Error of the hand's position that throws at 2.5 m need [m]."""
 STATE_RATE = 500.0
 """Rate of the joint states [Hz]."""
 

@@ -19,20 +19,28 @@ FAST = 1.0
 MOST = 400
 NEAREST = 0.01
 """Joint states are so near in time to a pose that is compared with them [s]."""
-LEFT, TOO_MUCH_LEFT = (0.005, np.deg2rad(1.0)), (0.015, np.deg2rad(3.0))
-"""What the fit may leave over, root mean square: good, bearable [m], [rad]."""
-SURE, TOO_UNSURE = (0.005, np.deg2rad(0.5)), (0.015, np.deg2rad(1.5))
-"""Standard deviation of what the postures tell: good, bearable [m], [rad]."""
-BASE, TOO_FAR_BASE = (0.04, np.deg2rad(2.5)), (0.15, np.deg2rad(10.0))
-"""Shift and turn of the base from where the cameras' world has it: what throws tell by themselves,
-and what a plan still reaches.
+LEFT = 0.005, np.deg2rad(1.0)
+"""Root mean square that a good fit leaves over [m], [rad]."""
+TOO_MUCH_LEFT = 0.015, np.deg2rad(3.0)
+"""Root mean square above which nothing may move [m], [rad]."""
+SURE = 0.005, np.deg2rad(0.5)
+"""Standard deviation of the registration that is good [m], [rad]."""
+TOO_UNSURE = 0.015, np.deg2rad(1.5)
+"""Standard deviation of the registration above which nothing may move [m], [rad]."""
+BASE = 0.04, np.deg2rad(2.5)
+"""Shift and turn of the base in the cameras' world that throws find out by themselves [m], [rad]."""
+TOO_FAR_BASE = 0.15, np.deg2rad(10.0)
+"""Shift and turn of the base that a plan still reaches [m], [rad]."""
+BODY = 0.02, np.deg2rad(2.5)
+"""Shift and turn of the tracked body on the hand that throws find out by themselves [m], [rad]; its
+origin is on the mounting face, and z points out of the palm.
 """
-BODY, TOO_FAR_BODY = (0.02, np.deg2rad(2.5)), (0.05, np.deg2rad(15.0))
-"""The same of the body on the hand: its origin is on the mounting face, and z points out of the
-palm.
-"""
-HEIGHT, TOO_HIGH = 0.02, 0.1
-"""Height of the seen base above or below the mount that is good, and that is too much [m]."""
+TOO_FAR_BODY = 0.05, np.deg2rad(15.0)
+"""Shift and turn of the tracked body that a plan still reaches [m], [rad]."""
+HEIGHT = 0.02
+"""Difference of the seen height of the base from that of the mount that is good [m]."""
+TOO_HIGH = 0.1
+"""Difference of the heights above which nothing may move [m]."""
 UNKNOWNS = [
     f"{part} {axis}"
     for part in ("turn of the base", "shift of the base", "turn of the body", "shift of the body")

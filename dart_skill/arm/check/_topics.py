@@ -7,14 +7,20 @@ import numpy as np
 from dart_skill.arm.check._heard import Heard, HeardPoses, HeardTopic
 from dart_skill.arm.check._line import Grade, Line, graded, line, worst
 
-TOLERANCE, BEARABLE = 0.05, 0.25
-"""Deviations of a rate that are good and bearable, as shares of it."""
-OLD, TOO_OLD, FUTURE = 0.010, 0.100, -0.005
-"""Age of a joint state when it comes: what is good, what is bearable, and what says that clocks
-disagree [s].
-"""
-LATE, TOO_LATE, FUTURE_POSE = 0.030, 0.100, -0.005
-"""The same of a pose, which the cameras' software needs time for [s]."""
+TOLERANCE = 0.05
+"""Deviation of a rate that is good, as a share of it."""
+BEARABLE = 0.25
+"""Deviation of a rate above which nothing may move, as a share of it."""
+OLD = 0.010
+"""Age of a joint state at its receipt that is good [s]."""
+TOO_OLD = 0.100
+"""Age of a joint state above which nothing may move [s]."""
+FUTURE = -0.005
+"""Age below which the clocks of two machines disagree [s]."""
+LATE = 0.030
+"""Age of a pose at its receipt that is good: the cameras' software needs time [s]."""
+TOO_LATE = 0.100
+"""Age of a pose above which nothing may move [s]."""
 AT_RECEIPT = 0.0003
 """Poses that are younger than this were stamped when they came, not when the cameras saw them [s].
 """
@@ -95,9 +101,7 @@ def rate_line(stream: HeardTopic, rate: float, longest_gap: float | None) -> Lin
 def stamps_line(stream: HeardTopic, simulated: bool) -> Line:
     """Whether stamps are there, increase, and are of the clock that the nodes use."""
     clock = "/clock" if simulated else "wall clock"
-    old, too_old, future = (
-        (LATE, TOO_LATE, FUTURE_POSE) if isinstance(stream, HeardPoses) else (OLD, TOO_OLD, FUTURE)
-    )
+    old, too_old = (LATE, TOO_LATE) if isinstance(stream, HeardPoses) else (OLD, TOO_OLD)
     check, asked = (
         f"{stream.topic}: stamps",
         f"increasing; at most {1e3 * old:.0f} ms old by the {clock}",
@@ -138,7 +142,7 @@ def stamps_line(stream: HeardTopic, simulated: bool) -> Line:
         f"the driver's clock and the {clock} of this machine differ, or messages wait: chrony on"
         " all machines (docs/machines.md)"
     )
-    if middle < future:
+    if middle < FUTURE:
         verdict = Grade.WARN if simulated else Grade.NO_GO
     elif (
         isinstance(stream, HeardPoses)
@@ -220,7 +224,7 @@ def frame_line(stream: HeardPoses, frame: str) -> Line:
 
 
 def command_line(heard: Heard) -> Line:
-    """One commander at most, and somebody who carries its commands out."""
+    """One commander at most, and a driver that carries its commands out."""
     commanders, drivers = (
         [one.node for one in side] for side in (heard.commanders, heard.drivers)
     )

@@ -11,7 +11,7 @@ from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_n
 from dart_skill_nodes.comms.presence import Cameras, Presence, others, publishers
 
 QUIET = 0.5
-"""No state for so long: time stands still, or nobody publishes any [s, wall clock]."""
+"""No state for so long: time stands still, or none are published [s, wall clock]."""
 SIMULATED = "simulation/state"
 """Only a simulator publishes it."""
 
@@ -20,14 +20,14 @@ class ArmWatch:
     """The arm's driver, its cameras, and who else commands it. Call `look` every LOOK.
 
     * states: the subscription of the arm's states.
-    * camera_topic: of the poses without which nobody would see what the arm does.
+    * camera_topic: of the poses without which it is not seen what the arm does.
 
     Attributes:
 
     * time: of the arm.
     * rivals: why it is not known which arm's states come; empty if it is.
     * strangers: names of the nodes that command the arm, too.
-    * unseen: why nobody would see a trial; empty if the cameras are there.
+    * unseen: why a trial would not be seen; empty if the cameras are there.
     """
 
     def __init__(self, node: Node, states: JointStates, camera_topic: str):
@@ -48,8 +48,8 @@ class ArmWatch:
         self.strangers = others(self._node, COMMANDS)
 
     def look_for_rivals(self) -> None:
-        """Two who publish states of the arm are two arms, of which none may be commanded: nobody
-        could say whose state a command answers. A publisher of states of other joints, as of a
+        """Two who publish states of the arm are two arms, of which none may be commanded: it
+        is not known whose state a command answers. A publisher of states of other joints, as of a
         gripper, is no rival, unless the arm's leap to and fro.
         """
         drivers = others(self._node, JOINT_STATES)
@@ -101,7 +101,7 @@ class ArmWatch:
         return f"{self._guide} has gone while it guided the arm: the arm is braked and held"
 
     def missing(self, outcome: str) -> str:
-        """What speaks against a trial; empty if nothing. outcome: what nobody would see of it."""
+        """What speaks against a trial; empty if nothing. outcome: that would not be seen."""
         if self.rivals:
             return self.rivals
         if self.strangers:

@@ -34,7 +34,7 @@ class GoalUnderWay:
     * client, learner: who waits for its result, and who made its plan.
     * withdrawn: why it must not move the arm any more, empty if it may.
     * armed: the commander has its plan, and the arm may move for it.
-    * waits: it was said that somebody holds the world.
+    * waits: the client was told that the world is held.
     * over: kept when the movement and the watching have ended.
     * newest_ns, fed_ns: stamps of the last state that it saw, and of the last feedback.
     * ended_ns: the stamp at which movement and watching end, None before that is known.

@@ -1,5 +1,5 @@
-"""What a simulated arm says of itself: its state for whoever answers it, and what viewers and judges
-hear beside that.
+"""What a simulated arm says of itself: its state for the nodes that answer it, and what viewers and
+judges hear beside that.
 """
 
 import time

@@ -7,8 +7,8 @@ from dart_skill.arm import Command, HeldCommand
 from dart_skill.simulation import Plant, Stillness
 
 UNASKED = 0.5
-"""So soon rests a world of which nobody has asked anything since the start: ball and basket have
-settled by then [s].
+"""Time after which a world rests that has not been asked for anything since the start: ball and
+basket have settled by then [s].
 """
 BEHIND = 0.05
 """Time that is lost is made up for by so much at most [s, wall clock]."""
@@ -19,26 +19,26 @@ class WorldPace:
 
     * speed_factor: simulated seconds per second at most; 0: no limit.
     * rest_after: the world rests when nothing has moved for so long; 0: never [s].
-    * watched: whether somebody watches, for whom it is no faster than the machine's time.
-    * rests: whether nothing has moved for long, and nobody waits for steps.
+    * watched: whether a person watches, for whom it is no faster than the machine's time.
+    * rests: whether nothing has moved for long, and no client waits for steps.
     """
 
     def __init__(self, plant: Plant):
         self._plant, self._stillness = plant, Stillness()
         self.speed_factor = self.rest_after = 0.0
         self.watched = self.rests = False
-        self._asked = False  # whether anybody has asked for anything
+        self._asked = False  # whether a client has asked for anything
         self._next = time.monotonic()  # when the next step is due
 
     def wake(self) -> None:
-        """Go on at full speed: somebody has asked for something."""
+        """Go on at full speed: a client has asked for something."""
         self._stillness.wake(self._plant.state_stamp_ns)
         self._asked, self.rests = True, False
 
     def look_for_rest(self, waits: bool) -> None:
         """See whether something moves: now and then, and at each step of a world that rests.
 
-        * waits: whether somebody waits for steps, so that the world must not rest.
+        * waits: whether a client waits for steps, so that the world must not rest.
         """
         ns = self._plant.state_stamp_ns
         if not (self.rests or self._stillness.is_due(ns)):

@@ -67,7 +67,7 @@ class GraphListener:
         node.create_subscription(DiagnosticStatus, SAFETY, self._on_safety, LATCHED)
 
     def find(self, limit: float) -> bool:
-        """Whether anybody is there [s]."""
+        """Whether a node is found within a limit [s]."""
         until = time.monotonic() + limit
         while not self._others() and time.monotonic() < until:
             self._spin()

@@ -65,7 +65,7 @@ class ServiceCalls:
         return handle
 
     def has_reached(self, client) -> bool:
-        """Whether somebody has ever answered a client."""
+        """Whether a server has ever answered a client."""
         return client in self._links and self._links[client].was_up
 
     async def kept(self, name: str, promise: Promise, limit: float):

@@ -16,9 +16,9 @@ from dart_skill_nodes.comms.presence import LEASE, LOOK
 from dart_skill_nodes.comms.qos import LATCHED
 
 HELD = "simulation/held"
-"""Whether somebody holds the time of a simulated world."""
+"""Topic that says whether the time of a simulated world is held."""
 STANDS = LEASE + 0.9
-"""Time that stands still for so long goes on no more: whoever has died is known by then, and a
+"""Time that stands still for so long goes on no more: dead processes are known by then, and a
 process may be held up [s, wall clock].
 """
 HELD_LONG = 1.0
@@ -54,8 +54,8 @@ class TimeOfTheArm:
 
     @property
     def held(self) -> str:
-        """What lets the time of a simulated arm go on, when somebody has held it for long; empty
-        else.
+        """What lets the time of a simulated arm go on, when it has been held for long; empty
+        otherwise.
         """
         if not self._held or self.silence <= HELD_LONG:
             return ""
@@ -66,8 +66,8 @@ class TimeOfTheArm:
 
     @property
     def stalled(self) -> str:
-        """What to say when the time of a simulated arm stands still, and nobody holds it; empty
-        else.
+        """What to say when the time of a simulated arm stands still, and is not held; empty
+        otherwise.
         """
         if self._held is not False or self.silence <= STANDS:
             return ""

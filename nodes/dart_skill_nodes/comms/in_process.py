@@ -1,8 +1,8 @@
 """Messages between nodes of one process, handed over without the middleware.
 
 DDS takes about 35 us of a core for each message and each subscription, also where both are in one
-process. So a publisher whose topic nobody outside this process hears serialises a message once and
-hands it to the subscriptions here. As soon as somebody else hears the topic, its messages go
+process. So a publisher whose topic no other process hears serialises a message once and
+hands it to the subscriptions here. As soon as another process hears the topic, its messages go
 through the middleware, for everybody, and they do until the last of them has been heard here: no
 message overtakes another one. Publishers and subscriptions exist in DDS all the time: `ros2 topic
 info` shows them, and messages of other processes come as ever.
@@ -38,7 +38,7 @@ class LocalSubscription:
     """A subscription of this process.
 
     topic: its full name. hear: called with each message, serialised if raw; None: they are kept
-    until somebody takes them. waiting: messages that were handed over and that it has not heard.
+    until they are taken. waiting: messages that were handed over and that it has not heard.
     newest: the last one that came through the middleware.
     """
 
@@ -332,7 +332,7 @@ class ExchangingNode:
 
 
 class UnspunNode(ExchangingNode, Node):
-    """A node that nobody spins, for subscriptions whose messages are taken. Their callbacks are
+    """A node that is not spun, for subscriptions whose messages are taken. Their callbacks are
     never called.
     """
 

@@ -23,12 +23,14 @@ from dart_skill_nodes.comms.qos import LOOP
 
 OF_LATE = 5.0
 """Who was heard within this time is there [s, wall clock]."""
-LEAP, FASTEST = 0.05, 10.0
-"""No joint is farther from its last position than this, and so much for each second between [rad],
-[rad/s].
-"""
-SEVERAL, FORGET = 3, 100
-"""So many leaps among so many states are no accident."""
+LEAP = 0.05
+"""Distance of a joint from its last position, beside what it moves meanwhile, that is a leap [rad]."""
+FASTEST = 10.0
+"""Speed with which a joint may have moved meanwhile [rad/s]."""
+SEVERAL = 3
+"""Leaps that are no accident."""
+FORGET = 100
+"""States after which earlier leaps are forgotten."""
 
 
 class InOrder:
@@ -104,7 +106,7 @@ class Rivals:
         self._leaps, self._count, self.are_there = 0, 0, False
 
     def see(self, state: ArmState) -> bool:
-        """Whether states have leapt again and again, so that nobody knows whose they are. state:
+        """Whether states have leapt again and again, so that it is not known whose they are. state:
         the next one.
         """
         self._count += 1

@@ -39,9 +39,9 @@ class MatchingSubscriptions:
     """Subscriptions of a node that wait for their publishers, and follow them when a less reliable
     one joins.
 
-    owner: another node, which nobody spins, to make them on: whoever takes the messages out by
-    itself wants that. on_look: called with a topic and the publishers that are heard, whenever the
-    graph was looked at. strange: topics that somebody publishes with another type than the one
+    owner: another node, which is not spun, to make them on, for messages that are taken without
+    callbacks. on_look: called with a topic and the publishers that are heard, whenever the
+    graph was looked at. strange: topics that are published with another type than the one
     that is heard, so that none of that comes; and who does.
     """
 

@@ -21,7 +21,7 @@ from dart_skill_nodes.comms.in_process import UnspunNode, kept_for
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 
 TAKE = 0.01
-"""Often enough for whoever has no reason for another period [s, wall clock]."""
+"""Usual time between two calls of `RawBatches.take` [s, wall clock]."""
 DEPTH = 10_000
 """Messages of a topic that may wait, as when their taker is held up: 20 s of 500 Hz."""
 MOST = 5000
@@ -100,7 +100,7 @@ class RawBatches:
 
     @property
     def strange(self) -> dict[str, str]:
-        """Topics that somebody publishes with another type than the one that is heard, so that
+        """Topics that are published with another type than the one that is heard, so that
         none of that comes; and who does.
         """
         return self._offered.strange
@@ -182,7 +182,7 @@ def poses_of(messages: list[bytes], frame_id: str) -> np.ndarray:
 
 
 def unspun_node(node: Node, purpose: str) -> Node:
-    """A node beside another one that nobody spins, for subscriptions whose messages are taken; a
+    """A node beside another one that is not spun, for subscriptions whose messages are taken; a
     leading underscore hides it from `ros2 node list`.
     """
     name = f"_{node.get_name()}_{purpose}"

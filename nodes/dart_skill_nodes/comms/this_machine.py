@@ -45,8 +45,10 @@ def _machine() -> str:
 
 @dataclass(unsafe_hash=True)
 class SystemProcess:
-    """pid, started: its number, and when it was started, which nobody shares who is given the same
-    number later [ticks since boot].
+    """A process of this machine.
+
+    * pid: its number, which another process may be given later.
+    * started: when it was started [ticks since boot].
     """
 
     pid: int

@@ -159,7 +159,7 @@ class Viewer(GuardedNode):
         self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
         url = url_of(
             self._server
-        )  # whoever gave the token knows the rest of the address, and a log need not
+        )  # the giver of the token knows the rest of the address, and a log need not
         self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
 
     def _subscribe(self, name_of: dict[str, str]) -> None:
@@ -185,7 +185,7 @@ class Viewer(GuardedNode):
     # pictures
 
     def _hurry(self, held: bool) -> None:
-        """Somebody holds the hand, or does not any more."""
+        """Show more pictures a second while the hand is held with the mouse."""
         if self._pictures_timer is not None:
             self.destroy_timer(self._pictures_timer)
         self._pictures_timer = self.create_timer(

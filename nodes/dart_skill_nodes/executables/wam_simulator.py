@@ -178,7 +178,7 @@ class WamSimulator(GuardedNode):
         # when _describe looked last, and the steps that were made by then
         self._rate_mark = (time.monotonic(), 0)
         self._guide: Presence | None = None  # who guides the arm
-        self._left = ""  # why nobody guides it any more, until it rests
+        self._left = ""  # why it is not guided any more, until it rests
         self._state = StatePublisher(self, self._plant, self.p)
         self._pace = WorldPace(self._plant)
         self._held_out = self.create_publisher(Bool, HELD, NEWEST)
@@ -267,8 +267,8 @@ class WamSimulator(GuardedNode):
         self._state.publish()
 
     def _go_on(self) -> None:
-        """Go on at full speed, for somebody who has asked for something, with the step that waits:
-        in a world that rests all have answered, and nobody answers again.
+        """Go on at full speed, as a client has asked for something, with the step that waits: in a
+        world that rests all have answered, and do not answer again.
         """
         self._pace.wake()
         if self.p["lockstep"]:
@@ -428,8 +428,8 @@ class WamSimulator(GuardedNode):
     # saying what goes on
 
     def _watch_those_who_move(self) -> None:
-        """Who commands the arm, and whether somebody guides it still: nobody waits for a teacher
-        that has gone.
+        """Who commands the arm, and whether it is still guided: a teacher that has gone is not
+        waited for.
         """
         for one in self._obeyed.values():
             one.look()
@@ -441,7 +441,7 @@ class WamSimulator(GuardedNode):
                 self._advance()
 
     def _watch(self) -> None:
-        """Publish an unanswered state again: whoever came late, or lost it, gets it now."""
+        """Publish an unanswered state again, for nodes that came late, or lost it."""
         stamp, now = self._plant.state_stamp_ns, time.monotonic()
         if stamp != self._mark[1]:
             self._mark = (now, stamp)

@@ -10,12 +10,13 @@ from pathlib import Path
 
 from dart_skill.common.configuration import config_path
 
-RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PEERS = "ROS_STATIC_PEERS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Where Fast DDS finds its profiles, up to version 2 and from 3 on."""
 
 FIRST_LOCK_PORT = 7200
-"""Domain d is taken by whoever holds UDP port 7200 + d; DDS uses ports from 7400 on."""
+"""Domain d is taken by the process that holds UDP port 7200 + d; DDS uses ports from 7400 on."""
 _TAKEN: list[socket.socket] = []
 
 
@@ -44,7 +45,7 @@ def hear_loopback_alone() -> None:
 
 
 def choose_domain() -> None:
-    """Set ROS to this machine alone, and to a domain that nobody uses, unless the user chose one.
+    """Set ROS to this machine alone, and to a domain that is not used, unless the user chose one.
     Call before rclpy starts.
     """
     stay_on_this_machine()
@@ -59,7 +60,7 @@ def choose_domain() -> None:
 
 
 def has_own_domain() -> bool:
-    """Whether this process chose a domain that nobody else uses (`choose_domain`)."""
+    """Whether this process chose a domain of its own (`choose_domain`)."""
     return bool(_TAKEN)
 
 
@@ -78,7 +79,7 @@ def _take(port: int) -> bool:
 
 
 def _free(port: int) -> bool:
-    """Whether nobody listens on a domain's discovery port, or on the first ports of its
+    """Whether no process listens on a domain's discovery port, or on the first ports of its
     participants.
     """
     for offset in (0, 10, 11):

@@ -244,7 +244,7 @@ def _started(
         )
         text = in_a_line(error) if defect else " ".join(str(error).split())
         print(f"{program}: {text or type(error).__name__}", file=sys.stderr, flush=True)
-        os._exit(1)  # nodes that had started already have threads, which nobody would end
+        os._exit(1)  # nodes that had started already have threads, which would not end
 
 
 def autostart(node: GuardedLifecycleNode) -> None:

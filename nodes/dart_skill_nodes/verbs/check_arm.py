@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dart_skill.arm.check import ArmReport, Heard, PostureCounter
 
 USUAL = 10.0
-"""Seconds of listening where nobody says how long, and nobody is there to press Enter."""
+"""Time of listening where none is given, and no terminal is there to press Enter at [s]."""
 PATIENCE = 10.0
 """For joint states, which a simulation that is paused does not give [s]."""
 TAKE = 0.02

@@ -1,7 +1,7 @@
 """`dart-skill view --foxglove` without a bag: the graph that runs, live in Foxglove. It listens,
 and publishes nothing.
 
-Beside what it hears it sends what viewers need to show the arm, where nobody publishes it:
+Beside what it hears it sends what viewers need to show the arm, where it is not published:
 /robot_description, /tf and /tf_static.
 """
 

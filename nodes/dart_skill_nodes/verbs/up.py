@@ -152,7 +152,7 @@ def _run_already(nodes: set[str]) -> GraphFailure:
 
 class Status:
     """What every node last said of itself on /diagnostics; `tell` is called with each change.
-    strangers: nodes of the same names that somebody else started; own: the processes that were
+    strangers: nodes of the same names that another process started; own: the processes that were
     not.
     """
 
