@@ -161,17 +161,21 @@ def starting_warm():
 
 
 def nodes_of(pid: int) -> dict[int, str]:
-    """Names of the forked nodes that a process has started, and that have not ended, by the
-    numbers of their processes.
+    """Names of the nodes that a process has started, and that have not ended, by the numbers of
+    their processes: of forked ones and of those that were started as ever.
     """
-    found = {}
+    found, mark = {}, f"{STARTER}={pid}".encode()
     for file in Path(_address()).parent.glob("[0-9]*"):
-        try:
+        with contextlib.suppress(OSError):  # it has ended meanwhile
             starter, module = file.read_text().split()
-        except (OSError, ValueError):  # it has ended meanwhile, or begins only now
-            continue
-        if int(starter) == pid:
-            found[int(file.name)] = module.removeprefix(NODE)
+            if int(starter) == pid:
+                found[int(file.name)] = module.removeprefix(NODE)
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark in (folder / "environ").read_bytes().split(b"\0"):
+                words = (folder / "cmdline").read_bytes().decode().split("\0")
+                names = [word.removeprefix(NODE) for word in words if word.startswith(NODE)]
+                found[int(folder.name)] = names[0] if names else ""
     return found
 
 
@@ -262,13 +266,14 @@ class Server:
             return request
         for stream in streams:
             os.close(stream)
-        line.sendall(pid.to_bytes(4, "big"))
         self._lines[pid] = line
         if STARTER in request["environment"]:
             self._ends_with.add(pid)
             Path(self._folder, str(pid)).write_text(
                 f"{request['environment'][STARTER]} {request['module']}"
             )
+        # its starter goes on now, and whoever hears of the process from it asks `nodes_of`
+        line.sendall(pid.to_bytes(4, "big"))
         self._ready.register(line, selectors.EVENT_READ, pid)
         return None
 

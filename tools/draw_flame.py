@@ -36,7 +36,7 @@ NODES = {
 }
 NOBODY = ("executor and middleware", palette.LIGHT)
 LEFT_OUT = re.compile(
-    r"^0x|^_Guarded|<lambda>|^_call_with|^Refusals\.accepts|^_Letter\.give|^eprosima|^0$|^std::"
+    r"^0x|^_Guarded|<lambda>|^_call_with|^Refusals\.accepts|^_HandedMessage\.give|^eprosima|^0$|^std::"
 )
 WAITS = re.compile(r"pthread_cond_(timed)?wait|epoll_wait|clock_nanosleep")
 """Samples in which the process waits are not counted: this is about processor time."""

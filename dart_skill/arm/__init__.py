@@ -11,9 +11,14 @@ from dart_skill.arm._command import (
     all_finite,
     check_command,
 )
-from dart_skill.arm._description import DART, Ball, WamDescription, wam_description, with_box
+from dart_skill.arm._description import DART, HeldBall, WamDescription, wam_description, with_box
 from dart_skill.arm._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace
-from dart_skill.arm._registration import Registration
+from dart_skill.arm._registration import (
+    KnownRegistration,
+    Registration,
+    load_registration,
+    save_registration,
+)
 from dart_skill.arm._throw_plan import ThrowPlan, same_plan
 from dart_skill.arm._transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.arm._urdf import write_urdf
@@ -48,9 +53,7 @@ if TYPE_CHECKING:
         rotation_error,
     )
     from dart_skill.arm._model import ArmModel, HandState
-    from dart_skill.arm._registration_file import load_registration, save_registration
     from dart_skill.arm._registration_fit import (
-        KnownRegistration,
         RegistrationFit,
         Sightings,
         fit_registration,
@@ -72,9 +75,8 @@ else:
                 "Impedance PoseGains Reference attractor_acceleration minimum_jerk rotation_error"
             ),
             "_model": "ArmModel HandState",
-            "_registration_file": "load_registration save_registration",
             "_registration_fit": (
-                "KnownRegistration RegistrationFit Sightings fit_registration measure_registration"
+                "RegistrationFit Sightings fit_registration measure_registration"
             ),
             "_safety": "SafetyLimits SafetyModule check_push",
         },
@@ -84,7 +86,7 @@ __all__ = [
     "Actuation",
     "ArmModel",
     "ArmState",
-    "Ball",
+    "HeldBall",
     "DART",
     "BridgeSettings",
     "Command",

@@ -40,16 +40,20 @@ STRETCHED = 0.005
 
 TRACKING = ("joints", "hand", "none")
 
-LARGEST_CONTRADICTION = 0.05, 0.15
-"""What a plan says of cameras and arm may put the hand so far from where the measured registration
-does [m], [rad].
+MOST_OFFSET = 0.05
+"""Distance between the places of the hand by the registration of a plan and by the measured one
+above which the plan is refused [m].
 """
+MOST_TURN = 0.15
+"""The same of the orientation [rad]."""
 NO_TORQUE = np.zeros(N_JOINTS)
 """What the commander asks of a joint is cut to its limit: there is nothing to watch."""
-JUMP = 0.1, 30.0
-"""A joint moves less between two states than this [rad], and this speed [rad/s] times the time
-between them: else it is another arm's.
+JUMP = 0.1
+"""Distance of a joint from its last position, beside what it moves meanwhile, that no arm makes
+[rad]: the state is another arm's.
 """
+JUMP_SPEED = 30.0
+"""Speed with which a joint may have moved meanwhile [rad/s]."""
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it
 is [s].
@@ -220,7 +224,7 @@ class Commander:
         self._request(PlanGuide(plan, self.settings.follow_time))
 
     def follow(self, guide: Guide) -> None:
-        """Begin a motion with the next state, in which somebody else says at every state what the
+        """Begin a motion with the next state, in which a guide says at every state what the
         hand shall do. guide: who says it.
         """
         self._check_ready()
@@ -338,7 +342,7 @@ class Commander:
         self._mode, self._entered_ns, self._braking = Mode.STOPPING, None, None
 
     def reset(self) -> None:
-        """An arm that was stopped, by somebody or by a limit, may move again; PlanRefused while it
+        """An arm that was stopped, by a person or by a limit, may move again; PlanRefused while it
         still comes to rest.
         """
         if self._mode == Mode.STOPPING:
@@ -546,7 +550,7 @@ class Commander:
         """ValueError for a state that the arm cannot have come to from the last one; after a gap
         it may be anywhere.
         """
-        if (most := farthest(state.position, last.position)) > JUMP[0] + JUMP[1] * gap:
+        if (most := farthest(state.position, last.position)) > JUMP + JUMP_SPEED * gap:
             name = self._description.joints[
                 int(np.abs(state.position - last.position).argmax())
             ].name
@@ -642,7 +646,7 @@ def agreed(
     (at, hand), (there, other) = (one.poses(position, quaternion) for one in (own, measured))
     offset = float(np.linalg.norm(at - there, axis=1).max())
     turn = float(np.linalg.norm(to_vectors(product(hand, other * CONJUGATE)), axis=1).max())
-    if offset > LARGEST_CONTRADICTION[0] or turn > LARGEST_CONTRADICTION[1]:
+    if offset > MOST_OFFSET or turn > MOST_TURN:
         raise PlanRefused(
             f"the plan has the hand {offset:.3f} m and {turn:.2f} rad from where the registration"
             " file does: were cameras, base or body moved since it was measured, or the throws"

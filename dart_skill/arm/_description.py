@@ -113,8 +113,8 @@ class Motors:
 
 
 @dataclass(frozen=True)
-class Ball:
-    """The ball that is thrown.
+class HeldBall:
+    """The ball, or what else is in the hand.
 
     * mass: [kg].
     * diameter: [m].
@@ -130,7 +130,7 @@ class Ball:
     inertia: float
 
     @classmethod
-    def of(cls, world: World) -> "Ball":
+    def of(cls, world: World) -> "HeldBall":
         """The ball of a world."""
         return cls(
             world.ball_mass,
@@ -174,7 +174,7 @@ class WamDescription:
     links_dh: tuple[Inertial, ...]
     hand: Hand
     motors: Motors
-    ball: Ball
+    ball: HeldBall
     capsules: tuple[Capsule, ...]
     home: np.ndarray
 
@@ -201,7 +201,7 @@ def with_box(
     """
     square = np.square(size)
     inertia = mass / 12.0 * (square.sum() - square)
-    load = Ball(mass, float(size[0]), 0.0, 0.0, float(inertia.max()))
+    load = HeldBall(mass, float(size[0]), 0.0, 0.0, float(inertia.max()))
     return replace(
         description,
         ball=load,
@@ -209,7 +209,7 @@ def with_box(
     )
 
 
-DART = Ball(
+DART = HeldBall(
     mass=flight.DART.mass,
     diameter=flight.DART.diameter,
     restitution=0.1,
@@ -243,7 +243,7 @@ def parse_description(content: dict) -> WamDescription:
         links_dh=tuple(_inertial(link["mass"], link["dh"]) for link in links),
         hand=_hand(content["hand"]),
         motors=_motors(content["transmission"], content["motors"]),
-        ball=Ball.of(the_world()),
+        ball=HeldBall.of(the_world()),
         capsules=tuple(
             Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"])
             for c in content["capsules"]

@@ -4,7 +4,7 @@ J' w + tau_joint (+ gravity).
     WAITING -> ACTIVE -> STOPPED -> (reset) WAITING
 
 WAITING and STOPPED damp the joints; what is wrong while commands are carried out leads to STOPPED,
-and stays there until somebody resets. Every effort is cut to the limit of its joint, and changes
+and stays there until a reset. Every effort is cut to the limit of its joint, and changes
 no faster than the rate of its joint, so that nothing begins with a jump.
 """
 
@@ -24,7 +24,7 @@ from dart_skill.common.checks import as_number, as_vector
 from dart_skill.common.constants import N_JOINTS, Grip
 
 LONGEST_STEP = 0.01
-"""An effort changes by no more than in so long, however long nobody asked [s]."""
+"""Longest time whose change of an effort is made at once [s]."""
 
 
 class BridgePhase(Enum):
@@ -163,7 +163,7 @@ class EffortBridge:
         )
 
     def tick(self, now: float) -> np.ndarray | None:
-        """Look at the clock: efforts (7,) [N m] when the states are silent, so that nobody answers
+        """Look at the clock: efforts (7,) [N m] when the states are silent, so that none answers
         them; None when they come.
         """
         if self._state is None:
@@ -251,7 +251,7 @@ class EffortBridge:
         )
 
     def _held(self) -> np.ndarray:
-        """Efforts while nobody knows how the arm moves: gravity where it was last, if that is
+        """Efforts while it is not known how the arm moves: gravity where it was last, if that is
         compensated here, and nothing else.
         """
         self._advance(LONGEST_STEP)

@@ -93,7 +93,7 @@ class PlanGuide:
         self._duration = plan.path.duration
         self._last = min(self._duration, plan.end + follow_time)
         self._clock = (
-            Clock(plan.pace, plan.path.time, self._fingers) if plan.pace is not None else None
+            PlanClock(plan.pace, plan.path.time, self._fingers) if plan.pace is not None else None
         )
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
@@ -170,7 +170,7 @@ class Fingers:
         )
 
 
-class Clock:
+class PlanClock:
     """The clock of a plan, which the state of the hand drives (`Pace`)."""
 
     def __init__(self, pace: Pace, instants: np.ndarray, fingers: Fingers):

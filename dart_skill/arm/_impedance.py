@@ -18,9 +18,11 @@ LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
 """Metres that a metre, or a radian, of the hand's motion counts for when directions are compared:
 0.18 m from the wrist to the ball.
 """
-SLOW, WEAK = 0.02, 0.1
-"""Speed of a joint [rad/s], and torque that drives it in parts of its Coulomb friction, that tell
-in which direction friction acts.
+SLOW = 0.02
+"""Joint speed from which the direction of the motion tells that of the friction [rad/s]."""
+WEAK = 0.1
+"""Torque from which the direction of the drive tells that of the friction, in parts of the Coulomb
+friction.
 """
 NO_TORQUE, NO_SPEED, AT_REST = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(6)
 
@@ -46,11 +48,6 @@ class Reference:
 def rotation_error(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad]."""
     return turn(np.asarray(target, dtype=float), np.asarray(rotation, dtype=float))
-
-
-def pose_error(position: np.ndarray, rotation: np.ndarray, hand: HandState) -> np.ndarray:
-    """What the hand lacks to a pose (6,): way [m] over rotation vector [rad], world axes."""
-    return np.concatenate([position - hand.position, rotation_error(rotation, hand.rotation)])
 
 
 @dataclass(frozen=True)
@@ -123,8 +120,8 @@ class Impedance:
         """Acceleration (6,) that (7.19) asks of the hand in a state of the arm, as of
         `attractor_acceleration`.
 
-        reference: what the hand shall do; gains: of the attractor; tracking: of a pull as of
-        `tracking_acceleration` on top, or None.
+        reference: what the hand shall do; gains: of the attractor; tracking: of a second pull,
+        towards the motion that (7.19) predicts, or None.
         """
         terms, r, add = self.model.at(q, qd), reference, self._drive.add_pull
         if gains.stiffness.ndim == 2:
@@ -175,21 +172,12 @@ def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGai
     y; hand: x and v; gains: k and d.
     """
     if gains.stiffness.ndim == 2:
-        error = pose_error(reference.attractor_position, reference.attractor_rotation, hand)
+        way = reference.attractor_position - hand.position
+        error = np.append(way, rotation_error(reference.attractor_rotation, hand.rotation))
         return gains.stiffness @ error - gains.damping @ hand.velocity
     at_rest = reference.attractor_position, reference.attractor_rotation, AT_REST
     return pull(
         *at_rest, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping
-    )
-
-
-def tracking_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
-    """A second pull, towards the motion that (7.19) predicts: zero as long as the arm does what
-    was predicted (6,).
-    """
-    expected = reference.position, reference.rotation, reference.velocity
-    return pull(
-        *expected, hand.position, hand.rotation, hand.velocity, gains.stiffness, gains.damping
     )
 
 
@@ -213,11 +201,12 @@ class JointServo:
     a modulus margin of 0.25 with cables of half the stiffness of config/fleet.yaml, speeds behind
     a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
     """
-    TAKES_OUT, SHARE = 0.5, 0.4
-    """What is left of the distance to a careful motion is taken out at this rate [1/s], with this
-    share of the limits at most. The modulus margin is 0.21 with it; at 3 1/s nothing would be left
-    of it.
+    TAKES_OUT = 0.5
+    """Rate at which what is left of the distance to a careful motion is taken out [1/s]. The
+    modulus margin is 0.21 with it; at 3 1/s nothing would be left of it.
     """
+    SHARE = 0.4
+    """Share of the torque limits that this uses at most."""
     BRAKING_TIME = 0.12
     """In which a braked arm loses 1 - 1/e of its speed, if the torques allow it [s]."""
 

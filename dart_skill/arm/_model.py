@@ -58,7 +58,6 @@ class ArmModel:
         self._data = self._model.createData()
         self._reflected = self.description.motors.reflected_inertia
         self._terms: ArmTerms | None = None
-        self._prepare_capsules()
 
     def at(self, q: np.ndarray, qd: np.ndarray | None = None) -> ArmTerms:
         """What the model says of a state, for who asks much of it; the numbers are those of the
@@ -138,37 +137,6 @@ class ArmModel:
         return pin.rnea(self._model, self._data, q, qd, np.zeros(N_JOINTS)) - self.gravity_torque(
             q
         )
-
-    def link_capsules(
-        self, q: np.ndarray, base_turn: float = 0.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The arm's shapes in the world: end points (n, 2, 3) and radii (n,) [m]; its base may
-        stand turned about the vertical [rad].
-        """
-        pin.framesForwardKinematics(self._model, self._data, q)
-        placements = [
-            self._base,
-            *(self._data.oMi[k] for k in range(1, N_JOINTS + 1)),
-            self._data.oMf[self._hand],
-        ]
-        rotation = np.array([placement.rotation for placement in placements])[self._capsule_links]
-        translation = np.array([placement.translation for placement in placements])[
-            self._capsule_links
-        ]
-        ends = self._capsule_ends @ rotation.transpose(0, 2, 1) + translation[:, None]
-        return (
-            ends @ pin.utils.rotate("z", -base_turn) if base_turn else ends
-        ), self._capsule_radii
-
-    def _prepare_capsules(self) -> None:
-        capsules = self.description.capsules
-        links = {"wam_base": 0, "bhand_base": N_JOINTS + 1}
-        self._base = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.description.mount_height]))
-        self._capsule_links = np.array(
-            [links.get(c.link) if c.link in links else int(c.link[-1]) for c in capsules]
-        )
-        self._capsule_ends = np.array([(c.start, c.end) for c in capsules])
-        self._capsule_radii = np.array([c.radius for c in capsules])
 
 
 def _build(description: WamDescription, ball_in_hand: bool) -> tuple[pin.Model, int]:

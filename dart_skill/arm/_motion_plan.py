@@ -12,6 +12,7 @@ from dart_skill.arm._command import Speed
 from dart_skill.arm._registration import Registration
 from dart_skill.common.constants import N_JOINTS, Grip
 from dart_skill.common.pace import PhaseRule
+from dart_skill.common.quaternions import rotate
 
 AGREE = 1e-3
 """Lengths of quaternions are so near to 1, and stiffness matrices so near to symmetric, relative
@@ -116,6 +117,21 @@ class HandPath:
     def duration(self) -> float:
         """Time of the last instant [s]."""
         return float(self.time[-1])
+
+    def as_the_arm_has_it(self, registration: Registration) -> HandPath:
+        """This path, which the cameras shall see, as the arm's kinematics has it.
+
+        * registration: of cameras and arm.
+        """
+        position, quaternion = registration.poses(self.position, self.quaternion)
+        arm = rotate(quaternion, np.array(registration.hand_shift))
+        (v, w), (a, alpha) = (
+            [rotate(registration.back, part) for part in (rates[:, :3], rates[:, 3:])]
+            for rates in (self.velocity, self.acceleration)
+        )
+        velocity = np.hstack([v - np.cross(w, arm), w])
+        acceleration = np.hstack([a - np.cross(alpha, arm) - np.cross(w, np.cross(w, arm)), alpha])
+        return HandPath(self.time, position, quaternion, velocity, acceleration)
 
 
 @dataclass(frozen=True)
@@ -271,7 +287,7 @@ class MotionPlan:
         )
         return replace(
             same,
-            path=self.registration.path(self.path),
+            path=self.path.as_the_arm_has_it(self.registration),
             position_gains=position_gains,
             orientation_gains=orientation_gains,
         )

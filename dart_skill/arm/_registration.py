@@ -1,18 +1,31 @@
-"""Between what cameras see of the hand and what the arm's own kinematics says of it."""
+"""Between what cameras see of the hand and what the arm's own kinematics says of it; and the YAML file
+of a measured registration, which `dart-skill check arm --write` makes, and learner and commander
+start from.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import yaml
 
+from dart_skill.common.checks import as_finite
 from dart_skill.common.quaternions import CONJUGATE, matrices, product, rotate, unit
 
 if TYPE_CHECKING:
-    from dart_skill.arm._motion_plan import HandPath
+    from dart_skill.arm._registration_fit import RegistrationFit
 
+PARTS = {"turn": 3, "shift": 3, "hand_turn": 3, "hand_shift": 3, "delay": 1}
+"""Unknowns of a registration, and how many numbers of `KnownRegistration.spread` each has."""
+HEAD = """\
+# Where the cameras see the base and the body on the hand of the arm. Written by: dart-skill check arm --write
+# turn (x, y, z, w), shift [m]: of the base in the world of the cameras; hand_turn, hand_shift: of the body in the frame of the hand.
+# delay: of the stamps of the cameras [s]. spread: standard deviations, of turns as rotation vectors [rad].
+"""
 ZERO, SAME = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
 
@@ -56,7 +69,7 @@ class Registration:
         return (self.turn, self.shift, self.hand_turn, self.hand_shift) == (SAME, ZERO, SAME, ZERO)
 
     @cached_property
-    def _back(self) -> np.ndarray:
+    def back(self) -> np.ndarray:
         """From the world of the cameras to that of the arm, a unit quaternion (4,)."""
         return unit(np.array(self.turn)) * CONJUGATE
 
@@ -68,7 +81,7 @@ class Registration:
     @property
     def axes(self) -> np.ndarray:
         """Rotation (3, 3) from the axes of the cameras' world to those of the arm's."""
-        return matrices(self._back)
+        return matrices(self.back)
 
     def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion:
@@ -76,8 +89,8 @@ class Registration:
         """
         if self.is_none:
             return position, quaternion
-        turned = unit(product(product(self._back, quaternion), self._hand_back))
-        return rotate(self._back, position - np.array(self.shift)) - rotate(
+        turned = unit(product(product(self.back, quaternion), self._hand_back))
+        return rotate(self.back, position - np.array(self.shift)) - rotate(
             turned, np.array(self.hand_shift)
         ), turned
 
@@ -89,27 +102,84 @@ class Registration:
         """
         if self.is_none:
             return position, quaternion
-        return rotate(self._back, position - np.array(self.shift)), unit(
-            product(self._back, quaternion)
+        return rotate(self.back, position - np.array(self.shift)), unit(
+            product(self.back, quaternion)
         )
 
-    def path(self, path: HandPath) -> HandPath:
-        """A path that the cameras shall see, as the arm's kinematics has it."""
-        if self.is_none:
-            return path
-        back = self._back
-        position, quaternion = self.poses(path.position, path.quaternion)
-        arm = rotate(quaternion, np.array(self.hand_shift))
-        (v, w), (a, alpha) = (
-            [rotate(back, part) for part in (rates[:, :3], rates[:, 3:])]
-            for rates in (path.velocity, path.acceleration)
+
+@dataclass(frozen=True)
+class KnownRegistration:
+    """A registration that was measured before, and how far it can be off.
+
+    * registration: the measured one.
+    * spread: (13,), standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m],
+      three each, and of the delay [s].
+    """
+
+    registration: Registration
+    spread: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        spread = as_finite(self.spread, "the spread of a registration", 1)
+        if spread.shape != (13,) or not np.all(spread > 0.0):
+            raise ValueError(
+                f"the spread of a registration is {self.spread}: give 13 positive numbers"
+            )
+        object.__setattr__(self, "spread", tuple(spread.tolist()))
+
+
+def save_registration(path: str | Path, fit: RegistrationFit) -> None:
+    """Write a registration to `path`, which must not exist; FileExistsError if it does. fit: what
+    was measured.
+    """
+    found, known = fit.registration, fit.known
+    ends = np.cumsum(list(PARTS.values()))[:-1]
+    spreads = dict(zip(PARTS, np.split(np.array(known.spread), ends), strict=True))
+    content = {
+        "registration": {name: _plain(getattr(found, name)) for name in PARTS},
+        "spread": {
+            name: _plain(values if len(values) > 1 else values[0])
+            for name, values in spreads.items()
+        },
+        "left": {
+            "position": round(fit.position_error, 6),
+            "angle": round(fit.angle_error, 6),
+            "sightings": fit.n_sightings,
+        },
+    }
+    with open(path, "x", encoding="utf-8") as file:
+        file.write(
+            HEAD + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
         )
-        velocity = np.hstack([v - np.cross(w, arm), w])
-        acceleration = np.hstack([a - np.cross(alpha, arm) - np.cross(w, np.cross(w, arm)), alpha])
-        return replace(
-            path,
-            position=position,
-            quaternion=quaternion,
-            velocity=velocity,
-            acceleration=acceleration,
-        )
+
+
+def load_registration(path: str | Path) -> KnownRegistration:
+    """The registration in a file; ValueError names the file, and what of it is wrong."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        values, spread = (_section(content, name) for name in ("registration", "spread"))
+        numbers = [np.atleast_1d(np.array(spread[name], dtype=float)) for name in PARTS]
+        for (name, size), given in zip(PARTS.items(), numbers, strict=True):
+            if given.shape != (size,):
+                raise ValueError(f"spread.{name} has shape {given.shape}, not ({size},)")
+        return KnownRegistration(Registration(**values), tuple(np.concatenate(numbers).tolist()))
+    except FileNotFoundError:
+        raise ValueError(
+            f"there is no registration file {path}: dart-skill check arm --write FILE makes one"
+        ) from None
+    except (OSError, ValueError, TypeError, yaml.YAMLError) as error:
+        raise ValueError(
+            f"{path} is no registration file: {error}; dart-skill check arm --write FILE makes one"
+        ) from error
+
+
+def _section(content: Any, name: str) -> dict:
+    section = content.get(name) if isinstance(content, dict) else None
+    if not isinstance(section, dict) or set(section) != set(PARTS):
+        raise ValueError(f"its section '{name}' must have {', '.join(PARTS)}")
+    return section
+
+
+def _plain(value: Any) -> Any:
+    """Numbers as YAML has them, to nine digits."""
+    return [round(float(one), 9) for one in value] if np.ndim(value) else round(float(value), 9)

@@ -15,8 +15,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dart_skill.arm._model import ArmModel
-from dart_skill.arm._registration import Registration
-from dart_skill.arm._registration_rows import linearised
+from dart_skill.arm._registration import KnownRegistration, Registration
 from dart_skill.common.checks import as_finite, check_unit_quaternions, to_the_nanosecond
 from dart_skill.common.quaternions import (
     CONJUGATE,
@@ -29,10 +28,12 @@ from dart_skill.common.quaternions import (
 )
 from dart_skill.common.rotations import of_matrices
 
-POSITION, ANGLE = 0.004, 0.01
-"""How far the arm's kinematics is off at one instant while somebody pushes it [m], [rad]:
-neighbouring instants are off alike.
+POSITION = 0.004
+"""Error of the arm's kinematics at one instant while a person pushes the arm [m]; neighbouring
+instants have nearly the same error.
 """
+ANGLE = 0.01
+"""The same of the orientation [rad]."""
 USUAL = np.repeat([0.02, 0.02, 0.02, 0.01, 0.01], [3, 3, 3, 3, 1])
 """Standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m] and delay [s] of a
 system that was set up with care.
@@ -42,11 +43,14 @@ ANYTHING = np.repeat([3.0, 3.0, 3.0, 0.3, 0.01], [3, 3, 3, 3, 1])
 """The same of a system of which nothing is known; only of the delay is the usual said, which an
 arm that rests does not tell.
 """
-LEAST_POSITION, LEAST_ANGLE = 0.001, 0.002
-"""No arm's kinematics is better than that [m], [rad]: what is left of a fit may be less by chance.
-"""
-SETTLED, MOST_ROUNDS = 1e-9, 50
-"""A measurement goes on until the unknowns change by less, and stops after so many rounds."""
+LEAST_POSITION = 0.001
+"""Error that the kinematics of every arm has [m]; what is left of a fit may be less by chance."""
+LEAST_ANGLE = 0.002
+"""The same of the orientation [rad]."""
+SETTLED = 1e-9
+"""Change of the unknowns below which a measurement ends."""
+MOST_ROUNDS = 50
+"""Rounds after which a measurement ends in any case."""
 HALF_TURN = 3.0
 """Nearer to half a turn the axis of a turn is not sure [rad]."""
 FIRMEST = np.repeat([0.002, 0.002, 0.002, 0.002, 0.001], [3, 3, 3, 3, 1])
@@ -94,27 +98,6 @@ class Sightings:
     def together(cls, parts: Sequence[Sightings]) -> Sightings:
         """All sightings of several. parts: the several."""
         return cls(*(np.concatenate([getattr(one, f.name) for one in parts]) for f in fields(cls)))
-
-
-@dataclass(frozen=True)
-class KnownRegistration:
-    """A registration that was measured before, and how far it can be off.
-
-    * registration: the measured one.
-    * spread: (13,), standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m],
-      three each, and of the delay [s].
-    """
-
-    registration: Registration
-    spread: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        spread = as_finite(self.spread, "the spread of a registration", 1)
-        if spread.shape != (13,) or not np.all(spread > 0.0):
-            raise ValueError(
-                f"the spread of a registration is {self.spread}: give 13 positive numbers"
-            )
-        object.__setattr__(self, "spread", tuple(spread.tolist()))
 
 
 @dataclass(frozen=True)
@@ -207,7 +190,7 @@ def measure_registration(seen: Sightings) -> RegistrationFit:
 
 def _judged(seen: Sightings, found: Registration) -> RegistrationFit:
     """How well sightings fit a registration, and how well they determine it."""
-    off, twist, rows, turned = _linearised(_as_expected(seen, found), _centre(found))
+    off, twist, rows, turned = linearised(_as_expected(seen, found), _centre(found))
     distances, angles = np.linalg.norm(off, axis=1), np.linalg.norm(twist, axis=1)
     position, angle = (
         float(np.sqrt(np.mean(np.square(values)))) for values in (distances, angles)
@@ -349,7 +332,7 @@ def _gauss_newton(
     """
     unknown = centre.copy()
     for _ in range(rounds):
-        off, twist, rows, turned = _linearised(seen, unknown)
+        off, twist, rows, turned = linearised(seen, unknown)
         design = (
             np.concatenate([rows.reshape(-1, 13) / noise[0], turned.reshape(-1, 13) / noise[1]])
             * spread
@@ -362,17 +345,26 @@ def _gauss_newton(
     return unknown
 
 
-def _linearised(
+def linearised(
     seen: Sightings, unknown: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What is left of positions (n, 3) and rotations (n, 3), and the first derivatives (n, 3, 13)
     of both.
+
+    * unknown: (13,), turn, shift, hand_turn, hand_shift, three each, and delay, at which the
+      equations are linear.
     """
-    return linearised(
-        seen.position,
-        seen.quaternion,
-        seen.arm_position,
-        seen.arm_quaternion,
-        seen.arm_velocity,
-        unknown,
-    )
+    turn, shift, hand_turn, hand_shift = np.split(unknown[:12], 4)
+    delay, speeds = unknown[12], seen.arm_velocity
+    base = from_vectors(turn)
+    arm = product(from_vectors(-delay * speeds[:, 3:]), seen.arm_quaternion)
+    lever = seen.arm_position - delay * speeds[:, :3] + rotate(arm, hand_shift)
+    expected = product(product(base, arm), from_vectors(hand_turn))
+    off = seen.position - shift - rotate(base, lever)
+    twist = to_vectors(product(seen.quaternion, expected * CONJUGATE))
+    rows, turned = np.zeros((2, len(seen), 3, 13))
+    rows[:, :, 0:3] = np.cross(np.eye(3), lever[:, None]).swapaxes(1, 2)  # turn x lever
+    rows[:, :, 3:6] = turned[:, :, 0:3] = np.eye(3)
+    rows[:, :, 9:12] = turned[:, :, 6:9] = matrices(arm)
+    rows[:, :, 12], turned[:, :, 12] = -speeds[:, :3], -speeds[:, 3:]
+    return off, twist, rows, turned

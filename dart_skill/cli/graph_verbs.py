@@ -1,16 +1,18 @@
 """Verbs that the ROS 2 nodes run: `dart-skill up`, `status`, `demo`, `practice`, `teach`,
-`demonstrations`, `throw`, `learn` without a bag, `bag play`, `check arm`, `experiment faults`,
-`experiment soak`.
+`demonstrations`, `throw`, `learn` without a bag, `bag play`, `check arm`; and those of a checkout's
+tests: `experiment faults`, `experiment soak`.
 
 The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs` with
 `add_arguments(parser)` and `main(options, parser)`, found by its name where the nodes are
-installed.
+installed. `experiment faults` and `experiment soak` are packages of tests/benches.
 """
 
 import argparse
 import importlib
+import sys
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from types import ModuleType
 
 HELP = {
@@ -34,6 +36,12 @@ HELP = {
     "play": "publish a bag's messages over ROS, as they were recorded",
 }
 
+BENCHES, BENCH_FOLDER = ("faults", "soak"), "tests/benches"
+"""Verbs of `dart-skill experiment` that only a checkout has, and the folder in which it has them.
+"""
+CHECKOUT = Path(__file__).resolve().parents[2]
+"""The folder of the library, which is a checkout unless the library was installed elsewhere."""
+
 
 def add_to(commands: argparse._SubParsersAction, name: str, module: str = "") -> None:
     """Add a verb with its options; where the nodes are not installed, one that takes anything, and
@@ -45,7 +53,8 @@ def add_to(commands: argparse._SubParsersAction, name: str, module: str = "") ->
     try:
         _module(module or name).add_arguments(parser)
     except ImportError:
-        parser.description = "Its options are known where the ROS 2 nodes are installed."
+        place = "in a checkout" if name in BENCHES else "where the ROS 2 nodes are installed"
+        parser.description = f"Its options are known {place}."
         parser.set_defaults(takes_anything=True)
     parser.set_defaults(run=runner(module or name, parser))
 
@@ -60,18 +69,28 @@ def _run(name: str, parser: argparse.ArgumentParser, options: argparse.Namespace
 
 
 def module_of(name: str, parser: argparse.ArgumentParser) -> ModuleType:
-    """The nodes' module of a verb; ImportError says what to do where ROS or the nodes are not
-    there.
+    """The module of a verb; ImportError says what to do where ROS, the nodes or the checkout are
+    not there.
     """
     try:
         module = _module(name)
         importlib.import_module("rclpy")
     except ImportError as error:
         command = parser.prog.removeprefix("dart-skill ")
+        if name in BENCHES and not (CHECKOUT / BENCH_FOLDER / name).is_dir():
+            raise ImportError(
+                f"{command} needs a checkout: call the dart-skill of one ({error})"
+            ) from error
         hint = "'make setup', then 'source tools/env.sh'"
         raise ImportError(f"{command} needs the ROS 2 workspace: {hint} ({error})") from error
     return module
 
 
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"dart_skill_nodes.verbs.{name}")
+    if name not in BENCHES:
+        return importlib.import_module(f"dart_skill_nodes.verbs.{name}")
+    if not (CHECKOUT / BENCH_FOLDER / name).is_dir():
+        raise ImportError(f"{CHECKOUT} has no {BENCH_FOLDER}/{name}")
+    if str(CHECKOUT) not in sys.path:
+        sys.path.append(str(CHECKOUT))
+    return importlib.import_module(f"{BENCH_FOLDER.replace('/', '.')}.{name}")

@@ -12,10 +12,8 @@ if TYPE_CHECKING:
     from dart_skill.simulation._board import Board
     from dart_skill.simulation._bullet import connect
     from dart_skill.simulation._carrier import Carrier, Carrying
-    from dart_skill.simulation._changes import CHANGES, changed
     from dart_skill.simulation._conveyor import Belt, Conveyor
-    from dart_skill.simulation._guiding import Guiding
-    from dart_skill.simulation._holder import Holder
+    from dart_skill.simulation._guiding import Guiding, Holder
     from dart_skill.simulation._motion_capture import (
         BasketWalls,
         Camera,
@@ -25,13 +23,14 @@ if TYPE_CHECKING:
         MotionCaptureConfig,
         Sample,
     )
-    from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
+    from dart_skill.simulation._plant import Plant, PlantState
+    from dart_skill.simulation._plant_settings import PlantSettings
     from dart_skill.simulation._pulled_hand import PulledHand, Pulling
     from dart_skill.simulation._reacher import Reacher, Reaching
     from dart_skill.simulation._stillness import Stillness
     from dart_skill.simulation._teacher import Person, Phase, Swing, Teacher
     from dart_skill.simulation._workbench import Bench, Workbench
-    from dart_skill.simulation._worlds import WORLDS, make_world
+    from dart_skill.simulation._worlds import CHANGES, WORLDS, changed, make_world
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
@@ -41,20 +40,19 @@ else:
             "_board": "Board",
             "_bullet": "connect",
             "_carrier": "Carrier Carrying",
-            "_changes": "CHANGES changed",
             "_conveyor": "Belt Conveyor",
-            "_guiding": "Guiding",
-            "_holder": "Holder",
+            "_guiding": "Guiding Holder",
             "_motion_capture": (
                 "BasketWalls Camera Frame LatencyQueue MotionCapture MotionCaptureConfig Sample"
             ),
-            "_plant": "Plant PlantSettings PlantState",
+            "_plant": "Plant PlantState",
+            "_plant_settings": "PlantSettings",
             "_pulled_hand": "PulledHand Pulling",
             "_reacher": "Reacher Reaching",
             "_stillness": "Stillness",
             "_teacher": "Person Phase Swing Teacher",
             "_workbench": "Bench Workbench",
-            "_worlds": "WORLDS make_world",
+            "_worlds": "CHANGES WORLDS changed make_world",
         },
     )
 

@@ -37,7 +37,7 @@ try:
     with _muted():
         import pybullet
         from pybullet_utils.bullet_client import BulletClient
-except ModuleNotFoundError as error:  # whoever simulates nothing does without
+except ModuleNotFoundError as error:  # not needed where nothing is simulated
     pybullet, BulletClient = Absent(error), object
 
 

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.simulation._bullet import BulletClient
 from dart_skill.simulation._guiding import smooth
-from dart_skill.simulation._plant import LooseState, Plant, PlantSettings, PlantState
+from dart_skill.simulation._plant import LooseState, Plant, PlantState
+from dart_skill.simulation._plant_settings import PlantSettings
 from dart_skill.simulation._workbench import Pose
 
 START_POSTURE = (0.0, 0.3, 0.0, 2.2, 0.0, 1.0, 0.0)
@@ -26,10 +27,12 @@ NUMBERS = (*WAY, "steady", "start", "duration", "tunnel")
 """Names of the numbers of a situation in the world of a belt: the fields of `Belt`, the way along
 each axis.
 """
-UPRIGHT, IN, AROUND = 0.01, 0.01, 0.001
-"""A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its
-speed is measured over this time [s].
-"""
+UPRIGHT = 0.01
+"""Lean of a cup up to which it is upright [rad]."""
+IN = 0.01
+"""Distance from the middle of the cup up to which the hand is in it [m]."""
+AROUND = 0.001
+"""Time before and after an instant over which the speed of the cup is measured [s]."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +121,7 @@ class Conveyor(Plant):
         self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None
     ) -> PlantState:
         """As of the plant: the belt of `Belt.of`. Where nothing is said, it runs as before."""
-        self._check_movable(poses)
-        self._check_numbers(numbers or {})
+        self._check_situation(poses, numbers or {})
         if poses or numbers:
             self._belt = Belt.of(poses.get("cup"), numbers or {})
         return self.reset()
@@ -128,7 +130,7 @@ class Conveyor(Plant):
         """Put the cup somewhere at once: it stands there from now on. position: of the cup (3,)
         [m].
         """
-        self._check_movable([role])
+        self._check_situation([role])
         self._belt = Belt.of((position, quaternion), {})
         self._seen_loose = None
 

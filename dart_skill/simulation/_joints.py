@@ -96,7 +96,7 @@ class Joints:
         """Set the torques for one step.
 
         * command: of the controller.
-        * push: of somebody who guides the arm; it acts on the links from outside.
+        * push: of a person who guides the arm; it acts on the links from outside.
         * brakes: whether the command is the arm's own braking, for which its safety module does
           not ask.
         * arm: as it is built, with what is in its hand.

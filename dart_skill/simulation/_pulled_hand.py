@@ -26,8 +26,8 @@ class Pulling:
     * follows: as of `Guiding`.
     * lead: the hand may be pulled so long after the beginning: what goes before a movement is
       recorded, too [s].
-    * patience: the hand is let go of when nobody pulls it for so long, or tells the fingers
-      something [s].
+    * patience: the hand is let go of when it was not pulled for so long, and the fingers
+      were not told anything [s].
     """
 
     fastest: float = 0.5
@@ -42,8 +42,8 @@ class Pulling:
 
 
 class PulledHand(Guiding):
-    """Guides one movement at a time: `begin`, then `pull`, `tell` and `finish` when somebody wants
-    it, and `step` once per state.
+    """Guides one movement at a time: `begin`, then `pull`, `tell` and `finish` as the person
+    wants, and `step` once per state.
 
     * pulling: how the hand follows; the default where none is given.
     * step: control period [s].
@@ -53,7 +53,7 @@ class PulledHand(Guiding):
         p = self.pulling = pulling or Pulling()
         person = Person(
             tremble=0.0, firm_hand=p.firm_hand, strongest_push=p.strongest_push
-        )  # whoever holds the mouse trembles enough
+        )  # the person with the mouse trembles enough
         super().__init__(0, person, p.follows, p.firm_wrist, step)
         self._guides, self._now = False, 0.0
 
@@ -64,7 +64,7 @@ class PulledHand(Guiding):
 
     @property
     def over(self) -> bool:
-        """Whether somebody has finished what was begun."""
+        """Whether the movement that was begun has ended."""
         return not self._guides
 
     def begin(self, state: ArmState) -> None:
@@ -85,8 +85,8 @@ class PulledHand(Guiding):
         self._now, self._pulled, self._guides = 0.0, 0.0, True
 
     def pull(self, position: ArrayLike, quaternion: ArrayLike) -> None:
-        """The pointer is there now: position (3,) [m], quaternion (4,). ValueError while nobody
-        guides, or for what is no pose.
+        """The pointer is there now: position (3,) [m], quaternion (4,). ValueError while no
+        hand is held, or for what is no pose.
         """
         from scipy.spatial.transform import Rotation
 
@@ -104,12 +104,12 @@ class PulledHand(Guiding):
         )
 
     def tell(self, grip: Grip) -> None:
-        """The fingers are told something with the next step; ValueError while nobody guides."""
+        """The fingers are told something with the next step; ValueError while no hand is held."""
         self._need_hold("told to open or to close")
         self._grip, self._pulled = grip, self._now
 
     def finish(self) -> None:
-        """Somebody says that the movement has ended. The hand is held where it is, as long as
+        """The movement has ended. The hand is held where it is, as long as
         there are steps. ValueError as of `pull`.
         """
         self._need_hold("let go of")
@@ -120,7 +120,7 @@ class PulledHand(Guiding):
         self._guides = False
 
     def step(self, state: ArmState) -> Command:
-        """The push that answers one state; ValueError when nobody has pulled for too long."""
+        """The push that answers one state; ValueError when the hand was not pulled for too long."""
         self._follow(self._time(state))
         if self._guides and self._now - self._pulled > self.pulling.patience:
             raise ValueError(

@@ -27,7 +27,6 @@ from dart_skill.arm import (
 )
 from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.surface import BASKETS, RIMS, Game
-from dart_skill.simulation._hold import Hold, Quintic
 
 NO_MOMENT = np.zeros(3)
 SWING_JOINTS = (1, 3, 5)
@@ -113,6 +112,40 @@ class Phase(Enum):
     WATCHING = "watching"
 
 
+class Quintic:
+    """The quintic with given ends and no acceleration there.
+
+    * start, start_rate: of the joints where it begins (n,) [rad], [rad/s]; end, end_rate: where it
+      ends.
+    * duration: [s].
+    """
+
+    def __init__(
+        self,
+        start: np.ndarray,
+        start_rate: np.ndarray,
+        end: np.ndarray,
+        end_rate: np.ndarray,
+        duration: float,
+    ):
+        v0, v1, way = start_rate * duration, end_rate * duration, end - start
+        third, fourth = 10 * way - 6 * v0 - 4 * v1, -15 * way + 8 * v0 + 7 * v1
+        self._coefficients = start, v0, third, fourth, 6 * way - 3 * v0 - 3 * v1
+        self._duration = duration
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position and velocity (n,) [rad], [rad/s].
+
+        * time: since its start [s].
+        """
+        start, v0, c3, c4, c5 = self._coefficients
+        s = time / self._duration
+        square = s**2
+        position = start + s * (v0 + square * (c3 + s * (c4 + s * c5)))
+        rate = v0 + square * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5))
+        return position, rate / self._duration
+
+
 @dataclass
 class _Motion:
     """A swing worked out in joint angles, with the instants of its phases since the beginning of
@@ -172,7 +205,6 @@ class Teacher:
             step,
             game,
         )
-        self._hold = Hold(*self.person.firm_hand, *self.person.firm_wrist)
         self._model = ArmModel(ball_in_hand=True)
         self._seed, self._throws = seed, 0
         self._phase = Phase.IDLE
@@ -208,7 +240,7 @@ class Teacher:
 
     def learn_from(self, landed: np.ndarray) -> None:
         """Aim the next throw against the miss: landed (3,) is where the ball was seen to come
-        down. ValueError if nobody saw that.
+        down. ValueError if that was not seen.
         """
         if not np.isfinite(landed[:2]).all():
             raise ValueError(
@@ -349,20 +381,24 @@ class Teacher:
     # the hands
 
     def _push_hand(self, state: ArmState, wanted: HandState) -> np.ndarray:
-        actual = self._model.hand_state(state.position, state.velocity)
-        error, stray = (
-            rotation_error(wanted.rotation, actual.rotation),
-            self._wander(state.stamp_ns),
+        """Force and moment (6,) of a spring and a damper between the hand in mind and the hand as
+        it is, as strong as the person is.
+        """
+        actual, person = self._model.hand_state(state.position, state.velocity), self.person
+        off = np.concatenate(
+            [
+                wanted.position + self._wander(state.stamp_ns) - actual.position,
+                rotation_error(wanted.rotation, actual.rotation),
+            ]
         )
-        wrench = self._hold.pull(
-            wanted.position, wanted.velocity, stray, actual.position, actual.velocity, error
+        stiffness, damping = np.repeat([person.firm_hand, person.firm_wrist], 3, axis=0).T
+        wrench = stiffness * off + damping * (wanted.velocity - actual.velocity)
+        return np.concatenate(
+            [
+                at_most(wrench[:3], person.strongest_push),
+                at_most(wrench[3:], person.strongest_twist),
+            ]
         )
-        for part, strongest in (
-            (wrench[:3], self.person.strongest_push),
-            (wrench[3:], self.person.strongest_twist),
-        ):
-            part[:] = at_most(part, strongest)
-        return wrench
 
     def _wander(self, stamp_ns: int) -> np.ndarray:
         """How far the hand strays from the path in mind: grows smoothly through the swing, the

@@ -14,15 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import WamDescription, wam_description, with_box
+from dart_skill.simulation._arm_in_world import HAND_LINK_INDEX, small_box
 from dart_skill.simulation._bullet import BulletClient, pybullet
-from dart_skill.simulation._plant import (
-    HAND_LINK_INDEX,
-    Plant,
-    PlantSettings,
-    PlantState,
-    in_principal_axes,
-    small_box,
-)
+from dart_skill.simulation._plant import Plant, PlantState, in_principal_axes
+from dart_skill.simulation._plant_settings import PlantSettings
 
 Pose = tuple[np.ndarray, np.ndarray]
 """Position (3,) [m] and quaternion (4,)."""
@@ -30,8 +25,10 @@ DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 """A part that stands is seen from a hand that points down with its z axis against the hand's: half
 a turn about y.
 """
-GRASPED, ALONG = 0.02, 0.2
-"""Fingers that close get hold of a part whose place and axis are off by no more [m], [rad]."""
+GRASPED = 0.02
+"""Distance of the part from its place in the hand up to which closing fingers get hold of it [m]."""
+ALONG = 0.2
+"""Lean of the part in the hand up to which closing fingers get hold of it [rad]."""
 IN = 0.003
 """A part whose origin is nearer to where it ends along the holder's axis is in it [m]."""
 
@@ -98,15 +95,14 @@ class Workbench(Plant):
         self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None
     ) -> PlantState:
         """As of the plant."""
-        self._check_movable(poses)
-        self._check_numbers(numbers or {})
+        self._check_situation(poses, numbers or {})
         if poses:
             self.stand(poses[self.movable_body])
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
         """As of the plant. position: of the body (3,) [m]."""
-        self._check_movable([role])
+        self._check_situation([role])
         self.stand((position, quaternion))
         self._world.resetBasePositionAndOrientation(
             self._holder_body, self._holder[0].tolist(), self._holder[1].tolist()
@@ -114,7 +110,7 @@ class Workbench(Plant):
 
     @property
     def succeeded(self) -> bool:
-        """Whether the part lies in the holder, and nobody holds it."""
+        """Whether the part lies in the holder, and is not held."""
         turn = Rotation.from_quat(self._holder[1])
         local = turn.inv().apply(np.array(self._loose.position) - self._holder[0])
         seat = 0.5 * self.bench.size[2]

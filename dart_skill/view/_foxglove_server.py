@@ -1,8 +1,8 @@
 """A live server for Foxglove, through its own foxglove-sdk: messages as they are, in CDR, with the
 definitions of their types.
 
-Foxglove connects to it as to a robot ("Open connection", Foxglove WebSocket). Nobody can send
-anything to it: it offers no services and no parameters, and takes no messages.
+Foxglove connects to it as to a robot ("Open connection", Foxglove WebSocket). Clients cannot
+send anything to it: it offers no services and no parameters, and takes no messages.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from typing import Any
 from dart_skill.common.extras import optional
 from dart_skill.recording import BagReader, definition
 
-HOST, FOXGLOVE_PORT = "127.0.0.1", 8765
-"""The port is the one that Foxglove suggests."""
+HOST = "127.0.0.1"
+FOXGLOVE_PORT = 8765
+"""The port that Foxglove suggests."""
 NAP = 0.05
-"""Nobody waits longer for the end of a playback [s]."""
+"""Longest wait for the end of a playback [s]."""
 
 
 class FoxgloveServer:
@@ -58,8 +59,8 @@ class FoxgloveServer:
         return list(self._channels)
 
     def add_topic(self, topic: str, type_name: str, text: str, lasting: bool = False) -> None:
-        """A topic of a type, with its definition (`recording.definition`). lasting: whoever comes
-        later gets the last message, too.
+        """A topic of a type, with its definition (`recording.definition`). lasting: clients that
+        come later get the last message, too.
 
         text: the definition.
         """
@@ -147,5 +148,5 @@ def _shown(bag: BagReader) -> Iterator[str]:
 
 
 def _is_lasting(bag: BagReader, topic: str) -> bool:
-    """Whether a publisher kept its last message for whoever came later."""
+    """Whether a publisher kept its last message for subscribers that came later."""
     return any("TRANSIENT_LOCAL" in str(profile.durability) for profile in bag.topics[topic].qos)

@@ -12,7 +12,7 @@ import numpy as np
 from dart_skill.common import palette
 from dart_skill.view._placing import on_plane
 from dart_skill.view._shapes import sphere
-from dart_skill.view._solids import Part
+from dart_skill.view._solids import ColouredMesh
 
 RADIUS = 0.055
 """Radius of the ball that is dragged [m]: larger than the hand, so that the mouse meets it."""
@@ -20,10 +20,10 @@ ARM_SPAN = 1.2
 """The ball stays so near to the axis of the base [m]; a plane that is seen from its edge leads
 anywhere.
 """
-ABOVE, BESIDE = np.array([-0.03, 0.0, 1.1]), 1.5
-"""From the hand to the eye that looks at it from above, and the distance of the one that looks
-from the side, at its height [m].
-"""
+ABOVE = np.array([-0.03, 0.0, 1.1])
+"""From the hand to the eye that looks at it from above [m]."""
+BESIDE = 1.5
+"""Distance from the hand of the eye that looks from the side, at the height of the hand [m]."""
 PLUMB = 0.6
 """Length of the line that hangs down from the hand [m]."""
 
@@ -35,7 +35,7 @@ class HeldHand:
     * parts: of the body that is brought somewhere, as they are drawn.
     """
 
-    def __init__(self, server: Any, parts: list[Part]):
+    def __init__(self, server: Any, parts: list[ColouredMesh]):
         self._server, self._grip, self._hand = server, np.zeros(3), np.zeros(3)
         scene, ball = server.scene, sphere(RADIUS)
         vertices, faces = ball.vertices.astype(np.float32), ball.faces.astype(np.uint32)
@@ -81,7 +81,7 @@ class HeldHand:
 
     @property
     def held(self) -> bool:
-        """Whether somebody has hold of the hand."""
+        """Whether a person has hold of the hand."""
         return bool(self._ball.visible)
 
     @property
@@ -176,9 +176,7 @@ def eye_of(pointer: np.ndarray, from_above: bool) -> np.ndarray:
 
 
 def within_reach(place: np.ndarray) -> np.ndarray:
-    """The place (3,) itself, or the nearest to it that an arm could reach: nobody wants to pull
-    the hand over the horizon.
-    """
+    """The place (3,) itself, or the nearest to it that an arm could reach."""
     span = float(np.hypot(place[0], place[1]))
     return np.append(place[:2] * min(1.0, ARM_SPAN / max(span, 1e-9)), np.clip(place[2], 0.0, 2.5))
 

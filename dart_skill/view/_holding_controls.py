@@ -17,8 +17,10 @@ HOW = (
     " and opens the hand, <b>Q</b> and <b>E</b> turn it, <b>V</b> looks from above or from the"
     " side, <b>Enter</b>: done."
 )
-TURN_BY, MOST_TURNED = 5.0, 180.0
-"""With a key, and at most [degrees]."""
+TURN_BY = 5.0
+"""Turn of the hand with one key [degrees]."""
+MOST_TURNED = 180.0
+"""Largest turn of the hand to either side [degrees]."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill.arm import WamDescription, joint_transforms, wam_description, write_urdf
+from dart_skill.arm import WamDescription, fixed_transforms, joint_transforms, wam_description
 from dart_skill.common import palette
 from dart_skill.common.checks import check_unit_quaternions
 from dart_skill.common.regions import REGION, Region
@@ -23,10 +23,9 @@ from dart_skill.skills.protocol import Skill
 from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._page_style import SCENE_SHARE
 from dart_skill.view._placing import nearest_in, on_plane, outline
-from dart_skill.view._shapes import Mesh, bucket, circle, pyramid, sphere
+from dart_skill.view._shapes import Mesh, bucket, capsule, circle, joined, pyramid, sphere
 from dart_skill.view._solids import parts_of
 from dart_skill.view._trail import Trail, segments
-from dart_skill.view._urdf_shapes import read_links
 
 if TYPE_CHECKING:
     from dart_skill.simulation import Camera
@@ -49,10 +48,12 @@ BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
 """The same of darts: as the thrower sees the board."""
 CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
-STILL_ANGLE, STILL, STILL_TURN = 2e-3, 2e-3, 1e-2
-"""Joint angles [rad], positions [m] and quaternions that differ by less from what is shown are not
-sent: less than a pixel.
-"""
+STILL_ANGLE = 2e-3
+"""Change of a joint angle below which nothing is sent to the page: less than a pixel [rad]."""
+STILL = 2e-3
+"""Change of a position below which nothing is sent [m]."""
+STILL_TURN = 1e-2
+"""Change of a component of a quaternion below which nothing is sent."""
 PRODUCT = "components"
 """Gaussians of the product of all task frames. Beside it those of the frames are hidden at first:
 of one frame alone they are wide.
@@ -268,7 +269,7 @@ class Scene:
             lod="off", side="double", cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
-    # what somebody does
+    # what the mouse does
 
     def on_basket_dragged(self, callback: Callable[[np.ndarray, bool], None]) -> None:
         """Call with the place (3,) in the region that is nearest to where the mouse drags the
@@ -358,17 +359,20 @@ class Scene:
         self._angles = np.full(
             len(self._description.joints), np.inf
         )  # so that every joint moves at first
-        paths = {"": "/arm"}
-        self._scene.add_frame(
-            "/arm", show_axes=False, position=(0.0, 0.0, self._description.mount_height)
-        )
-        for link in read_links(write_urdf(self._description)):
-            path = paths[link.name] = f"{paths[link.parent]}/{link.name}"
-            place = {"position": link.translation, "wxyz": _wxyz(link.quaternion)}
-            self._links[link.name] = self._scene.add_frame(path, show_axes=False, **place)
-            if link.mesh is not None:
-                colour = palette.FINGERS if link.name.startswith("bhand") else palette.ARM
-                self._add_mesh(f"{path}/shape", link.mesh, colour)
+        self._scene.add_frame("/arm", show_axes=False)
+        paths, capsules = {"world": "/arm"}, self._description.capsules
+        base, hand = fixed_transforms(self._description)
+        at_zero = joint_transforms(self._description, np.zeros(len(self._description.joints)))
+        for one in (base, *at_zero, hand):
+            path = paths[one.child] = f"{paths[one.parent]}/{one.child}"
+            self._links[one.child] = self._scene.add_frame(
+                path, show_axes=False, position=one.translation, wxyz=_wxyz(one.quaternion)
+            )
+            if shapes := [
+                capsule(c.start, c.end, c.radius) for c in capsules if c.link == one.child
+            ]:
+                colour = palette.FINGERS if one.child == hand.child else palette.ARM
+                self._add_mesh(f"{path}/shape", joined(shapes), colour)
         height = self._description.mount_height
         self._scene.add_cylinder(
             "/ground/mount",

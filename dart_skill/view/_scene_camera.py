@@ -19,7 +19,7 @@ from dart_skill.common.world import THROW
 from dart_skill.simulation import Basket, connect
 from dart_skill.skills.protocol import Skill
 from dart_skill.view._shapes import bucket, sphere
-from dart_skill.view._solids import Part, parts_of
+from dart_skill.view._solids import ColouredMesh, parts_of
 
 EYE, LOOKED_AT, ANGLE = (1.0, -3.9, 2.4), (0.85, 0.0, 0.85), 46.0
 """Where the camera of a throw stands and looks [m], and its angle of view [deg]."""
@@ -29,7 +29,7 @@ LIGHT_FROM = (2.0, -3.0, 5.0)
 NEAR, FAR = 0.05, 20.0
 WIDTH, HEIGHT = 320, 240
 AWAY = (0.0, 0.0, -50.0)
-"""Where a body is that nobody has seen yet."""
+"""Where a body is drawn that was not seen yet."""
 
 
 class SceneCamera:
@@ -112,11 +112,11 @@ class SceneCamera:
         client.createMultiBody(0, -1, mount, [0.0, 0.0, height / 2])
 
     @staticmethod
-    def _parts(skill: Skill, role: str) -> list[Part]:
+    def _parts(skill: Skill, role: str) -> list[ColouredMesh]:
         if skill.name == THROW:  # which says nothing of its bodies: the live view knows them
             shape = Basket()
             return [
-                Part(
+                ColouredMesh(
                     sphere(wam_description().ball.radius)
                     if role == "ball"
                     else bucket(shape.radius, shape.depth, shape.wall)
@@ -130,7 +130,7 @@ class SceneCamera:
 
     def _body(
         self,
-        parts: list[Part],
+        parts: list[ColouredMesh],
         colour: tuple[int, int, int],
         position: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> int:
@@ -144,7 +144,7 @@ class SceneCamera:
             linkJointAxis=[[0.0, 0.0, 1.0]] * n,
         )  # fmt: skip
 
-    def _shape(self, part: Part, colour: tuple[int, int, int]) -> int:
+    def _shape(self, part: ColouredMesh, colour: tuple[int, int, int]) -> int:
         vertices, faces = part.mesh.vertices.tolist(), part.mesh.faces
         both = np.concatenate([faces, faces[:, ::-1]]).ravel().tolist()  # a bucket is looked into
         return self._client.createVisualShape(

@@ -50,7 +50,7 @@ def open_server(
     _check_free(host, port)
     with contextlib.redirect_stdout(
         io.StringIO()
-    ):  # viser prints a panel; whoever opens a server says so in its own way
+    ):  # viser prints a panel; our callers say it in their own way
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     _refuse_strangers(server, token)
     # any client may ask viser for a public address; an arm is not to be had from outside
@@ -67,7 +67,7 @@ def url_of(server: Any) -> str:
 
 
 def new_token() -> str:
-    """A secret for the address of a page, which nobody guesses."""
+    """A secret for the address of a page, which cannot be guessed."""
     return secrets.token_urlsafe(16)
 
 
@@ -135,7 +135,7 @@ def _never_share(*_: Any, **__: Any) -> None:
 
 
 def _check_free(host: str, port: int) -> None:
-    """viser takes the next port when one is taken, and so a page that nobody looks for."""
+    """viser takes the next port when one is taken, where the page is not looked for."""
     if not 0 <= port <= 65535:
         raise ViewUnavailable(f"port = {port}: give one from 1 to 65535, or 0 for any free one")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -72,6 +72,23 @@ def cylinder(radius: float, length: float, sides: int = SIDES) -> Mesh:
     )
 
 
+def capsule(start: np.ndarray, end: np.ndarray, radius: float) -> Mesh:
+    """Between two points (3,): a cylinder and two spheres."""
+    axis = end - start
+    length = float(np.linalg.norm(axis))
+    z = axis / length
+    x = np.cross(np.eye(3)[np.abs(z).argmin()], z)
+    x /= np.linalg.norm(x)
+    turn = np.column_stack([x, np.cross(z, x), z])
+    return joined(
+        [
+            sphere(radius).moved(start),
+            sphere(radius).moved(end),
+            cylinder(radius, length).moved(0.5 * (start + end), turn),
+        ]
+    )
+
+
 def box(size: np.ndarray) -> Mesh:
     """With edges (3,), its middle at the origin; its sides share no corners, so that they are
     shaded flat.

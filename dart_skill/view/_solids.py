@@ -25,26 +25,26 @@ THICK = 0.038
 """Thickness of a board [m]."""
 
 
-class Part(NamedTuple):
+class ColouredMesh(NamedTuple):
     """A mesh and its colour; None for that of the body."""
 
     mesh: Mesh
     colour: tuple[int, int, int] | None = None
 
 
-def parts_of(solids: Sequence[Solid]) -> list[Part]:
+def parts_of(solids: Sequence[Solid]) -> list[ColouredMesh]:
     """What is drawn of a body; of one without solids a small box, so that one sees where it is."""
-    found: list[Part] = []
+    found: list[ColouredMesh] = []
     for solid in solids or (Solid("box", (0.04, 0.04, 0.04)),):
         centre = np.array(solid.centre)
         found += [
-            Part(part.mesh.moved(centre), part.colour)
+            ColouredMesh(part.mesh.moved(centre), part.colour)
             for part in MADE_OF[solid.kind](*solid.lengths)
         ]
     return found
 
 
-def _board() -> list[Part]:
+def _board() -> list[ColouredMesh]:
     """A board whose face is the plane x = 0, seen from where x is negative; z is up, and y to the
     left as the thrower sees it.
     """
@@ -63,7 +63,10 @@ def _board() -> list[Part]:
         .moved(np.zeros(3), turned)
         .moved(np.array([0.5 * THICK + 0.001, 0.0, 0.0]))
     )
-    return [Part(disc, DARK), *(Part(joined(parts), colour) for colour, parts in meshes.items())]
+    return [
+        ColouredMesh(disc, DARK),
+        *(ColouredMesh(joined(parts), colour) for colour, parts in meshes.items()),
+    ]
 
 
 def _ring_sector(inner: float, outer: float, sector: int) -> Mesh:
@@ -82,14 +85,14 @@ def _ring_sector(inner: float, outer: float, sector: int) -> Mesh:
     return Mesh(np.concatenate([inner * rim, outer * rim]), faces)
 
 
-def _cup(radius: float, height: float, wall: float) -> list[Part]:
-    return [Part(bucket(radius, height, wall).moved(np.array([0.0, 0.0, height])))]
+def _cup(radius: float, height: float, wall: float) -> list[ColouredMesh]:
+    return [ColouredMesh(bucket(radius, height, wall).moved(np.array([0.0, 0.0, height])))]
 
 
-MADE_OF: dict[str, Callable[..., list[Part]]] = {
-    "box": lambda *edges: [Part(box(np.array(edges)))],
-    "sphere": lambda radius: [Part(sphere(radius))],
-    "cylinder": lambda radius, length: [Part(cylinder(radius, length))],
+MADE_OF: dict[str, Callable[..., list[ColouredMesh]]] = {
+    "box": lambda *edges: [ColouredMesh(box(np.array(edges)))],
+    "sphere": lambda radius: [ColouredMesh(sphere(radius))],
+    "cylinder": lambda radius, length: [ColouredMesh(cylinder(radius, length))],
     "cup": _cup,
     "board": _board,
 }

@@ -31,7 +31,7 @@ from dart_skill.recording import read_demonstrations
 from dart_skill.simulation import MotionCapture
 from dart_skill.skills.observation import sightings
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.arm_commands import CommandWriter
+from dart_skill_nodes.comms.commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.integration.conftest import plan_request, wait_for, wait_for_end
 from tests.paths import BAGS

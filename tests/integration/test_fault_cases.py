@@ -6,11 +6,11 @@ from contextlib import closing
 
 import pytest
 
-from dart_skill_nodes.verbs.faults.bench import Bench
-from dart_skill_nodes.verbs.faults.cases import CASES, FAULTS, OF_ATTACKS, PHASES, named
-from dart_skill_nodes.verbs.faults.reactions import Reaction, as_json, page
-from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
-from dart_skill_nodes.verbs.faults.stranger import ATTACKS
+from tests.benches.faults.bench import Bench
+from tests.benches.faults.cases import CASES, FAULTS, OF_ATTACKS, PHASES, named
+from tests.benches.faults.reactions import Reaction, as_json, page
+from tests.benches.faults.small_disk import SmallDisk
+from tests.benches.faults.stranger import ATTACKS
 from tests.integration.conftest import RUNNING
 
 ON_A_BUSY_MACHINE = 60.0

@@ -31,9 +31,8 @@ from dart_skill.recording import read_command, read_demonstrations
 from dart_skill.skills.learning import DEFAULT
 from dart_skill_nodes.client.node_inspector import NodeStatuses
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.latest_messages import poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
-from dart_skill_nodes.comms.raw_batches import RawMessage
+from dart_skill_nodes.comms.raw_batches import RawMessage, poses_of
 from dart_skill_nodes.comms.refusals import Refusals
 from dart_skill_nodes.comms.tf_messages import TfMessages
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies

@@ -3,6 +3,7 @@ somebody says which joint is missing.
 """
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
+from dart_skill.arm import ArmState
 from dart_skill.common.world import joint_names
 from dart_skill.recording import deserialize, joint_layout, serialize, typestore
 from dart_skill.recording.imports import SignalSource
 from dart_skill.recording.imports.joint_streams import read_states
 from dart_skill.recording.mcap import BagMessage
+from dart_skill_nodes.arm import arm_watch
 from dart_skill_nodes.client.arm_listener import ArmListener
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, OfTheArm, Rivals, hear_joint_states
@@ -297,6 +300,20 @@ def test_a_second_arm_under_the_same_names_is_refused(beside):
     driver.speak_beside(REORDERED)
     driver.until(lambda: driver.beside._rivals, "that nothing is commanded")
     assert "driver and gripper publish /joint_states: end one of them" in driver.beside._rivals
+
+
+def test_arms_whose_states_leap_to_and_fro_are_rivals_beside_a_gripper_too(monkeypatch):
+    monkeypatch.setattr(arm_watch, "others", lambda node, topic: ["driver", "stranger"])
+    for needed in ("TimeOfTheArm", "Cameras"):
+        monkeypatch.setattr(arm_watch, needed, lambda *_: None)
+    states = SimpleNamespace(of_the_arm=SimpleNamespace(voices=1))
+    watch = arm_watch.ArmWatch(SimpleNamespace(get_namespace=lambda: "/"), states, "")
+    watch.look_for_rivals()
+    assert not watch.rivals
+    for k in range(10):
+        leaps = watch.leaps(ArmState(2_000_000 * k, np.full(7, k % 2.0), np.zeros(7)))
+    watch.look_for_rivals()
+    assert leaps and watch.rivals.startswith("driver and stranger publish /joint_states: end one")
 
 
 def test_states_that_leap_to_and_fro_are_of_two_arms():

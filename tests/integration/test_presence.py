@@ -18,9 +18,9 @@ BUSY = """
 import rclpy
 from std_srvs.srv import Trigger
 from dart_skill_nodes.comms.presence import be_alive
-from dart_skill_nodes.comms import system_process
+from dart_skill_nodes.comms import this_machine
 if {elsewhere}:
-    system_process._machine = lambda: "another machine"
+    this_machine._machine = lambda: "another machine"
 rclpy.init()
 node = rclpy.create_node("{name}")
 be_alive(node)

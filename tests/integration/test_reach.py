@@ -21,7 +21,7 @@ from dart_skill.simulation import Holder
 from dart_skill.skills.learning import Policy
 from dart_skill.skills.protocol import Pose, Situation, load_skill
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.arm_commands import CommandWriter
+from dart_skill_nodes.comms.commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.integration.conftest import graphs, wait_for
 from tests.screen_person import ScreenPerson, begin_by_pointer

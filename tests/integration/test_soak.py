@@ -9,8 +9,8 @@ from dart_skill_msgs.action import Practice
 from dart_skill_msgs.msg import Outcome
 
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.verbs import soak
-from dart_skill_nodes.verbs.soak.samples import Sample, Usage, changes
+from tests.benches import soak
+from tests.benches.soak.samples import Sample, Usage, changes
 
 WARM_UP = 10.0
 STEADY = [

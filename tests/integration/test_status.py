@@ -15,7 +15,7 @@ from dart_skill_nodes.client.graph_report import (
     TopicReport,
 )
 from dart_skill_nodes.verbs import status
-from dart_skill_nodes.verbs.status import as_text
+from dart_skill_nodes.verbs.status import as_text, table
 
 LIMITS = {"fastest_hand": 5.5, "workspace_low": [-1.2, -1.2, 0.3]}
 COMMANDER = NodeReport(
@@ -132,3 +132,9 @@ def test_where_no_node_of_the_graph_is_found_something_is_wrong(
     assert status.main(parser.parse_args([]), parser) == 1
     said = capsys.readouterr()
     assert f"{there}'dart-skill up' starts it" in said.err and said.out == ""
+
+
+def test_a_column_is_as_wide_as_what_stands_in_it_and_no_wider_than_it_may_be():
+    rows = [("x" * 9, "y"), ("z", "w")]
+    assert table(("a", "b"), rows) == ["a          b", "xxxxxxxxx  y", "z          w"]
+    assert table(("a", "b"), rows, widest=3) == ["a    b", "xxxxxxxxx  y", "z    w"]

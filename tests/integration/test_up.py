@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -16,27 +15,12 @@ from dart_skill.cli import main as command_line
 from dart_skill.cli.run_options import GRAPHS
 from dart_skill.session import learn_from_bag
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, SIMULATED
-from dart_skill_nodes.process.signals import ENDS_WITH
 from tests.paths import BAGS
 from tests.view_client import PageClient
 from tests.warm import nodes_of
 
 BAG = BAGS / "demonstrations"
 PATIENCE = 200.0
-
-
-def children(pid):
-    """Processes that were started by a process, whether it still runs or not; a forked one has not
-    the environment that it was given.
-    """
-    mark, found = f"{ENDS_WITH}={pid}".encode(), [*nodes_of(pid)]
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            if mark in (folder / "environ").read_bytes().split(b"\0"):
-                found.append(int(folder.name))
-        except OSError:
-            continue
-    return found
 
 
 def until(condition, what):
@@ -74,7 +58,7 @@ def start(tmp_path):
         for pid in [process.pid] if process.poll() is None else []:
             os.kill(pid, signal.SIGKILL)
         process.communicate()
-        until(lambda process=process: not children(process.pid), "the end of its nodes")
+        until(lambda process=process: not nodes_of(process.pid), "the end of its nodes")
 
 
 def events_until(process, wanted):
@@ -101,7 +85,7 @@ def end(process):
     """Events until the end after Ctrl-C, which must be a good one that leaves no node."""
     process.send_signal(signal.SIGINT)
     rest = [json.loads(line) for line in process.stdout if line.startswith("{")]
-    assert process.wait(PATIENCE) == 0 and children(process.pid) == []
+    assert process.wait(PATIENCE) == 0 and not nodes_of(process.pid)
     return rest
 
 
@@ -110,7 +94,7 @@ def test_every_node_is_told_of_is_taught_learns_throws_and_none_is_left_after_ct
     events = events_until(process, "up")
     assert {event["node"] for event in events[:-1]} == set(NODES)
     assert "next" in events[-1]
-    assert len(children(process.pid)) == len(LAYOUTS["composed"])
+    assert len(nodes_of(process.pid)) == len(LAYOUTS["composed"])
     for arguments, told in (
         (["teach", "--count", "2"], "lessons"),
         (["learn", "--at-least", "2"], "model_id"),
@@ -194,7 +178,7 @@ def test_a_node_that_ends_is_named_and_ends_the_rest(start):
         and "commander ended with status -9" in complaint
         and "Traceback" not in complaint
     )
-    assert children(process.pid) == []
+    assert not nodes_of(process.pid)
 
 
 def test_nodes_end_with_whoever_started_them_and_a_second_graph_is_refused(start):
@@ -206,7 +190,7 @@ def test_nodes_end_with_whoever_started_them_and_a_second_graph_is_refused(start
     assert first.poll() is None, "who was there first stays"
     first.kill()
     first.wait()
-    until(lambda: not children(first.pid), "the end of the nodes")
+    until(lambda: not nodes_of(first.pid), "the end of the nodes")
 
 
 def test_the_options_know_the_layouts_of_a_simulated_graph():

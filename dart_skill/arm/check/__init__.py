@@ -3,18 +3,18 @@ was heard of them, go or no go.
 """
 
 from dart_skill.arm.check._check import ArmReport, check_arm
-from dart_skill.arm.check._heard import Endpoint, Heard, JointStream, PoseStream
-from dart_skill.arm.check._line import Line, Verdict
-from dart_skill.arm.check._postures import PostureCounter
+from dart_skill.arm.check._heard import Endpoint, Heard, HeardJoints, HeardPoses
+from dart_skill.arm.check._joints import PostureCounter
+from dart_skill.arm.check._line import Grade, Line
 
 __all__ = [
     "ArmReport",
     "Endpoint",
     "Heard",
-    "JointStream",
+    "HeardJoints",
     "Line",
-    "PoseStream",
+    "HeardPoses",
     "PostureCounter",
-    "Verdict",
+    "Grade",
     "check_arm",
 ]

@@ -5,24 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.arm import ArmModel
-from dart_skill.arm.check._heard import Heard, PoseStream
-from dart_skill.arm.check._line import Line, Verdict, graded, line
+from dart_skill.arm.check._heard import Heard, HeardPoses
+from dart_skill.arm.check._line import Grade, Line, graded, line
 from dart_skill.skills.observation import position_noise
 
 RATE = 100.0
 """Frame rate of the cameras [Hz]."""
-SEEN, TOO_FEW = 0.95, 0.80
-"""Share of the frames in which a body is seen: good, bearable."""
-NOISE, TOO_NOISY = 0.001, 0.005
-"""Standard deviation of a coordinate: good, bearable [m]."""
+SEEN = 0.95
+"""Share of the frames in which a body should be seen."""
+TOO_FEW = 0.80
+"""Share of the frames below which nothing may move."""
+NOISE = 0.001
+"""Standard deviation of a coordinate that is good [m]."""
+TOO_NOISY = 0.005
+"""Standard deviation of a coordinate above which nothing may move [m]."""
 CELL = 0.25
 """Edge of the cells into which the swept volume is divided [m]."""
 FEW = 20
 """Frames that a part needs to be named."""
-DISCOVERY_NS, JUMP_NS = 200_000_000, 600_000_000_000
-"""Frames that nobody can have heard yet, and a step of the stamps that is another time base and no
-gap.
+DISCOVERY_NS = 200_000_000
+"""Time at the ends of the listening in which frames may be missing: publishers are discovered
+late.
 """
+JUMP_NS = 600_000_000_000
+"""Step of the stamps from which on it is another time base, and no gap."""
 SILENT_NS = 100_000_000
 """Joint states that are farther apart than this were not heard in between, as where a simulation
 was reset.
@@ -40,13 +46,13 @@ def camera_lines(heard: Heard, model: ArmModel, joints_are_right: bool) -> list[
     return lines
 
 
-def _reach(role: str, stream: PoseStream, heard: Heard, model: ArmModel | None) -> Line:
+def _reach(role: str, stream: HeardPoses, heard: Heard, model: ArmModel | None) -> Line:
     asked, check = f"in {100 * SEEN:.0f} % of the frames", f"{role}: seen"
     stamps, states = stream.stamp_ns[stream.forward], heard.joints.stamp_ns[heard.joints.forward]
     if len(stamps) < 3:
         return line(
             check,
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "never",
             asked,
             "is it switched on and named as in config/world.yaml? are its markers seen?",
@@ -132,12 +138,12 @@ def _hands(stamps: np.ndarray, heard: Heard, model: ArmModel) -> np.ndarray:
     return np.array([model.hand_pose(row)[0] for row in q]).reshape(-1, 3)
 
 
-def _noise(role: str, stream: PoseStream) -> Line:
+def _noise(role: str, stream: HeardPoses) -> Line:
     forward = stream.forward & np.isfinite(stream.position).all(axis=1)
     asked = f"at most {1e3 * NOISE:.0f} mm"
     if np.count_nonzero(forward) < FEW:
         return line(
-            f"{role}: noise", Verdict.NO_GO, "too few frames", asked, "let the cameras see it"
+            f"{role}: noise", Grade.NO_GO, "too few frames", asked, "let the cameras see it"
         )
     time = (stream.stamp_ns[forward] - stream.stamp_ns[forward][0]) * 1e-9
     noise = position_noise(time, stream.position[forward])

@@ -1,17 +1,20 @@
-"""The whole table."""
+"""The whole table, with the lines about numbers of safety in config/: limits of the commander, and
+of the arm itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dart_skill.arm import ArmModel, RegistrationFit
+import numpy as np
+
+from dart_skill.arm import ArmModel, RegistrationFit, WamDescription
 from dart_skill.arm.check._cameras import RATE, camera_lines
 from dart_skill.arm.check._hand import hand_lines
 from dart_skill.arm.check._heard import Heard
 from dart_skill.arm.check._joints import joint_lines
-from dart_skill.arm.check._line import Line, Verdict
-from dart_skill.arm.check._safety import safety_lines
+from dart_skill.arm.check._line import Grade, Line, graded, line
 from dart_skill.arm.check._topics import (
     command_line,
     frame_line,
@@ -24,6 +27,18 @@ from dart_skill.arm.check._topics import (
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.world import the_world
 
+VELOCITY_LIMIT = 1.0
+"""At which the WAM's safety system stops the arm (fault VL2), measured at the elbow, unless
+setVelocityLimit raises it [m/s].
+"""
+FIRST_FORCE = 100.0
+"""Strongest force for first throws [N]."""
+STRONGEST_FORCE = 250.0
+"""Strongest force for any throws [N]."""
+FASTEST = 5.5
+"""Speed of the hand that throws at 2.5 m need [m/s]."""
+ERROR = 0.15
+"""Error of the hand's position that throws at 2.5 m need [m]."""
 STATE_RATE = 500.0
 """Rate of the joint states [Hz]."""
 
@@ -40,7 +55,7 @@ class ArmReport:
     @property
     def is_go(self) -> bool:
         """Whether no line says NO-GO."""
-        return all(one.verdict is not Verdict.NO_GO for one in self.lines)
+        return all(one.verdict is not Grade.NO_GO for one in self.lines)
 
 
 def check_arm(
@@ -75,11 +90,58 @@ def check_arm(
             frame_line(stream, the_world().frame_id),
         ]
     lines += [time_base_line(heard), command_line(heard)]
-    right = all(one.verdict is not Verdict.NO_GO for one in of_joints[:2])
+    right = all(one.verdict is not Grade.NO_GO for one in of_joints[:2])
     of_hand, fit = hand_lines(heard, model, right)
     lines += [
         *of_hand,
         *camera_lines(heard, model, right),
-        *safety_lines(limits, model.description, heard.simulated),
+        *_safety_lines(limits, model.description, heard.simulated),
     ]
     return ArmReport(tuple(lines), fit)
+
+
+def _safety_lines(limits: Mapping, description: WamDescription, simulated: bool) -> list[Line]:
+    """Lines about the commander's parameters `limits` (config/commander.yaml) and the description
+    of the arm.
+    """
+    force, hand, error = (
+        float(limits[name]) for name in ("strongest_force", "fastest_hand", "farthest_error")
+    )
+    firmest = STRONGEST_FORCE if simulated else FIRST_FORCE
+    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    margin = float(limits["joint_margin"])
+    inside = bool(np.all(upper - lower > 2.0 * margin))
+    height = description.mount_height
+    return [
+        line(
+            "strongest force", graded(force, firmest, STRONGEST_FORCE), f"{force:g} N", f"at most {firmest:g} N at first",
+            "begin with a low strongest_force in config/limits.yaml, an empty hand and the nearest basket",
+        ),
+        _speed_line(hand, simulated),
+        line(
+            "farthest error", graded(error, ERROR, 0.3), f"{error:g} m", f"at most {ERROR:g} m",
+            "lower farthest_error in config/commander.yaml: a throw is stopped that far from its plan",
+        ),
+        line(
+            "joint limits", Grade.GO if inside else Grade.NO_GO, f"of {len(lower)} joints, margin {margin:g} rad",
+            "lower below upper, with the margin between", "correct lower and upper of config/wam.yaml",
+        ),
+        line(
+            "mount height in config/wam.yaml", graded(abs(height - 0.9), 0.9, 2.0), f"{height:g} m", "0 to 1.8 m above the floor",
+            "measure it: the base of the arm above the floor",
+        ),
+    ]  # fmt: skip
+
+
+def _speed_line(hand: float, simulated: bool) -> Line:
+    asked = f"at most {FASTEST:g} m/s" + (
+        "" if simulated else f"; {VELOCITY_LIMIT:g} m/s until the arm's limit is raised"
+    )
+    verdict = graded(hand, FASTEST, 8.0)
+    if verdict is Grade.GO and not simulated and hand > VELOCITY_LIMIT:
+        verdict = Grade.WARN
+    remedy = (
+        "the arm stops at its own limit (fault VL2): raise it with setVelocityLimit after each"
+        " power-up, begin with less in fastest_hand"
+    )
+    return line("fastest hand", verdict, f"{hand:g} m/s", asked, remedy)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import ArmModel, RegistrationFit, Sightings, measure_registration
 from dart_skill.arm.check._heard import Heard
 from dart_skill.arm.check._joints import speeds_of
-from dart_skill.arm.check._line import Line, Verdict, graded, line, worst
+from dart_skill.arm.check._line import Grade, Line, graded, line, worst
 
 STEP = 0.05
 """The hand is looked at whenever a joint has moved by so much since the last time [rad]."""
@@ -19,20 +19,28 @@ FAST = 1.0
 MOST = 400
 NEAREST = 0.01
 """Joint states are so near in time to a pose that is compared with them [s]."""
-LEFT, TOO_MUCH_LEFT = (0.005, np.deg2rad(1.0)), (0.015, np.deg2rad(3.0))
-"""What the fit may leave over, root mean square: good, bearable [m], [rad]."""
-SURE, TOO_UNSURE = (0.005, np.deg2rad(0.5)), (0.015, np.deg2rad(1.5))
-"""Standard deviation of what the postures tell: good, bearable [m], [rad]."""
-BASE, TOO_FAR_BASE = (0.04, np.deg2rad(2.5)), (0.15, np.deg2rad(10.0))
-"""Shift and turn of the base from where the cameras' world has it: what throws tell by themselves,
-and what a plan still reaches.
+LEFT = 0.005, np.deg2rad(1.0)
+"""Root mean square that a good fit leaves over [m], [rad]."""
+TOO_MUCH_LEFT = 0.015, np.deg2rad(3.0)
+"""Root mean square above which nothing may move [m], [rad]."""
+SURE = 0.005, np.deg2rad(0.5)
+"""Standard deviation of the registration that is good [m], [rad]."""
+TOO_UNSURE = 0.015, np.deg2rad(1.5)
+"""Standard deviation of the registration above which nothing may move [m], [rad]."""
+BASE = 0.04, np.deg2rad(2.5)
+"""Shift and turn of the base in the cameras' world that throws find out by themselves [m], [rad]."""
+TOO_FAR_BASE = 0.15, np.deg2rad(10.0)
+"""Shift and turn of the base that a plan still reaches [m], [rad]."""
+BODY = 0.02, np.deg2rad(2.5)
+"""Shift and turn of the tracked body on the hand that throws find out by themselves [m], [rad]; its
+origin is on the mounting face, and z points out of the palm.
 """
-BODY, TOO_FAR_BODY = (0.02, np.deg2rad(2.5)), (0.05, np.deg2rad(15.0))
-"""The same of the body on the hand: its origin is on the mounting face, and z points out of the
-palm.
-"""
-HEIGHT, TOO_HIGH = 0.02, 0.1
-"""Height of the seen base above or below the mount that is good, and that is too much [m]."""
+TOO_FAR_BODY = 0.05, np.deg2rad(15.0)
+"""Shift and turn of the tracked body that a plan still reaches [m], [rad]."""
+HEIGHT = 0.02
+"""Difference of the seen height of the base from that of the mount that is good [m]."""
+TOO_HIGH = 0.1
+"""Difference of the heights above which nothing may move [m]."""
 UNKNOWNS = [
     f"{part} {axis}"
     for part in ("turn of the base", "shift of the base", "turn of the body", "shift of the body")
@@ -91,7 +99,7 @@ def hand_lines(
     check = "hand against kinematics"
     if not joints_are_right:
         return [
-            line(check, Verdict.NO_GO, "not compared", asked, "set the joints right first")
+            line(check, Grade.NO_GO, "not compared", asked, "set the joints right first")
         ], None
     seen = sightings_of(heard, model)
     if len(seen) < 3:
@@ -100,13 +108,13 @@ def hand_lines(
             " the cameras see it"
         )
         return [
-            line(check, Verdict.NO_GO, f"{len(seen)} different postures were seen", asked, remedy)
+            line(check, Grade.NO_GO, f"{len(seen)} different postures were seen", asked, remedy)
         ], None
     fit = measure_registration(seen)
     left = _left(fit, asked)
     postures = _postures(fit)
     lines = [left, postures, _base(fit), _height(fit, model), _body(fit), _delay(fit)]
-    is_trusted = Verdict.NO_GO not in (left.verdict, postures.verdict)
+    is_trusted = Grade.NO_GO not in (left.verdict, postures.verdict)
     return (lines if is_trusted else lines[:2]), (fit if is_trusted else None)
 
 
@@ -124,7 +132,7 @@ def _asked(good: tuple[float, float], bearable: tuple[float, float]) -> str:
 
 def _both(
     shift: float, turn: float, good: tuple[float, float], bearable: tuple[float, float]
-) -> Verdict:
+) -> Grade:
     return worst(graded(shift, good[0], bearable[0]), graded(turn, good[1], bearable[1]))
 
 
@@ -163,7 +171,7 @@ def _base(fit: RegistrationFit) -> Line:
     x, y, _ = fit.registration.shift
     verdict = _both(float(np.hypot(x, y)), float(turn), BASE, TOO_FAR_BASE)
     remedy = "give learner and commander the file of --write (registration_file)"
-    if verdict is Verdict.NO_GO:
+    if verdict is Grade.NO_GO:
         remedy = (
             "set the origin and the axes of the cameras' world again: origin below J1, x where J1"
             " is zero, z up"
@@ -204,7 +212,7 @@ def _body(fit: RegistrationFit) -> Line:
     )
     verdict = _both(shift, float(turn), BODY, TOO_FAR_BODY)
     remedy = "give learner and commander the file of --write (registration_file)"
-    if verdict is Verdict.NO_GO:
+    if verdict is Grade.NO_GO:
         remedy = (
             "move the pivot of the rigid body to the mounting face of the hand and turn its axes:"
             " z out of the palm (Motive: Rigid Body)"
@@ -218,7 +226,7 @@ def _delay(fit: RegistrationFit) -> Line:
     asked = "cameras stamp at most 20 ms after the joints"
     if fit.spread[12] > 0.005:
         return line(
-            "delay of the stamps", Verdict.GO, "not told: the arm rested; throws tell it", asked
+            "delay of the stamps", Grade.GO, "not told: the arm rested; throws tell it", asked
         )
     late, spread = 1e3 * fit.registration.delay, 1e3 * fit.spread[12]
     verdict = graded(abs(late), 20.0, 50.0)

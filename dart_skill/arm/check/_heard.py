@@ -19,7 +19,7 @@ class Endpoint:
 
 
 @dataclass(frozen=True)
-class Stream:
+class HeardTopic:
     """The messages of a topic, in the order of their receipt.
 
     * topic: its name.
@@ -54,7 +54,7 @@ class Stream:
 
 
 @dataclass(frozen=True)
-class JointStream(Stream):
+class HeardJoints(HeardTopic):
     """Joint states.
 
     * orders: the lists of names that were used.
@@ -71,7 +71,7 @@ class JointStream(Stream):
 
 
 @dataclass(frozen=True)
-class PoseStream(Stream):
+class HeardPoses(HeardTopic):
     """Poses of a tracked body: position (n, 3) [m] and quaternion (n, 4)."""
 
     position: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
@@ -89,7 +89,7 @@ class Heard:
     """
 
     simulated: bool
-    joints: JointStream
-    poses: Mapping[str, PoseStream]
+    joints: HeardJoints
+    poses: Mapping[str, HeardPoses]
     commanders: tuple[Endpoint, ...] = ()
     drivers: tuple[Endpoint, ...] = ()

@@ -1,12 +1,14 @@
-"""The joints: names, range, units, and whether speeds are those of the positions."""
+"""The joints: names, range, units, and whether speeds are those of the positions; and the different
+postures that a person leads the arm through.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from dart_skill.arm import WamDescription
-from dart_skill.arm.check._heard import JointStream
-from dart_skill.arm.check._line import Line, Verdict, line
+from dart_skill.arm.check._heard import HeardJoints
+from dart_skill.arm.check._line import Grade, Line, line
 from dart_skill.common.world import joint_order
 
 SLOW = 0.05
@@ -18,8 +20,15 @@ SHARE = 0.25
 WINDOW = 0.02
 """Over which positions are differenced [s]."""
 
+REST = 0.05
+"""Joint speed below which an arm rests [rad/s]."""
+RESTING = 0.3
+"""Time that it has to rest, to be in a posture [s]."""
+NEW = 0.2
+"""A posture is new if a joint is so far from where it was in all others [rad]."""
 
-def joint_lines(stream: JointStream, description: WamDescription) -> list[Line]:
+
+def joint_lines(stream: HeardJoints, description: WamDescription) -> list[Line]:
     """Names, positions, velocities."""
     return [
         _names(stream, description),
@@ -28,13 +37,13 @@ def joint_lines(stream: JointStream, description: WamDescription) -> list[Line]:
     ]
 
 
-def _names(stream: JointStream, description: WamDescription) -> Line:
+def _names(stream: HeardJoints, description: WamDescription) -> Line:
     wanted = tuple(joint.name for joint in description.joints)
     asked = f"{wanted[0]} to {wanted[-1]}, each once"
     if not stream.orders:
         return line(
             "joint names",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "no message",
             asked,
             "nothing comes: look at the arm's driver",
@@ -44,29 +53,29 @@ def _names(stream: JointStream, description: WamDescription) -> Line:
             joint_order(names)
         except ValueError as error:
             what, _, remedy = str(error).partition(": ")
-            return line("joint names", Verdict.NO_GO, what, asked, remedy)
+            return line("joint names", Grade.NO_GO, what, asked, remedy)
     if stream.n_odd:
         measured = f"{stream.n_odd} messages with another number of joints"
         return line(
             "joint names",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             measured,
             asked,
             "the hand's joints go on a topic of their own, or always with the arm's",
         )
-    return line("joint names", Verdict.GO, ", ".join(stream.orders[0]), asked)
+    return line("joint names", Grade.GO, ", ".join(stream.orders[0]), asked)
 
 
-def _positions(stream: JointStream, description: WamDescription) -> Line:
+def _positions(stream: HeardJoints, description: WamDescription) -> Line:
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
     asked = "within the joints' range, radians"
     q = stream.position
     if q.shape[1:] != (len(lower),) or not len(q):
-        return line("joint positions", Verdict.NO_GO, "not seven joints", asked, "see joint names")
+        return line("joint positions", Grade.NO_GO, "not seven joints", asked, "see joint names")
     if not np.isfinite(q).all():
         return line(
             "joint positions",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "numbers that are not finite",
             asked,
             "look at the driver",
@@ -76,7 +85,7 @@ def _positions(stream: JointStream, description: WamDescription) -> Line:
     name = description.joints[j].name
     if beyond[j] <= 0.0:
         near = f"nearest to an end: {name}, {-beyond[j]:.2f} rad"
-        tight = Verdict.WARN if -beyond[j] < 0.05 else Verdict.GO
+        tight = Grade.WARN if -beyond[j] < 0.05 else Grade.GO
         return line(
             "joint positions",
             tight,
@@ -90,30 +99,28 @@ def _positions(stream: JointStream, description: WamDescription) -> Line:
     if beyond[j] > 1.0 and np.abs(np.deg2rad(worst)) < np.pi:
         return line(
             "joint positions",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             measured,
             asked,
             "these look like degrees: the driver must give radians",
         )
     return line(
         "joint positions",
-        Verdict.NO_GO,
+        Grade.NO_GO,
         measured,
         asked,
         "calibrate the arm's zero (all zero is straight up), or correct config/wam.yaml",
     )
 
 
-def _velocities(stream: JointStream, description: WamDescription) -> Line:
+def _velocities(stream: HeardJoints, description: WamDescription) -> Line:
     asked = "those of the positions, rad/s"
     if stream.position.shape[1:] != (len(description.joints),):
-        return line(
-            "joint velocities", Verdict.NO_GO, "not seven joints", asked, "see joint names"
-        )
+        return line("joint velocities", Grade.NO_GO, "not seven joints", asked, "see joint names")
     if not len(stream) or stream.velocity.shape != stream.position.shape:
         return line(
             "joint velocities",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "none",
             asked,
             "the commander needs them: let the driver give them",
@@ -121,7 +128,7 @@ def _velocities(stream: JointStream, description: WamDescription) -> Line:
     if not np.isfinite(stream.velocity).all():
         return line(
             "joint velocities",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "numbers that are not finite",
             asked,
             "look at the driver",
@@ -133,26 +140,26 @@ def _velocities(stream: JointStream, description: WamDescription) -> Line:
     if wrong:
         told = ", ".join(f"{description.joints[j].name} {slopes[j]:.2f} times" for j in wrong)
         return line(
-            "joint velocities", Verdict.NO_GO, told, asked, _cause([slopes[j] for j in wrong])
+            "joint velocities", Grade.NO_GO, told, asked, _cause([slopes[j] for j in wrong])
         )
     if still:
         told = ", ".join(description.joints[j].name for j in still)
         return line(
             "joint velocities",
-            Verdict.WARN,
+            Grade.WARN,
             f"right, but {told} never moved",
             asked,
             f"move {told} by hand, and check again",
         )
     return line(
         "joint velocities",
-        Verdict.GO,
+        Grade.GO,
         f"{min(slopes):.2f} to {max(slopes):.2f} times the differences",
         asked,
     )
 
 
-def _slopes(stream: JointStream) -> tuple[list[float], list[int]]:
+def _slopes(stream: HeardJoints) -> tuple[list[float], list[int]]:
     """Speeds over differences of positions for each joint, nan for one that hardly moved; and
     which did.
     """
@@ -195,3 +202,33 @@ def _cause(slopes: list[float]) -> str:
     if all(abs(slope * np.rad2deg(1.0) - 1.0) < SHARE for slope in slopes):
         return "positions look like degrees, velocities like rad/s: the driver must give radians"
     return "speeds are not those of the positions: look at units, order and filter of the driver"
+
+
+class PostureCounter:
+    """Counts the different postures in which an arm rested."""
+
+    def __init__(self) -> None:
+        self._found: list[np.ndarray] = []
+        self._last: tuple[float, np.ndarray] | None = None
+        self._since: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def add(self, time: float, position: np.ndarray) -> bool:
+        """Take the joints (7,) [rad] at an instant [s]; whether that makes a new posture."""
+        last = self._last
+        self._last = (time, position)
+        if last is None or not time > last[0]:
+            self._since = time
+            return False
+        if np.abs(position - last[1]).max() > REST * (time - last[0]):
+            self._since = time
+        if (
+            self._since is None
+            or time - self._since < RESTING
+            or any(np.abs(position - one).max() < NEW for one in self._found)
+        ):
+            return False
+        self._found.append(position.copy())
+        return True

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 
-class Verdict(str, Enum):
+class Grade(str, Enum):
     """What a line says of moving the arm."""
 
     GO = "GO"
@@ -25,26 +25,26 @@ class Line:
     """
 
     check: str
-    verdict: Verdict
+    verdict: Grade
     measured: str
     asked: str
     remedy: str = ""
 
 
-def line(check: str, verdict: Verdict, measured: str, asked: str, remedy: str = "") -> Line:
+def line(check: str, verdict: Grade, measured: str, asked: str, remedy: str = "") -> Line:
     """A line; its remedy is left out where nothing needs to be done."""
-    return Line(check, verdict, measured, asked, "" if verdict is Verdict.GO else remedy)
+    return Line(check, verdict, measured, asked, "" if verdict is Grade.GO else remedy)
 
 
-def graded(value: float, good: float, bearable: float) -> Verdict:
+def graded(value: float, good: float, bearable: float) -> Grade:
     """GO up to a value that is good, WARN up to one that is bearable, NO_GO beyond, and for what
     is not a number.
     """
     if value <= good:
-        return Verdict.GO
-    return Verdict.WARN if value <= bearable else Verdict.NO_GO
+        return Grade.GO
+    return Grade.WARN if value <= bearable else Grade.NO_GO
 
 
-def worst(*verdicts: Verdict) -> Verdict:
+def worst(*verdicts: Grade) -> Grade:
     """The worst of them."""
-    return max(verdicts, key=list(Verdict).index)
+    return max(verdicts, key=list(Grade).index)

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.arm.check._heard import Heard, PoseStream, Stream
-from dart_skill.arm.check._line import Line, Verdict, graded, line, worst
+from dart_skill.arm.check._heard import Heard, HeardPoses, HeardTopic
+from dart_skill.arm.check._line import Grade, Line, graded, line, worst
 
-TOLERANCE, BEARABLE = 0.05, 0.25
-"""Deviations of a rate that are good and bearable, as shares of it."""
-OLD, TOO_OLD, FUTURE = 0.010, 0.100, -0.005
-"""Age of a joint state when it comes: what is good, what is bearable, and what says that clocks
-disagree [s].
-"""
-LATE, TOO_LATE, FUTURE_POSE = 0.030, 0.100, -0.005
-"""The same of a pose, which the cameras' software needs time for [s]."""
+TOLERANCE = 0.05
+"""Deviation of a rate that is good, as a share of it."""
+BEARABLE = 0.25
+"""Deviation of a rate above which nothing may move, as a share of it."""
+OLD = 0.010
+"""Age of a joint state at its receipt that is good [s]."""
+TOO_OLD = 0.100
+"""Age of a joint state above which nothing may move [s]."""
+FUTURE = -0.005
+"""Age below which the clocks of two machines disagree [s]."""
+LATE = 0.030
+"""Age of a pose at its receipt that is good: the cameras' software needs time [s]."""
+TOO_LATE = 0.100
+"""Age of a pose above which nothing may move [s]."""
 AT_RECEIPT = 0.0003
 """Poses that are younger than this were stamped when they came, not when the cameras saw them [s].
 """
@@ -22,7 +28,7 @@ ONE_BASE = 0.2
 """Ages of joints and poses that differ by more are ages on two clocks [s]."""
 
 
-def publisher_line(stream: Stream, source: str) -> Line:
+def publisher_line(stream: HeardTopic, source: str) -> Line:
     """Exactly one publisher. source: what publishes it."""
     names = [one.node for one in stream.publishers]
     remedy = (
@@ -30,13 +36,13 @@ def publisher_line(stream: Stream, source: str) -> Line:
         if len(names) > 1
         else f"start {source}, or look at ROS_DOMAIN_ID and the topic's name"
     )
-    verdict = Verdict.GO if len(names) == 1 else Verdict.NO_GO
+    verdict = Grade.GO if len(names) == 1 else Grade.NO_GO
     return line(
         f"{stream.topic}: publisher", verdict, ", ".join(names) or "none", "exactly one", remedy
     )
 
 
-def quality_line(stream: Stream, better_reliable: bool) -> Line:
+def quality_line(stream: HeardTopic, better_reliable: bool) -> Line:
     """What the publishers offer; nodes hear either, but of a stream that has to be answered each
     message counts.
     """
@@ -48,13 +54,13 @@ def quality_line(stream: Stream, better_reliable: bool) -> Line:
         else "look at the driver"
     )
     worse = better_reliable and "best_effort" in offered
-    verdict = Verdict.NO_GO if not offered else Verdict.WARN if worse else Verdict.GO
+    verdict = Grade.NO_GO if not offered else Grade.WARN if worse else Grade.GO
     return line(
         f"{stream.topic}: QoS", verdict, ", ".join(offered) or "nothing offered", asked, remedy
     )
 
 
-def rate_line(stream: Stream, rate: float, longest_gap: float | None) -> Line:
+def rate_line(stream: HeardTopic, rate: float, longest_gap: float | None) -> Line:
     """How often it comes, by its stamps, and the longest gap; longest_gap: None if a gap is no
     fault, as of a body that is hidden [s].
     """
@@ -62,7 +68,7 @@ def rate_line(stream: Stream, rate: float, longest_gap: float | None) -> Line:
     if len(stream) < 3:
         return line(
             f"{stream.topic}: rate",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             f"{len(stream)} messages",
             asked,
             "nothing comes: look at the driver",
@@ -71,7 +77,7 @@ def rate_line(stream: Stream, rate: float, longest_gap: float | None) -> Line:
     if not len(steps):
         return line(
             f"{stream.topic}: rate",
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "stamps stand still",
             asked,
             "stamp each message when it was measured",
@@ -92,18 +98,16 @@ def rate_line(stream: Stream, rate: float, longest_gap: float | None) -> Line:
     )
 
 
-def stamps_line(stream: Stream, simulated: bool) -> Line:
+def stamps_line(stream: HeardTopic, simulated: bool) -> Line:
     """Whether stamps are there, increase, and are of the clock that the nodes use."""
     clock = "/clock" if simulated else "wall clock"
-    old, too_old, future = (
-        (LATE, TOO_LATE, FUTURE_POSE) if isinstance(stream, PoseStream) else (OLD, TOO_OLD, FUTURE)
-    )
+    old, too_old = (LATE, TOO_LATE) if isinstance(stream, HeardPoses) else (OLD, TOO_OLD)
     check, asked = (
         f"{stream.topic}: stamps",
         f"increasing; at most {1e3 * old:.0f} ms old by the {clock}",
     )
     if not len(stream):
-        return line(check, Verdict.NO_GO, "no message", asked, "nothing comes: look at the driver")
+        return line(check, Grade.NO_GO, "no message", asked, "nothing comes: look at the driver")
     n_zero, n_back = int(np.sum(stream.stamp_ns == 0)), int(np.sum(~stream.forward))
     # a simulator that waits for an answer says its state again, and one that is reset may begin
     # anew
@@ -112,7 +116,7 @@ def stamps_line(stream: Stream, simulated: bool) -> Line:
     if n_zero:
         return line(
             check,
-            Verdict.NO_GO,
+            Grade.NO_GO,
             f"{n_zero} of {len(stream)} are zero",
             asked,
             "the driver must stamp what it publishes",
@@ -124,29 +128,29 @@ def stamps_line(stream: Stream, simulated: bool) -> Line:
     if n_back:
         return line(
             check,
-            Verdict.NO_GO,
+            Grade.NO_GO,
             f"{n_back} of {len(stream)} do not increase",
             asked,
             "stamp each message once, when it was measured",
         )
     verdict = graded(late, old, too_old)
-    if simulated and verdict is Verdict.NO_GO:
+    if simulated and verdict is Grade.NO_GO:
         verdict = (
-            Verdict.WARN
+            Grade.WARN
         )  # in a simulation that runs as fast as it can, ages tell how busy the machine is
     remedy = (
         f"the driver's clock and the {clock} of this machine differ, or messages wait: chrony on"
         " all machines (docs/machines.md)"
     )
-    if middle < future:
-        verdict = Verdict.WARN if simulated else Verdict.NO_GO
+    if middle < FUTURE:
+        verdict = Grade.WARN if simulated else Grade.NO_GO
     elif (
-        isinstance(stream, PoseStream)
+        isinstance(stream, HeardPoses)
         and not simulated
         and abs(middle) < AT_RECEIPT
-        and verdict is Verdict.GO
+        and verdict is Grade.GO
     ):
-        verdict = Verdict.WARN
+        verdict = Grade.WARN
         remedy = (
             "they look like stamps of the receipt: set use_vrpn_timestamps, a release is judged to"
             " milliseconds"
@@ -159,9 +163,7 @@ def time_base_line(heard: Heard) -> Line:
     asked = f"ages of joints and poses within {1e3 * ONE_BASE:.0f} ms"
     streams = [stream for stream in heard.poses.values() if len(stream)]
     if not len(heard.joints) or not streams:
-        return line(
-            "time base", Verdict.NO_GO, "joints or cameras are silent", asked, "start both"
-        )
+        return line("time base", Grade.NO_GO, "joints or cameras are silent", asked, "start both")
     joints = float(np.median(heard.joints.age))
     apart = max((float(np.median(stream.age)) - joints for stream in streams), key=abs)
     remedy = (
@@ -172,20 +174,20 @@ def time_base_line(heard: Heard) -> Line:
     verdict = graded(abs(apart), ONE_BASE, ONE_BASE)
     return line(
         "time base",
-        Verdict.WARN if heard.simulated and verdict is Verdict.NO_GO else verdict,
+        Grade.WARN if heard.simulated and verdict is Grade.NO_GO else verdict,
         measured,
         asked,
         remedy,
     )
 
 
-def frame_line(stream: PoseStream, frame: str) -> Line:
+def frame_line(stream: HeardPoses, frame: str) -> Line:
     """Poses are in the frame of the world, and are poses."""
     check, asked = f"{stream.topic}: frame", f"'{frame}', metres, unit quaternions"
     if not len(stream):
         return line(
             check,
-            Verdict.NO_GO,
+            Grade.NO_GO,
             "no message",
             asked,
             "nothing comes: look at the cameras' software",
@@ -194,7 +196,7 @@ def frame_line(stream: PoseStream, frame: str) -> Line:
         named = ", ".join(f"'{one}'" for one in stream.frames)
         return line(
             check,
-            Verdict.NO_GO,
+            Grade.NO_GO,
             named,
             asked,
             f"set the driver's frame_id, or frame_id of config/world.yaml, to '{frame}'",
@@ -205,7 +207,7 @@ def frame_line(stream: PoseStream, frame: str) -> Line:
         measured = f"{far:.0f} m from the origin" if finite else "numbers that are not finite"
         return line(
             check,
-            Verdict.NO_GO,
+            Grade.NO_GO,
             measured,
             asked,
             "the driver must give metres (Motive: millimetres are a setting of the stream)",
@@ -222,16 +224,16 @@ def frame_line(stream: PoseStream, frame: str) -> Line:
 
 
 def command_line(heard: Heard) -> Line:
-    """One commander at most, and somebody who carries its commands out."""
+    """One commander at most, and a driver that carries its commands out."""
     commanders, drivers = (
         [one.node for one in side] for side in (heard.commanders, heard.drivers)
     )
     measured = f"from {', '.join(commanders) or 'nobody'} to {', '.join(drivers) or 'nobody'}"
     remedy = f"end all but one of {', '.join(commanders)}"
-    verdict = Verdict.NO_GO if len(commanders) > 1 else Verdict.GO
+    verdict = Grade.NO_GO if len(commanders) > 1 else Grade.GO
     if len(commanders) <= 1 and not (commanders and drivers):
         verdict, remedy = (
-            Verdict.WARN,
+            Grade.WARN,
             (
                 "start the layout hardware (dart-skill up --layout hardware) and the arm's driver"
                 " or bridge"

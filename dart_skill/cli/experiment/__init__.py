@@ -5,11 +5,11 @@ Nothing else imports `dart_skill.experiments`.
 
 import argparse
 
+from dart_skill.cli import graph_verbs
 from dart_skill.cli.experiment import (
     basket,
     compliance,
     darts,
-    faults,
     figure,
     landscapes,
     place,
@@ -18,7 +18,6 @@ from dart_skill.cli.experiment import (
     real_data,
     repeatability,
     search,
-    soak,
     throws,
 )
 
@@ -35,8 +34,6 @@ EXPERIMENTS = (
     reach,
     real_data,
     figure,
-    faults,
-    soak,
 )
 
 
@@ -46,3 +43,5 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     experiments = parser.add_subparsers(required=True, metavar="EXPERIMENT")
     for experiment in EXPERIMENTS:
         experiment.add_to(experiments)
+    for bench in graph_verbs.BENCHES:
+        graph_verbs.add_to(experiments, bench)

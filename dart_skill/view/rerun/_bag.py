@@ -21,8 +21,10 @@ from xml.etree import ElementTree
 from dart_skill.common.world import pose_topic, the_world
 from dart_skill.recording import BagReader
 
-VERSION, SIZE = "0.41.0", "790 MB"
-"""Version of the package rerun-sdk that this was tried with, and size of its environment."""
+VERSION = "0.41.0"
+"""Version of the package rerun-sdk that this was tried with."""
+SIZE = "790 MB"
+"""Size of its environment."""
 VARIABLE = "DART_SKILL_RERUN"
 ENVIRONMENT = ".venv-rerun"
 LAYOUT = Path(__file__).with_name("_blueprint.py")

@@ -74,7 +74,7 @@ class RerunPage:
                     shutil.copyfileobj(answer, self.wfile, 1 << 20)
 
             def log_message(self, *_: Any) -> None:
-                """Nobody reads what was fetched."""
+                """Keep quiet about what was fetched."""
 
         self._server = http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)

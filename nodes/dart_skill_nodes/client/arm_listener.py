@@ -11,7 +11,7 @@ from rclpy.qos import ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from dart_skill.arm.check import Endpoint, Heard, JointStream, PoseStream
+from dart_skill.arm.check import Endpoint, Heard, HeardJoints, HeardPoses
 from dart_skill.common.world import joint_order
 from dart_skill_nodes.client.live_arm import NO_DRIVERS
 from dart_skill_nodes.comms import conversions
@@ -92,7 +92,7 @@ class ArmListener:
         """Hear nothing any more."""
         self._batches.close()
 
-    def _joints(self, when: np.ndarray, told: np.ndarray) -> JointStream:
+    def _joints(self, when: np.ndarray, told: np.ndarray) -> HeardJoints:
         states = [
             (one.received_ns, conversions.decoded(one.data, JointState))
             for one in self._messages[JOINT_STATES]
@@ -108,7 +108,7 @@ class ArmListener:
         velocity = np.array(
             [_of_arm(message, message.velocity) if with_speeds else [] for _, message in same]
         )
-        return JointStream(
+        return HeardJoints(
             **self._stream(JOINT_STATES, same, when, told),
             orders=tuple(sorted({tuple(message.name) for _, message in same})),
             position=position.reshape(len(same), -1 if same else 0),
@@ -116,12 +116,12 @@ class ArmListener:
             n_odd=len(states) - len(same),
         )
 
-    def _poses(self, topic: str, when: np.ndarray, told: np.ndarray) -> PoseStream:
+    def _poses(self, topic: str, when: np.ndarray, told: np.ndarray) -> HeardPoses:
         messages = [
             (one.received_ns, conversions.decoded(one.data, PoseStamped))
             for one in self._messages[topic]
         ]
-        return PoseStream(
+        return HeardPoses(
             **self._stream(topic, messages, when, told),
             position=np.array(
                 [conversions.vector(one.pose.position) for _, one in messages]

@@ -37,7 +37,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.names import DIAGNOSTICS, full_name, in_graph, nodes_there
 from dart_skill_nodes.comms.presence import LOOK, Presence, be_alive, servers
-from dart_skill_nodes.comms.running_nodes import ENDING, running
+from dart_skill_nodes.comms.this_machine import ENDING, running
 from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
 
@@ -50,7 +50,7 @@ class GraphClient:
     empty if all run.
 
     namespace: of the graph, as "/arm1"; that of the process by default. patience, appears: for an
-    answer, and for somebody to serve at all [s, wall clock]. throw_seconds (2,): all throws so
+    answer, and for a server to appear [s, wall clock]. throw_seconds (2,): all throws so
     far, simulated and on the wall clock [s].
     """
 
@@ -97,8 +97,8 @@ class GraphClient:
         """Wait until none of these nodes is on the graph; GraphFailure names those that stay.
 
         A process that was killed, or whose farewell got lost, stays on the graph until its
-        participant's lease is over. Its services look ready, and take requests that nobody will
-        ever answer. One whose process lives is not waited for like that.
+        participant's lease is over. Its services look ready, and take requests that will never
+        be answered. One whose process lives is not waited for like that.
         """
         nodes, begun = set(nodes), time.monotonic()
         while there := sorted((nodes & nodes_there(self.node)) | (alive := self.running(nodes))):
@@ -126,7 +126,7 @@ class GraphClient:
             self._reach_action(self._teach, "teach", limit)
 
     def wait_for_learner(self, limit: float = START) -> None:
-        """Wait for whoever learns, as in a replay without an arm; GraphFailure if nobody does."""
+        """Wait for the learner, as in a replay without an arm; GraphFailure if there is none."""
         self.reach(self._learn, limit)
 
     def reach(self, client, limit: float | None = None) -> None:

@@ -36,7 +36,7 @@ from dart_skill_nodes.comms.names import (
 from dart_skill_nodes.comms.presence import UNKNOWN
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.comms.raw_batches import RawBatches
-from dart_skill_nodes.process.limits import LIMITS
+from dart_skill_nodes.process.parameters import LIMITS
 
 SAFETY = "wam/safety"
 STATES = (READY, WARNING, ERROR, SILENT)
@@ -67,7 +67,7 @@ class GraphListener:
         node.create_subscription(DiagnosticStatus, SAFETY, self._on_safety, LATCHED)
 
     def find(self, limit: float) -> bool:
-        """Whether anybody is there [s]."""
+        """Whether a node is found within a limit [s]."""
         until = time.monotonic() + limit
         while not self._others() and time.monotonic() < until:
             self._spin()

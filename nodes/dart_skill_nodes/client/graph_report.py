@@ -52,7 +52,7 @@ class GraphReport:
     """A whole graph. namespace: empty, or as "/arm1". bystanders: nodes without a status of their
     own, as a driver or `ros2 topic echo`.
 
-    safety: state and reason of the arm's own safety module, None where nobody publishes it.
+    safety: state and reason of the arm's own safety module, None where it is not published.
     limits: in force, by the node that says so.
     """
 
@@ -66,7 +66,7 @@ class GraphReport:
     namespace: str = ""
 
     def topic(self, name: str) -> TopicReport | None:
-        """The report of a topic of the graph, as COMMANDS, if somebody publishes it."""
+        """The report of a topic of the graph, as COMMANDS, if it is published."""
         return next((one for one in self.topics if one.topic == f"{self.namespace}/{name}"), None)
 
     def node(self, name: str) -> NodeReport | None:

@@ -72,7 +72,7 @@ class Hearers:
         self._node, self._known = node, {topic: 0 for topic in topics if commands_an_arm(topic)}
 
     def look(self) -> str:
-        """See who is there now; why no command must be published: somebody hears it who may move
+        """See who is there now; why no command must be published: a node hears it that may move
         an arm. Empty if it may.
         """
         for topic in self._known:

@@ -16,8 +16,10 @@ from dart_skill.view import Knob, NodeStatus
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.comms.coroutines import answer
 
-PATIENCE, TRIES = 2.0, 5
-"""For each answer [s, wall clock]; a question that got lost is asked again."""
+PATIENCE = 2.0
+"""For each answer [s, wall clock]."""
+TRIES = 5
+"""How often a question is asked: one that got lost is asked again."""
 
 
 class NodeInspector:

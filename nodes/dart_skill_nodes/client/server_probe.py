@@ -2,12 +2,12 @@
 
 In DDS a client finds its server before the server finds the client, by seconds on a bad day; an
 answer given in between is lost for good. A server that was killed stays on the graph for seconds
-and takes requests that nobody answers. `service_is_ready` is true in both cases. So a call that
+and takes requests that are not answered. `service_is_ready` is true in both cases. So a call that
 must not get lost is preceded by a question that may: the parameters of the server's node, asked
 again until answered. Endpoints are announced in the order in which they were made, so a server
 that has found the youngest of a client's has found the older ones. It says nothing of the way
 back: services of parameters are the oldest of a server, and a client that has found them may not
-have found the others. A request that it sends then goes to nobody, so the client must be ready,
+have found the others. A request that it sends then is lost, so the client must be ready,
 too.
 """
 
@@ -23,7 +23,7 @@ from dart_skill_nodes.comms.presence import UNKNOWN, Presence, servers
 AGAIN = 0.5
 """A question is asked again after so long [s, wall clock]."""
 APPEARS = 4.0
-"""For somebody to be found at all: a driver with Fast DDS's own settings tells of itself every 3 s
+"""For a server to be found at all: a driver with Fast DDS's own settings tells of itself every 3 s
 [s, wall clock].
 """
 FOUND_DEAD = 0.5
@@ -33,7 +33,7 @@ starting.
 COMES_BACK = 0.7
 """For one that has gone, and may just have been started again [s, wall clock]."""
 PATIENCE = 20.0
-"""For an answer of somebody who is there [s, wall clock]."""
+"""For an answer of a server that is there [s, wall clock]."""
 
 
 SERVES = {
@@ -100,7 +100,7 @@ class ServerProbe:
 
     @property
     def was_up(self) -> bool:
-        """Whether somebody has ever served."""
+        """Whether there has ever been a server."""
         return self._server_then is not None
 
     @property

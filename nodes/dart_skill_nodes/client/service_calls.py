@@ -65,7 +65,7 @@ class ServiceCalls:
         return handle
 
     def has_reached(self, client) -> bool:
-        """Whether somebody has ever answered a client."""
+        """Whether a server has ever answered a client."""
         return client in self._links and self._links[client].was_up
 
     async def kept(self, name: str, promise: Promise, limit: float):
@@ -97,7 +97,7 @@ def _unanswered(name: str, asked: Presence, limit: float) -> str:
     )
 
 
-class Recording:
+class RecorderCalls:
     """The demonstration recorder, for a node that lets something be recorded."""
 
     def __init__(self, node: Node, calls: ServiceCalls):
@@ -177,7 +177,7 @@ class Judge:
         return response.outcome
 
 
-class Eyes:
+class BodyLocator:
     """The node that sees the poses, for a node that needs to know where bodies are."""
 
     def __init__(self, node: Node, calls: ServiceCalls):

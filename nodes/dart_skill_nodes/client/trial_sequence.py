@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool
 
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import Eyes, ServiceCalls
+from dart_skill_nodes.client.service_calls import BodyLocator, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise
 
@@ -59,7 +59,7 @@ class TrialSequence:
         self.pause_client = node.create_client(SetBool, "simulation/pause")
         self.action_client = ActionClient(node, Execute, "execute")
         self._step = node.create_client(Step, "simulation/step")
-        self._eyes = Eyes(node, calls)
+        self._eyes = BodyLocator(node, calls)
         self._under_way: TrialUnderWay | None = None
 
     async def reset(self, situation: Situation | None = None) -> Time:

@@ -448,7 +448,7 @@ def task_outcome(message: OutcomeMsg) -> TaskOutcome:
 
 
 def unseen_outcome_msg(about: SituationMsg, skill: str, frame_id: str, ns: int = 0) -> OutcomeMsg:
-    """A movement of which nobody says what became of it."""
+    """The outcome of a movement that was not judged."""
     message = OutcomeMsg(skill=skill, situation=about, error=math.nan)
     set_stamp(message.header.stamp, ns)
     message.header.frame_id = frame_id

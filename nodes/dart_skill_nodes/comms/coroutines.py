@@ -36,7 +36,7 @@ class Promise:
         self.kept = False
 
     def keep(self, value=None) -> None:
-        """Resume whoever waits, with a value."""
+        """Resume the routine that waits, with a value."""
         if self.kept:
             return
         has_called()
@@ -70,7 +70,7 @@ def start(
             promise = routine.send(None)
         except StopIteration as stop:
             ended(stop.value, None)
-        except Exception as error:  # whatever it is, it belongs to whoever started the routine
+        except Exception as error:  # whatever it is, the caller of the routine gets it
             ended(None, error)
         else:
             promise.when_kept(lambda: node.executor.create_task(advance))
@@ -146,7 +146,7 @@ async def answer(node: Node, client, request, limit: float, *needed: Presence):
 
 
 def finish(goal_handle: ServerGoalHandle, succeeded: bool) -> None:
-    """Set the final state of a goal: canceled if somebody asked for that, else by its success."""
+    """Set the final state of a goal: canceled if that was asked for, else by its success."""
     if goal_handle.is_cancel_requested:
         goal_handle.canceled()
     elif succeeded:

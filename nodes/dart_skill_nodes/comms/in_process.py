@@ -1,8 +1,8 @@
 """Messages between nodes of one process, handed over without the middleware.
 
 DDS takes about 35 us of a core for each message and each subscription, also where both are in one
-process. So a publisher whose topic nobody outside this process hears serialises a message once and
-hands it to the subscriptions here. As soon as somebody else hears the topic, its messages go
+process. So a publisher whose topic no other process hears serialises a message once and
+hands it to the subscriptions here. As soon as another process hears the topic, its messages go
 through the middleware, for everybody, and they do until the last of them has been heard here: no
 message overtakes another one. Publishers and subscriptions exist in DDS all the time: `ros2 topic
 info` shows them, and messages of other processes come as ever.
@@ -34,11 +34,11 @@ sends more does not hold up the arm.
 
 
 @dataclass(eq=False)
-class Hearer:
+class LocalSubscription:
     """A subscription of this process.
 
     topic: its full name. hear: called with each message, serialised if raw; None: they are kept
-    until somebody takes them. waiting: messages that were handed over and that it has not heard.
+    until they are taken. waiting: messages that were handed over and that it has not heard.
     newest: the last one that came through the middleware.
     """
 
@@ -67,13 +67,13 @@ class Hearer:
         )
 
 
-class _Letter:
+class _HandedMessage:
     """A message on its way; those that hear it decoded share one copy, which none of them changes."""
 
     def __init__(self, data: bytes, message_type: type):
         self.data, self._type, self._message = data, message_type, None
 
-    def give(self, hearer: Hearer) -> None:
+    def give(self, hearer: LocalSubscription) -> None:
         """Call who hears it. Bytes that are no message are dropped, as the middleware drops them."""
         if hearer.raw:
             hearer.hear(self.data)
@@ -111,36 +111,36 @@ class Exchange:
         """
         return threading.get_ident() == self._thread
 
-    def add(self, hearer: Hearer) -> None:
+    def add(self, hearer: LocalSubscription) -> None:
         """Hand messages over to a subscription, too."""
         self._hearers.append(hearer)
         self.changes += 1
 
-    def remove(self, hearer: Hearer) -> None:
+    def remove(self, hearer: LocalSubscription) -> None:
         """Hand no message over to a subscription any more."""
         if hearer in self._hearers:
             self._hearers.remove(hearer)
             hearer.hear = hearer.hear and _nothing  # something may wait for it still
             self.changes += 1
 
-    def hearers_of(self, publisher: Publisher) -> list[Hearer]:
+    def hearers_of(self, publisher: Publisher) -> list[LocalSubscription]:
         """Subscriptions of this process that DDS connects with a publisher."""
         topic = publisher.topic_name
         return [
             hearer for hearer in self._hearers if hearer.topic == topic and hearer.suits(publisher)
         ]
 
-    def hand_over(self, data: bytes, hearers: list[Hearer]) -> None:
+    def hand_over(self, data: bytes, hearers: list[LocalSubscription]) -> None:
         """Give a serialised message to those that keep theirs, and let it wait for those that are
         called.
         """
-        letter = None
+        handed = None
         for hearer in hearers:
             if hearer.hear is None:
                 hearer.kept.append((time.time_ns(), data))
             else:
-                letter = letter or _Letter(data, hearer.message_type)
-                self._waiting.append((hearer, letter))
+                handed = handed or _HandedMessage(data, hearer.message_type)
+                self._waiting.append((hearer, handed))
                 hearer.waiting += 1
 
     def call_soon(self, callback: Callable[[], None]) -> None:
@@ -159,27 +159,27 @@ class Exchange:
             callback()
         until = time.monotonic() + SLICE
         while waiting:
-            hearer, letter = waiting.popleft()
+            hearer, handed = waiting.popleft()
             hearer.waiting -= 1
-            letter.give(hearer)
+            handed.give(hearer)
             if time.monotonic() > until:
                 break
         return True
 
-    def hear(self, hearer: Hearer, data: bytes) -> None:
+    def hear(self, hearer: LocalSubscription, data: bytes) -> None:
         """A message has come through the middleware: it is given to its hearer after those that
         were handed over before.
         """
         self.heard += 1
         self.called += 1
         if hearer.waiting:
-            before = [letter for one, letter in self._waiting if one is hearer]
+            before = [handed for one, handed in self._waiting if one is hearer]
             self._waiting = deque(item for item in self._waiting if item[0] is not hearer)
             hearer.waiting = 0
-            for letter in before:
-                letter.give(hearer)
+            for handed in before:
+                handed.give(hearer)
         hearer.newest = data
-        _Letter(data, hearer.message_type).give(hearer)
+        _HandedMessage(data, hearer.message_type).give(hearer)
 
 
 _exchange: Exchange | None = None
@@ -229,12 +229,12 @@ def spin_once(executor: Executor, exchange: Exchange, patience: float) -> None:
             return
 
 
-class HandingPublisher(Publisher):
+class ExchangingPublisher(Publisher):
     """A publisher that leaves out the middleware while only subscriptions of this process hear its
     topic.
     """
 
-    _hearers: list[Hearer] = []
+    _hearers: list[LocalSubscription] = []
     _changes = -1
     _last = b""
     """What went through the middleware last, until all in this process have heard it."""
@@ -276,14 +276,16 @@ class HandingPublisher(Publisher):
         return not self._last
 
 
-class Handing:
+class ExchangingNode:
     """Before Node or a class of it: its publishers and subscriptions take part in the exchange of
     the process, where there is one.
     """
 
     def create_publisher(self, msg_type, topic, qos_profile, **options):
         kind = (
-            HandingPublisher if _exchange is not None and _is_volatile(qos_profile) else Publisher
+            ExchangingPublisher
+            if _exchange is not None and _is_volatile(qos_profile)
+            else Publisher
         )
         return super().create_publisher(
             msg_type, topic, qos_profile, **{"publisher_class": kind, **options}
@@ -323,12 +325,14 @@ class Handing:
     ) -> None:
         qos = subscription.qos_profile
         kept = deque(maxlen=qos.depth)
-        subscription.hearer = Hearer(subscription.topic_name, msg_type, qos, raw, callback, kept)
+        subscription.hearer = LocalSubscription(
+            subscription.topic_name, msg_type, qos, raw, callback, kept
+        )
         _exchange.add(subscription.hearer)
 
 
-class UnspunNode(Handing, Node):
-    """A node that nobody spins, for subscriptions whose messages are taken. Their callbacks are
+class UnspunNode(ExchangingNode, Node):
+    """A node that is not spun, for subscriptions whose messages are taken. Their callbacks are
     never called.
     """
 

@@ -16,21 +16,21 @@ from sensor_msgs.msg import JointState
 from dart_skill.arm import ArmState
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns, state_of_joints
-from dart_skill_nodes.comms.fixed_layout import BODY, LAYOUTS, LayoutReader
+from dart_skill_nodes.comms.fixed_layout import LayoutReader
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.names import JOINT_STATES
 from dart_skill_nodes.comms.qos import LOOP
 
-BEGIN = 12
-"""Where a message goes on behind its encapsulation and its stamp."""
 OF_LATE = 5.0
 """Who was heard within this time is there [s, wall clock]."""
-LEAP, FASTEST = 0.05, 10.0
-"""No joint is farther from its last position than this, and so much for each second between [rad],
-[rad/s].
-"""
-SEVERAL, FORGET = 3, 100
-"""So many leaps among so many states are no accident."""
+LEAP = 0.05
+"""Distance of a joint from its last position, beside what it moves meanwhile, that is a leap [rad]."""
+FASTEST = 10.0
+"""Speed with which a joint may have moved meanwhile [rad/s]."""
+SEVERAL = 3
+"""Leaps that are no accident."""
+FORGET = 100
+"""States after which earlier leaps are forgotten."""
 
 
 class InOrder:
@@ -56,17 +56,18 @@ class InOrder:
 
 class OfTheArm:
     """Tells messages on /joint_states that name a joint of the arm, or none at all, from those of
-    others. A message is read whole once for each list of names.
+    others.
 
     others: what those of others name; empty without one.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic):
         self.others = ""
-        self._clock = clock
-        self._known: list[
-            tuple[bytes, str]
-        ] = []  # frame and names, serialised, and why it is of others
+        self._clock, self._reader = clock, LayoutReader(JointState)
+        self._last: JointState | None = (
+            None  # of the layout that came last, and why it is of others
+        )
+        self._why = ""
         self._heard: dict[str, float] = {}  # when others were heard last [s], by what they name
 
     def __call__(self, message: JointState | bytes) -> bool:
@@ -86,25 +87,13 @@ class OfTheArm:
     def _why_not(self, message: JointState | bytes) -> str:
         if isinstance(message, JointState):
             return conversions.of_others(message)
-        for begins, why in self._known:
-            if message.startswith(begins, BEGIN):
-                return why
         try:
-            read = conversions.decoded(message, JointState)
+            like, _, _ = self._reader.read(message)
         except ValueError:
-            return ""  # whoever reads it says what is wrong with it
-        why = conversions.of_others(read)
-        self._known = [(message[BEGIN : _end_of_names(read)], why), *self._known[: LAYOUTS - 1]]
-        return why
-
-
-def _end_of_names(message: JointState) -> int:
-    """Where the names end in the bytes of a message (CDR)."""
-    at = BEGIN - BODY + 4 + len(message.header.frame_id.encode()) + 1
-    at += -at % 4 + 4
-    for name in message.name:
-        at += -at % 4 + 4 + len(name.encode()) + 1
-    return BODY + at
+            return ""  # the reader of the state says what is wrong with it
+        if like is not self._last:
+            self._last, self._why = like, conversions.of_others(like)
+        return self._why
 
 
 class Rivals:
@@ -117,7 +106,7 @@ class Rivals:
         self._leaps, self._count, self.are_there = 0, 0, False
 
     def see(self, state: ArmState) -> bool:
-        """Whether states have leapt again and again, so that nobody knows whose they are. state:
+        """Whether states have leapt again and again, so that it is not known whose they are. state:
         the next one.
         """
         self._count += 1

@@ -1,4 +1,4 @@
-"""Markers as arrays, for whoever shows them, and their colours."""
+"""Markers as arrays, for viewers, and their colours."""
 
 import numpy as np
 from std_msgs.msg import ColorRGBA

@@ -22,7 +22,7 @@ LOOK_AGAIN = 0.2
 
 
 @dataclass
-class _Topic:
+class _FollowedTopic:
     name: str
     callback: Callable
     type: type | None
@@ -39,9 +39,9 @@ class MatchingSubscriptions:
     """Subscriptions of a node that wait for their publishers, and follow them when a less reliable
     one joins.
 
-    owner: another node, which nobody spins, to make them on: whoever takes the messages out by
-    itself wants that. on_look: called with a topic and the publishers that are heard, whenever the
-    graph was looked at. strange: topics that somebody publishes with another type than the one
+    owner: another node, which is not spun, to make them on, for messages that are taken without
+    callbacks. on_look: called with a topic and the publishers that are heard, whenever the
+    graph was looked at. strange: topics that are published with another type than the one
     that is heard, so that none of that comes; and who does.
     """
 
@@ -74,7 +74,9 @@ class MatchingSubscriptions:
         so that nothing is missed of a reliable publisher; needs message_type.
         """
         name = self._node.resolve_topic_name(topic)
-        self._topics[topic] = _Topic(name, callback, message_type, depth, raw, on_offer, at_once)
+        self._topics[topic] = _FollowedTopic(
+            name, callback, message_type, depth, raw, on_offer, at_once
+        )
         self.go_on()
 
     def go_on(self) -> None:
@@ -135,7 +137,7 @@ class MatchingSubscriptions:
             self._on_look(name, frozenset(bytes(offer.endpoint_gid) for offer in heard))
 
     def _heard(
-        self, name: str, topic: _Topic, offers: list[TopicEndpointInfo]
+        self, name: str, topic: _FollowedTopic, offers: list[TopicEndpointInfo]
     ) -> list[TopicEndpointInfo]:
         """Those that publish the type that is heard; DDS hands over nothing of the others, and
         says nothing of it.
@@ -150,7 +152,9 @@ class MatchingSubscriptions:
                 self._node.get_logger().warning(self.strange[name])
         return [offer for offer in offers if offer.topic_type == wanted]
 
-    def _make(self, topic: _Topic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]) -> None:
+    def _make(
+        self, topic: _FollowedTopic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]
+    ) -> None:
         if topic.subscription is not None:
             self._owner.destroy_subscription(topic.subscription)
         qos = QoSProfile(depth=topic.depth, reliability=chosen[0], durability=chosen[1])

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 JOINT_STATES = "joint_states"
 COMMANDS, GUIDING = "wam/command", "wam/teacher_wrench"
-"""What moves the arm: the commander's commands, and the forces of whoever guides it."""
+"""What moves the arm: the commander's commands, and the forces of a person who guides it."""
 CLOCK = "clock"
 """Clock of a graph: each simulator has a time of its own."""
 DESCRIPTION = "robot_description"

@@ -1,4 +1,4 @@
-"""Whether somebody is still there: who served, published or asked when it mattered.
+"""Whether nodes are still there: those that served, published or asked when it mattered.
 
 A process that ends says so, and DDS takes its endpoints off the graph at once. One that was killed
 or frozen stays there for the 20 s of its participant's lease. So each node says on a latched topic
@@ -28,7 +28,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Empty, String
 
-from dart_skill_nodes.comms.system_process import LOW_NUMBER, SystemProcess, runs
+from dart_skill_nodes.comms.this_machine import LOW_NUMBER, SystemProcess, runs
 
 LEASE = 3.5
 """A node that is not heard of for so long is taken for dead; a process may be held up for 3 s [s,
@@ -45,7 +45,7 @@ LEAVES = 30.0
 clock].
 """
 LOOK = 0.2
-"""Whether somebody is still there is looked at so often [s, wall clock]."""
+"""Time between two looks at whether nodes are still there [s, wall clock]."""
 FAST_DDS = b"\x01\x0f"
 """Vendor of a GUID of DDS."""
 NO_CAMERAS = "no cameras"
@@ -132,7 +132,7 @@ class _Pulse:
             self._silent = max(self._silent, self._ended())
 
     def _hear(self) -> None:
-        """Which processes they are; nobody spins this node. One of another machine takes the place
+        """Which processes they are; this node is not spun. One of another machine takes the place
         of those that died here.
         """
         with self._subscription.handle:
@@ -249,7 +249,7 @@ def _pulse(node: Node, name: str) -> _Pulse:
 
 class Presence:
     """Those who are there now, as `node` sees them. `gone`: not one of them is there any more;
-    never, where nobody was known.
+    never, where none was known.
     """
 
     def __init__(self, node: Node, look: Callable[[], list[TopicEndpointInfo]]):
@@ -323,8 +323,8 @@ def others(node: Node, topic: str) -> list[str]:
 
 
 class Cameras:
-    """Whether somebody publishes the poses of a body; to be asked often. met: whether somebody
-    ever did.
+    """Whether the poses of a body are published; to be asked often. met: whether they ever
+    were.
     """
 
     def __init__(self, node: Node, topic: str):
@@ -332,7 +332,7 @@ class Cameras:
 
     @property
     def missing(self) -> str:
-        """What to say if nobody publishes them now; empty if somebody does."""
+        """What to say if they are not published now; empty if they are."""
         if self._there and not self._there.gone:
             return ""
         self._there = publishers(self._node, self._topic)

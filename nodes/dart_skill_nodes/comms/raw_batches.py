@@ -1,23 +1,27 @@
-"""Raw messages of many topics in the order in which they arrived, and a count of those that never
-came.
+"""Serialised messages that are taken out of the middleware without callbacks: all of many topics, in
+the order in which they arrived, with a count of those that never came; or the newest alone.
 
-Messages are taken out of the middleware in batches: a callback for each costs ten times as much,
-and rclpy's EventsExecutor does not hand on the number that the publisher gave a message, by which
-a loss is known.
+A callback for each message costs ten times as much, and rclpy's EventsExecutor does not hand on the
+number that the publisher gave a message, by which a loss is known.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from dart_skill.common.checks import FARTHEST
+from dart_skill_nodes.comms.fixed_layout import LayoutReader
 from dart_skill_nodes.comms.in_process import UnspunNode, kept_for
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 
 TAKE = 0.01
-"""Often enough for whoever has no reason for another period [s, wall clock]."""
+"""Usual time between two calls of `RawBatches.take` [s, wall clock]."""
 DEPTH = 10_000
 """Messages of a topic that may wait, as when their taker is held up: 20 s of 500 Hz."""
 MOST = 5000
@@ -96,7 +100,7 @@ class RawBatches:
 
     @property
     def strange(self) -> dict[str, str]:
-        """Topics that somebody publishes with another type than the one that is heard, so that
+        """Topics that are published with another type than the one that is heard, so that
         none of that comes; and who does.
         """
         return self._offered.strange
@@ -134,8 +138,51 @@ class RawBatches:
             self._numbering[topic].look(publishers)
 
 
+class LatestMessages:
+    """The newest messages of fast topics, for a reader that needs them at a slower rate: most are
+    never decoded. Subscriptions are best effort, so that they match every publisher and never
+    hold one up.
+    """
+
+    def __init__(self, node: Node):
+        self._node, self._unspun = node, unspun_node(node, "latest_messages")
+        self._subscriptions = {}
+
+    def watch(self, topic: str, message_type: type, depth: int = 1) -> None:
+        """Keep the `depth` newest messages of a topic for `take`."""
+        qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._subscriptions[topic] = self._unspun.create_subscription(
+            message_type, self._node.resolve_topic_name(topic), never_called, qos, raw=True
+        )
+
+    def take(self, topic: str) -> list[bytes]:
+        """Serialised messages that have come since the last time, the newest last."""
+        return [data for data, _, _ in taken(self._subscriptions[topic])]
+
+    def close(self) -> None:
+        """Keep nothing any more."""
+        self._unspun.destroy_node()
+
+
+def poses_of(messages: list[bytes], frame_id: str) -> np.ndarray:
+    """Positions and quaternions x, y, z, w (n, 7) of serialised PoseStamped; ValueError if one is
+    in another frame, or is no pose.
+    """
+    reader = LayoutReader(PoseStamped)
+    read = [reader.read(data) for data in messages]
+    for like, _, _ in read:
+        if like.header.frame_id != frame_id:
+            raise ValueError(
+                f"poses are in frame '{like.header.frame_id[:100]}', not '{frame_id}'"
+            )
+    poses = np.array([numbers for _, _, numbers in read]).reshape(-1, 7)
+    if not (np.abs(poses) <= FARTHEST).all():
+        raise ValueError("a pose is not finite, or beyond this world")
+    return poses
+
+
 def unspun_node(node: Node, purpose: str) -> Node:
-    """A node beside another one that nobody spins, for subscriptions whose messages are taken; a
+    """A node beside another one that is not spun, for subscriptions whose messages are taken; a
     leading underscore hides it from `ros2 node list`.
     """
     name = f"_{node.get_name()}_{purpose}"

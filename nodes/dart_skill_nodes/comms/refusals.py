@@ -13,9 +13,9 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
-from dart_skill_nodes.comms.in_process import Handing, has_called
+from dart_skill_nodes.comms.in_process import ExchangingNode, has_called
 from dart_skill_nodes.comms.qos import CALLS, WALL
-from dart_skill_nodes.comms.running_nodes import hold
+from dart_skill_nodes.comms.this_machine import hold
 
 SAID_AGAIN = 5.0
 """A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad
@@ -88,7 +88,7 @@ def in_a_line(error: Exception) -> str:
     return f"{type(error).__name__}{where}: {text}"
 
 
-class _Guarded(Handing):
+class _Guarded(ExchangingNode):
     """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the
     node.
 

@@ -1,6 +1,6 @@
 """Poses of bodies for who reacts to them at every state of the arm, in step with the states.
 
-Real cameras deliver when they do, and whoever reacts takes what has come. A simulated world may
+Real cameras deliver when they do, and a node that reacts takes what has come. A simulated world may
 wait for the answer to every state: there it is said of every state what the cameras had delivered
 by then (/simulation/delivered), and a state is answered when that has come. So the answer is the
 same on every machine. In a world that goes on all the same, a state is answered when the next one
@@ -30,7 +30,7 @@ PATIENCE = 3.0
 within.
 """
 KEPT = 500
-"""Poses of a body that nobody has taken yet: 5 s of 100 Hz."""
+"""Poses of a body that are kept until they are taken: 5 s of 100 Hz."""
 
 
 class Sighting(NamedTuple):
@@ -154,6 +154,6 @@ class SeenInStep:
             self._release()
 
     def _look(self) -> None:
-        """Cameras that died, or whose poses got lost for good, hold up nobody."""
+        """Cameras that died, or whose poses got lost for good, do not hold up the arm."""
         if self._waiting is not None and time.monotonic() - self._waiting[2] > PATIENCE:
             self._release()

@@ -1,5 +1,5 @@
 """What a viewer needs to show the arm and the tracked bodies: robot_description, /tf, /tf_static.
-Live where somebody listens, and in a bag made of what the graph publishes anyway.
+Live where they are heard, and in a bag made of what the graph publishes anyway.
 
 All graphs share /tf: the frames of one that lives in a namespace begin with it, as in
 arm1/wam_base, but for the world, in which all stand.
@@ -37,8 +37,8 @@ _ARM = re.compile(rf"(?P<space>.*)/{JOINT_STATES}")
 
 
 class LiveTransforms:
-    """Transforms of a graph on /tf, at most RATE a second of each child, and only while somebody
-    listens.
+    """Transforms of a graph on /tf, at most RATE a second of each child, and only while they
+    are heard.
 
     frame_id: of the world. The ones that never change are given at once, on /tf_static.
     """
@@ -64,7 +64,7 @@ class LiveTransforms:
 
 class TfMessages:
     """The messages that go with others, of each graph that is heard. Those on topics of
-    `published` are left to whoever publishes them.
+    `published` are left to their publishers.
 
     topics: name -> type and quality of service of what is made here. space: of the graph whose
     description of the arm is made.

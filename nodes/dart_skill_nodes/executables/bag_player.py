@@ -2,8 +2,8 @@
 any rate, with /clock.
 
 ~/pause (SetBool) and ~/step (a number of messages, while paused) steer it, and so does the
-parameter `rate`. It ends with the bag. Commands of a recording are played only where somebody asks
-for them, and no states or commands beside an arm that is there: before the player has looked for
+parameter `rate`. It ends with the bag. Commands of a recording are played only where that is asked
+for, and no states or commands beside an arm that is there: before the player has looked for
 one, it offers nothing on any topic.
 """
 
@@ -155,7 +155,7 @@ class BagPlayer(GuardedNode):
         )
 
     def _would_command(self, topic: str) -> bool:
-        """Whether a topic is left out because it moves arms, and nobody asked for that; says so."""
+        """Whether a topic is left out because it moves arms, and that was not asked for; says so."""
         if self.p["commands"] or not commands_an_arm(topic):
             return False
         self.get_logger().info(
@@ -213,7 +213,7 @@ class BagPlayer(GuardedNode):
         self.finished = not self._stopping
 
     def _are_awaited(self) -> bool:
-        """Wait until somebody listens to the topics of `awaited`; False if playing was stopped."""
+        """Wait until the topics of `awaited` have subscribers; False if playing was stopped."""
         if self._awaited:
             self._tell(f"{self._waiting} before playing")
         with self._changed:
@@ -287,7 +287,7 @@ class BagPlayer(GuardedNode):
             while not self._stopping and not self._hearers.are_known(
                 due.topic, self._publishers_of[due.topic].get_subscription_count()
             ):
-                self._changed.wait(0.05)  # whoever has just joined is looked at first
+                self._changed.wait(0.05)  # a subscriber that has just joined is looked at first
             return not self._stopping
 
     def _wait_for_acknowledgements(self) -> None:

@@ -22,10 +22,10 @@ from dart_skill.skills.practice import target_choice_of
 from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
-from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
+from dart_skill_nodes.client.service_calls import PATIENCE, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.awake import Awake
+from dart_skill_nodes.comms.arm_time import FreezeDetector
 from dart_skill_nodes.comms.coroutines import (
     CoroutineActionServer,
     Promise,
@@ -85,9 +85,9 @@ class CoachNode(GuardedNode):
         self._goal, self._sighting, self._stopped = None, None, ""
         self._client: Presence | None = None  # who waits for the result
         self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
-        self._awake, self._unseen = Awake(), ""
+        self._awake, self._unseen = FreezeDetector(), ""
         self._calls = ServiceCalls(self)
-        self._recording = Recording(self, self._calls)
+        self._recording = RecorderCalls(self, self._calls)
         self._sequence = TrialSequence(
             self, self._calls, self.p["frame_id"], lambda: self.p["simulated"]
         )

@@ -7,17 +7,12 @@ stamp; there is no timer in its path.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Execute
-from dart_skill_msgs.msg import Plan as PlanMsg
-from dart_skill_msgs.msg import Situation, WamCommand
-from dart_skill_msgs.srv import MoveArm, Plan
+from dart_skill_msgs.msg import WamCommand
+from dart_skill_msgs.srv import MoveArm
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
 from std_srvs.srv import SetBool, Trigger
 
@@ -32,34 +27,27 @@ from dart_skill.arm import (
     load_registration,
     wam_description,
 )
-from dart_skill.common.rotations import of_matrices
 from dart_skill.skills.execution import ReactiveGuide
-from dart_skill.skills.learning import Policy
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.protocol import HAND, load_skill
+from dart_skill_nodes.arm.arm_watch import QUIET, ArmWatch
+from dart_skill_nodes.arm.goal import GoalUnderWay, Plans, Withdrawn
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import Eyes, Judge, ServiceCalls
+from dart_skill_nodes.client.service_calls import Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.arm_commands import CommandWriter
-from dart_skill_nodes.comms.awake import Awake
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
-from dart_skill_nodes.comms.joint_states import Rivals, StateReader, hear_joint_states
-from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name, pose_topic
-from dart_skill_nodes.comms.obeyed_publisher import new_sender
+from dart_skill_nodes.comms.arm_time import FreezeDetector
+from dart_skill_nodes.comms.commands import CommandWriter, new_sender
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, finish, pause
+from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
+from dart_skill_nodes.comms.names import COMMANDS, pose_topic
 from dart_skill_nodes.comms.presence import (
     LOOK,
-    Cameras,
-    Presence,
-    others,
-    publishers,
     servers,
     subscribers,
 )
-from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, NEWEST, WALL
+from dart_skill_nodes.comms.qos import COMPLETE, LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
-from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
-from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import (
     ERROR,
     OK,
@@ -70,6 +58,7 @@ from dart_skill_nodes.process.node_base import (
     declare_bodies,
     run,
 )
+from dart_skill_nodes.process.parameters import LIMITS
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
@@ -123,40 +112,9 @@ STATE_PATIENCE = 4.0
 """For the state of the arm that a goal's stamp names [s, wall clock]."""
 FINDS = 3.0
 """For what a throw needs to be found [s, wall clock]."""
-QUIET = 0.5
-"""No state for so long: time stands still, or nobody publishes any [s, wall clock]."""
 STOPPED = "stopped by ~/stop"
 
 
-class Withdrawn(Exception):
-    """The goal was cancelled, or the arm stopped, before it moved; the message says by whom."""
-
-
-@dataclass
-class GoalUnderWay:
-    """A goal of /execute, from its acceptance to its result.
-
-    client, learner: who waits for its result, and who made its plan. withdrawn: why it must not
-    move the arm any more, empty if it may. armed: the commander has its plan, and the arm may move
-    for it. waits: it was said that somebody holds the world. newest_ns: stamp of the last state
-    that it saw. ended_ns: the stamp at which the throw and the watching of the ball end, None
-    before that is known.
-    """
-
-    handle: object
-    client: Presence
-    learner: Presence
-    withdrawn: str = ""
-    armed: bool = False
-    waits: bool = False
-    over: Promise = field(default_factory=Promise)
-    newest_ns: int = 0
-    ended_ns: int | None = None
-    fed_ns: int = 0
-
-
-SIMULATED = "simulation/state"
-"""Only a simulator publishes it."""
 NOT_FOR_AN_ARM = (
     "tracking is 'hand', which makes an arm with motors and cables oscillate, and no simulator"
     " runs: start the commander with tracking:=joints and friction_compensation:=1.0, as the"
@@ -185,34 +143,22 @@ class CommanderNode(GuardedNode):
             CommandWriter(new_sender(), self.p["frame_id"]),
             b"",
         )
-        self._fault = ""
+        self._fault = self._rivals = ""  # the latter: for which the arm was stopped
         self._goal: GoalUnderWay | None = None
         self._reacting: ReactiveGuide | None = None  # is told where the bodies are
-        self._cameras = Cameras(self, pose_topic(name_of[self._skill.moves]))
-        self._unseen = ""  # why nobody would see a throw
-        self._awake = Awake()
-        self._states_name = full_name(self, JOINT_STATES)
-        self._strangers: list[str] = []  # who commands the arm, too
+        self._freezes = FreezeDetector()
         self._arm_fault = ""  # why the arm's own safety module has stopped it
-        self._rivals = ""  # why it is not known which arm's states come
-        self._leaps: Rivals | None = None  # where several publish states
-        self._time = TimeOfTheArm(self)
-        self._arm: Presence | None = None  # who publishes the states
-        self._guide: Presence | None = (
-            None  # who guides an arm that was released to a simulated person
-        )
         self._command = self.create_publisher(WamCommand, COMMANDS, COMPLETE)
-        self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
-        self._plan = self.create_publisher(Path, "~/plan", NEWEST)
-        calls = ServiceCalls(self)
-        self._calls, self._judge, self._eyes = calls, Judge(self, calls), Eyes(self, calls)
+        self._calls = ServiceCalls(self)
+        self._judge = Judge(self, self._calls)
+        self._plans = Plans(self, self._calls, self._commander, self._skill, self.p)
         self._seen = (
             SeenInStep(self, name_of, self.p["frame_id"], self._answer)
             if self._skill.reacts
             else None
         )
         self._states = hear_joint_states(self, self._on_state, raw=True)
-        self._planner = self.create_client(Plan, "skill_learner/plan")
+        self._arm = ArmWatch(self, self._states, pose_topic(name_of[self._skill.moves]))
         self.create_subscription(DiagnosticStatus, "wam/safety", self._on_safety, LATCHED)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self._stops = self.create_publisher(Time, "~/stopped", 10)
@@ -230,15 +176,16 @@ class CommanderNode(GuardedNode):
 
     def _on_state(self, data: bytes) -> None:
         self._notice_a_gap()
-        if self._rivals:
+        if self._arm.rivals:
             return
         try:
             state = self._reader.read(data)
         except ValueError as error:
             self._fault = str(error)
             raise
-        if self._leaps is not None and self._leaps.see(state):
-            self._look_for_rivals()
+        if self._arm.leaps(state):
+            self._arm.look_for_rivals()
+            self._stop_for_rivals()
             return
         if self._seen is not None and self._seen.goes_on:
             self._seen.offer(state.stamp_ns, state)
@@ -254,7 +201,7 @@ class CommanderNode(GuardedNode):
             if self._state is None or state.stamp_ns != self._state.stamp_ns:
                 command = self._commander.step(state)
                 self._written = self._writer.write(command)
-                self._time.goes_on()
+                self._arm.time.goes_on()
             self._state, self._fault = state, ""
         except ValueError as error:
             self._fault = str(error)
@@ -268,8 +215,9 @@ class CommanderNode(GuardedNode):
         goal.newest_ns = state.stamp_ns
         if state.stamp_ns - goal.fed_ns >= FEEDBACK_NS:
             goal.fed_ns = state.stamp_ns
-            self._feed(self._commander.mode.value if self._commander.executing else "watching")
-            self._publish_attractor(state)
+            executing = self._commander.executing
+            goal.feed(self._commander.mode.value if executing else "watching", self._commander)
+            self._plans.show_attractor(state.stamp_ns)
         rests = (
             self._commander.mode != Mode.STOPPING
         )  # who holds the world at the result finds an arm that can be reset
@@ -309,18 +257,18 @@ class CommanderNode(GuardedNode):
 
     async def _carry_out(self, goal_handle) -> Execute.Result:
         client = subscribers(self, "execute/_action/feedback")
-        self._goal = GoalUnderWay(goal_handle, client, servers(self, self._planner.service_name))
+        self._goal = GoalUnderWay(goal_handle, client, servers(self, self._plans.service_name))
         unseen = conversions.unseen_outcome_msg(
             goal_handle.request.situation, self._skill.name, self.p["frame_id"]
         )
         result = Execute.Result(code=Execute.Goal.OUTCOME_REFUSED, outcome=unseen)
         try:
-            self._feed("planning")
-            plan = await self._ask_for_plan(goal_handle.request, result)
+            self._goal.feed("planning", self._commander)
+            plan = await self._plan(goal_handle.request, result)
             if plan is not None:
                 await self._execute(plan, result)
         except (PlanRefused, ValueError, CallFailed) as error:
-            waits = self._time.held if self._commander.mode == Mode.STOPPING else ""
+            waits = self._arm.time.held if self._commander.mode == Mode.STOPPING else ""
             result.message = "; ".join(filter(None, (str(error), waits)))
         except Withdrawn as reason:
             result.code, result.message = Execute.Goal.OUTCOME_STOPPED, str(reason)
@@ -328,93 +276,39 @@ class CommanderNode(GuardedNode):
             self._goal = None
         return result
 
-    async def _ask_for_plan(self, goal, result):
+    async def _plan(self, goal, result) -> MotionPlan | ReactiveGuide | None:
         if goal.header.frame_id not in ("", self.p["frame_id"]):
             result.message = (
                 f"the situation is in frame '{goal.header.frame_id}', not '{self.p['frame_id']}'"
             )
             return None
-        if missing := await self._missing():
+        until = time.monotonic() + FINDS  # a commander that was just started finds it by then
+        while (
+            (missing := self._missing()) and time.monotonic() < until and not self._goal.withdrawn
+        ):
+            await pause(self, LOOK)
+        if missing:
             result.message = missing
             return None
         self._commander.check_free_to_move()
-        situation = await self._whole(goal.situation, conversions.stamp_ns(goal.header.stamp))
-        request = Plan.Request(situation=situation, explore=goal.explore)
-        request.header.frame_id = self.p["frame_id"]
-        response = await self._calls.call(
-            self._planner, request, may_refuse=True, patience=self.p["plan_timeout"]
-        )
-        if not response.success:
-            result.message = response.message
-            return None
-        result.plan = response.plan
-        self._plan.publish(conversions.path_msg(response.plan))
-        if response.plan.policy:
-            return self._guide_of(response.plan)
-        return conversions.motion_plan(response.plan)
+        return await self._plans.ask(goal, result)
 
-    def _guide_of(self, plan: PlanMsg) -> ReactiveGuide:
-        """What a plan asks at every state of the arm; ValueError if that is not the policy of this
-        commander's skill.
-        """
-        policy = Policy.from_bytes(plan.policy.tobytes(), self._skill)
-        registration = self._commander.agreed(
-            policy.registration, policy.start.position, policy.start.quaternion
-        )
-        return policy.guide(conversions.situation(plan.situation), registration)
-
-    async def _whole(self, situation: Situation, stamp_ns: int) -> Situation:
-        """A situation with all bodies on which a plan depends: those of which a client says
-        nothing are where the cameras see them.
-        """
-        if set(self._skill.situated) <= set(situation.bodies):
-            return situation
-        seen = await self._eyes.look(stamp_ns)
-        for body, pose in zip(seen.bodies, seen.poses, strict=True):
-            if body in self._skill.situated and body not in situation.bodies:
-                situation.bodies.append(body)
-                situation.poses.append(pose)
-        return situation
-
-    async def _missing(self) -> str:
-        """What a throw needs and is not there, once a commander that has just been started could
-        have found it; empty if nothing.
-        """
-        until = time.monotonic() + FINDS
-        while (
-            (missing := self._missing_now())
-            and time.monotonic() < until
-            and not self._goal.withdrawn
-        ):
-            await pause(self, LOOK)
-        return missing
-
-    def _missing_now(self) -> str:
+    def _missing(self) -> str:
+        """What a trial needs and is not there; empty if nothing."""
         if self._state is None:
-            named = self._states.of_the_arm.others
-            strange = f"{self._states_name} {named}" if named else ""
+            named, name = self._states.of_the_arm.others, self._arm.states_name
+            strange = f"{name} {named}" if named else ""
             return (
-                self._fault
-                or strange
-                or f"no {self._states_name} yet: is the arm, or wam_simulator, running?"
+                self._fault or strange or f"no {name} yet: is the arm, or wam_simulator, running?"
             )
-        if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
+        if self.p["tracking"] == "hand" and not self._arm.is_simulated:
             return NOT_FOR_AN_ARM
-        if self._rivals:
-            return self._rivals
-        if self._strangers:
-            return (
-                f"{', '.join(self._strangers)} publishes /wam/command, too: end it, one commands"
-                " an arm"
-            )
-        if self._arm_fault:
+        if self._arm_fault and not (self._arm.rivals or self._arm.strangers):
             return (
                 f"the arm's safety module has stopped it ({self._arm_fault}): look at the arm, and"
                 " reset it"
             )
-        return (
-            f"{self._unseen}; nobody would see {self._skill.words.outcome}" if self._unseen else ""
-        )
+        return self._arm.missing(self._skill.words.outcome)
 
     async def _execute(self, plan: MotionPlan | ReactiveGuide, result) -> None:
         goal = self._goal
@@ -429,7 +323,7 @@ class CommanderNode(GuardedNode):
             self._reacting = plan
             self._seen.begin(begun_ns)
         goal.armed = True
-        self._feed("armed")
+        goal.feed("armed", self._commander)
         await goal.over
         if self._reacting is not None:
             self._reacting = None
@@ -462,8 +356,8 @@ class CommanderNode(GuardedNode):
             result.outcome = await self._judge.outcome(
                 result.plan.situation, told_ns, until_ns, begun_ns
             )
-            if not result.outcome.seen and self._unseen:
-                result.message += f"; not seen: {self._unseen}"
+            if not result.outcome.seen and self._arm.unseen:
+                result.message += f"; not seen: {self._arm.unseen}"
         except CallFailed as failure:
             conversions.set_stamp(result.outcome.header.stamp, told_ns)
             result.message += f"; nobody judged it: {failure}"
@@ -488,70 +382,43 @@ class CommanderNode(GuardedNode):
             self.get_logger().error(f"no {self._skill.name}: {result.message}")
         finish(goal_handle, result.code == Execute.Goal.OUTCOME_EXECUTED)
 
-    def _feed(self, phase: str) -> None:
-        error = (
-            self._commander.tracking_error if np.isfinite(self._commander.tracking_error) else 0.0
-        )
-        seconds = float(self._commander.time) if np.isfinite(self._commander.time) else 0.0
-        self._goal.handle.publish_feedback(
-            Execute.Feedback(phase=phase, time=seconds, tracking_error=float(error))
-        )
-
-    def _publish_attractor(self, state: ArmState) -> None:
-        if self._commander.mode != Mode.EXECUTING or self._commander.reference is None:
-            return
-        message, reference = PoseStamped(), self._commander.reference
-        message.header.frame_id = self.p["frame_id"]
-        conversions.set_stamp(message.header.stamp, state.stamp_ns)
-        orientation = of_matrices(reference.attractor_rotation[None])[0]
-        conversions.set_pose(message.pose, reference.attractor_position, orientation)
-        self._attractor.publish(message)
-
     # the rest
 
     def _watch(self) -> None:
-        """Whether those are there without whom the arm must not move, by the clock of the wall and
-        by what DDS says of them.
-        """
-        self._time.look()
+        """See who is there, and end what must not go on without them."""
+        self._arm.look()
         self._notice_a_gap()
-        self._look_for_rivals()
-        if self._state is not None and (silent := self._states_ended()):
-            self._lose_arm(silent)
-        if self._commander.mode == Mode.FREE and self._guide is not None and self._guide.gone:
-            self._commander.stop(
-                f"{self._guide} has gone while it guided the arm: the arm is braked and held"
-            )
-        self._unseen = self._cameras.missing
-        self._strangers = others(self, COMMANDS)
+        self._stop_for_rivals()
+        moves = self._commander.executing or self._commander.moving
+        if self._state is not None and (
+            silent := self._arm.states_ended(moves, self.p["states_timeout"])
+        ):
+            self._stop_for(silent)
+            self._state, self._fault = None, silent
+            if self._goal is not None:
+                self._goal.over.keep()  # nothing is known of the arm any more
+        if self._commander.mode == Mode.FREE and (gone := self._arm.guide_gone):
+            self._commander.stop(gone)
         if self._goal is not None:
             self._watch_goal(self._goal)
 
-    def _look_for_rivals(self) -> None:
-        """Two who publish states of the arm are two arms, of which it commands none: nobody could
-        say whose state a command answers. Who publishes states of other joints, as of a gripper,
-        is none of them, unless the arm's leap to and fro.
-        """
-        drivers = others(self, JOINT_STATES)
-        self._leaps = (self._leaps or Rivals()) if len(drivers) > 1 else None
-        leap = self._leaps is not None and self._leaps.are_there
-        rivals = ""
-        if leap or len(drivers) - self._states.of_the_arm.voices > 1:
-            rivals = (
-                f"{' and '.join(drivers)} publish {self._states_name}: end one of them, nothing is"
-                " commanded until then"
-            )
+    def _stop_for(self, reason: str) -> None:
+        """Withdraw the goal and stop the arm, and say why."""
+        self.get_logger().error(reason)
+        self._withdraw(reason)
+        self._commander.stop(reason)
+
+    def _stop_for_rivals(self) -> None:
+        rivals = self._arm.rivals
         if rivals and rivals != self._rivals:
-            self.get_logger().error(rivals)
-            self._withdraw(rivals)
-            self._commander.stop(rivals)
+            self._stop_for(rivals)
         self._rivals = rivals
 
     def _notice_a_gap(self) -> None:
         """A commander that was frozen withdraws its goal. One whose timers wait, because states
         come as fast as they can, was not.
         """
-        frozen = self._awake.frozen()
+        frozen = self._freezes.frozen()
         if self._goal is not None and frozen:
             self._withdraw(f"the commander was held up for {frozen:.1f} s")
 
@@ -562,43 +429,14 @@ class CommanderNode(GuardedNode):
             self._withdraw(
                 f"{goal.learner} has gone during the {self._skill.name}: start it again"
             )
-        if goal.armed and not goal.waits and self._time.held:
+        if goal.armed and not goal.waits and self._arm.time.held:
             goal.waits = True
-            self._feed("held")
-            self.get_logger().warning(f"the {self._skill.name} waits: {self._time.held}")
-        if goal.armed and not goal.withdrawn and self._time.stalled:
-            self._withdraw(self._time.stalled)
-        if goal.armed and goal.withdrawn and self._time.silence > QUIET:
+            goal.feed("held", self._commander)
+            self.get_logger().warning(f"the {self._skill.name} waits: {self._arm.time.held}")
+        if goal.armed and not goal.withdrawn and self._arm.time.stalled:
+            self._withdraw(self._arm.time.stalled)
+        if goal.armed and goal.withdrawn and self._arm.time.silence > QUIET:
             goal.over.keep()  # no state will tell when the arm rests: time stands still
-
-    def _states_ended(self) -> str:
-        """Why no states come any more; empty while they may. A simulator that is there may hold
-        time as long as it likes.
-        """
-        if self._arm is None:
-            self._arm = publishers(self, JOINT_STATES)
-        if self._arm.gone and self._time.silence > QUIET:
-            return f"{self._arm} has gone: no {self._states_name} any more"
-        moves = self._commander.executing or self._commander.moving
-        if (
-            moves
-            and self._time.silence > self.p["states_timeout"]
-            and not self.count_publishers(SIMULATED)
-        ):
-            return (
-                f"no {self._states_name} for {self._time.silence:.1f} s: is the arm's driver"
-                " running?"
-            )
-        return ""
-
-    def _lose_arm(self, reason: str) -> None:
-        """Nothing is known of the arm any more: what was under way is over, and is said so."""
-        self._withdraw(reason)
-        self._commander.stop(reason)
-        self._state, self._arm, self._fault = None, None, reason
-        self.get_logger().error(reason)
-        if self._goal is not None:
-            self._goal.over.keep()
 
     def _on_safety(self, message: DiagnosticStatus) -> None:
         """What the arm's own safety module says; it needs no answer: it has stopped the arm
@@ -606,10 +444,7 @@ class CommanderNode(GuardedNode):
         """
         self._arm_fault = message.message if message.level == ERROR else ""
         if self._arm_fault:
-            reason = f"the arm's safety module stopped it: {self._arm_fault}"
-            self._withdraw(reason)
-            self._commander.stop(reason)
-            self.get_logger().error(reason)
+            self._stop_for(f"the arm's safety module stopped it: {self._arm_fault}")
 
     def _on_release_arm(self, request, response):
         try:
@@ -619,8 +454,7 @@ class CommanderNode(GuardedNode):
                     " arm is released (~/stop)"
                 )
             self._commander.release_arm(request.data)
-            simulated = request.data and self.count_publishers(SIMULATED)
-            self._guide = publishers(self, GUIDING) if simulated else None
+            self._arm.release(request.data)
             response.success = True
         except PlanRefused as error:
             response.success, response.message = False, str(error)
@@ -629,7 +463,7 @@ class CommanderNode(GuardedNode):
     def _on_move_to(self, request, response):
         try:
             if self._state is None:
-                raise PlanRefused(f"no {self._states_name} yet: is the arm's driver running?")
+                raise PlanRefused(f"no {self._arm.states_name} yet: is the arm's driver running?")
             if self._goal is not None:
                 raise PlanRefused(
                     f"a {self._skill.name} is being planned or is under way: wait for it or stop"
@@ -669,11 +503,15 @@ class CommanderNode(GuardedNode):
         stopped = self._commander.stopped_by
         level = (
             ERROR
-            if self._fault or self._rivals
+            if self._fault or self._arm.rivals
             else (WARN if self._state is None or stopped else OK)
         )
-        mode = f"no {self._states_name} yet" if self._state is None else self._commander.mode.value
-        text = self._fault or self._rivals or mode
+        mode = (
+            f"no {self._arm.states_name} yet"
+            if self._state is None
+            else self._commander.mode.value
+        )
+        text = self._fault or self._arm.rivals or mode
         text += f", {stopped}: call /commander/reset" if stopped else ""
         if (near := self._commander.warning) and level == OK:
             level, text = WARN, f"{text}; {near}"

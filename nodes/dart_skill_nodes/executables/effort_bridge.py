@@ -20,7 +20,6 @@ from dart_skill_nodes.comms.joint_states import hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS
 from dart_skill_nodes.comms.qos import LOOP, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import (
     ERROR,
     OK,
@@ -30,6 +29,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     run,
 )
+from dart_skill_nodes.process.parameters import LIMITS
 
 TABLE = [
     Parameter("frame_id", "axes of the wrenches"),

@@ -1,7 +1,7 @@
 """The recorder: chosen topics, or all, into a rosbag2 folder, as raw messages with the quality of
 service of their publishers.
 
-Beside them it writes what viewers need to show the arm, where nobody publishes it:
+Beside them it writes what viewers need to show the arm, where it is not published:
 /robot_description, /tf and /tf_static.
 """
 
@@ -189,7 +189,7 @@ class Recorder(BagKeeper):
             self._show(message.topic, log_ns, message.data)
 
     def _show(self, topic: str, log_ns: int, data: bytes) -> None:
-        """What viewers need besides, unless somebody publishes it."""
+        """What viewers need besides, unless it is published."""
         if self._tf is None:
             there = {
                 *self._messages.topics,

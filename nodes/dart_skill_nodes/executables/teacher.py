@@ -25,11 +25,11 @@ from dart_skill.arm import REST_SPEED, ArmState, Command, Grip
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import Eyes, Judge, Recording, ServiceCalls
+from dart_skill_nodes.client.service_calls import BodyLocator, Judge, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.arm_commands import CommandWriter
-from dart_skill_nodes.comms.awake import Awake
+from dart_skill_nodes.comms.arm_time import FreezeDetector, TimeOfTheArm
+from dart_skill_nodes.comms.commands import CommandWriter, new_sender
 from dart_skill_nodes.comms.coroutines import (
     CoroutineActionServer,
     Promise,
@@ -38,13 +38,11 @@ from dart_skill_nodes.comms.coroutines import (
 )
 from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
-from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, publishers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
 from dart_skill_nodes.comms.showing import PointerShowing, showing_of
-from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
 from dart_skill_nodes.process.node_base import (
     OK,
     Diagnostics,
@@ -117,14 +115,17 @@ class TeacherNode(GuardedNode):
         self._cameras = Cameras(self, pose_topic(name_of[skill.moves]))
         self._time = TimeOfTheArm(self)
         self._withdrawn, self._unseen = "", ""
-        self._needed, self._awake, self._speed = (), Awake(), 0.0
+        self._needed, self._awake, self._speed = (), FreezeDetector(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = (
             calls.call,
-            Recording(self, calls),
+            RecorderCalls(self, calls),
             Judge(self, calls),
         )
-        self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "simulation/step")
+        self._eyes, self._step = (
+            BodyLocator(self, calls),
+            self.create_client(Step, "simulation/step"),
+        )
         self._reader, self._writer, self._written = (
             StateReader(),
             CommandWriter(new_sender(), self.p["frame_id"]),

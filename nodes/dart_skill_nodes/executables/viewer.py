@@ -31,7 +31,6 @@ from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.joint_states import OfTheArm
-from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.comms.names import (
     DEMONSTRATIONS,
@@ -41,6 +40,7 @@ from dart_skill_nodes.comms.names import (
     pose_topic,
 )
 from dart_skill_nodes.comms.qos import LATCHED, WALL
+from dart_skill_nodes.comms.raw_batches import LatestMessages, poses_of
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.graph_processes import TOKEN
 from dart_skill_nodes.process.node_base import (
@@ -138,7 +138,7 @@ class Viewer(GuardedNode):
         self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
         url = url_of(
             self._server
-        )  # whoever gave the token knows the rest of the address, and a log need not
+        )  # the giver of the token knows the rest of the address, and a log need not
         self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
 
     def _subscribe(self, name_of: dict[str, str]) -> None:
@@ -164,7 +164,7 @@ class Viewer(GuardedNode):
     # pictures
 
     def _hurry(self, held: bool) -> None:
-        """Somebody holds the hand, or does not any more."""
+        """Show more pictures a second while the hand is held with the mouse."""
         if self._pictures_timer is not None:
             self.destroy_timer(self._pictures_timer)
         self._pictures_timer = self.create_timer(

@@ -12,39 +12,29 @@ import time
 from functools import partial
 
 import numpy as np
-from dart_skill_msgs.msg import BodyState, SimulationState, WamCommand
+from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import PlaceBody, Reset, Step
-from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
-from rosgraph_msgs.msg import Clock as ClockMsg
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.arm import (
     REST_SPEED,
-    Command,
-    HeldCommand,
-    fixed_transforms,
-    joint_transforms,
-    wam_description,
-    write_urdf,
+    Grip,
 )
-from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
+from dart_skill.simulation import Board, PlantSettings, make_world
 from dart_skill.skills.protocol import load_skill
+from dart_skill_nodes.arm.state_publisher import StatePublisher
+from dart_skill_nodes.arm.world_pace import HeldAnswers, WorldPace
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.arm_commands import command_reader
-from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
+from dart_skill_nodes.comms.arm_time import HELD
+from dart_skill_nodes.comms.commands import ObeyedPublisher
+from dart_skill_nodes.comms.fixed_layout import LayoutReader
 from dart_skill_nodes.comms.in_process import call_soon
-from dart_skill_nodes.comms.names import CLOCK, COMMANDS, DESCRIPTION, GUIDING, JOINT_STATES
-from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
-from dart_skill_nodes.comms.qos import CLOCK_QOS, COMPLETE, FRAMES, LOOP, NEWEST, WALL
+from dart_skill_nodes.comms.qos import LOOP, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.comms.tf_messages import LiveTransforms
-from dart_skill_nodes.comms.time_of_the_arm import HELD
-from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import (
     ERROR,
     OK,
@@ -54,6 +44,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     run,
 )
+from dart_skill_nodes.process.parameters import LIMITS
 
 TABLE = [
     Parameter("skill", "in whose world the arm stands"),
@@ -161,15 +152,10 @@ RESTING = 0.05
 """Between two steps of a world that rests [s, wall clock]: a client sees that it lives, and it
 costs nearly nothing.
 """
-UNASKED = 0.5
-"""So soon rests a world of which nobody has asked anything since the start: ball and basket have
-settled by then [s].
-"""
 PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
 """Who moves the arm, and where."""
 MOST_STEPS = 100_000
 """Most steps of one call of ~/step: 200 s of simulated time."""
-STILL = np.zeros(3)
 LATEST = 0.05
 """Real time: steps that are late by more are not made any more, and the arm's time falls behind
 [s, wall clock].
@@ -187,28 +173,29 @@ class WamSimulator(GuardedNode):
         self._plant = make_world(
             skill.world, settings, self.p["seed"], board, skill.world_settings
         )
-        self._paused, self._guided, self._budget, self._watched = (
-            self.p["start_paused"],
-            False,
-            0,
-            False,
-        )
+        self._paused, self._guided, self._budget = self.p["start_paused"], False, 0
         self._answers, self._fault, self._steps_made = {}, "", 0
-        self._next = time.monotonic()  # when the next step is due, where time is held back
-        self._rate_mark = (
-            time.monotonic(),
-            0,
-        )  # when _describe looked last, and the steps that were made by then
-        self._hold_no_command()
-        self._stillness, self._rests = (
-            Stillness(),
-            False,
-        )  # the latter: nothing has moved for long, and nobody waits for steps
-        self._asked = False  # whether anybody has asked for anything
+        # when _describe looked last, and the steps that were made by then
+        self._rate_mark = (time.monotonic(), 0)
         self._guide: Presence | None = None  # who guides the arm
-        self._left = ""  # why nobody guides it any more, until it rests
-        self._make_topics()
-        self._make_services()
+        self._left = ""  # why it is not guided any more, until it rests
+        self._state = StatePublisher(self, self._plant, self.p)
+        self._pace = WorldPace(self._plant)
+        self._held_out = self.create_publisher(Bool, HELD, NEWEST)
+        self._hold(self._paused)
+        self._hold_no_command()
+        self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in PUSHES.items()}
+        for who, topic in PUSHES.items():
+            reader = LayoutReader(WamCommand)
+            self.create_subscription(
+                WamCommand, topic, partial(self._on_answer, who, reader), LOOP, raw=True
+            )
+        self.create_service(Reset, "simulation/reset", self._on_reset)
+        self.create_service(SetBool, "simulation/pause", self._on_pause)
+        self.create_service(Step, "simulation/step", self._on_step)
+        self.create_service(PlaceBody, "simulation/place_body", self._on_place_body)
+        self.create_service(Trigger, "bhand/open_grasp", self._on_open)
+        self.create_service(Trigger, "bhand/close_grasp", self._on_close)
         self.add_on_set_parameters_callback(self._refuse_no_arm)
         self._read_pace()
         self.add_post_set_parameters_callback(self._read_pace)
@@ -221,43 +208,7 @@ class WamSimulator(GuardedNode):
         else:
             self._wall_due = time.monotonic()
             self.create_timer(self._plant.settings.step, self._real_time, clock=WALL)
-        self._publish()
-
-    def _make_topics(self) -> None:
-        self._joint_states = self.create_publisher(JointState, JOINT_STATES, COMPLETE)
-        self._tool_pose = self.create_publisher(PoseStamped, "wam/tool_pose", COMPLETE)
-        self._clock_out = self.create_publisher(ClockMsg, CLOCK, CLOCK_QOS)
-        self._truth = self.create_publisher(SimulationState, "simulation/state", FRAMES)
-        self._description = self.create_publisher(String, DESCRIPTION, NEWEST)
-        self._description.publish(String(data=write_urdf(wam_description())))
-        frame = self.p["frame_id"]
-        self._transforms = LiveTransforms(self, frame, fixed_transforms(wam_description(), frame))
-        joints = JointState(name=[joint.name for joint in wam_description().joints])
-        joints.position = joints.velocity = joints.effort = [0.0] * len(joints.name)
-        self._tool_msg = PoseStamped()
-        for message in (joints, self._tool_msg):
-            message.header.frame_id = frame
-        self._truth_layouts: dict[
-            tuple, FixedLayout
-        ] = {}  # by what the messages say beside numbers
-        self._joint_layout = FixedLayout(joints)
-        self._safety = self.create_publisher(DiagnosticStatus, "wam/safety", NEWEST)
-        self._said_of_safety = None
-        self._held_out = self.create_publisher(Bool, HELD, NEWEST)
-        self._hold(self._paused)
-        self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in PUSHES.items()}
-        for who, topic in PUSHES.items():
-            self.create_subscription(
-                WamCommand, topic, partial(self._on_answer, who, command_reader()), LOOP, raw=True
-            )
-
-    def _make_services(self) -> None:
-        self.create_service(Reset, "simulation/reset", self._on_reset)
-        self.create_service(SetBool, "simulation/pause", self._on_pause)
-        self.create_service(Step, "simulation/step", self._on_step)
-        self.create_service(PlaceBody, "simulation/place_body", self._on_place_body)
-        self.create_service(Trigger, "bhand/open_grasp", self._on_open)
-        self.create_service(Trigger, "bhand/close_grasp", self._on_close)
+        self._state.publish()
 
     # the handshake
 
@@ -293,7 +244,7 @@ class WamSimulator(GuardedNode):
             self._answers[who] = command
             self._advance()
         else:
-            self._held[who].take(command)
+            self._held.take(who, command)
             if who == "teacher":
                 self._real_time()
 
@@ -305,30 +256,26 @@ class WamSimulator(GuardedNode):
             who not in self._answers for who in self._engaged
         ):
             return
-        if self._rests and not slowly:
+        if self._pace.rests and not slowly:
             return  # `_go_on_slowly` comes back to it
         answers = self._answers
         self._answers = {}
         if not self._step(answers["commander"], answers.get("teacher")):
             return
         self._budget = max(0, self._budget - 1)
-        self._pace()
-        self._publish()
-
-    def _wake(self) -> None:
-        """Somebody asked for something: go on at full speed."""
-        self._stillness.wake(self._plant.state_stamp_ns)
-        self._asked, self._rests = True, False
+        self._pace.hold_back()
+        self._state.publish()
 
     def _go_on(self) -> None:
-        """Make the step that waits: in a world that rests all have answered, and nobody answers
-        again.
+        """Go on at full speed, as a client has asked for something, with the step that waits: in a
+        world that rests all have answered, and do not answer again.
         """
+        self._pace.wake()
         if self.p["lockstep"]:
             self._advance()
 
     def _go_on_slowly(self) -> None:
-        if self._rests:
+        if self._pace.rests:
             self._advance(slowly=True)
 
     def _step(self, command, push) -> bool:
@@ -339,52 +286,12 @@ class WamSimulator(GuardedNode):
             return False
         self._steps_made += 1
         if self.p["lockstep"]:
-            self._look_for_rest()
-        self._tell_of_safety()
+            self._pace.look_for_rest(waits=bool(self._guided or self._budget))
+            self._fault = ""
+        self._state.publish_safety()
         if self._left and np.abs(self._plant.joint_velocity).max() < REST_SPEED:
             self._left = ""
-        if self.p["lockstep"]:
-            self._fault = ""
         return True
-
-    def _look_for_rest(self) -> None:
-        """See whether something moves: now and then, and at each step of a world that rests."""
-        ns = self._plant.state_stamp_ns
-        if not (self._rests or self._stillness.is_due(ns)):
-            return
-        self._stillness.look(ns, self._plant.joint_velocity, self._plant.bodies)
-        waits = self._guided or self._budget
-        still_for = (ns - self._stillness.since_ns) * 1e-9
-        rest_after = self._rest_after if self._asked else min(self._rest_after, UNASKED)
-        self._rests = not waits and 0.0 < rest_after < still_for
-
-    def _tell_of_safety(self) -> None:
-        """On /wam/safety, when it changes: all is well, something is near its limit, or the motors
-        are shorted until a reset.
-        """
-        fault, warning = self._plant.fault, self._plant.warning
-        said = ERROR if fault else WARN if warning else OK
-        if said != self._said_of_safety:
-            self._said_of_safety = said
-            self._safety.publish(
-                DiagnosticStatus(
-                    level=said, name="wam safety", message=fault or warning, hardware_id="wam"
-                )
-            )
-
-    def _pace(self) -> None:
-        """Hold simulated time back to speed_factor times the machine's, and to the machine's own
-        while somebody watches.
-        """
-        factor = self._speed_factor
-        if self._watched:
-            factor = min(factor or 1.0, 1.0)
-        if factor <= 0.0:
-            return
-        now = time.monotonic()
-        self._next = max(self._next, now - 0.05) + self._plant.settings.step / factor
-        if self._next > now:
-            time.sleep(self._next - now)
 
     def _real_time(self) -> None:
         """Make the step that is due. A late one is made when everybody in this process has had a
@@ -394,46 +301,24 @@ class WamSimulator(GuardedNode):
         if self._paused and not self._budget:
             self._wall_due = now
             return
-        if now < self._wall_due or self._waits_for_a_person(now):
+        # Who guides the arm is one body with it: their damping, if it were held for a few steps,
+        # would shake the wrist.
+        awaited = self._guided and self._held.awaits("teacher")
+        if now < self._wall_due or (awaited and now - self._state.at < self.p["command_timeout"]):
             return
         self._budget = max(0, self._budget - 1)
-        period = self._plant.settings.step / (self._speed_factor or 1.0)
+        period = self._plant.settings.step / (self._pace.speed_factor or 1.0)
         self._wall_due = max(self._wall_due + period, now - LATEST)
-        self._step(*self._held_answers())
-        self._publish()
+        command, push, are_fresh = self._held.now(self._engaged)
+        if are_fresh:
+            self._fault = ""
+        self._step(command, push)
+        self._state.publish()
         if self._wall_due <= time.monotonic():
             call_soon(self._real_time)
 
-    def _waits_for_a_person(self, now: float) -> bool:
-        """Who guides the arm is one body with it: their damping, if it were held for a few steps,
-        would shake the wrist.
-        """
-        push = self._held["teacher"]
-        awaited = self._guided and push.has_come and not push.is_for(self._plant.state_stamp_ns)
-        return awaited and now - self._published < self.p["command_timeout"]
-
     def _hold_no_command(self) -> None:
-        self._held = {who: HeldCommand(self.p["command_timeout"]) for who in PUSHES}
-
-    def _held_answers(self) -> tuple[Command, Command | None]:
-        """Command and push as answers to the present state; the arm is braked when one of them is
-        too old.
-        """
-        answers = {
-            who: self._held[who].answer_to(self._plant.state_stamp_ns) for who in self._engaged
-        }
-        late = [
-            who for who, answer in answers.items() if answer is None and self._held[who].has_come
-        ]
-        if late:
-            self._complain(
-                f"no command of the {late[0]} for more than {self.p['command_timeout']} s: the arm"
-                " is braked"
-            )
-        elif answers["commander"] is not None:
-            self._fault = ""
-        brakes = answers["commander"] is None or "teacher" in late
-        return self._plant.braking() if brakes else answers["commander"], answers.get("teacher")
+        self._held = HeldAnswers(self._plant, PUSHES, self.p["command_timeout"], self._complain)
 
     # services
 
@@ -448,20 +333,16 @@ class WamSimulator(GuardedNode):
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self._guided, self._answers, self._budget, self._watched = (
-            request.guided,
-            {},
-            0,
-            request.real_time,
-        )
+        self._guided, self._answers, self._budget = request.guided, {}, 0
+        self._pace.watched = request.real_time
         self._hold_no_command()
-        self._wake()
+        self._pace.wake()
         self._hold(request.paused)
-        self._tell_of_safety()
+        self._state.publish_safety()
         for one in self._obeyed.values():
             one.forget()
         self._guide, self._left = publishers(self, GUIDING) if request.guided else None, ""
-        self._publish()
+        self._state.publish()
         response.success, response.episode = True, state.episode
         response.stamp = conversions.time_msg(state.stamp_ns)
         return response
@@ -476,7 +357,7 @@ class WamSimulator(GuardedNode):
         """Take what says how fast time goes, whenever it was changed: reading a parameter takes as
         long as a message.
         """
-        self._speed_factor, self._rest_after = (
+        self._pace.speed_factor, self._pace.rest_after = (
             self.get_parameter(name).value for name in ("speed_factor", "rest_after")
         )
 
@@ -497,10 +378,9 @@ class WamSimulator(GuardedNode):
         self._held_out.publish(Bool(data=held))
 
     def _on_pause(self, request, response):
-        self._wake()
         self._hold(request.data)
-        response.success, response.message = True, "paused" if request.data else "running"
         self._go_on()
+        response.success, response.message = True, "paused" if request.data else "running"
         return response
 
     def _on_step(self, request, response):
@@ -514,7 +394,6 @@ class WamSimulator(GuardedNode):
                 " other"
             )
             return response
-        self._wake()
         self._budget = int(request.steps)
         end_ns = self._plant.state_stamp_ns + self._budget * self._plant.settings.step_ns
         response.stamp = conversions.time_msg(end_ns)
@@ -525,7 +404,6 @@ class WamSimulator(GuardedNode):
         try:
             pose = conversions.body_pose(request.pose, f"the {request.body}")
             self._plant.put(request.body, pose.position, pose.quaternion)
-            self._wake()
             self._go_on()
             response.success = True
         except ValueError as error:
@@ -533,8 +411,7 @@ class WamSimulator(GuardedNode):
         return response
 
     def _on_open(self, request, response):
-        self._plant.open_hand()
-        self._wake()
+        self._plant.obey(Grip.OPEN)
         self._go_on()
         response.success = True
         return response
@@ -548,65 +425,11 @@ class WamSimulator(GuardedNode):
         )
         return response
 
-    # what is published
-
-    def _publish(self) -> None:
-        """The present state. The clock comes first: nothing is stamped later than it shows. Then
-        the joint states: in other processes the answer to them is worked out while the rest is
-        sent.
-        """
-        plant, ns = self._plant, self._plant.state_stamp_ns
-        if self._clock_out.get_subscription_count():
-            self._clock_out.publish(conversions.leading_stamp_bytes(ns))
-        self._published = time.monotonic()
-        numbers = np.array(
-            [*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()]
-        )
-        self._joint_states.publish(self._joint_layout.pack(ns, numbers))
-        if plant.step_count % self.p["ground_truth_period"] == 0:
-            self._publish_truth()
-        if self._tool_pose.get_subscription_count():
-            conversions.set_stamp(self._tool_msg.header.stamp, ns)
-            conversions.set_pose(self._tool_msg.pose, plant.hand_position, plant.hand_quaternion)
-            self._tool_pose.publish(self._tool_msg)
-        if self._transforms.is_due("arm", ns):
-            self._transforms.publish(joint_transforms(wam_description(), plant.joint_position), ns)
-
-    def _publish_truth(self) -> None:
-        state, there = self._plant.state, self._plant.bodies
-        numbers = [state.position, state.velocity, state.effort]
-        for name, (position, quaternion) in there.items():
-            numbers += [
-                position,
-                quaternion,
-                state.ball_velocity if name == self._plant.loose_body else STILL,
-                STILL,
-            ]
-        said = tuple(there), self._plant.held_body, self._plant.succeeded
-        layout = self._truth_layouts.get(said) or self._truth_layouts.setdefault(
-            said, self._truth_layout(*said)
-        )
-        self._truth.publish(
-            layout.pack(
-                state.stamp_ns,
-                np.concatenate([*numbers, [self.p["base_turn"]]]),
-                state.episode,
-                state.step,
-            )
-        )
-
-    def _truth_layout(self, bodies: tuple[str, ...], held: str, success: bool) -> FixedLayout:
-        message = SimulationState(
-            bodies=[BodyState(name=name) for name in bodies], held=held, success=success
-        )
-        message.header.frame_id = self.p["frame_id"]
-        return FixedLayout(message, conversions.EPISODE_AND_STEP)
-
     # saying what goes on
 
     def _watch_those_who_move(self) -> None:
-        """Who commands the arm, and whether somebody guides it still: nobody waits for a teacher
-        that has gone.
+        """Who commands the arm, and whether it is still guided: a teacher that has gone is not
+        waited for.
         """
         for one in self._obeyed.values():
             one.look()
@@ -618,7 +441,7 @@ class WamSimulator(GuardedNode):
                 self._advance()
 
     def _watch(self) -> None:
-        """Publish an unanswered state again: whoever came late, or lost it, gets it now."""
+        """Publish an unanswered state again, for nodes that came late, or lost it."""
         stamp, now = self._plant.state_stamp_ns, time.monotonic()
         if stamp != self._mark[1]:
             self._mark = (now, stamp)
@@ -626,7 +449,7 @@ class WamSimulator(GuardedNode):
         silent = [who for who in self._engaged if who not in self._answers]
         if not self.p["lockstep"] or not silent:
             return
-        self._publish()
+        self._state.publish()
         if now - self._mark[0] > self.p["answer_timeout"] and not self._paused and not self._fault:
             self._complain(
                 f"waiting for the answer of {' and '.join(silent)} to the state of {stamp} ns: is"
@@ -655,7 +478,9 @@ class WamSimulator(GuardedNode):
             for name in one.others
         ]
         level = ERROR if fault else (WARN if strangers else OK)
-        message = fault or ("paused" if self._paused else "resting" if self._rests else "running")
+        message = fault or (
+            "paused" if self._paused else "resting" if self._pace.rests else "running"
+        )
         if strangers:
             message += f"; {', '.join(strangers)}: it is not obeyed, end it"
         return (

@@ -1,20 +1,22 @@
-"""Where the graph is found and heard: on this machine alone, and on a ROS domain. Imported before
-rclpy starts.
+"""What the environment says to rcl and DDS before rclpy starts: that the graph is found and heard on
+this machine alone, on which ROS domain, and where logs are written.
 """
 
 import os
 import socket
+import tempfile
 from contextlib import closing
+from pathlib import Path
 
 from dart_skill.common.configuration import config_path
-from dart_skill_nodes.process.logs import find_log_folder
 
-RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PEERS = "ROS_STATIC_PEERS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Where Fast DDS finds its profiles, up to version 2 and from 3 on."""
 
 FIRST_LOCK_PORT = 7200
-"""Domain d is taken by whoever holds UDP port 7200 + d; DDS uses ports from 7400 on."""
+"""Domain d is taken by the process that holds UDP port 7200 + d; DDS uses ports from 7400 on."""
 _TAKEN: list[socket.socket] = []
 
 
@@ -43,7 +45,7 @@ def hear_loopback_alone() -> None:
 
 
 def choose_domain() -> None:
-    """Set ROS to this machine alone, and to a domain that nobody uses, unless the user chose one.
+    """Set ROS to this machine alone, and to a domain that is not used, unless the user chose one.
     Call before rclpy starts.
     """
     stay_on_this_machine()
@@ -58,7 +60,7 @@ def choose_domain() -> None:
 
 
 def has_own_domain() -> bool:
-    """Whether this process chose a domain that nobody else uses (`choose_domain`)."""
+    """Whether this process chose a domain of its own (`choose_domain`)."""
     return bool(_TAKEN)
 
 
@@ -77,7 +79,7 @@ def _take(port: int) -> bool:
 
 
 def _free(port: int) -> bool:
-    """Whether nobody listens on a domain's discovery port, or on the first ports of its
+    """Whether no process listens on a domain's discovery port, or on the first ports of its
     participants.
     """
     for offset in (0, 10, 11):
@@ -87,3 +89,31 @@ def _free(port: int) -> bool:
             except OSError:
                 return False
     return True
+
+
+def find_log_folder() -> None:
+    """Let rcl write logs to a new temporary folder where the usual one cannot be made, without
+    which it starts nothing: no HOME, or one that this user may not write to. Call before rclpy
+    starts.
+    """
+    if os.environ.get("ROS_LOG_DIR"):
+        return
+    if not _is_writable(_usual()):
+        os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="ros_log_")
+
+
+def _usual() -> Path | None:
+    """As rcl has it; it looks at HOME alone, not at the list of users."""
+    if named := os.environ.get("ROS_HOME"):
+        return Path(named, "log")
+    home = os.environ.get("HOME")
+    return Path(home, ".ros", "log") if home else None
+
+
+def _is_writable(folder: Path | None) -> bool:
+    try:
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return folder is not None and os.access(folder, os.W_OK)

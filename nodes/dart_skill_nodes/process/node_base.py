@@ -8,7 +8,8 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
@@ -27,15 +28,13 @@ from rclpy.signals import SignalHandlerOptions
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.world import the_world
 from dart_skill_nodes.comms.in_process import exchanging, spin_once
-from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name
+from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name, in_namespace
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
-from dart_skill_nodes.process.discovery import hear_loopback_alone
-from dart_skill_nodes.process.logs import find_log_folder
-from dart_skill_nodes.process.parameters import Parameter
+from dart_skill_nodes.process.discovery import find_log_folder, hear_loopback_alone
+from dart_skill_nodes.process.parameters import Parameter, heed_arguments, unknown_parameters
 from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.process.usage import heed_arguments, unknown_parameters
 
 ENDS_WITHIN = 0.1
 """Whether it was told to end, a process looks so often [s, wall clock]: not after each of
@@ -194,9 +193,10 @@ def run(
             for node in nodes:
                 be_alive(node)
                 executor.add_node(node)
-            ends = OnceIn(ENDS_WITHIN, lambda: interrupts or over(nodes) or not rclpy.ok())
-            while not ends():
-                spin_once(executor, exchange, ENDS_WITHIN)
+            while rclpy.ok() and not (interrupts or over(nodes)):
+                until = time.monotonic() + ENDS_WITHIN
+                while time.monotonic() < until:
+                    spin_once(executor, exchange, ENDS_WITHIN)
         except (KeyboardInterrupt, ExternalShutdownException):
             pass
         finally:
@@ -205,20 +205,24 @@ def run(
             rclpy.try_shutdown()
 
 
-class OnceIn:
-    """A question that is asked once in so many seconds of the wall clock, however often it is
-    called; False in between.
+@contextmanager
+def node_of_command(
+    name: str, namespace: str = ""
+) -> Iterator[tuple[Node, Callable[[float], None]]]:
+    """A node of a command, and a function that lets messages come in for a while [s]; both end with
+    the context. The command ends at its own interrupts (`Interrupts`), not at those of rclpy.
     """
-
-    def __init__(self, seconds: float, question: Callable[[], bool]):
-        self._seconds, self._question, self._due = seconds, question, 0.0
-
-    def __call__(self) -> bool:
-        now = time.monotonic()
-        if now < self._due:
-            return False
-        self._due = now + self._seconds
-        return bool(self._question())
+    rclpy.init(args=in_namespace(namespace), signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node, executor = rclpy.create_node(name), make_executor()
+        executor.add_node(node)
+        try:
+            yield node, lambda seconds: executor.spin_once(timeout_sec=seconds)
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
 
 
 def _started(
@@ -240,7 +244,7 @@ def _started(
         )
         text = in_a_line(error) if defect else " ".join(str(error).split())
         print(f"{program}: {text or type(error).__name__}", file=sys.stderr, flush=True)
-        os._exit(1)  # nodes that had started already have threads, which nobody would end
+        os._exit(1)  # nodes that had started already have threads, which would not end
 
 
 def autostart(node: GuardedLifecycleNode) -> None:

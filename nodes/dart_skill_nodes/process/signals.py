@@ -1,4 +1,4 @@
-"""How a process of the graph is told to end: SIGINT, SIGTERM, or the end of whoever started it."""
+"""How a process of the graph is told to end: SIGINT, SIGTERM, or the end of the process that started it."""
 
 import os
 import signal
@@ -17,8 +17,8 @@ class Interrupts:
     """
 
     PATIENCE = 5.0
-    """In which one Ctrl-C may arrive twice: from the terminal, and forwarded by whoever started
-    the node, late on a busy machine [s]. An interrupt while rclpy closes a node would abort the
+    """In which one Ctrl-C may arrive twice: from the terminal, and forwarded by the process
+    that started the node, late on a busy machine [s]. An interrupt while rclpy closes a node would abort the
     process.
     """
 

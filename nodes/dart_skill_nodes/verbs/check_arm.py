@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_namespace
-from dart_skill_nodes.comms.names import in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._run import say
+from dart_skill_nodes.verbs.status import table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dart_skill.arm.check import ArmReport, Heard, PostureCounter
 
 USUAL = 10.0
-"""Seconds of listening where nobody says how long, and nobody is there to press Enter."""
+"""Time of listening where none is given, and no terminal is there to press Enter at [s]."""
 PATIENCE = 10.0
 """For joint states, which a simulation that is paused does not give [s]."""
 TAKE = 0.02
@@ -108,27 +108,15 @@ def _refuse_what_cannot_be(options: argparse.Namespace, parser: argparse.Argumen
 def listen(options: argparse.Namespace) -> "Heard":
     """Everything that was heard until the options say that it is enough, or Ctrl-C."""
     interrupts = Interrupts()  # before the imports, in which an interrupt may get lost
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
-
     from dart_skill_nodes.client.arm_listener import ArmListener
-    from dart_skill_nodes.process.node_base import make_executor
+    from dart_skill_nodes.process.node_base import node_of_command
 
-    rclpy.init(
-        args=in_namespace(options.namespace), signal_handler_options=SignalHandlerOptions.NO
-    )
-    try:
-        node, executor = rclpy.create_node("arm_check"), make_executor()
-        executor.add_node(node)
+    with node_of_command("arm_check", options.namespace) as (node, spin):
         listener = ArmListener(node)
-        _listen(options, listener, interrupts, lambda: executor.spin_once(timeout_sec=TAKE))
+        _listen(options, listener, interrupts, lambda: spin(TAKE))
         heard = listener.heard()
         listener.close()
-        executor.shutdown()
-        node.destroy_node()
         return heard
-    finally:
-        rclpy.try_shutdown()
 
 
 def _listen(
@@ -213,17 +201,11 @@ def _as_json(report: "ArmReport", written: Path | None) -> str:
 
 
 def _as_text(report: "ArmReport", written: Path | None) -> str:
-    head = ("", "check", "measured", "asked")
     rows = [(one.verdict.value, one.check, one.measured, one.asked) for one in report.lines]
-    widths = [min(WIDEST, max(map(len, column))) for column in zip(head, *rows, strict=True)]
-    told = [
-        "  ".join(text.ljust(width) for text, width in zip(head, widths, strict=True)).rstrip()
-    ]
-    for row, one in zip(rows, report.lines, strict=True):
-        told.append(
-            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
-        )
-        told += [f"{'':{widths[0]}}  {'':4}{one.remedy}"] if one.remedy else []
+    head, *lines = table(("", "check", "measured", "asked"), rows, WIDEST)
+    told, indent = [head], " " * (max(len(row[0]) for row in rows) + 6)
+    for text, one in zip(lines, report.lines, strict=True):
+        told += [text, *([indent + one.remedy] if one.remedy else [])]
     counts = {
         verdict: sum(row[0] == verdict for row in rows) for verdict in ("GO", "WARN", "NO-GO")
     }

@@ -1,7 +1,7 @@
 """`dart-skill view --foxglove` without a bag: the graph that runs, live in Foxglove. It listens,
 and publishes nothing.
 
-Beside what it hears it sends what viewers need to show the arm, where nobody publishes it:
+Beside what it hears it sends what viewers need to show the arm, where it is not published:
 /robot_description, /tf and /tf_static.
 """
 
@@ -38,29 +38,17 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def _serve(server: FoxgloveServer, interrupts: Interrupts, say: Callable[[], None]) -> int:
     stay_on_this_machine()
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
+    from dart_skill_nodes.process.node_base import node_of_command
 
-    from dart_skill_nodes.process.node_base import make_executor
-
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node, executor = rclpy.create_node("foxglove_view"), make_executor()
-        executor.add_node(node)
-        try:
-            view, due = GraphView(node, server), time.monotonic() + SETTLES
-            while not interrupts:
-                if due is not None and time.monotonic() >= due:
-                    say()
-                    due = None
-                executor.spin_once(timeout_sec=0.01)
-                view.hand_on()
-            view.close()
-        finally:
-            executor.shutdown()
-            node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
+    with node_of_command("foxglove_view") as (node, spin):
+        view, due = GraphView(node, server), time.monotonic() + SETTLES
+        while not interrupts:
+            if due is not None and time.monotonic() >= due:
+                say()
+                due = None
+            spin(0.01)
+            view.hand_on()
+        view.close()
     return 0
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dart_skill.cli.printable import printable
 from dart_skill.cli.run_options import add_namespace
 from dart_skill_nodes.client.graph_report import GraphReport
-from dart_skill_nodes.comms.names import GUIDING, in_namespace
+from dart_skill_nodes.comms.names import GUIDING
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._run import say
@@ -72,28 +72,16 @@ def nothing_runs(bystanders: Iterable[str]) -> str:
 def look(seconds: float, namespace: str = "") -> GraphReport | None:
     """What is found in a namespace in so long [s]; None if there is nothing."""
     interrupts = Interrupts()  # before the imports, in which an interrupt may get lost
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
+    from dart_skill_nodes.process.node_base import node_of_command
 
-    from dart_skill_nodes.process.node_base import make_executor
+    with node_of_command("status", namespace) as (node, spin):
 
-    rclpy.init(args=in_namespace(namespace), signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node, executor = rclpy.create_node("status"), make_executor()
-        executor.add_node(node)
-
-        def spin() -> None:
+        def spin_a_moment() -> None:
             if interrupts:
                 raise KeyboardInterrupt
-            executor.spin_once(timeout_sec=0.02)
+            spin(0.02)
 
-        try:
-            return _look(node, spin, seconds)
-        finally:
-            executor.shutdown()
-            node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
+        return _look(node, spin_a_moment, seconds)
 
 
 def _look(node: "Node", spin, seconds: float) -> GraphReport | None:
@@ -148,10 +136,8 @@ def _heading(report: GraphReport) -> str:
 
 
 def _nodes(report: GraphReport) -> str:
-    return table(
-        ("node", "process", "state", "says"),
-        [(one.name, one.process, one.state, one.says) for one in report.nodes],
-    )
+    rows = [(one.name, one.process, one.state, one.says) for one in report.nodes]
+    return "\n".join(table(("node", "process", "state", "says"), rows))
 
 
 def _topics(report: GraphReport) -> str:
@@ -165,9 +151,8 @@ def _topics(report: GraphReport) -> str:
         )
         for one in report.topics
     ]
-    return (
-        table(("topic", "per second", "newest [s]", "lost", "published by"), rows) if rows else ""
-    )
+    head = ("topic", "per second", "newest [s]", "lost", "published by")
+    return "\n".join(table(head, rows)) if rows else ""
 
 
 def _arm(report: GraphReport) -> str:
@@ -228,11 +213,15 @@ def _problems(report: GraphReport) -> str:
     return "\n".join(f"wrong: {problem}" for problem in report.problems) or "nothing is wrong"
 
 
-def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    """Columns as wide as what stands in them, but for the last."""
+def table(
+    head: tuple[str, ...], rows: Iterable[tuple[str, ...]], widest: float = math.inf
+) -> list[str]:
+    """Lines of a table, whose columns are as wide as what stands in them, but no wider than
+    `widest` [letters].
+    """
     lines = [head, *rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
+    widths = [min(widest, max(map(len, column))) for column in zip(*lines, strict=True)]
+    return [
         "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
         for line in lines
-    )
+    ]

@@ -152,7 +152,7 @@ def _run_already(nodes: set[str]) -> GraphFailure:
 
 class Status:
     """What every node last said of itself on /diagnostics; `tell` is called with each change.
-    strangers: nodes of the same names that somebody else started; own: the processes that were
+    strangers: nodes of the same names that another process started; own: the processes that were
     not.
     """
 
@@ -231,7 +231,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     ends by itself, or says nothing.
     """
     from dart_skill_nodes.client.graph_client import GraphClient
-    from dart_skill_nodes.comms.running_nodes import ENDING
+    from dart_skill_nodes.comms.this_machine import ENDING
 
     wanted = executables(options)
     with (

@@ -20,7 +20,6 @@ from dart_skill.arm._impedance import (
     PoseGains,
     Reference,
     attractor_acceleration,
-    tracking_acceleration,
 )
 from dart_skill.arm._model import HandState
 
@@ -221,28 +220,27 @@ def test_attractor_acceleration_is_the_spring_and_the_damper():
     np.testing.assert_allclose(result[3:], 30.0 * np.array([0.1, -0.2, 0.3]) - 4.0 * hand.angular)
 
 
-def test_tracking_acceleration_is_zero_where_the_arm_does_what_was_predicted():
-    hand = some_hand(1)
-    velocity = np.concatenate([hand.linear, hand.angular])
-    reference = Reference(
-        np.zeros(3), np.eye(3), hand.position, hand.rotation, velocity, np.zeros(6)
-    )
-    np.testing.assert_allclose(
-        tracking_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), 0.0, atol=1e-12
-    )
-    ahead = Reference(
-        np.zeros(3),
-        np.eye(3),
-        hand.position + [0.0, 0.1, 0.0],
-        hand.rotation,
-        velocity + [1, 0, 0, 0, 0, 2],
-        np.zeros(6),
-    )
-    np.testing.assert_allclose(
-        tracking_acceleration(ahead, hand, PoseGains.of((10.0, 2.0), (30.0, 4.0))),
-        [2.0, 1.0, 0, 0, 0, 8.0],
-        atol=1e-12,
-    )
+def test_a_second_pull_is_to_the_motion_that_is_expected():
+    impedance, gains = Impedance(ArmModel()), PoseGains.of(GAINS, GAINS)
+    q, qd = np.linspace(-0.4, 0.5, 7), np.linspace(0.3, -0.2, 7)
+    hand = impedance.model.hand_state(q, qd)
+    for way, faster, wanted in (
+        ([0.0, 0.0, 0.0], np.zeros(6), np.zeros(6)),
+        ([0.0, 0.1, 0.0], [1.0, 0, 0, 0, 0, 2.0], [2.0, 1.0, 0, 0, 0, 8.0]),
+    ):
+        expected = Reference(
+            np.zeros(3),
+            np.eye(3),
+            hand.position + way,
+            hand.rotation,
+            hand.velocity + faster,
+            np.zeros(6),
+        )
+        alone, both = (
+            impedance.pulled(q, qd, expected, gains, tracking)
+            for tracking in (None, PoseGains.of((10.0, 2.0), (30.0, 4.0)))
+        )
+        np.testing.assert_allclose(both - alone, wanted, atol=1e-9)
 
 
 @pytest.mark.parametrize("axis", np.eye(3))

@@ -9,6 +9,7 @@ from pybullet_utils.bullet_client import BulletClient
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ArmModel, wam_description, write_urdf
+from dart_skill.simulation import ArmGeometry
 
 WAM = wam_description()
 SHOULDER = WAM.mount_height + WAM.shoulder_height
@@ -247,7 +248,7 @@ def test_results_do_not_depend_on_what_was_asked_before():
 
 def test_capsules_lie_along_the_arm():
     model, q = ArmModel(), postures(9)[0][0]
-    ends, radii = model.link_capsules(q)
+    ends, radii = ArmGeometry().capsules(q)
     assert ends.shape == (len(WAM.capsules), 2, 3) and radii.shape == (len(WAM.capsules),)
     by_link = {capsule.link: pair for capsule, pair in zip(WAM.capsules, ends, strict=True)}
     np.testing.assert_allclose(by_link["wam_base"][0], [0, 0, WAM.mount_height + 0.06], atol=1e-12)

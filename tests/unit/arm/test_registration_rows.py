@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.arm._registration_rows import linearised
+from dart_skill.arm import Sightings
+from dart_skill.arm._registration_fit import linearised
 
 RNG = np.random.default_rng(0)
 N = 12
@@ -37,7 +38,7 @@ def left_by_scipy(unknown):
 
 
 def test_what_is_left_is_that_of_scipys_rotations():
-    off, twist, _, _ = linearised(*SIGHTINGS, UNKNOWN)
+    off, twist, _, _ = linearised(Sightings(*SIGHTINGS), UNKNOWN)
     expected_off, expected_twist = left_by_scipy(UNKNOWN)
     np.testing.assert_allclose(off, expected_off, atol=1e-13)
     np.testing.assert_allclose(twist, expected_twist, atol=1e-13)
@@ -45,9 +46,9 @@ def test_what_is_left_is_that_of_scipys_rotations():
 
 def test_near_none_the_derivatives_are_those_of_differences():
     """To first order: of rotations where what is left is small."""
-    seen = (*SIGHTINGS[:1], SIGHTINGS[3], *SIGHTINGS[2:])
-    _, _, rows, turned = linearised(*seen, np.zeros(13))
+    seen = Sightings(*SIGHTINGS[:1], SIGHTINGS[3], *SIGHTINGS[2:])
+    _, _, rows, turned = linearised(seen, np.zeros(13))
     for k in range(13):
-        ahead, behind = (linearised(*seen, step * np.eye(13)[k])[:2] for step in (1e-6, -1e-6))
+        ahead, behind = (linearised(seen, step * np.eye(13)[k])[:2] for step in (1e-6, -1e-6))
         for found, more, less in zip((rows, turned), ahead, behind, strict=True):
             np.testing.assert_allclose(-found[:, :, k], (more - less) / 2e-6, atol=1e-7)

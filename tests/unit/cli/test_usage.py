@@ -249,6 +249,14 @@ def test_neither_is_that_of_a_verb_of_the_graph(words, capsys):
     test_a_folder_that_is_filled_is_not_called_like_a_file(words, capsys)
 
 
+@pytest.mark.parametrize("bench", ("faults", "soak"))
+def test_a_bench_needs_a_checkout(bench, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("dart_skill.cli.graph_verbs.CHECKOUT", tmp_path)
+    assert main(["experiment", bench, "--no-matter-what"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"experiment {bench} needs a checkout" in line and f"tests/benches/{bench}" in line
+
+
 def test_a_command_is_known_alone_as_it_is_known_among_all():
     """Only the parser of the command that is asked for is made: the others took a third of the
     time of a short one.

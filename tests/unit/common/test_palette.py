@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import yaml
 
-from dart_skill import figures, palette
+from dart_skill import figures
+from dart_skill.common import palette
 from dart_skill.view._panel import legend
 from tests.paths import ROOT
 

@@ -105,7 +105,7 @@ def parameters_there_are(executable):
         (ROOT / "nodes" / "dart_skill_nodes" / "executables" / f"{node}.py").read_text()
         for node in nodes_of([executable])
     ]
-    return {name for source in sources for name in re.findall(r'\(\s*"(\w+)",\s', source)} | {
+    return {name for source in sources for name in re.findall(r"\(\s*\"(\w+)\",\s", source)} | {
         "use_sim_time"
     }
 

@@ -21,13 +21,21 @@ RVIZ |= {"MarkerArray": "visualization_msgs/msg/MarkerArray", "Path": "nav_msgs/
 """What each display of rviz_default_plugins subscribes to."""
 
 
+def source_of(node):
+    """Of a node, and of what it has from `arm`."""
+    nodes = ROOT / "nodes"
+    text = (nodes / "dart_skill_nodes" / "executables" / f"{node}.py").read_text()
+    parts = re.findall(r"from (dart_skill_nodes\.arm\.\w+) import", text)
+    return text + "".join((nodes / f"{part.replace('.', '/')}.py").read_text() for part in parts)
+
+
 def type_of(topic):
     """Of a topic: as our bags have it, or as the source of its node says."""
     with BagReader(BAGS / "throws") as bag:
         if topic in bag.topics:
             return bag.topics[topic].type_name
     node, name = topic.removeprefix("/").split("/")
-    source = (ROOT / "nodes" / "dart_skill_nodes" / "executables" / f"{node}.py").read_text()
+    source = source_of(node)
     (kind,) = re.findall(rf'create_publisher\((\w+), "~/{name}"', source)
     (package,) = re.findall(rf"from (\w+)\.msg import .*\b{kind}\b", source)
     return f"{package}/msg/{kind}"
@@ -36,7 +44,7 @@ def type_of(topic):
 def private_topics():
     """What nodes publish below their own names, as their sources say."""
     for file in (ROOT / "nodes" / "dart_skill_nodes" / "executables").glob("*.py"):
-        for name in re.findall(r'create_publisher\(\w+, "~/(\w+)"', file.read_text()):
+        for name in re.findall(r'create_publisher\(\w+, "~/(\w+)"', source_of(file.stem)):
             yield f"/{file.stem}/{name}"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dart_skill.arm import Command, Grip, SafetyLimits
-from dart_skill.simulation import Plant, PlantSettings, _plant
+from dart_skill.simulation import Plant, PlantSettings, _arm_in_world
 from tests.interpreted import interpreted
 
 STIFFNESS = (9000.0, 9000.0, 5000.0, 3000.0, 800.0, 800.0, 200.0)
@@ -55,5 +55,7 @@ def moved(settings):
 )
 def test_compiled_and_interpreted_have_the_same_bits(settings, monkeypatch):
     compiled = moved(settings)
-    monkeypatch.setattr(_plant, "Joints", interpreted("dart_skill.simulation._joints").Joints)
+    monkeypatch.setattr(
+        _arm_in_world, "Joints", interpreted("dart_skill.simulation._joints").Joints
+    )
     np.testing.assert_array_equal(moved(settings), compiled)

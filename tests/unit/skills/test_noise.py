@@ -15,7 +15,7 @@ from dart_skill.skills.observation import (
 )
 from dart_skill.skills.observation._free_flight import _grow
 from dart_skill.skills.observation._grip import rows_at
-from dart_skill.skills.observation._speeds import repeats, usual_speeds
+from dart_skill.skills.observation._noise import repeats, usual_speeds
 from tests.interpreted import interpreted
 from tests.unit.skills.test_outcome import GRIP, ORIGIN, Throw, basket_at
 
@@ -157,7 +157,7 @@ def test_a_usual_speed_is_the_median_of_five():
 
 
 def test_compiled_and_interpreted_have_the_same_bits():
-    plain = interpreted("dart_skill.skills.observation._speeds")
+    plain = interpreted("dart_skill.skills.observation._noise")
     time, position = seen(Throw(6), 1e-3)[0]
     np.testing.assert_array_equal(usual_speeds(time, position), plain.usual_speeds(time, position))
     for samples, repeated in (

@@ -121,7 +121,7 @@ def test_rates_of_a_registered_path_are_those_of_its_positions():
     position = np.column_stack([np.sin(2 * time), np.cos(time), 0.5 * time**2])
     velocity = np.hstack([np.gradient(position, time, axis=0), _angular(turn, time)])
     path = HandPath(time, position, turn.as_quat(), velocity, np.gradient(velocity, time, axis=0))
-    done = replace(TRUE, hand_shift=(0.05, -0.03, 0.1)).path(path)
+    done = path.as_the_arm_has_it(replace(TRUE, hand_shift=(0.05, -0.03, 0.1)))
     inner = slice(5, -5)
     np.testing.assert_allclose(
         done.velocity[inner, :3], np.gradient(done.position, time, axis=0)[inner], atol=2e-3

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 from websockets.exceptions import ConnectionClosed
 
 from dart_skill import view
-from dart_skill.arm import ArmModel, wam_description, write_urdf
+from dart_skill.arm import ArmModel, fixed_transforms, joint_transforms, wam_description
 from dart_skill.common.regions import Region
 from dart_skill.mixture import GaussianMixture
-from dart_skill.simulation import Camera
+from dart_skill.simulation import ArmGeometry, Camera
 from dart_skill.skills.learning import component_ellipsoids
 from dart_skill.skills.protocol import load_skill, skill_names
 from dart_skill.view import _shapes as shapes
@@ -28,7 +28,6 @@ from dart_skill.view._panel import MOST_LESSONS, curve_data
 from dart_skill.view._placing import nearest_in, on_plane, outline
 from dart_skill.view._server import is_own_page
 from dart_skill.view._trail import Trail, segments
-from dart_skill.view._urdf_shapes import read_links
 from tests.integration.browser import project
 from tests.throw_demonstrations import throw_demonstration
 from tests.view_client import PageClient
@@ -80,8 +79,11 @@ def pose_in_world(scene, path):
 
 
 def path_of_link(name):
-    links = {link.name: link for link in read_links(write_urdf(wam_description()))}
-    return f"{path_of_link(links[name].parent)}/{name}" if name else "/arm"
+    """Path of a link in the scene, behind those that it hangs on."""
+    arm = wam_description()
+    base, hand = fixed_transforms(arm)
+    parents = {one.child: one.parent for one in (base, *joint_transforms(arm, arm.home), hand)}
+    return "/arm" if name == "world" else f"{path_of_link(parents[name])}/{name}"
 
 
 # --- shapes ---
@@ -131,22 +133,6 @@ def test_a_mesh_is_turned_and_then_shifted():
 # --- the arm ---
 
 
-def test_links_come_parents_first_and_a_shape_that_cannot_be_drawn_is_named():
-    text = write_urdf(wam_description())
-    links = read_links(text)
-    seen = {""}
-    for link in links:
-        assert link.parent in seen
-        seen.add(link.name)
-    assert len(links) == 9
-    with pytest.raises(
-        ValueError, match="wam_base: a <mesh> is not drawn, only sphere, cylinder, box"
-    ):
-        read_links(text.replace("<sphere", "<mesh", 1))
-    with pytest.raises(ValueError, match="links bhand_base, wam_link1.* hang on no root"):
-        read_links(text.replace('<parent link="wam_base"', '<parent link="nothing"'))
-
-
 def test_the_arm_stands_where_the_kinematics_say(scene):
     rng, model = np.random.default_rng(0), ArmModel()
     for _ in range(5):
@@ -162,7 +148,7 @@ def test_the_arm_stands_where_the_kinematics_say(scene):
 def test_the_shapes_of_the_arm_are_its_capsules(scene):
     q = np.array([0.4, -1.0, 0.3, 1.2, -0.5, 0.6, 0.1])
     scene.move_arm(q)
-    ends, radii = ArmModel().link_capsules(q)
+    ends, radii = ArmGeometry().capsules(q)
     drawn = []
     for link in {capsule.link for capsule in wam_description().capsules}:
         position, rotation = pose_in_world(scene, path_of_link(link))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ArmModel, Registration
-from dart_skill.arm.check import Endpoint, Heard, JointStream, PoseStream, check_arm
+from dart_skill.arm.check import Endpoint, Heard, HeardJoints, HeardPoses, check_arm
 
 MODEL = ArmModel()
 NAMES = tuple(f"wam_j{k}" for k in range(1, 8))
@@ -37,7 +37,7 @@ def heard(truth=None, duration=12.0, noise=1e-4, seed=0):
     time, frames = np.arange(0.0, duration, 0.002), np.arange(0.0, duration, 0.01)
     q = led(time)
     stamps = BEGIN_NS + np.round(1e9 * time).astype(np.int64)
-    joints = JointStream(
+    joints = HeardJoints(
         "/joint_states", (Endpoint("wam_driver"),), stamps + 1_000_000, stamps, ("",),
         orders=(NAMES,), position=q, velocity=np.gradient(q, time, axis=0),
     )  # fmt: skip
@@ -59,7 +59,7 @@ def heard(truth=None, duration=12.0, noise=1e-4, seed=0):
     }
     seen = BEGIN_NS + np.round(1e9 * frames).astype(np.int64)
     poses = {
-        role: PoseStream(
+        role: HeardPoses(
             f"/vrpn_mocap/{role}/pose", (Endpoint("vrpn_mocap", "best_effort"),), seen + 6_000_000, seen, ("world",),
             position=position + noise * rng.standard_normal(position.shape), quaternion=quaternion,
         )

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Registration
-from dart_skill.arm.check import Endpoint, Heard, JointStream, PoseStream, PostureCounter, Verdict
+from dart_skill.arm.check import Endpoint, Grade, Heard, HeardJoints, HeardPoses, PostureCounter
 from tests.unit.arm.check.heard import (
     BEGIN_NS,
     NAMES,
@@ -33,8 +33,8 @@ LOOSE = Registration(
 
 def test_an_arm_that_is_right_is_go_in_every_line():
     lines, report = table(GOOD)
-    assert {one.verdict for one in report.lines} == {Verdict.GO}, [
-        one for one in report.lines if one.verdict is not Verdict.GO
+    assert {one.verdict for one in report.lines} == {Grade.GO}, [
+        one for one in report.lines if one.verdict is not Grade.GO
     ]
     assert report.is_go and not any(one.remedy for one in report.lines)
     assert "6.0 ms" in lines["/vrpn_mocap/hand/pose: stamps"].measured
@@ -73,7 +73,7 @@ SWAPPED = ("finger", "wam_j2", "wam_j1", *NAMES[2:])
 HALF = np.arange(len(H)) % 2 == 0
 UNSEEN = H.position[:, 2] < np.quantile(H.position[:, 2], 0.7)
 ONE_AXIS = np.column_stack([J.position[:, 0], *np.tile(J.position[0, 1:], (len(J), 1)).T])
-NO_BALL, NO_HAND = PoseStream("/vrpn_mocap/ball/pose"), PoseStream("/vrpn_mocap/hand/pose")
+NO_BALL, NO_HAND = HeardPoses("/vrpn_mocap/ball/pose"), HeardPoses("/vrpn_mocap/hand/pose")
 BIASED = J.position + np.array([0.0, 0.0, 0.0, 0.15, 0.0, 0.0, 0.0])
 
 FAULTS = {
@@ -91,7 +91,7 @@ FAULTS = {
         "longest gap 202 ms",
         "load",
     ),
-    "no joint states": ("/joint_states: rate", replace(GOOD, joints=JointStream("/joint_states")), "0 messages", "driver"),
+    "no joint states": ("/joint_states: rate", replace(GOOD, joints=HeardJoints("/joint_states")), "0 messages", "driver"),
     "zero stamps": ("/joint_states: stamps", joints(stamp_ns=np.zeros(len(J), dtype=np.int64)), "are zero", "must stamp"),
     "stamps that go back": (
         "/joint_states: stamps",
@@ -141,7 +141,7 @@ FAULTS = {
 def test_a_fault_is_no_go_in_its_line(fault):
     check, whole, measured, remedy = FAULTS[fault]
     lines, report = table(whole)
-    assert lines[check].verdict is Verdict.NO_GO, lines[check]
+    assert lines[check].verdict is Grade.NO_GO, lines[check]
     assert measured in lines[check].measured and remedy in lines[check].remedy, lines[check]
     assert not report.is_go
 
@@ -157,7 +157,7 @@ def test_a_fault_is_no_go_in_its_line(fault):
 )
 def test_limits_that_are_no_limits_are_no_go(limit, value, check):
     lines, _ = table(GOOD, {**QUIET, limit: value})
-    assert lines[check].verdict is Verdict.NO_GO and f"{value:g}" in lines[check].measured
+    assert lines[check].verdict is Grade.NO_GO and f"{value:g}" in lines[check].measured
 
 
 def test_what_can_be_borne_is_a_warning_and_go():
@@ -169,7 +169,7 @@ def test_what_can_be_borne_is_a_warning_and_go():
         {**QUIET, "strongest_force": 250.0, "fastest_hand": 5.5},
     )
     assert report.is_go
-    told = {check: one for check, one in lines.items() if one.verdict is Verdict.WARN}
+    told = {check: one for check, one in lines.items() if one.verdict is Grade.WARN}
     assert set(told) == {"/vrpn_mocap/hand/pose: stamps", "strongest force", "fastest hand"}
     assert (
         "use_vrpn_timestamps" in told["/vrpn_mocap/hand/pose: stamps"].remedy
@@ -182,20 +182,20 @@ def test_what_can_be_borne_is_a_warning_and_go():
         )
     )
     assert (
-        resting["joint velocities"].verdict is Verdict.WARN
+        resting["joint velocities"].verdict is Grade.WARN
         and "wam_j7" in resting["joint velocities"].remedy
     )
     lost, _ = table(joints(publishers=(Endpoint("wam_driver", "best_effort"),)))
     assert (
-        lost["/joint_states: QoS"].verdict is Verdict.WARN
+        lost["/joint_states: QoS"].verdict is Grade.WARN
         and "no command" in lost["/joint_states: QoS"].remedy
     )
-    assert table(joints(orders=(SWAPPED,)))[0]["joint names"].verdict is Verdict.GO, (
+    assert table(joints(orders=(SWAPPED,)))[0]["joint names"].verdict is Grade.GO, (
         "nodes read them by their names"
     )
     moved, report = table(seen_with(shift=(0.08, 0.0, 0.0)))
     assert (
-        moved["base"].verdict is Verdict.WARN
+        moved["base"].verdict is Grade.WARN
         and "registration_file" in moved["base"].remedy
         and report.registration is not None
     )
@@ -204,7 +204,7 @@ def test_what_can_be_borne_is_a_warning_and_go():
 def test_postures_about_one_axis_do_not_suffice_and_it_is_said_of_what():
     one = led_about_j1_only()
     lines, report = table(one)
-    assert lines["postures"].verdict is Verdict.NO_GO and report.registration is None
+    assert lines["postures"].verdict is Grade.NO_GO and report.registration is None
     assert "turn of the body z" in lines["postures"].remedy and "J3" in lines["postures"].remedy
     assert "base" not in lines, "a number that the postures do not tell is not told"
 
@@ -226,8 +226,8 @@ def led_about_j1_only():
 
 
 def test_nothing_at_all_is_no_go_and_no_exception():
-    silent = {role: PoseStream(stream.topic) for role, stream in GOOD.poses.items()}
-    lines, report = table(Heard(False, JointStream("/joint_states"), silent))
+    silent = {role: HeardPoses(stream.topic) for role, stream in GOOD.poses.items()}
+    lines, report = table(Heard(False, HeardJoints("/joint_states"), silent))
     assert not report.is_go and report.registration is None
     assert all(math.isfinite(len(one.measured)) and one.measured for one in lines.values())
 
@@ -244,8 +244,8 @@ def test_in_a_simulation_ages_are_of_its_own_clock():
     lines, report = table(
         replace(zero, simulated=True), {**QUIET, "strongest_force": 250.0, "fastest_hand": 5.5}
     )
-    assert {one.verdict for one in report.lines} == {Verdict.GO}, [
-        one for one in report.lines if one.verdict is not Verdict.GO
+    assert {one.verdict for one in report.lines} == {Grade.GO}, [
+        one for one in report.lines if one.verdict is not Grade.GO
     ]
     assert "/clock" in lines["/joint_states: stamps"].asked
 

@@ -11,7 +11,7 @@ from dart_skill.cli.run_options import folder
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import choose_domain
 from dart_skill_nodes.verbs._run import say
-from dart_skill_nodes.verbs.faults.cases import named
+from tests.benches.faults.cases import named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,8 +54,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     choose_domain()
     import rclpy
 
-    from dart_skill_nodes.verbs.faults.bench import run_all
-    from dart_skill_nodes.verbs.faults.reactions import as_json, page
+    from tests.benches.faults.bench import run_all
+    from tests.benches.faults.reactions import as_json, page
 
     rclpy.init(args=[])
     try:

@@ -18,14 +18,15 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from dart_skill.arm import wam_description
+from dart_skill.cli.graph_verbs import CHECKOUT
 from dart_skill.common.regions import targets_for
 from dart_skill.recording.bags import check_bag, recover
 from dart_skill_nodes.client.failures import CallFailed, GraphFailure
 from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import LAYOUTS, Graph, parameters_of
-from dart_skill_nodes.verbs.faults.arm_meter import ArmMeter
-from dart_skill_nodes.verbs.faults.cases import (
+from tests.benches.faults.arm_meter import ArmMeter
+from tests.benches.faults.cases import (
     ATTACK,
     BYSTANDERS,
     COACH,
@@ -44,10 +45,10 @@ from dart_skill_nodes.verbs.faults.cases import (
     VIEWER,
     Case,
 )
-from dart_skill_nodes.verbs.faults.injection import FaultInjection
-from dart_skill_nodes.verbs.faults.reactions import AT_REST, Reaction
-from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
-from dart_skill_nodes.verbs.faults.stranger import DONE, NAME, ORDERS
+from tests.benches.faults.injection import FaultInjection
+from tests.benches.faults.reactions import AT_REST, Reaction
+from tests.benches.faults.small_disk import SmallDisk
+from tests.benches.faults.stranger import DONE, NAME, ORDERS
 
 SEED = 0
 SWINGS = 1.5
@@ -245,9 +246,9 @@ class Bench:
         if self._stranger is not None:
             return
         with open(self._folder / "logs" / "stranger.log", "ab") as log:
-            command = [sys.executable, "-m", "dart_skill_nodes.verbs.faults.stranger"]
+            command = [sys.executable, "-m", "tests.benches.faults.stranger"]
             self._stranger = subprocess.Popen(
-                command, stdout=log, stderr=log, stdin=subprocess.DEVNULL
+                command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, cwd=CHECKOUT
             )
         self._order_and_wait(end=True)
 

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from dart_skill_nodes.comms import obeyed_publisher
-from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
+from dart_skill_nodes.comms import commands
+from dart_skill_nodes.comms.commands import ObeyedPublisher
 
 
 class World:
@@ -37,7 +37,7 @@ class FakePresence:
 
 @pytest.fixture
 def world(monkeypatch):
-    monkeypatch.setattr(obeyed_publisher, "publishers", lambda world, topic: FakePresence(world))
+    monkeypatch.setattr(commands, "publishers", lambda world, topic: FakePresence(world))
     return World()
 
 

@@ -3,7 +3,7 @@
 import re
 from dataclasses import asdict, dataclass
 
-from dart_skill_nodes.verbs.faults.cases import ANY, CASES, FAULTS, Case
+from tests.benches.faults.cases import ANY, CASES, FAULTS, Case
 
 ANSWERED = 5.0
 """Every client has its answer within so long of the fault [s, wall clock]."""

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 from dart_skill_nodes.process.graph_processes import Graph
-from dart_skill_nodes.verbs.faults.cases import (
+from tests.benches.faults.cases import (
     ATTACK,
     FULL_DISK,
     HELD_UP,
@@ -14,7 +14,7 @@ from dart_skill_nodes.verbs.faults.cases import (
     OF_TOPICS,
     Case,
 )
-from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
+from tests.benches.faults.small_disk import SmallDisk
 
 
 class FaultInjection:

@@ -1,9 +1,20 @@
-"""A process as the system of this machine sees it: whether it runs, was stopped, or is gone."""
+"""What the system of this machine knows at once, and DDS after a while: whether a process runs, was
+stopped or is gone, and which nodes run.
+
+Each node holds a socket, with the ROS domain and its full name, in Linux's abstract namespace: the
+socket is gone with its process, however that ended. A second node of the name is refused. Where
+there is no such namespace, DDS alone tells which nodes run.
+"""
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import os
+import socket
 import time
+from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -11,6 +22,10 @@ from pathlib import Path
 ENDED = "ZXx"
 STOPPED = "Tt"
 """Letters of /proc/<pid>/stat, proc(5): a zombie or dead; stopped by a signal or a debugger."""
+ENDING = 0.5
+"""For a process that was told to end, and whose place another one takes [s, wall clock]."""
+LOOK_FOR_END = 0.02
+"""Whether it has ended is asked so often [s, wall clock]."""
 LOW_NUMBER = 0xFFFF
 """The bits of a process's number that DDS tells."""
 
@@ -28,24 +43,17 @@ def _machine() -> str:
         return ""
 
 
-@dataclass
+@dataclass(unsafe_hash=True)
 class SystemProcess:
-    """pid, started: its number, and when it was started, which nobody shares who is given the same
-    number later [ticks since boot].
+    """A process of this machine.
+
+    * pid: its number, which another process may be given later.
+    * started: when it was started [ticks since boot].
     """
 
     pid: int
     started: int
-    _stopped: float | None = field(default=None, repr=False)
-
-    def __hash__(self) -> int:
-        return hash((self.pid, self.started))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SystemProcess) and (self.pid, self.started) == (
-            other.pid,
-            other.started,
-        )
+    _stopped: float | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def this(cls) -> SystemProcess:
@@ -98,24 +106,52 @@ def runs(low: int) -> bool:
     )
 
 
-def processor_time_of(pid: int) -> float:
-    """Processor time that a process has used so far, its threads together [s]; OSError if there is
-    none of this number.
+def hold(name: str) -> socket.socket:
+    """Let others know, until the socket is closed, that a node with this full name runs;
+    ValueError where another one has it.
     """
-    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+    held, until = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM), time.monotonic() + ENDING
+    while _is_taken(held, name):
+        if time.monotonic() > until:
+            held.close()
+            raise ValueError(
+                f"{name} runs on this machine in ROS domain {_domain()} already: end it, or start"
+                " this one in another domain (ROS_DOMAIN_ID) or in a namespace"
+            )
+        time.sleep(LOOK_FOR_END)
+    return held
 
 
-def memory_of(pid: int) -> int:
-    """Resident memory of a process [bytes]; OSError if there is none of this number."""
-    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+def _is_taken(held: socket.socket, name: str) -> bool:
+    """Whether another one has the name; if not, the socket has it, as far as the machine knows
+    such names.
+    """
+    try:
+        held.bind(_address(name))
+    except OSError as error:
+        return error.errno == errno.EADDRINUSE
+    return False
 
 
-def threads_of(pid: int) -> int:
-    """How many threads a process has."""
-    return len(os.listdir(f"/proc/{pid}/task"))
+def running(names: Iterable[str]) -> set[str]:
+    """Those of some full names of nodes that a process of this machine holds, in this ROS domain."""
+    return {name for name in names if _is_held(name)}
 
 
-def descriptors_of(pid: int) -> int:
-    """How many files and sockets a process has open."""
-    return len(os.listdir(f"/proc/{pid}/fd"))
+def _is_held(name: str) -> bool:
+    with closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as asks:
+        try:
+            asks.connect(_address(name))
+        except OSError:
+            return False
+    return True
+
+
+def _address(name: str) -> bytes:
+    """An address has at most 107 bytes, and a name may have more."""
+    whole = f"{_domain()} {name}"
+    return b"\0dart_skill " + hashlib.sha256(whole.encode()).hexdigest().encode()
+
+
+def _domain() -> str:
+    return os.environ.get("ROS_DOMAIN_ID") or "0"

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from dart_skill_nodes.comms.system_process import SystemProcess, _state
+from dart_skill_nodes.comms.this_machine import SystemProcess, _state
 
 PATIENCE = 0.2
 

@@ -1,16 +1,47 @@
-"""One of several publishers of commands is obeyed: the first, and when that has gone, one of the
-same name, as after a restart.
+"""Commands of the arm: written as bytes at every state, and obeyed if they come from the publisher
+that is obeyed.
 
-Each publisher puts a number of its own into its commands (WamCommand.sender), by which they are
-told apart. One that was silent and comes back, as after it was frozen, is obeyed again unless
-another one has taken its place.
+One of several publishers of commands is obeyed: the first, and when that has gone, one of the same
+name, as after a restart. Each publisher puts a number of its own into its commands
+(WamCommand.sender), by which they are told apart. One that was silent and comes back, as after it
+was frozen, is obeyed again unless another one has taken its place.
 """
 
 import secrets
 
+import numpy as np
+from dart_skill_msgs.msg import WamCommand
 from rclpy.node import Node
 
+from dart_skill.arm import Command
+from dart_skill_nodes.comms.fixed_layout import FixedLayout
 from dart_skill_nodes.comms.presence import UNKNOWN, Presence, publishers
+
+
+class CommandWriter:
+    """Serialised commands of one publisher.
+
+    * sender: number by which its commands are known, see `new_sender`.
+    * frame_id: axes of the wrenches.
+    """
+
+    def __init__(self, sender: int, frame_id: str):
+        self._sender, self._frame_id = sender, frame_id
+        self._layouts: dict[tuple[int, int], FixedLayout] = {}
+
+    def write(self, command: Command) -> bytes:
+        """The bytes of a command."""
+        kind = int(command.grip), int(command.speed)
+        if kind not in self._layouts:
+            self._layouts[kind] = FixedLayout(self._example(*kind))
+        return self._layouts[kind].pack(
+            command.stamp_ns, np.concatenate([command.wrench, command.joint_torque])
+        )
+
+    def _example(self, grip: int, speed: int) -> WamCommand:
+        message = WamCommand(sender=self._sender, grip=grip, speed=speed)
+        message.header.frame_id = self._frame_id
+        return message
 
 
 def new_sender() -> int:

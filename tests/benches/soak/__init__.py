@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -13,18 +14,12 @@ from dart_skill.cli.run_options import add_arm, differences, folder, output_fold
 from dart_skill.common.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import COMMANDS
-from dart_skill_nodes.comms.system_process import (
-    descriptors_of,
-    memory_of,
-    processor_time_of,
-    threads_of,
-)
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
 from dart_skill_nodes.verbs._run import carried_out, say, teach
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
-    from dart_skill_nodes.verbs.soak.samples import Sample, Usage
+    from tests.benches.soak.samples import Sample, Usage
 
 ROUND = 10
 """Throws between two samples."""
@@ -69,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the soak; exit status 1 if something did not stay as it was."""
-    from dart_skill_nodes.verbs.soak.samples import Sample, changes
+    from tests.benches.soak.samples import Sample, changes
 
     if not options.minutes > 0.0 or options.seed < 0 or not 0.0 <= options.speed <= FASTEST:
         parser.error(
@@ -147,7 +142,7 @@ def practise(
 
     processes: numbers of those that are looked at, by name.
     """
-    from dart_skill_nodes.verbs.soak.samples import Sample
+    from tests.benches.soak.samples import Sample
 
     now = begun = time.monotonic()
     thrown, before, stamp, used = 0, 0.0, 0.0, dict.fromkeys(processes, 0.0)
@@ -155,7 +150,7 @@ def practise(
         asked = time.monotonic()
         result = client.practise(ROUND)
         now, before, stamp = time.monotonic(), stamp, _stamp(result)
-        already, used = used, {name: processor_time_of(pid) for name, pid in processes.items()}
+        already, used = used, {name: _processor_time_of(pid) for name, pid in processes.items()}
         thrown += result.executed
         if before:
             usage = {
@@ -175,9 +170,19 @@ def _stamp(result) -> float:
 
 
 def _usage(pid: int, processor: float) -> "Usage":
-    from dart_skill_nodes.verbs.soak.samples import Usage
+    from tests.benches.soak.samples import Usage
 
-    return Usage(memory_of(pid) / 1e6, processor, threads_of(pid), descriptors_of(pid))
+    process = Path(f"/proc/{pid}")
+    pages = int((process / "statm").read_text().split()[1])
+    memory = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+    threads, descriptors = (len(os.listdir(process / name)) for name in ("task", "fd"))
+    return Usage(memory, processor, threads, descriptors)
+
+
+def _processor_time_of(pid: int) -> float:
+    """Processor time that a process has used so far, its threads together [s]."""
+    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _missing(thrown: int, bag: Path) -> list[str]:
@@ -198,7 +203,7 @@ def _missing(thrown: int, bag: Path) -> list[str]:
 
 def _draw(samples: list["Sample"], options: argparse.Namespace) -> None:
     from dart_skill.figures import save
-    from dart_skill_nodes.verbs.soak.samples import curve
+    from tests.benches.soak.samples import curve
 
     save(curve(samples, options.warm_up), options.output, "soak")
 
