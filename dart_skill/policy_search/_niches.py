@@ -104,7 +104,7 @@ class Niches(NicheSearch):
     * limits (2,): smallest and largest radius of trials about an optimum, relative to `spread`;
       default (0.01, 2).
 
-    In darts from 75 to 16 mm (experiments/dart_search.py, 20 runs) it loses 0.044 points a throw,
+    In darts from 75 to 16 mm (experiments/studies/dart_search.py, 20 runs) it loses 0.044 points a throw,
     and 0.001 with its best aim. From 75 to 6 mm it finds the hill that overtakes late in 10 of 20
     runs. The scores of single darts are too noisy for it: with 12000 of them from 75 to 16 mm and
     repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.

@@ -81,7 +81,7 @@ class Sharpening(NicheSearch):
     * limits (2,): smallest and largest radius of trials about the top, relative to `spread`;
       default (0.01, 2).
 
-    The defaults were chosen on darts (experiments/dart_search.py, seeds from 100 on). With less
+    The defaults were chosen on darts (experiments/studies/dart_search.py, seeds from 100 on). With less
     optimism or a coarser grain the process is too certain, and hills that overtake late are
     missed. With more optimism or a finer grain scouts cost more than they find.
     """

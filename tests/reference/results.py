@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ThrowPlan
 from dart_skill.common.regions import targets_for
-from dart_skill.experiments import arm_darts, practice
+from dart_skill.experiments.studies import arm_darts, practice
 from dart_skill.recording import read_demonstrations
 from dart_skill.session import Session
 from dart_skill.skills.learning import ThrowingSkill, Unreachable, configuration, learn_throwing

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from dart_skill.darts import RADII, HeatMap, expected_score, heat_map
-from dart_skill.experiments.dart_search import SCHEDULES, SPREAD, START
+from dart_skill.experiments.studies.dart_search import SCHEDULES, SPREAD, START
 from dart_skill.figures import (
     BLACK,
     GREY,

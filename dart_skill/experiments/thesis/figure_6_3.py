@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.experiments.dart_search import BLOCK, Run, Task, run_tasks
+from dart_skill.experiments.studies.dart_search import BLOCK, Run, Task, run_tasks
 from dart_skill.figures import BLACK, BLUE, VERMILION, house_style, letter_panels, save
 
 TITLE = "Number of Gaussians, and learning on against stopping half-way"

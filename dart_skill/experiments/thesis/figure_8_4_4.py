@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from dart_skill.common.regions import REGION, Region
 from dart_skill.experiments.parallel import run_all
-from dart_skill.experiments.throws import taught
+from dart_skill.experiments.studies.throws import taught
 from dart_skill.figures import (
     BLUE,
     LIGHT,

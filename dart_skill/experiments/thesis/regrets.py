@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.experiments.dart_search import (
+from dart_skill.experiments.studies.dart_search import (
     END,
     SCHEDULES,
     Run,

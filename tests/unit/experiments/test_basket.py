@@ -7,8 +7,8 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.common.regions import REGION
-from dart_skill.experiments import basket
-from dart_skill.experiments.basket import (
+from dart_skill.experiments.studies import basket
+from dart_skill.experiments.studies.basket import (
     ASKED,
     PLACES,
     Run,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dart_skill.arm import ArmModel, CommanderSettings, Impedance, References
-from dart_skill.experiments.compliance import GRABBED, KINDS, _resistance, _swing, table
+from dart_skill.experiments.studies.compliance import GRABBED, KINDS, _resistance, _swing, table
 from dart_skill.session import Session
 from dart_skill.skills.learning import DEFAULT, learn_throwing
 

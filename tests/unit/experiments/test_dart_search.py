@@ -10,8 +10,9 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.darts import best_aim
-from dart_skill.experiments import dart_search
-from dart_skill.experiments.dart_search import (
+from dart_skill.experiments.parallel import run_all
+from dart_skill.experiments.studies import dart_search
+from dart_skill.experiments.studies.dart_search import (
     SCHEDULES,
     Schedule,
     Task,
@@ -22,7 +23,6 @@ from dart_skill.experiments.dart_search import (
     summarise,
     table,
 )
-from dart_skill.experiments.parallel import run_all
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import differential_evolution
 
 from dart_skill.cli import main
-from dart_skill.experiments.dart_search import (
+from dart_skill.experiments.studies.dart_search import (
     METHODS,
     SCHEDULES,
     Darts,
@@ -23,7 +23,7 @@ from dart_skill.experiments.dart_search import (
     summarise,
     table,
 )
-from dart_skill.experiments.landscapes import (
+from dart_skill.experiments.studies.landscapes import (
     BOX,
     EASE,
     ELBOW,

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from dart_skill.cli import main
-from dart_skill.experiments import throws
 from dart_skill.experiments.parallel import all_of, run_all
+from dart_skill.experiments.studies import throws
 
 ADDRESS = "tcp://127.0.0.1:8786"
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from dart_skill.common.regions import REGION
-from dart_skill.experiments import basket, practice
-from dart_skill.experiments.basket import ASKED, Throws, throws_of
-from dart_skill.experiments.pictures import maps
-from dart_skill.experiments.pictures.maps import (
+from dart_skill.experiments.studies import basket, maps, practice
+from dart_skill.experiments.studies.basket import ASKED, Throws, throws_of
+from dart_skill.experiments.studies.basket_maps import (
     AZIMUTHS,
     DISTANCES,
     cells_of,
@@ -20,7 +19,7 @@ from dart_skill.experiments.pictures.maps import (
     draw_map,
     wilson,
 )
-from dart_skill.experiments.pictures.practice import draw_practice, errors_after
+from dart_skill.experiments.studies.practice_curves import draw_practice, errors_after
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -10,8 +10,8 @@ import pytest
 
 from dart_skill.arm import same_plan
 from dart_skill.cli import main
-from dart_skill.experiments import practice
-from dart_skill.experiments.practice import CHANGES, Run, Task, changed, summarise, table
+from dart_skill.experiments.studies import practice
+from dart_skill.experiments.studies.practice import CHANGES, Run, Task, changed, summarise, table
 from dart_skill.session import Session
 from dart_skill.simulation import PlantSettings
 from dart_skill.skills.practice import PractisingSkill

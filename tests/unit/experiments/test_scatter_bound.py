@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from dart_skill.common.flight import landing
-from dart_skill.experiments import scatter_bound, throws
-from dart_skill.experiments.scatter_bound import best_share
+from dart_skill.experiments.studies import scatter_bound, throws
+from dart_skill.experiments.studies.scatter_bound import best_share
 
 HAND, RIM = np.array([-0.2, 0.0, 2.16]), np.array([1.9, 0.6, 0.4])
 

@@ -12,8 +12,9 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
-from dart_skill.experiments import dart_search, thesis
-from dart_skill.experiments.dart_search import SCHEDULES, Schedule, best_scores
+from dart_skill.experiments import thesis
+from dart_skill.experiments.studies import dart_search
+from dart_skill.experiments.studies.dart_search import SCHEDULES, Schedule, best_scores
 from dart_skill.experiments.thesis import ball_throws as balls
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.experiments.thesis import (

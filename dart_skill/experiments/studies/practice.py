@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dart_skill.common.regions import REGION
-from dart_skill.experiments import runs, throws
+from dart_skill.experiments import runs
+from dart_skill.experiments.studies import throws
 from dart_skill.recording import Demonstration
 from dart_skill.session import Session
 from dart_skill.simulation import CHANGES, changed

@@ -14,7 +14,7 @@ import numpy as np
 
 from dart_skill.arm import Command, Mode, PlanRefused
 from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.pose_skills import arm_of, configured, shown
+from dart_skill.experiments.studies.pose_skills import arm_of, configured, shown
 from dart_skill.movement import VelocityThreshold
 from dart_skill.session import BeltSession, SkillTrial
 from dart_skill.simulation import Belt, Holder

@@ -20,7 +20,7 @@ import scipy
 
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
 from dart_skill.experiments import runs
-from dart_skill.experiments.landscapes import LANDSCAPES, Landscape
+from dart_skill.experiments.studies.landscapes import LANDSCAPES, Landscape
 from dart_skill.policy_search import (
     CMAES,
     CrossEntropy,

@@ -18,7 +18,7 @@ import numpy as np
 
 from dart_skill.common.regions import REGION, Region
 from dart_skill.experiments import runs
-from dart_skill.experiments.practice import teach
+from dart_skill.experiments.studies.practice import teach
 from dart_skill.session import Session
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 

@@ -27,7 +27,7 @@ from dart_skill.arm import (
 from dart_skill.common.constants import N_JOINTS
 from dart_skill.common.regions import targets_for
 from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.throws import teach
+from dart_skill.experiments.studies.throws import teach
 from dart_skill.session import Session
 from dart_skill.simulation import PlantState
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing

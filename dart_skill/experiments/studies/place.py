@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import PlanRefused
 from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.pose_skills import arm_of, configured, shown
+from dart_skill.experiments.studies.pose_skills import arm_of, configured, shown
 from dart_skill.session import BenchSession
 from dart_skill.skills.learning import LearnedSkill, NoPlan
 from dart_skill.skills.place import Place

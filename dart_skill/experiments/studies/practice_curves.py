@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.experiments.pictures.maps import wilson
-from dart_skill.experiments.practice import Run, Task
+from dart_skill.experiments.studies.basket_maps import wilson
+from dart_skill.experiments.studies.practice import Run, Task
 from dart_skill.figures import (
     BLACK,
     BLUE,

@@ -1,14 +1,18 @@
-"""`dart-skill experiment figure`: a figure of the thesis, computed anew."""
+"""`dart-skill experiment figure`, a figure of the thesis, and `real_data`, published demonstrations of
+people.
+"""
 
 from __future__ import annotations
 
 import argparse
 import json
+from pathlib import Path
 
+from dart_skill.cli.experiment._options import add_jobs, add_json, show
 from dart_skill.cli.run_options import folder, positive
 
 
-def add_to(experiments: argparse._SubParsersAction) -> None:
+def add_figure(experiments: argparse._SubParsersAction) -> None:
     """Add `figure` to the experiments of `dart-skill experiment`."""
     figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
     figure.add_argument(
@@ -28,9 +32,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
         metavar="N",
         help="of 8.4.4 alone: how many simulated teachers (default 2)",
     )
-    figure.add_argument(
-        "--json", action="store_true", help="seed, paths and what was measured as JSON"
-    )
+    add_json(figure, "seed, paths and what was measured as JSON")
     figure.set_defaults(run=_figure)
 
 
@@ -59,3 +61,51 @@ def _figure(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(drawn, indent=1))
     return 0
+
+
+def add_real_data(experiments: argparse._SubParsersAction) -> None:
+    """Add `real_data` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "real_data",
+        help=(
+            "published demonstrations of people: reproduced, and from starts and in frames not"
+            " seen"
+        ),
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        required=True,
+        metavar="FOLDER",
+        help=(
+            "with DataSet/*.mat of LASA handwriting, datasets of clfd, pbdlib/data of"
+            " pbdlib-python, or data of TP-GMM"
+        ),
+    )
+    parser.add_argument(
+        "--pbdlib",
+        type=Path,
+        metavar="FOLDER",
+        help="checkout of pbdlib-python for Python 3: a peer in task frames",
+    )
+    parser.add_argument(
+        "--shapes",
+        metavar="NAMES",
+        default="",
+        help="only these, separated by commas (default: all in the folder)",
+    )
+    add_jobs(parser)
+    add_json(parser, "every set and method as JSON instead of the table")
+    parser.set_defaults(run=_real_data)
+
+
+def _real_data(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.studies import real_data
+
+    scores = real_data.run(
+        options.data,
+        options.jobs,
+        [name for name in options.shapes.split(",") if name],
+        options.pbdlib,
+    )
+    return show(scores, real_data.table, options.json)

@@ -23,7 +23,7 @@ from matplotlib.patches import Patch, Wedge
 from matplotlib.patheffects import withStroke
 
 from dart_skill.common.regions import REGION
-from dart_skill.experiments.basket import ASKED, PLACES, Run, Throws, place_of, throws_of
+from dart_skill.experiments.studies.basket import ASKED, PLACES, Run, Throws, place_of, throws_of
 from dart_skill.figures import (
     BLACK,
     BLUE,

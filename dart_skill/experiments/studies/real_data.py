@@ -36,8 +36,8 @@ from typing import Any
 import numpy as np
 
 from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.peers import pbdlib_mixture
-from dart_skill.experiments.published_sets import (
+from dart_skill.experiments.studies.peers import pbdlib_mixture
+from dart_skill.experiments.studies.published_sets import (
     Demonstrated,
     helloworld_sets,
     lasa_shapes,

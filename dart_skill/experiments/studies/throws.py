@@ -14,7 +14,7 @@ from dart_skill.common.fleet import FLEET, arm_with
 from dart_skill.common.regions import REGION, targets_for
 from dart_skill.common.world import the_world
 from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.scatter_bound import best_share
+from dart_skill.experiments.studies.scatter_bound import best_share
 from dart_skill.recording import Demonstration
 from dart_skill.session import Session, Trial
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
