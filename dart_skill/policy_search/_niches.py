@@ -31,11 +31,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number
-from dart_skill.policy_search._niche import Niche, n_coefficients
-from dart_skill.policy_search._niche_search import NicheSearch
+from dart_skill.policy_search._gaussian_process import FIRST, LENGTHS, Surrogate
+from dart_skill.policy_search._niche import (
+    REMEMBERED,
+    Niche,
+    NicheSearch,
+    forecast,
+    n_coefficients,
+)
 from dart_skill.policy_search._search import Settings, Told
-from dart_skill.policy_search._surrogate import FIRST, LENGTHS, Surrogate
-from dart_skill.policy_search._trend import REMEMBERED, forecast
 
 SCOUT = -1  # identity of a trial that belongs to no niche
 LANDMARKS = 150  # number of trials, of scouts and of all niches but the best, that are remembered

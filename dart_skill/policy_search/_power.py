@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number, as_vector
-from dart_skill.policy_search._policy import GaussianPolicy, as_spread
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
+from dart_skill.policy_search._policy import GaussianPolicy
+from dart_skill.policy_search._search import Search, Settings, Told, as_spread, first_guess
 from dart_skill.policy_search._weights import return_weights
 
 SMALLEST, LARGEST = 1e-8, 1e4  # limits of the exploration, relative to the spread at the start
@@ -119,9 +119,7 @@ class PoWER(Search):
         minimum_exploration: float = 0.1,
         limits: tuple[float, float] | None = None,
     ):
-        start = as_vector(parameters, "parameters")
-        if start.size == 0:
-            raise ValueError("parameters is empty; a search needs at least one")
+        start = first_guess(parameters)
         settings = with_defaults(
             start.size,
             exploration,
@@ -161,12 +159,6 @@ class PoWER(Search):
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
         noise = self._rng.standard_normal(self._policy.start.size)
         return noise, self._policy.draw(noise)
-
-    def _present(self, number: int, tried: np.ndarray) -> Trial:
-        return Trial(number, tried)
-
-    def _read(self, outcome: ArrayLike) -> np.ndarray:
-        return read_returns(outcome, (), self.settings.weighting)
 
     def _update(self, told: list[Told]) -> bool:
         weights = return_weights(

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_samples
-from dart_skill.policy_search._policy import GaussianPolicy, as_spread
+from dart_skill.policy_search._policy import GaussianPolicy
 from dart_skill.policy_search._power import population, with_defaults
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
+from dart_skill.policy_search._search import Search, Settings, Told, Trial, as_spread, read_returns
 from dart_skill.policy_search._weights import among_best, return_weights
 
 CREDITS = ("activation", "uniform")

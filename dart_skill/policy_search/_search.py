@@ -19,11 +19,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_number, floats
+from dart_skill.common.checks import as_count, as_finite, as_number, as_vector, floats
 from dart_skill.common.files import new_file
-from dart_skill.policy_search._exploration import EXPLORATIONS
 from dart_skill.policy_search._weights import check_weighting
 
+EXPLORATIONS = ("automatic", "constant", "proportional", "fixed")
 GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 
 
@@ -126,27 +126,27 @@ class Search(ABC):
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
         """Noise, and the parameters (d,) that it gives."""
 
-    @abstractmethod
-    def _present(self, number: int, tried: np.ndarray) -> Trial: ...
+    def _present(self, number: int, tried: np.ndarray) -> Trial:
+        return Trial(number, tried)
 
-    @abstractmethod
     def _read(self, outcome: ArrayLike) -> np.ndarray:
         """The checked return, or the returns to go, the first of which is the whole return; NaN
         for a failed trial.
         """
+        return read_returns(outcome, (), self.settings.weighting)
 
     @abstractmethod
     def _update(self, told: list[Told]) -> bool:
         """Update the policy from these trials; returns whether it changed."""
 
-    @abstractmethod
-    def _policy_state(self) -> dict: ...
+    def _policy_state(self) -> dict:
+        raise TypeError(f"a search of kind {type(self).__name__} cannot be saved")
 
     @classmethod
-    @abstractmethod
     def _from_policy_state(
         cls: type[AnySearch], state: dict, settings: Settings, rng: np.random.Generator
-    ) -> AnySearch: ...
+    ) -> AnySearch:
+        raise TypeError(f"a search of kind {cls.__name__} cannot be saved")
 
     def ask(self) -> Trial:
         """Draw a trial. Several trials may be open (asked and not yet told) at a time."""
@@ -310,6 +310,54 @@ class Search(ABC):
         if state["best"] is not None:
             self.best_return, number, tried = state["best"]
             self.best_trial = self._present(number, _frozen(tried))
+
+
+class VectorSearch(Search):
+    """Base class of searches with a first guess and its spread.
+
+    * parameters (d,): first guess.
+    * spread: one number or (d,). Standard deviations of the first trials.
+    * settings: checked options.
+    * rng: numpy Generator.
+    """
+
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        spread: ArrayLike,
+        settings: Settings,
+        rng: np.random.Generator,
+    ):
+        start = first_guess(parameters)
+        super().__init__(settings, rng)
+        self._start, self._scale = start, as_spread(spread, start.shape)
+
+    def _relative(self, told: list[Told]) -> np.ndarray:
+        """Parameters tried (n, d), relative to the start of the search, in units of the spread."""
+        return (np.array([trial.tried for trial in told]) - self._start) / self._scale
+
+
+def first_guess(parameters: ArrayLike) -> np.ndarray:
+    """The first guess (d,) of a search, checked."""
+    start = as_vector(parameters, "parameters")
+    if start.size == 0:
+        raise ValueError("parameters is empty; a search needs at least one")
+    return start
+
+
+def as_spread(spread: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    """Standard deviations as an array of the given shape, from one number or an array of that
+    shape.
+    """
+    spread = as_finite(spread, "spread")
+    if spread.shape not in ((), shape):
+        raise ValueError(f"spread must be one number or have shape {shape}, got {spread.shape}")
+    if (spread <= 0).any():
+        raise ValueError(
+            f"spread must be above 0, got {spread.min():g}: give the size of a sensible first"
+            " exploration"
+        )
+    return np.broadcast_to(spread, shape).copy()
 
 
 def read_returns(outcome: ArrayLike, shape: tuple[int, ...], weighting: str) -> np.ndarray:

@@ -33,9 +33,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number
-from dart_skill.policy_search._blurred_noise import BlurredNoise
-from dart_skill.policy_search._niche import Niche
-from dart_skill.policy_search._niche_search import NicheSearch
+from dart_skill.policy_search._gaussian_process import BlurredNoise
+from dart_skill.policy_search._niche import Niche, NicheSearch
 from dart_skill.policy_search._search import Settings, Told
 
 TOP, SCOUT, PROBE = 0, 1, 2  # kinds of trials: about the best top, of another place, of a star

@@ -20,21 +20,15 @@ import scipy
 
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
 from dart_skill.experiments import runs
-from dart_skill.experiments.studies.landscapes import LANDSCAPES, Landscape
-from dart_skill.policy_search import (
+from dart_skill.experiments.studies.baselines import (
     CMAES,
     CrossEntropy,
-    EpisodicNaturalActorCritic,
-    MixturePoWER,
     MonteCarlo,
-    Niches,
-    PoWER,
     RandomRestarts,
-    Readings,
-    Reinforce,
-    Sharpening,
-    Trial,
 )
+from dart_skill.experiments.studies.landscapes import LANDSCAPES, Landscape
+from dart_skill.experiments.studies.policy_gradients import EpisodicNaturalActorCritic, Reinforce
+from dart_skill.policy_search import MixturePoWER, Niches, PoWER, Readings, Sharpening, Trial
 
 START, SPREAD = np.zeros(2), 75.0
 """First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""

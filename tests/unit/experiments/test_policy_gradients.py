@@ -2,13 +2,12 @@
 under a Gaussian policy are on paper.
 """
 
-import json
 from functools import partial
 
 import numpy as np
 import pytest
 
-from dart_skill.policy_search import (
+from dart_skill.experiments.studies.policy_gradients import (
     EpisodicNaturalActorCritic,
     Reinforce,
     natural_gradient,
@@ -251,29 +250,6 @@ def test_trials_without_difference_change_nothing(kind):
     search = make(kind)
     np.testing.assert_array_equal(search.maximise(lambda x: 0.1, 100), MEAN)
     assert search.n_updates == 0 and search.exploration_size == 1.0
-
-
-@BOTH
-@pytest.mark.parametrize(
-    "options",
-    [
-        {},
-        {
-            "exploration": "fixed",
-            "step": "plain",
-            "learning_rate": 0.02,
-            "batch": 11,
-            "limits": (0.1, 5.0),
-        },
-    ],
-)
-def test_a_saved_search_has_its_options(kind, options, tmp_path):
-    search = make(kind, 3, **options)
-    search.maximise(quadratic, 40)
-    search.save(tmp_path / "search.json")
-    twin = kind.load(tmp_path / "search.json")
-    assert json.dumps(twin.state()) == json.dumps(search.state())
-    np.testing.assert_array_equal(twin.maximise(quadratic, 60), search.maximise(quadratic, 60))
 
 
 ESTIMATES = pytest.mark.parametrize(

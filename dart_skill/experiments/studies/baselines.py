@@ -1,4 +1,5 @@
-"""Baselines for the multi-optima search, with the same `ask` and `tell`.
+"""Searches with which those of the thesis are compared, with the same `ask` and `tell`; they cannot
+be saved.
 
 The cross-entropy method, PoWER with random restarts, Monte-Carlo search, and CMA-ES through the
 package `cma`.
@@ -18,57 +19,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_number, as_vector
-from dart_skill.policy_search._policy import GaussianPolicy, as_spread
-from dart_skill.policy_search._power import LARGEST, SMALLEST, PoWER, population
-from dart_skill.policy_search._search import (
-    Search,
+from dart_skill.common.checks import as_count, as_number
+from dart_skill.policy_search import (
+    GaussianPolicy,
+    PoWER,
     Settings,
     Told,
-    Trial,
-    as_json,
-    read_returns,
-    restored_generator,
+    VectorSearch,
+    among_best,
+    population,
 )
-from dart_skill.policy_search._weights import among_best
 
-
-class VectorSearch(Search):
-    """Common base of the baselines: parameters (d,), a first guess and its `spread`, and one
-    return of any sign per trial.
-    """
-
-    def __init__(
-        self,
-        parameters: ArrayLike,
-        spread: ArrayLike,
-        settings: Settings,
-        rng: np.random.Generator,
-    ):
-        start = as_vector(parameters, "parameters")
-        if start.size == 0:
-            raise ValueError("parameters is empty; a search needs at least one")
-        super().__init__(settings, rng)
-        self._start, self._scale = start, as_spread(spread, start.shape)
-
-    def _present(self, number: int, tried: np.ndarray) -> Trial:
-        return Trial(number, tried)
-
-    def _read(self, outcome: ArrayLike) -> np.ndarray:
-        return read_returns(outcome, (), self.settings.weighting)
-
-    def _relative(self, told: list[Told]) -> np.ndarray:
-        """Parameters tried (n, d), relative to the start of the search, in units of the spread."""
-        return (np.array([trial.tried for trial in told]) - self._start) / self._scale
-
-    def _policy_state(self) -> dict:
-        return {"start": self._start.tolist(), "scale": self._scale.tolist()}
+LIMITS = (1e-8, 1e4)
+"""Limits of the exploration, relative to the spread at the start."""
 
 
 def _settings(batch: int, best: int, latest: int, minimum_exploration: float = 0.0) -> Settings:
-    return Settings(
-        "constant", "rank", batch, best, latest, minimum_exploration, (SMALLEST, LARGEST)
-    )
+    return Settings("constant", "rank", batch, best, latest, minimum_exploration, LIMITS)
 
 
 class CrossEntropy(VectorSearch):
@@ -143,30 +110,11 @@ class CrossEntropy(VectorSearch):
         mean = weights @ points
         deviations = (points - mean) * np.sqrt(weights)[:, None]
         covariance = (
-            self._smoothing * deviations.T @ deviations + (1 - self._smoothing) * policy._shape()
+            self._smoothing * deviations.T @ deviations + (1 - self._smoothing) * policy.shape()
         )
         policy.mean = policy.mean + self._smoothing * (mean - policy.mean)
-        policy._set_covariance(covariance, np.ones(self._start.size, dtype=bool))
+        policy.set_covariance(covariance, np.ones(self._start.size, dtype=bool))
         return True
-
-    def _policy_state(self) -> dict:
-        return {**self._policy.state(), "smoothing": self._smoothing}
-
-    @classmethod
-    def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
-    ) -> CrossEntropy:
-        search = cls(
-            state["start"],
-            state["scale"],
-            rng=rng,
-            batch=settings.batch,
-            best=settings.best,
-            smoothing=state["smoothing"],
-            minimum_exploration=settings.minimum_exploration,
-        )
-        search._policy.restore(state)
-        return search
 
 
 class RandomRestarts(PoWER):
@@ -256,26 +204,7 @@ class RandomRestarts(PoWER):
         self._runs, self._began, self._present_return = self._runs + 1, self.n_told, -np.inf
 
     def _policy_state(self) -> dict:
-        present = self._present_return if np.isfinite(self._present_return) else None
-        return {
-            **super()._policy_state(),
-            "origin": self._origin.tolist(),
-            "restarts": [self._restart_below, self._longest_run, self._reach],
-            "runs": [self._runs, self._began, present],
-            "found": [[place.tolist(), value] for place, value in self._found],
-        }
-
-    @classmethod
-    def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
-    ) -> RandomRestarts:
-        search = super()._from_policy_state(state, settings, rng)
-        search._origin = np.array(state["origin"], dtype=float)
-        search._restart_below, search._longest_run, search._reach = state["restarts"]
-        search._runs, search._began, present = state["runs"]
-        search._present_return = -np.inf if present is None else present
-        search._found = [(np.array(place, dtype=float), value) for place, value in state["found"]]
-        return search
+        raise TypeError("a search with restarts cannot be saved")
 
 
 class MonteCarlo(VectorSearch):
@@ -338,37 +267,9 @@ class MonteCarlo(VectorSearch):
         self._mean, self.neighbourhood_return = points[near[best]].mean(axis=0), float(means[best])
         return True
 
-    def _policy_state(self) -> dict:
-        value = self.neighbourhood_return if np.isfinite(self.neighbourhood_return) else None
-        return {
-            **super()._policy_state(),
-            "reach": self._reach,
-            "mean": self._mean.tolist(),
-            "neighbourhood_return": value,
-        }
-
-    @classmethod
-    def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
-    ) -> MonteCarlo:
-        options = {
-            "batch": settings.batch,
-            "best": settings.best,
-            "latest": settings.latest,
-            "reach": state["reach"],
-        }
-        search = cls(state["start"], state["scale"], rng=rng, **options)
-        search._mean = np.array(state["mean"], dtype=float)
-        value = state["neighbourhood_return"]
-        search.neighbourhood_return = -np.inf if value is None else value
-        return search
-
 
 class CMAES(VectorSearch):
     """CMA-ES of the package `cma` (pip install cma), with its own defaults.
-
-    A saved search contains its start and all returns. `load` repeats the search from these, and
-    needs the same version of `cma`.
 
     Parameters:
 
@@ -393,11 +294,6 @@ class CMAES(VectorSearch):
         super().__init__(parameters, spread, _settings(batch, 1, batch, minimum_exploration), rng)
         # A generator of its own, so that other draws from `rng` do not change the trials.
         self._rng = np.random.default_rng(rng.integers(2**63))
-        self._begin()
-
-    def _begin(self) -> None:
-        self._first_state = self._rng.bit_generator.state
-        self._history: list[list[Any]] = []
         options = {
             "popsize": self.settings.batch,
             "verbose": -9,
@@ -426,58 +322,8 @@ class CMAES(VectorSearch):
 
     def _update(self, told: list[Told]) -> bool:
         returns = [float(one.outcome) for one in told]
-        self._history.append([self.n_asked, [one.number for one in told], returns])
         self._strategy.tell([one.noise for one in told], [-value for value in returns])
         return True
-
-    def _policy_state(self) -> dict:
-        return {
-            **super()._policy_state(),
-            "first_state": as_json(self._first_state),
-            "history": list(self._history),
-        }
-
-    @classmethod
-    def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
-    ) -> CMAES:
-        minimum = settings.minimum_exploration
-        search = cls(
-            state["start"],
-            state["scale"],
-            rng=rng,
-            batch=settings.batch,
-            minimum_exploration=minimum,
-        )
-        search._rng = restored_generator(state["first_state"])
-        search._begin()
-        search._history = list(state["history"])
-        return search
-
-    def _restore(self, state: dict) -> None:
-        super()._restore(state)
-        asked = self._go_again()
-        known = [
-            *((number, noise) for number, (noise, _) in self._open.items()),
-            *((one.number, one.noise) for one in self._told),
-        ]
-        same = all(np.array_equal(asked[number], noise) for number, noise in known)
-        if not same or as_json(self._rng.bit_generator.state) != state["generator"]:
-            raise ValueError(
-                "the returns since lead elsewhere now: this search was saved with another version"
-                " of cma; install that one"
-            )
-
-    def _go_again(self) -> list[np.ndarray]:
-        """Repeat all asks and tells of the history; returns what was asked."""
-        asked: list[np.ndarray] = []
-        for n_asked, numbers, returns in self._history:
-            asked.extend(self._draw()[0] for _ in range(n_asked - len(asked)))
-            self._strategy.tell(
-                [asked[number] for number in numbers], [-value for value in returns]
-            )
-        asked.extend(self._draw()[0] for _ in range(self.n_asked - len(asked)))
-        return asked
 
 
 def _cma() -> ModuleType:
