@@ -15,7 +15,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.arm import ThrowPlan, wam_description
-from dart_skill.figures._recordings import SAME_BASKET, Recording
 from dart_skill.figures._style import (
     ATTRACTOR,
     BALL,
@@ -35,6 +34,7 @@ from dart_skill.figures._style import (
     save,
     unit_along,
 )
+from dart_skill.figures._synchronisation import SAME_BASKET, Recording
 from dart_skill.simulation import Basket
 
 FLIGHT_WATCHED = 1.0

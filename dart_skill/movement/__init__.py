@@ -59,7 +59,7 @@ if TYPE_CHECKING:
         gaussian_weights,
         nearest_weights,
     )
-    from dart_skill.movement._patterns import Patterns, find_patterns, resampled
+    from dart_skill.movement._patterns import Patterns, find_patterns, resampled, warped_distance
     from dart_skill.movement._primitives import (
         DiscretePrimitive,
         Execution,
@@ -77,7 +77,6 @@ if TYPE_CHECKING:
         stiffness_from_covariance,
     )
     from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
-    from dart_skill.movement._warping import warped_distance
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
@@ -86,7 +85,7 @@ else:
             "_autonomous": "AutonomousDSGMR AutonomousPolicy Moment StateDriven StateFrame",
             "_ds_gmr": "DSGMR Reproduction",
             "_locality": "WidthChoice choose_width gaussian_weights nearest_weights",
-            "_patterns": "Patterns find_patterns resampled",
+            "_patterns": "Patterns find_patterns resampled warped_distance",
             "_primitives": (
                 "DiscretePrimitive Execution PrimitiveState RhythmicPrimitive Trajectory"
             ),
@@ -97,7 +96,6 @@ else:
                 " stiffness_from_covariance"
             ),
             "_task_parameterised": "PartialFrame TaskParameterisedMixture",
-            "_warping": "warped_distance",
         },
     )
 

@@ -25,8 +25,13 @@ from dart_skill.movement._forcing import (
     regress_jointly,
     transformation,
 )
-from dart_skill.movement._recursion import one_step
-from dart_skill.movement._runge_kutta import Steps, divide, gains_of_equal_steps, integrate
+from dart_skill.movement._runge_kutta import (
+    Steps,
+    divide,
+    gains_of_equal_steps,
+    integrate,
+    one_step,
+)
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
 
