@@ -35,7 +35,7 @@ from dart_skill.figures import (
 from dart_skill.session import Session
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 
-TITLE = "Success of both models against the range of angles and of distances"
+TITLE_8_4_4 = "Success of both models against the range of angles and of distances"
 ANGLES, SPREADS = (6.0, 15.0, 30.0, 45.0), (0.1, 0.25, 0.5)
 """To either side [degrees], at one distance; nearer and farther [m], at the smallest angle."""
 MIDDLE, N_DEMONSTRATIONS, N_THROWS = 2.0, 13, 6
@@ -109,7 +109,7 @@ def _goes_in(session: Session, skill: ThrowingSkill, basket: np.ndarray) -> bool
         return False
 
 
-def compute(
+def compute_8_4_4(
     seed: int = 0,
     teachers: int = N_TEACHERS,
     throws: int = N_THROWS,
@@ -130,10 +130,10 @@ def compute(
     )
 
 
-def draw(
+def draw_8_4_4(
     folder: str | Path, seed: int = 0, teachers: int | None = None
 ) -> tuple[list[Path], dict]:
-    shares = compute(seed, N_TEACHERS if teachers is None else teachers, N_THROWS, CASES)
+    shares = compute_8_4_4(seed, N_TEACHERS if teachers is None else teachers, N_THROWS, CASES)
     with house_style():
         figure = Figure(figsize=(9.6, 4.6), layout="constrained")
         by_angle, by_distance = figure.subplots(1, 2, sharey=True)
@@ -168,7 +168,7 @@ def draw(
             x=0.01,
             ha="left",
         )
-        return save(figure, folder, "figure_8_4_4"), measured(shares)
+        return save(figure, folder, "figure_8_4_4"), measured_8_4_4(shares)
 
 
 def _draw_shares(axes: Axes, places: Sequence[float], shares: np.ndarray) -> None:
@@ -199,7 +199,7 @@ def _draw_shares(axes: Axes, places: Sequence[float], shares: np.ndarray) -> Non
             )
 
 
-def measured(shares: np.ndarray) -> dict:
+def measured_8_4_4(shares: np.ndarray) -> dict:
     """Shares that went in [%], over all teachers."""
     return {
         "teachers": shares.shape[1],
@@ -214,7 +214,7 @@ def measured(shares: np.ndarray) -> dict:
     }
 
 
-def describe(numbers: dict) -> str:
+def describe_8_4_4(numbers: dict) -> str:
     """A line for each region."""
     columns = list(next(iter(numbers["in_percent"].values())))
     rows = [

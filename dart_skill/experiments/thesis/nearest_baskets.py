@@ -29,13 +29,13 @@ from dart_skill.figures import (
 from dart_skill.movement import gaussian_weights, nearest_weights
 from dart_skill.skills.learning import configuration
 
-TITLE = "The demonstrations nearest to a new basket"
+TITLE_8_8 = "The demonstrations nearest to a new basket"
 N_NEAREST = configuration("thesis_local").nearest
 WIDTH = configuration("weighted").width
 N_ASKED = 400
 
 
-def compute(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def compute_8_8(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Demonstrated baskets (n, 3), a new one (3,), indices of the nearest (3,), nearest first."""
     shown = np.array([one.target for one in ball_throws.lessons(seed).demonstrations])
     new = ball_throws.new_baskets(seed)[0]
@@ -43,8 +43,8 @@ def compute(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return shown, new, chosen[np.argsort(_distances(shown[chosen], new))]
 
 
-def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    shown, new, chosen = compute(seed)
+def draw_8_8(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    shown, new, chosen = compute_8_8(seed)
     with house_style():
         figure = Figure(figsize=(9.8, 6.0), layout="constrained")
         nearest, weighted = figure.subplots(1, 2, sharey=True)
@@ -73,10 +73,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         more, others = weighted.get_legend_handles_labels()
         letter_panels(nearest, weighted)
         legend_below(figure, [*handles, more[-1]], [*labels, others[-1]], 5)
-        return save(figure, folder, "figure_8_8"), measured(shown, new, chosen, seed)
+        return save(figure, folder, "figure_8_8"), measured_8_8(shown, new, chosen, seed)
 
 
-def measured(shown: np.ndarray, new: np.ndarray, chosen: np.ndarray, seed: int) -> dict:
+def measured_8_8(shown: np.ndarray, new: np.ndarray, chosen: np.ndarray, seed: int) -> dict:
     """Distances of the chosen ones, and how often a basket anywhere in the region lies between its
     three nearest.
     """

@@ -1,4 +1,10 @@
-"""Figure 5.5: data spectroscopy with weights (5.13). Points of one Gaussian, weighted by the
+"""Figure 5.4: a Gaussian split in two along its longest axis (5.7) to (5.12), and the two merged
+again.
+
+With alpha = beta = 1/2 and u^2 = 3/4, as the thesis has them, mean and covariance of the two
+together are those of the one.
+
+Figure 5.5: data spectroscopy with weights (5.13). Points of one Gaussian, weighted by the
 density of a mixture of four (5.14), and the groups that their weights make.
 
 The thesis does not print its bandwidth. With the kernel as (5.13) prints it, w_i k w_j, and its
@@ -30,11 +36,55 @@ from dart_skill.figures import (
     VERMILION,
     gaussian_ellipse,
     house_style,
+    letter_panels,
+    plot_mixture,
     save,
 )
-from dart_skill.mixture import GaussianMixture, Spectroscopy, data_spectroscopy
+from dart_skill.mixture import GaussianMixture, Spectroscopy, data_spectroscopy, split
 
-TITLE = "Data spectroscopy finds the groups of weighted points"
+TITLE_5_4 = "A Gaussian split in two, and merged again"
+
+
+def compute_5_4(seed: int = 0) -> tuple[GaussianMixture, GaussianMixture, GaussianMixture]:
+    """A Gaussian of a random shape, its two halves, and what they are merged."""
+    root = np.random.default_rng(seed).normal(size=(2, 2)) + np.diag([2.0, 0.5])
+    one = GaussianMixture.from_parameters([1.0], [[0.0, 0.0]], [root @ root.T + 0.2 * np.eye(2)])
+    two = split(one, 0)
+    return one, two, two.merge([0, 1])
+
+
+def draw_5_4(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    one, two, merged = compute_5_4(seed)
+    with house_style():
+        figure = Figure(figsize=(10.0, 3.6), layout="constrained")
+        panels = figure.subplots(1, 3, sharex=True, sharey=True)
+        titles = "One Gaussian", "split along its longest axis", "merged again"
+        for axes, mixture, title in zip(panels, (one, two, merged), titles, strict=True):
+            if mixture is not one:
+                plot_mixture(axes, one, colour=BLUE)
+            plot_mixture(axes, mixture, colour=BLUE if mixture is one else VERMILION)
+            axes.set(title=title, xlabel="first coordinate", aspect="equal")
+        panels[0].set_ylabel("second coordinate")
+        letter_panels(*panels)
+        return save(figure, folder, "figure_5_4"), measured_5_4(one, two, merged)
+
+
+def measured_5_4(one: GaussianMixture, two: GaussianMixture, merged: GaussianMixture) -> dict:
+    """How far apart the halves are, in deviations of the whole along its axis, and the largest
+    difference after the merger.
+    """
+    variance = np.linalg.eigvalsh(one.covariances_[0])[-1]
+    return {
+        "halves_apart_over_deviation": round(
+            float(np.linalg.norm(two.means_[0] - two.means_[1]) / np.sqrt(variance)), 6
+        ),
+        "largest_change_of_the_covariance": round(
+            float(np.abs(merged.covariances_ - one.covariances_).max()), 12
+        ),
+    }
+
+
+TITLE_5_5 = "Data spectroscopy finds the groups of weighted points"
 N_POINTS, SAMPLED = 1000, 9.0 * np.eye(2)
 MIXTURE = GaussianMixture.from_parameters(
     [0.25] * 4, [[3, 3], [-3, 3], [3, -3], [-3, -3]], [2.0 * np.eye(2)] * 4
@@ -55,7 +105,7 @@ class Grouping:
     groups: Spectroscopy
 
 
-def compute(seed: int = 0) -> Grouping:
+def compute_5_5(seed: int = 0) -> Grouping:
     points = np.random.default_rng(seed).multivariate_normal(
         np.zeros(2), SAMPLED, N_POINTS, method="cholesky"
     )
@@ -67,8 +117,8 @@ def compute(seed: int = 0) -> Grouping:
     )
 
 
-def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    grouping = compute(seed)
+def draw_5_5(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    grouping = compute_5_5(seed)
     with house_style():
         figure = Figure(figsize=(9.0, 4.4), layout="constrained")
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -112,10 +162,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         for axes in (left, right):
             axes.set(xlabel="first coordinate", aspect="equal", xlim=(-9, 9), ylim=(-9, 9))
         left.set_ylabel("second coordinate")
-        return save(figure, folder, "figure_5_5"), measured(grouping)
+        return save(figure, folder, "figure_5_5"), measured_5_5(grouping)
 
 
-def measured(grouping: Grouping) -> dict:
+def measured_5_5(grouping: Grouping) -> dict:
     """Number of groups; share of all weight whose label is the Gaussian that most likely weighs
     it, the groups matched with Gaussians.
     """

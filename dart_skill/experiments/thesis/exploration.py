@@ -1,9 +1,16 @@
 """Figure 5.1: one update of PoWER. Samples and their weights, the best of them, and the mean (5.1)
 and covariance (5.2) that they make.
+
+Figure 5.2: exploration noise as a constant diagonal matrix, which makes a long covariance
+rounder.
+
+Figure 5.3: as much exploration noise as in figure 5.2, shared out as the eigenvalues are, which
+keeps the shape of the covariance.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,18 +21,25 @@ from matplotlib.figure import Figure
 
 from dart_skill.figures import (
     BLACK,
+    BLUE,
     GAUSSIAN,
     GREY,
     LIGHT,
+    VERMILION,
     gaussian_ellipse,
     house_style,
     legend_below,
     letter_panels,
     save,
 )
-from dart_skill.policy_search import PoWER, return_weights
+from dart_skill.policy_search import (
+    PoWER,
+    return_weights,
+    with_constant_noise,
+    with_proportional_noise,
+)
 
-TITLE = "One update of PoWER: samples, the best of them, new mean and covariance"
+TITLE_5_1 = "One update of PoWER: samples, the best of them, new mean and covariance"
 START, SPREAD, OPTIMUM = np.zeros(2), 1.0, np.array([1.6, 1.0])
 N_SAMPLES, N_BEST = 40, 10
 DEVIATIONS = 2.0
@@ -50,7 +64,7 @@ def reward(parameters: np.ndarray) -> float:
     return float(np.exp(-0.5 * (along / 1.6) ** 2 - 0.5 * (across / 0.8) ** 2))
 
 
-def compute(seed: int = 0) -> Update:
+def compute_5_1(seed: int = 0) -> Update:
     """The first update of a search by (5.1) and (5.2) to the letter: returns are weights."""
     options: dict[str, Any] = {
         "exploration": "constant",
@@ -75,8 +89,8 @@ def compute(seed: int = 0) -> Update:
     )
 
 
-def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    update = compute(seed)
+def draw_5_1(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    update = compute_5_1(seed)
     best = update.weights > 0
     with house_style():
         figure = Figure(figsize=(10.5, 4.3), layout="constrained")
@@ -108,10 +122,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         letter_panels(samples, elite, updated)
         handles, labels = samples.get_legend_handles_labels()
         legend_below(figure, handles, labels, 5)
-        return save(figure, folder, "figure_5_1"), measured(update)
+        return save(figure, folder, "figure_5_1"), measured_5_1(update)
 
 
-def measured(update: Update) -> dict:
+def measured_5_1(update: Update) -> dict:
     """Return of the mean before and after."""
     return {
         "return_before": round(reward(update.before[0]), 3),
@@ -150,4 +164,62 @@ def _policy(axes: Axes, mean: np.ndarray, covariance: np.ndarray) -> None:
         markersize=7,
         linestyle="none",
         label="its mean",
+    )
+
+
+TITLE_5_2 = "Exploration noise, constant: the covariance becomes rounder"
+ANGLE, LONG, SHORT = np.radians(35.0), 1.0, 0.25
+NOISE = 0.5
+"""Standard deviations of the covariance along its axes, and of the noise, in units of the
+parameters.
+"""
+
+
+def draw_5_2(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    """The same for every seed: there is nothing random in it."""
+    return draw_noise(folder, "figure_5_2", with_constant_noise, "constant diagonal matrix added")
+
+
+def draw_noise(
+    folder: str | Path, name: str, add: Callable, title: str
+) -> tuple[list[Path], dict]:
+    """A covariance before and after its eigenvalues (2,) get noise; how much longer than wide it
+    is.
+    """
+    axes = np.array([[np.cos(ANGLE), -np.sin(ANGLE)], [np.sin(ANGLE), np.cos(ANGLE)]])
+    before = np.array([LONG, SHORT]) ** 2
+    after = add(before, NOISE)
+    with house_style():
+        figure = Figure(figsize=(8.0, 4.0), layout="constrained")
+        panels = figure.subplots(1, 2, sharex=True, sharey=True)
+        for panel, variances, what in zip(panels, (before, after), ("before", title), strict=True):
+            covariance = (axes * variances) @ axes.T
+            panel.add_patch(
+                gaussian_ellipse(
+                    np.zeros(2), covariance, 1.0, facecolor=LIGHT, edgecolor=BLUE, alpha=0.6
+                )
+            )
+            for axis, variance in zip(axes.T, variances, strict=True):
+                panel.plot(*np.outer([0.0, np.sqrt(variance)], axis).T, color=VERMILION)
+            panel.set(
+                xlim=(-1.5, 1.5),
+                ylim=(-1.5, 1.5),
+                aspect="equal",
+                xlabel="first parameter",
+                title=what,
+            )
+        panels[0].set_ylabel("second parameter")
+        return save(figure, folder, name), {
+            "long_over_short_before": LONG / SHORT,
+            "after": round(float(np.sqrt(after[0] / after[1])), 3),
+        }
+
+
+TITLE_5_3 = "Exploration noise, proportional to the eigenvalues: the covariance keeps its shape"
+
+
+def draw_5_3(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    """The same for every seed: there is nothing random in it."""
+    return draw_noise(
+        folder, "figure_5_3", with_proportional_noise, "eigenvalues increased in proportion"
     )

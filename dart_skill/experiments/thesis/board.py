@@ -1,8 +1,17 @@
-"""Figure 6.2: the search for optima of 5.3 while the thrower gets better, at four moments: the
+"""Figure 6.1: the dart board, drawn to scale from what scores are computed with, each field in the
+colour of its score.
+
+Figure 6.2: the search for optima of 5.3 while the thrower gets better, at four moments: the
 heat map of the moment, the last 150 trials and the Gaussians.
 
 The thesis shows the most common of its runs, in which splits came at throws 1060 and 1757; here is
 the run of the seed, with its own.
+
+Figure 6.6: where to aim, for every precision: the path of the best aim over sigma and the sigma
+at which it jumps.
+
+The thesis gives 16.4 mm for the jump from treble 20 to treble 19, from a map on a grid of
+millimetres; the value here does not depend on a grid.
 """
 
 from __future__ import annotations
@@ -16,12 +25,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from dart_skill.darts import RADII, HeatMap, expected_score, heat_map
+from dart_skill.darts import (
+    RADII,
+    HeatMap,
+    OptimumPath,
+    expected_score,
+    heat_map,
+    optimum_path,
+    score,
+)
 from dart_skill.experiments.studies.dart_search import SCHEDULES, SPREAD, START
 from dart_skill.figures import (
     BLACK,
     GREY,
+    LIGHT,
     draw_board,
+    draw_path,
     gaussian_ellipse,
     house_style,
     legend_below,
@@ -32,9 +51,46 @@ from dart_skill.figures import (
 from dart_skill.mixture import GaussianMixture
 from dart_skill.policy_search import MixturePoWER
 
-TITLE = "The mixture's search over the board while the thrower gets better"
+TITLE_6_1 = "The dart board, and what its fields score"
+SPACING_6_1, LIMIT = 0.5, 200.0
+"""Spacing and limits of the picture [mm]."""
+
+
+def draw_6_1(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    side = np.arange(-LIMIT, LIMIT + SPACING_6_1, SPACING_6_1)
+    points = np.stack(np.meshgrid(side, side), axis=-1)
+    values = np.asarray(score(points.reshape(-1, 2)), dtype=float).reshape(points.shape[:2])
+    with house_style():
+        figure = Figure(figsize=(6.8, 5.8), layout="constrained")
+        axes = figure.subplots()
+        shown = np.where(np.linalg.norm(points, axis=-1) <= RADII[-1], values, np.nan)
+        image = axes.imshow(
+            shown,
+            origin="lower",
+            extent=(-LIMIT, LIMIT, -LIMIT, LIMIT),
+            cmap=quantity_colours(),
+            interpolation="nearest",
+        )
+        draw_board(axes, LIGHT)
+        figure.colorbar(image, ax=axes, label="score of one dart [points]", shrink=0.8)
+        return save(figure, folder, "figure_6_1"), measured_6_1(values)
+
+
+def measured_6_1(values: np.ndarray) -> dict:
+    """The largest score, and its share of the area of the board [%]: of a dart that hits the board
+    anywhere alike.
+    """
+    board = np.pi * RADII[-1] ** 2
+    treble_20 = float((values == 60).sum()) * SPACING_6_1**2
+    return {
+        "largest_score": float(values.max()),
+        "treble_20_share_percent": round(100.0 * treble_20 / board, 3),
+    }
+
+
+TITLE_6_2 = "The mixture's search over the board while the thrower gets better"
 MOMENTS, LATEST = (150, 1060, 1757, 3000), 150
-SPACING = 2.0
+SPACING_6_2 = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +103,7 @@ class Moment:
     mixture: GaussianMixture
 
 
-def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
+def compute_6_2(seed: int = 0) -> tuple[list[Moment], list[int]]:
     """The moments of one run on the thesis's schedule, and the throws after which the number of
     components changed.
     """
@@ -72,12 +128,12 @@ def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
     return moments, changes
 
 
-def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    moments, changes = compute(seed)
+def draw_6_2(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    moments, changes = compute_6_2(seed)
     with house_style():
         figure = Figure(figsize=(13.0, 4.3), layout="constrained")
         panels = figure.subplots(1, len(moments))
-        heats = [heat_map(moment.sigma, SPACING) for moment in moments]
+        heats = [heat_map(moment.sigma, SPACING_6_2) for moment in moments]
         highest = max(heat.expected_score.max() for heat in heats)
         for axes, moment, heat in zip(panels, moments, heats, strict=True):
             image = _draw_moment(axes, moment, heat, highest)
@@ -85,10 +141,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         letter_panels(*panels)
         handles, labels = panels[0].get_legend_handles_labels()
         legend_below(figure, handles, labels, 2)
-        return save(figure, folder, "figure_6_2"), measured(moments, changes)
+        return save(figure, folder, "figure_6_2"), measured_6_2(moments, changes)
 
 
-def measured(moments: list[Moment], changes: list[int]) -> dict:
+def measured_6_2(moments: list[Moment], changes: list[int]) -> dict:
     return {
         "components": {str(one.throws): len(one.mixture.priors_) for one in moments},
         "changes": len(changes),
@@ -97,7 +153,7 @@ def measured(moments: list[Moment], changes: list[int]) -> dict:
 
 
 def _draw_moment(axes: Axes, moment: Moment, heat: HeatMap, highest: float) -> AxesImage:
-    edge = heat.x[-1] + 0.5 * SPACING
+    edge = heat.x[-1] + 0.5 * SPACING_6_2
     look: dict[str, Any] = {
         "cmap": quantity_colours(),
         "interpolation": "nearest",
@@ -141,3 +197,25 @@ def _draw_moment(axes: Axes, moment: Moment, heat: HeatMap, highest: float) -> A
         f" {len(moment.mixture.priors_)} Gaussians"
     )
     return image
+
+
+TITLE_6_6 = "The best aim over the thrower's standard deviation"
+LOWEST, HIGHEST = 1.0, 100.0
+
+
+def draw_6_6(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    """The same for every seed: there is nothing random in it."""
+    path = optimum_path(LOWEST, HIGHEST)
+    return draw_path(path, folder, "figure_6_6"), measured_6_6(path)
+
+
+def measured_6_6(path: OptimumPath) -> dict:
+    """Jumps [mm], and best aims [mm] at both ends of the range."""
+    return {
+        "jumps": [
+            {"sigma_mm": round(jump.sigma, 3), "below": jump.below.bed, "above": jump.above.bed}
+            for jump in path.jumps
+        ],
+        "aim_at_lowest_mm": path.aims[0].round(1).tolist(),
+        "aim_at_highest_mm": path.aims[-1].round(1).tolist(),
+    }
