@@ -42,7 +42,6 @@ if TYPE_CHECKING:
         LegInPlay,
         LegPolicy,
         checkout_table,
-        simulate_legs,
         solve_leg,
     )
     from dart_skill.darts._match import (
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
         MatchSide,
         aims_apart,
         match_chance,
-        simulate_match_legs,
         solve_match,
     )
     from dart_skill.darts._match_players import MatchPlayer, match_player
@@ -80,13 +78,8 @@ else:
             ),
             "_exact": "bed_probabilities expected_score score_derivatives",
             "_heat_map": "HeatMap heat_map",
-            "_leg": (
-                "CheckoutTable LegPolicy checkout_table simulate_legs solve_leg LegDart LegInPlay"
-            ),
-            "_match": (
-                "AimsApart MatchPolicy MatchSide aims_apart match_chance simulate_match_legs"
-                " solve_match"
-            ),
+            "_leg": ("CheckoutTable LegPolicy checkout_table solve_leg LegDart LegInPlay"),
+            "_match": ("AimsApart MatchPolicy MatchSide aims_apart match_chance solve_match"),
             "_match_players": "MatchPlayer match_player",
             "_optimum": "Aim best_aim local_optima Jump OptimumPath optimum_path",
             "_professionals": "PROFESSIONALS professional",
@@ -142,8 +135,6 @@ __all__ = [
     "professional",
     "score",
     "score_derivatives",
-    "simulate_legs",
-    "simulate_match_legs",
     "solve_leg",
     "solve_match",
 ]

@@ -96,7 +96,7 @@ RATE_CHANGES = 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class PathTable:
     """What scores each aim can bring, by sigma.
 
     * sigmas: (s,) [mm].
@@ -112,7 +112,7 @@ class Table:
 
 
 @lru_cache(maxsize=1)
-def table() -> Table:
+def table() -> PathTable:
     """The table of all aims and sigmas; it is computed once."""
     sigmas = np.geomspace(LOWEST, HIGHEST, N_SIGMAS)
     path = optimum_path(LOWEST, HIGHEST)
@@ -120,7 +120,7 @@ def table() -> Table:
     aims = np.unique(path.aims.round(2), axis=0)
     beds = np.stack([bed_probabilities(aims, sigma) for sigma in sigmas], axis=1)
     of_score = (np.asarray(BED_SCORES)[:, None] == np.asarray(POSSIBLE_SCORES)).astype(float)
-    return Table(sigmas, aims, beds @ of_score, beds @ np.asarray(BED_SCORES, dtype=float))
+    return PathTable(sigmas, aims, beds @ of_score, beds @ np.asarray(BED_SCORES, dtype=float))
 
 
 class SigmaBelief:

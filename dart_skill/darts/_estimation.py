@@ -25,7 +25,12 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_number, as_vector
 from dart_skill.darts._spread import LARGEST, LARGEST_BIAS, Spread
-from dart_skill.darts._throws import Expectation, Throws, throws_from_points, throws_from_scores
+from dart_skill.darts._throws import (
+    Expectation,
+    ObservedThrows,
+    throws_from_points,
+    throws_from_scores,
+)
 
 MODELS = ("isotropic", "general")
 FLOOR, CEILING = 1.0, 1000.0
@@ -78,7 +83,7 @@ class SpreadEstimate:
     log_likelihood: float
     model: str
     with_bias: bool
-    throws: Throws
+    throws: ObservedThrows
 
     @property
     def sigma(self) -> float:
@@ -210,7 +215,7 @@ def estimate_from_points(
     return _estimate(throws_from_points(points, aim, misses), model, bias)
 
 
-def _estimate(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
+def _estimate(throws: ObservedThrows, model: str, with_bias: bool) -> SpreadEstimate:
     if model not in MODELS:
         raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
     n_parameters = _n_parameters(model, with_bias)
@@ -226,7 +231,7 @@ def _n_parameters(model: str, with_bias: bool) -> int:
     return (1 if model == "isotropic" else 3) + 2 * bool(with_bias)
 
 
-def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
+def _fit(throws: ObservedThrows, model: str, with_bias: bool) -> SpreadEstimate:
     """The most likely result of EM from several starts.
 
     A general covariance starts from the isotropic result and from versions of it that are longer
@@ -255,14 +260,14 @@ def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
     return SpreadEstimate(spread, log_likelihood, model, with_bias, throws)
 
 
-def _possible(starts: list[Spread], throws: Throws) -> list[Spread]:
+def _possible(starts: list[Spread], throws: ObservedThrows) -> list[Spread]:
     """The starts under which every throw is possible; a wide spread if there is none."""
     possible = [start for start in starts if np.isfinite(throws.expect(start).log_likelihood)]
     return possible or [Spread.isotropic(2.0 * STARTS[-1])]
 
 
 def _em(
-    throws: Throws,
+    throws: ObservedThrows,
     spread: Spread,
     model: str,
     with_bias: bool,

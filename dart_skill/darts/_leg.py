@@ -155,69 +155,6 @@ def checkout_table(
     return CheckoutTable(np.column_stack(probability), aims[np.column_stack(choices)])
 
 
-def simulate_legs(
-    policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_turns: int = 10_000
-) -> tuple[np.ndarray, np.ndarray]:
-    """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and
-    of darts (n_legs,).
-
-    policy: from `solve_leg`; max_turns: of one leg. ValueError if a leg takes more turns.
-    """
-    turn_start = np.full(as_count(n_legs, "n_legs"), policy.start)
-    turns, darts = np.zeros(n_legs, dtype=int), np.zeros(n_legs, dtype=int)
-    playing: np.ndarray = np.arange(n_legs)
-    for _ in range(max_turns):
-        if len(playing) == 0:
-            return turns, darts
-        remaining, used = _play_turn(policy, turn_start[playing], rng)
-        turns[playing] += 1
-        darts[playing] += used
-        turn_start[playing] = remaining
-        playing = playing[remaining > 0]
-    raise ValueError(
-        f"{len(playing)} of {n_legs} legs are not finished after {max_turns} turns; raise"
-        " max_turns"
-    )
-
-
-def _play_turn(
-    policy: LegPolicy, turn_start: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Score (n,) after a turn from scores (n,), and the darts thrown in it (n,)."""
-    remaining, used = turn_start.copy(), np.zeros(len(turn_start), dtype=int)
-    on = np.arange(len(turn_start))
-    for table in policy.choices:
-        choice = table[turn_start[on], turn_start[on] - remaining[on]]
-        hits = impacts(policy.aims[choice], policy.which[choice], policy.spreads, rng)
-        used[on] += 1
-        remaining[on], bust = after_hit(remaining[on], turn_start[on], hits)
-        on = on[~bust & (remaining[on] > 0)]
-    return remaining, used
-
-
-def after_hit(
-    remaining: np.ndarray, turn_start: np.ndarray, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """What is left (n,) after darts that hit points (n, 2) [mm], and which turns were bust (n,)."""
-    beds = bed_at(points)
-    left = remaining - BED_SCORES[beds]
-    bust = (left < 0) | (left == 1) | ((left == 0) & ~BED_IS_DOUBLE[beds])
-    return np.where(bust, turn_start, left), bust
-
-
-def impacts(
-    aims: np.ndarray, which: np.ndarray, spreads: tuple[Spread, ...], rng: np.random.Generator
-) -> np.ndarray:
-    """Where darts at aims (n, 2) hit, (n, 2) [mm], that have the spread of an index (n,) each."""
-    factors = np.array([np.linalg.cholesky(spread.covariance) for spread in spreads])
-    biases = np.array([spread.bias for spread in spreads])
-    return (
-        aims
-        + biases[which]
-        + np.einsum("nij,nj->ni", factors[which], rng.standard_normal(aims.shape))
-    )
-
-
 def as_remaining(value: int, start: int, name: str = "remaining") -> int:
     """A score that can be left in a leg from `start`."""
     remaining = as_count(value, name, 2)

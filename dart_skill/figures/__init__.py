@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from dart_skill.figures._synchronisation import (
         SAME_BASKET,
         DemonstratedMotion,
-        Recording,
+        HandRecording,
         demonstrated_motions,
         draw_synchronisation,
         synchronisation_figure,
@@ -126,7 +126,7 @@ __all__ = [
     "PURPLE",
     "RELEASE",
     "RIM_RADIUS",
-    "Recording",
+    "HandRecording",
     "SAME_BASKET",
     "SKY",
     "SUCCESS",

@@ -41,7 +41,7 @@ SAME_BASKET = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class HandRecording:
     """Everything as it was recorded, in the frame of the world. Stamps are integer nanoseconds and
     increase.
 
@@ -109,7 +109,7 @@ class DemonstratedMotion:
 
 
 def demonstrated_motions(
-    recordings: Sequence[Recording],
+    recordings: Sequence[HandRecording],
     demonstrations: Sequence[Demonstration],
     thresholds: VelocityThreshold = THRESHOLDS,
 ) -> list[DemonstratedMotion]:
@@ -167,7 +167,9 @@ def synchronisation_figure(
         return figure
 
 
-def _recording_of(recordings: Sequence[Recording], demonstration: Demonstration) -> Recording:
+def _recording_of(
+    recordings: Sequence[HandRecording], demonstration: Demonstration
+) -> HandRecording:
     for recording in recordings:
         if recording.start_ns <= demonstration.stamp_ns <= recording.stop_ns:
             return recording
@@ -178,7 +180,7 @@ def _recording_of(recordings: Sequence[Recording], demonstration: Demonstration)
 
 
 def _motion(
-    recording: Recording, demonstration: Demonstration, thresholds: VelocityThreshold
+    recording: HandRecording, demonstration: Demonstration, thresholds: VelocityThreshold
 ) -> DemonstratedMotion:
     d = demonstration
     time = (recording.hand_stamps - recording.start_ns) * 1e-9

@@ -28,23 +28,19 @@ from dart_skill.movement._frames import (
 from dart_skill.movement._orientation import (
     angles_from_quaternions,
     angular_velocity,
-    conjugate,
-    from_matrices,
     make_continuous,
     multiply,
     normalise,
     pointing_angles,
-    pointing_directions,
     quaternions_from_angles,
     rotate,
-    to_matrices,
     turn_about_z,
 )
 from dart_skill.movement._sample_faults import SampleFaults, find_faults, retimed, without_repeats
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
 
 if TYPE_CHECKING:
-    from dart_skill.movement._alignment import Fit, check_alignment
+    from dart_skill.movement._alignment import AlignmentFit, check_alignment
     from dart_skill.movement._autonomous import (
         AutonomousDSGMR,
         AutonomousPolicy,
@@ -105,7 +101,7 @@ __all__ = [
     "DSGMR",
     "DiscretePrimitive",
     "Execution",
-    "Fit",
+    "AlignmentFit",
     "Moment",
     "Motion",
     "MovingFrame",
@@ -137,7 +133,6 @@ __all__ = [
     "base_frame",
     "check_alignment",
     "choose_width",
-    "conjugate",
     "critical_damping",
     "critical_damping_matrix",
     "estimate_noise",
@@ -145,7 +140,6 @@ __all__ = [
     "find_faults",
     "find_patterns",
     "follow_attractor",
-    "from_matrices",
     "gaussian_weights",
     "hold_to",
     "make_continuous",
@@ -154,7 +148,6 @@ __all__ = [
     "normalise",
     "pointing_angles",
     "pointing_at",
-    "pointing_directions",
     "quaternions_from_angles",
     "resampled",
     "retimed",
@@ -166,7 +159,6 @@ __all__ = [
     "start_frame",
     "stiffness_from_covariance",
     "target_frame",
-    "to_matrices",
     "turn_about_z",
     "turn_matrix",
     "warped_distance",

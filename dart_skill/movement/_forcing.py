@@ -11,9 +11,6 @@ How the goal of a discrete primitive moves: a smooth path from start to goal, an
 A spring-damper that is pulled by this attractor follows the path.
 """
 
-from functools import lru_cache
-from typing import TypeVar
-
 import numpy as np
 
 # Value of a kernel at its neighbour's centre.
@@ -86,14 +83,6 @@ class PeriodicKernels:
 Kernels = GaussianKernels | PeriodicKernels
 
 
-@lru_cache(maxsize=64)
-def gaussian_kernels(n_basis: int, decay: float) -> GaussianKernels:
-    """The same for all primitives that have these, as they never change: making them takes a tenth
-    of the time of learning.
-    """
-    return GaussianKernels(n_basis, decay)
-
-
 def _ties(neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The matrix of the squares of differences (m, n_basis), and the penalties of the joint
     regression, both (n_basis, n_basis).
@@ -163,14 +152,9 @@ def regress_jointly(
 REGRESSIONS = {"joint": regress_jointly, "local": regress_locally}
 
 
-Number = TypeVar("Number", float, np.ndarray)
-
 # The blend is s^5 times this polynomial, lowest power first: its first four derivatives are zero
 # at s = 0 and s = 1.
 BLEND = [126.0, -420.0, 540.0, -315.0, 70.0]
-# For up to so many values, Python numbers are faster than arrays; an online step needs three
-# values.
-FEW = 5
 
 
 def blend(progress: np.ndarray) -> np.ndarray:
@@ -196,17 +180,10 @@ class BlendAttractor:
         self._coefficients = path[3:].tolist()
 
     def __call__(self, progress: np.ndarray) -> np.ndarray:
-        if len(progress) <= FEW:
-            return np.array(
-                [
-                    _polynomial(min(max(s, 0.0), 1.0), 3, self._coefficients)
-                    for s in progress.tolist()
-                ]
-            )
         return _polynomial(np.clip(progress, 0.0, 1.0), 3, self._coefficients)
 
 
-def _polynomial(s: Number, power: int, coefficients: list[float]) -> Number:
+def _polynomial(s: np.ndarray, power: int, coefficients: list[float]) -> np.ndarray:
     """s^power (c_0 + c_1 s + ...) by Horner's rule."""
     value = coefficients[-1] * s
     for coefficient in coefficients[-2:0:-1]:

@@ -47,13 +47,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_finite, as_number
-from dart_skill.movement._demonstrations import Demonstration, as_demonstrations, shares
+from dart_skill.movement._demonstrations import ShownMovement, as_demonstrations, shares
 from dart_skill.movement._forcing import (
     REGRESSIONS,
     BlendAttractor,
+    GaussianKernels,
     PeriodicKernels,
     blend,
-    gaussian_kernels,
 )
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
 from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState, Trajectory
@@ -117,7 +117,7 @@ class DiscretePrimitive(Primitive):
                 f"regression must be one of {[*REGRESSIONS, 'path']}, got {regression!r}"
             )
         super().__init__(
-            gaussian_kernels(n_basis, decay),
+            GaussianKernels(n_basis, decay),
             n_basis,
             stiffness,
             "joint" if regression == "path" else regression,
@@ -169,7 +169,7 @@ class DiscretePrimitive(Primitive):
 
     def _approach_paths(
         self,
-        demonstrations: list[Demonstration],
+        demonstrations: list[ShownMovement],
         starts: np.ndarray,
         goals: np.ndarray,
         speeds: np.ndarray,

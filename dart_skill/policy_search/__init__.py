@@ -17,9 +17,9 @@ from dart_skill.policy_search._power import PoWER, population
 from dart_skill.policy_search._primitive import PrimitivePoWER, PrimitiveTrial
 from dart_skill.policy_search._search import (
     Search,
-    Settings,
-    Told,
-    Trial,
+    SearchSettings,
+    SearchTrial,
+    ToldTrial,
     VectorSearch,
     generator_state,
     restored_generator,
@@ -29,8 +29,8 @@ from dart_skill.policy_search._weights import among_best, return_weights
 
 __all__ = [
     "GaussianPolicy",
-    "Settings",
-    "Told",
+    "SearchSettings",
+    "ToldTrial",
     "VectorSearch",
     "among_best",
     "population",
@@ -43,7 +43,7 @@ __all__ = [
     "Readings",
     "Search",
     "Sharpening",
-    "Trial",
+    "SearchTrial",
     "generator_state",
     "restored_generator",
     "return_weights",

@@ -30,7 +30,7 @@ import numpy as np
 
 from dart_skill.mixture import GaussianMixture, symmetric
 from dart_skill.policy_search._policy import NOISE, GaussianPolicy
-from dart_skill.policy_search._search import Settings, Told
+from dart_skill.policy_search._search import SearchSettings, ToldTrial
 from dart_skill.policy_search._weights import return_weights
 
 DEAD_SHARE = 1e-6  # a component with less than this share of all weight is dropped
@@ -50,7 +50,7 @@ class MixturePolicy:
     d) along axes (K, d, d).
     """
 
-    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings):
+    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: SearchSettings):
         d = start.size
         self.start, self.scale, self._settings = start, scale, settings
         self.priors, self.means = np.ones(1), np.zeros((1, d))
@@ -171,13 +171,13 @@ class _Component:
 
     label: int
     policy: GaussianPolicy
-    waiting: list[Told] = field(default_factory=list)
+    waiting: list[ToldTrial] = field(default_factory=list)
 
 
 class SizedMixture(MixturePolicy):
     """The mixture of `MixturePolicy`, whose components learn from their own trials only."""
 
-    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings):
+    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: SearchSettings):
         super().__init__(start, scale, settings)
         self._n_labels = 0
         self._components = [self._new()]
@@ -189,7 +189,7 @@ class SizedMixture(MixturePolicy):
     def draw(self, component: int, noise: np.ndarray) -> np.ndarray:
         return self._components[component].policy.draw(noise)
 
-    def learn(self, label: int, told: Told) -> bool:
+    def learn(self, label: int, told: ToldTrial) -> bool:
         """Learn from a trial of the component with this label; True if that made its batch full
         and it took a step.
 
@@ -289,7 +289,7 @@ class SizedMixture(MixturePolicy):
             component.label = int(part["label"])
             component.policy.restore(part["policy"])
             component.waiting = [
-                Told(number, *(np.array(value, dtype=float) for value in values))
+                ToldTrial(number, *(np.array(value, dtype=float) for value in values))
                 for number, *values in part["waiting"]
             ]
             self._components.append(component)

@@ -24,7 +24,13 @@ from dart_skill.common.checks import as_count, as_number
 from dart_skill.mixture import GaussianMixture, SplitMerge, adapt, data_spectroscopy
 from dart_skill.policy_search._mixture_policy import MixturePolicy, SizedMixture
 from dart_skill.policy_search._power import population, with_defaults
-from dart_skill.policy_search._search import Search, Settings, Told, as_spread, first_guess
+from dart_skill.policy_search._search import (
+    Search,
+    SearchSettings,
+    ToldTrial,
+    as_spread,
+    first_guess,
+)
 from dart_skill.policy_search._weights import return_weights
 
 CHOICES = {
@@ -248,7 +254,7 @@ class MixturePoWER(Search):
         self.n_updates += moved or shared
         return moved or shared
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         returns = np.array([trial.outcome for trial in told])
         weights = return_weights(returns, len(returns), self.settings.weighting)
         points = self._policy.relative(np.array([trial.tried for trial in told]))
@@ -322,7 +328,7 @@ class MixturePoWER(Search):
 
     @classmethod
     def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
+        cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> MixturePoWER:
         readings = {**state["readings"], "rule": SplitMerge(**state["readings"]["rule"])}
         search = cls(

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_vector
-from dart_skill.policy_search._search import Settings, VectorSearch
+from dart_skill.policy_search._search import SearchSettings, VectorSearch
 
 FULL_MODEL = 10  # up to so many parameters H is a full matrix; the model then has 66 coefficients
 # weight, in trials, of the prior (slope zero, the last curvature), so that few trials give a well-
@@ -270,7 +270,7 @@ class NicheSearch(VectorSearch):
     def __init__(
         self, parameters: ArrayLike, spread: ArrayLike, limits: ArrayLike, rng: np.random.Generator
     ):
-        settings = Settings(
+        settings = SearchSettings(
             "constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist())
         )
         super().__init__(parameters, spread, settings, rng)
@@ -291,7 +291,7 @@ class NicheSearch(VectorSearch):
 
     @classmethod
     def _from_policy_state(
-        cls: type[AnyNicheSearch], state: dict, settings: Settings, rng: np.random.Generator
+        cls: type[AnyNicheSearch], state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> AnyNicheSearch:
         search = cls(
             state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"]

@@ -39,7 +39,7 @@ from dart_skill.policy_search._niche import (
     forecast,
     n_coefficients,
 )
-from dart_skill.policy_search._search import Settings, Told
+from dart_skill.policy_search._search import SearchSettings, ToldTrial
 
 SCOUT = -1  # identity of a trial that belongs to no niche
 LANDMARKS = 150  # number of trials, of scouts and of all niches but the best, that are remembered
@@ -395,7 +395,7 @@ class Niches(NicheSearch):
 
     # Learning
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         place, identity, earned = (
             told[0].noise[:-1],
             int(told[0].noise[-1]),
@@ -552,7 +552,7 @@ class Niches(NicheSearch):
 
     @classmethod
     def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
+        cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> Niches:
         search = super()._from_policy_state(state, settings, rng)
         search._indices = tuple(state["indices"])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.policy_search._search import Settings
+from dart_skill.policy_search._search import SearchSettings
 
 
 def with_constant_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
@@ -95,7 +95,9 @@ class GaussianPolicy:
     variances (d,) along axes (d, d). With `diagonal` the axes are those of the parameters.
     """
 
-    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings, diagonal: bool):
+    def __init__(
+        self, start: np.ndarray, scale: np.ndarray, settings: SearchSettings, diagonal: bool
+    ):
         d = start.size
         self.start, self.scale, self._settings = start, scale, settings
         self.mean: np.ndarray = np.zeros(d)

@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 from dart_skill.common.checks import as_count, as_number
 from dart_skill.policy_search._gaussian_process import BlurredNoise
 from dart_skill.policy_search._niche import Niche, NicheSearch
-from dart_skill.policy_search._search import Settings, Told
+from dart_skill.policy_search._search import SearchSettings, ToldTrial
 
 TOP, SCOUT, PROBE = 0, 1, 2  # kinds of trials: about the best top, of another place, of a star
 RECORDS = 300  # number of latest trials that the process uses
@@ -255,7 +255,7 @@ class Sharpening(NicheSearch):
 
     # Learning
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         place, (kind, identity) = told[0].noise[:-2], told[0].noise[-2:].astype(int)
         number, earned = told[0].number, float(told[0].outcome)
         if kind != TOP:
@@ -374,7 +374,7 @@ class Sharpening(NicheSearch):
 
     @classmethod
     def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
+        cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> Sharpening:
         search = super()._from_policy_state(state, settings, rng)
         search._niche = Niche.from_state(state["niche"])

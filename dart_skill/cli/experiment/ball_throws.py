@@ -133,16 +133,17 @@ def add_basket(experiments: argparse._SubParsersAction) -> None:
 
 
 def _basket(options: argparse.Namespace) -> int:
-    from dart_skill.experiments.studies.basket import Task, run_all, summarise, table
+    from dart_skill.experiments.parallel import run_tasks
+    from dart_skill.experiments.studies.basket import BasketTask, run, summarise, table
 
     models = tuple(options.models.split(","))
     numbers = [int(number) for number in options.demonstrations.split(",")]
     tasks = [
-        Task(seed, models, number, options.throws)
+        BasketTask(seed, models, number, options.throws)
         for number in numbers
         for seed in range(options.seeds)
     ]
-    results = run_all(tasks, options.results, options.jobs, options.scheduler)
+    results = run_tasks(run, tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))
     if options.figure:
         from dart_skill.experiments.studies.basket_maps import draw_basket
@@ -216,7 +217,8 @@ def add_practice(experiments: argparse._SubParsersAction) -> None:
 
 def _practice(options: argparse.Namespace) -> int:
     from dart_skill.common.fleet import arm_named
-    from dart_skill.experiments.studies.practice import Task, run_all, summarise, table
+    from dart_skill.experiments.parallel import run_tasks
+    from dart_skill.experiments.studies.practice import PracticeTask, run, summarise, table
     from dart_skill.experiments.studies.throws import arm_of
 
     tested = tuple(int(number) for number in options.tested_after.split(","))
@@ -237,13 +239,13 @@ def _practice(options: argparse.Namespace) -> int:
         "configuration": options.configuration or "default",
     }
     tasks = [
-        Task(seed, method, int(shown), change=change, **shared)
+        PracticeTask(seed, method, int(shown), change=change, **shared)
         for shown in options.demonstrations.split(",")
         for change in options.changes.split(",")
         for method in options.methods.split(",")
         for seed in range(options.first_seed, options.first_seed + options.seeds)
     ]
-    results = run_all(tasks, options.results, options.jobs, options.scheduler)
+    results = run_tasks(run, tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))
     if options.figure:
         from dart_skill.experiments.studies.practice_curves import draw_practice

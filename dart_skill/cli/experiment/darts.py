@@ -157,10 +157,11 @@ def _add_runs(parser: argparse.ArgumentParser, methods: str) -> None:
 
 
 def _search(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.parallel import run_tasks
     from dart_skill.experiments.studies.dart_search import (
         LANDSCAPES,
-        Task,
-        run_tasks,
+        SearchTask,
+        run,
         summarise,
         table,
     )
@@ -170,11 +171,11 @@ def _search(options: argparse.Namespace) -> int:
     schedules = list(LANDSCAPES) if options.schedules == "all" else options.schedules.split(",")
     kinds = [(method, schedule) for schedule in schedules for method in options.methods.split(",")]
     tasks = [
-        Task(*kind, seed, options.reward, options.stop_after)
+        SearchTask(*kind, seed, options.reward, options.stop_after)
         for kind in kinds
         for seed in range(options.seeds)
     ]
-    runs = run_tasks(tasks, options.results, options.jobs, options.scheduler)
+    runs = run_tasks(run, tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(runs), indent=1) if options.json else table(runs))
     return 0
 

@@ -23,8 +23,8 @@ from dart_skill.common.checks import as_count, as_number
 from dart_skill.policy_search import (
     GaussianPolicy,
     PoWER,
-    Settings,
-    Told,
+    SearchSettings,
+    ToldTrial,
     VectorSearch,
     among_best,
     population,
@@ -34,8 +34,10 @@ LIMITS = (1e-8, 1e4)
 """Limits of the exploration, relative to the spread at the start."""
 
 
-def _settings(batch: int, best: int, latest: int, minimum_exploration: float = 0.0) -> Settings:
-    return Settings("constant", "rank", batch, best, latest, minimum_exploration, LIMITS)
+def _settings(
+    batch: int, best: int, latest: int, minimum_exploration: float = 0.0
+) -> SearchSettings:
+    return SearchSettings("constant", "rank", batch, best, latest, minimum_exploration, LIMITS)
 
 
 class CrossEntropy(VectorSearch):
@@ -98,7 +100,7 @@ class CrossEntropy(VectorSearch):
         noise = self._rng.standard_normal(self._start.size)
         return noise, self._policy.draw(noise)
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         returns = np.array([trial.outcome for trial in told])
         if returns.min() == returns.max():
             return False
@@ -176,9 +178,9 @@ class RandomRestarts(PoWER):
         noise, tried = super()._draw()
         return np.append(noise, self._runs), tried
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         ours = [
-            Told(one.number, one.noise[:-1], one.tried, one.outcome)
+            ToldTrial(one.number, one.noise[:-1], one.tried, one.outcome)
             for one in told
             if one.noise[-1] == self._runs
         ]
@@ -256,7 +258,7 @@ class MonteCarlo(VectorSearch):
         noise = self._rng.uniform(-self._reach, self._reach, self._start.size)
         return noise, self._start + self._scale * noise
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         points, returns = self._relative(told), np.array([trial.outcome for trial in told])
         squares = np.square(points).sum(axis=1)
         near = np.argsort(
@@ -320,7 +322,7 @@ class CMAES(VectorSearch):
         noise = np.array(self._strategy.ask(1)[0])
         return noise, self._start + self._scale * noise
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         returns = [float(one.outcome) for one in told]
         self._strategy.tell([one.noise for one in told], [-value for value in returns])
         return True

@@ -11,13 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from dart_skill.common.regions import REGION, Region
-from dart_skill.experiments import runs
 from dart_skill.experiments.studies.practice import teach
 from dart_skill.session import Session
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
@@ -31,7 +29,7 @@ distances.
 
 
 @dataclass(frozen=True)
-class Task:
+class BasketTask:
     """One teacher, all models learned from the same demonstrations and tried on the same baskets.
     throws: of each model.
     """
@@ -52,13 +50,13 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Run:
+class BasketRun:
     """targets (throws, 3) [m]; per model (models, throws): along and across [m], nan without a
     landing that was seen, and whether it went in; refused: whether there was no plan, or it was
     stopped; shown (demonstrations, 3): where the demonstrations landed, or their baskets.
     """
 
-    task: Task
+    task: BasketTask
     targets: tuple[tuple[float, ...], ...]
     along: tuple[tuple[float, ...], ...]
     across: tuple[tuple[float, ...], ...]
@@ -67,7 +65,7 @@ class Run:
     shown: tuple[tuple[float, ...], ...]
 
 
-def run(task: Task) -> Run:
+def run(task: BasketTask) -> BasketRun:
     """Teach once; learn and throw with every model."""
     session = Session(task.seed)
     try:
@@ -77,7 +75,7 @@ def run(task: Task) -> Run:
         for name in task.models:
             skill = learn_throwing(shown, configuration(name))
             thrown.append([_throw(session, skill, target) for target in targets])
-        return Run(
+        return BasketRun(
             task,
             _rows(targets),
             tuple(tuple(one.along for one in throws) for throws in thrown),
@@ -94,29 +92,22 @@ def _rows(points: Iterable[np.ndarray]) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(x) for x in point) for point in points)
 
 
-class _Thrown(NamedTuple):
+class _TriedThrow(NamedTuple):
     along: float
     across: float
     in_basket: bool
     refused: bool
 
 
-def _throw(session: Session, skill: ThrowingSkill, target: np.ndarray) -> _Thrown:
+def _throw(session: Session, skill: ThrowingSkill, target: np.ndarray) -> _TriedThrow:
     try:
         outcome = session.throw(skill.plan(target)).outcome
     except ValueError:
-        return _Thrown(np.nan, np.nan, False, True)
+        return _TriedThrow(np.nan, np.nan, False, True)
     away, ahead = outcome.landing[:2] - target[:2], target[:2] / np.hypot(*target[:2])
-    return _Thrown(
+    return _TriedThrow(
         float(away @ ahead), float(away @ [-ahead[1], ahead[0]]), bool(outcome.in_basket), False
     )
-
-
-def run_all(
-    tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = ""
-) -> list[Run]:
-    """Every task once; those that stand in the file of results already are not run again."""
-    return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
 
 
 def place_of(targets: np.ndarray) -> np.ndarray:
@@ -130,7 +121,7 @@ def place_of(targets: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Throws:
+class ModelThrows:
     """All throws of a model: targets (n, 3), miss along and across (n, 2) [m], in_basket (n,),
     refused (n,).
     """
@@ -144,13 +135,13 @@ class Throws:
     def error(self) -> np.ndarray:
         return np.linalg.norm(self.miss, axis=1)
 
-    def only(self, kept: np.ndarray) -> Throws:
-        return Throws(
+    def only(self, kept: np.ndarray) -> ModelThrows:
+        return ModelThrows(
             self.targets[kept], self.miss[kept], self.in_basket[kept], self.refused[kept]
         )
 
 
-def throws_of(results: list[Run], model: str, demonstrations: int) -> Throws:
+def throws_of(results: list[BasketRun], model: str, demonstrations: int) -> ModelThrows:
     """Throws of one model after so many demonstrations, over all runs that have them; ValueError
     if none has.
     """
@@ -166,12 +157,12 @@ def throws_of(results: list[Run], model: str, demonstrations: int) -> Throws:
         np.concatenate([getattr(one, name)[k] for one, k in parts])
         for name in ("in_basket", "refused")
     )
-    return Throws(
+    return ModelThrows(
         np.concatenate([one.targets for one, _ in parts]), np.concatenate(miss), inside, refused
     )
 
 
-def summarise(results: list[Run]) -> list[dict]:
+def summarise(results: list[BasketRun]) -> list[dict]:
     """One row per model, number of demonstrations and place: throws, in the basket, refused,
     median and 90 % of the error [cm].
     """
@@ -200,7 +191,7 @@ def summarise(results: list[Run]) -> list[dict]:
     return rows
 
 
-def table(results: list[Run]) -> str:
+def table(results: list[BasketRun]) -> str:
     """The rows of `summarise` as text."""
     lines = [f"{'model':<18}{'shown':>6}" + "".join(f"{place:>44}" for place in PLACES)]
     rows = summarise(results)

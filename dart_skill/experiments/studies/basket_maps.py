@@ -23,7 +23,14 @@ from matplotlib.patches import Patch, Wedge
 from matplotlib.patheffects import withStroke
 
 from dart_skill.common.regions import REGION
-from dart_skill.experiments.studies.basket import ASKED, PLACES, Run, Throws, place_of, throws_of
+from dart_skill.experiments.studies.basket import (
+    ASKED,
+    PLACES,
+    BasketRun,
+    ModelThrows,
+    place_of,
+    throws_of,
+)
 from dart_skill.figures import (
     BLACK,
     BLUE,
@@ -85,7 +92,7 @@ class Cells:
                 )
 
 
-def cells_of(throws: Throws) -> Cells:
+def cells_of(throws: ModelThrows) -> Cells:
     """Sort throws into cells; one beyond the borders is an error."""
     azimuth, distance = (
         np.arctan2(throws.targets[:, 1], throws.targets[:, 0]),
@@ -120,7 +127,7 @@ def _cell(values: np.ndarray, borders: np.ndarray, what: str) -> np.ndarray:
     return index
 
 
-def draw_basket(results: Sequence[Run], folder: str | Path) -> list[Path]:
+def draw_basket(results: Sequence[BasketRun], folder: str | Path) -> list[Path]:
     """A map of every model and number of demonstrations, and the curve over these numbers if there
     are several; returns the paths.
     """
@@ -142,7 +149,7 @@ def draw_basket(results: Sequence[Run], folder: str | Path) -> list[Path]:
 
 
 def draw_map(
-    results: Sequence[Run], model: str, demonstrations: int, folder: str | Path
+    results: Sequence[BasketRun], model: str, demonstrations: int, folder: str | Path
 ) -> list[Path]:
     """Write `map_MODEL_N`; returns the paths."""
     throws = throws_of(list(results), model, demonstrations)
@@ -185,7 +192,7 @@ def draw_map(
         return save(figure, folder, f"map_{model}_{demonstrations}")
 
 
-def _share_title(throws: Throws, cells: Cells) -> str:
+def _share_title(throws: ModelThrows, cells: Cells) -> str:
     there = place_of(throws.targets) == 0
     part = throws.only(there)
     shown = (
@@ -200,7 +207,7 @@ def _share_title(throws: Throws, cells: Cells) -> str:
     )
 
 
-def _error_title(throws: Throws) -> str:
+def _error_title(throws: ModelThrows) -> str:
     seen = np.isfinite(throws.error)
     median = f"median {100 * np.median(throws.error[seen]):.1f} cm" if seen.any() else "no median"
     unseen = len(throws.error) - seen.sum() - throws.refused.sum()
@@ -318,7 +325,7 @@ def _legend() -> list:
     ]
 
 
-def draw_curve(results: Sequence[Run], folder: str | Path) -> list[Path]:
+def draw_curve(results: Sequence[BasketRun], folder: str | Path) -> list[Path]:
     """Write `curve`: success and median error against the number of demonstrations, per model and
     place; returns the paths.
     """
@@ -349,13 +356,15 @@ def draw_curve(results: Sequence[Run], folder: str | Path) -> list[Path]:
         return save(figure, folder, "curve")
 
 
-def _has(results: Sequence[Run], model: str, demonstrations: int) -> bool:
+def _has(results: Sequence[BasketRun], model: str, demonstrations: int) -> bool:
     return any(
         model in one.task.models and one.task.demonstrations == demonstrations for one in results
     )
 
 
-def _part(results: Sequence[Run], model: str, demonstrations: int, place: int) -> Throws:
+def _part(
+    results: Sequence[BasketRun], model: str, demonstrations: int, place: int
+) -> ModelThrows:
     throws = throws_of(list(results), model, demonstrations)
     return throws.only(place_of(throws.targets) == place)
 
@@ -371,7 +380,12 @@ def _place_title(place: int) -> str:
 
 
 def _draw_model(
-    share: Axes, error: Axes, points: list[tuple[int, Throws]], number: int, of: int, name: str
+    share: Axes,
+    error: Axes,
+    points: list[tuple[int, ModelThrows]],
+    number: int,
+    of: int,
+    name: str,
 ) -> None:
     """Points of a model, moved a little sideways so that none hides another."""
     points = [(n, throws) for n, throws in points if len(throws.error)]

@@ -44,7 +44,7 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Swing:
+class GrabbedThrow:
     """One throw. `varied` and `agreed` are the instants and axes in which the demonstrations
     varied most, and least.
 
@@ -63,7 +63,7 @@ class Swing:
 
 def run(
     seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5, name: str = ""
-) -> list[Swing]:
+) -> list[GrabbedThrow]:
     """All seeds, `jobs` processes at a time. throws: of each seed and kind; name: of the
     configuration, "" for the default one.
     """
@@ -71,7 +71,9 @@ def run(
     return all_of(one, seeds, jobs)
 
 
-def run_seed(seed: int, demonstrations: int = 13, throws: int = 5, name: str = "") -> list[Swing]:
+def run_seed(
+    seed: int, demonstrations: int = 13, throws: int = 5, name: str = ""
+) -> list[GrabbedThrow]:
     """The throws of one seed, of each kind at the same baskets; a plan that is refused is left
     out.
     """
@@ -90,7 +92,7 @@ def run_seed(seed: int, demonstrations: int = 13, throws: int = 5, name: str = "
     return swings
 
 
-def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -> Swing:
+def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -> GrabbedThrow:
     trial = session.throw(plan)
     if session.commander.opened_ns is None:
         raise PlanRefused(trial.message)
@@ -118,7 +120,7 @@ def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -
     def off(axis: int) -> float:
         return float(np.sqrt(np.mean(np.einsum("ni,ni->n", error, axes[:, :, axis]) ** 2)))
 
-    return Swing(
+    return GrabbedThrow(
         kind,
         (force(varied, -1), force(agreed, 0)),
         (off(-1), off(0)),
@@ -140,7 +142,7 @@ def _resistance(arm: Impedance, gains: PoseGains, state: PlantState, axis: np.nd
     return float(np.linalg.norm((off - without)[:3]))
 
 
-def table(swings: list[Swing]) -> str:
+def table(swings: list[GrabbedThrow]) -> str:
     """A row for each kind: medians over its throws. swings: every throw."""
     lines = [
         f"{'stiffness':<12}{'throws':>8}{'force where they varied, agreed [N]':>38}{'off the path there [mm]':>26}{'miss [cm]':>12}"

@@ -12,14 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 import scipy
 
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
-from dart_skill.experiments import runs
 from dart_skill.experiments.studies.baselines import (
     CMAES,
     CrossEntropy,
@@ -28,7 +26,7 @@ from dart_skill.experiments.studies.baselines import (
 )
 from dart_skill.experiments.studies.landscapes import LANDSCAPES, Landscape
 from dart_skill.experiments.studies.policy_gradients import EpisodicNaturalActorCritic, Reinforce
-from dart_skill.policy_search import MixturePoWER, Niches, PoWER, Readings, Sharpening, Trial
+from dart_skill.policy_search import MixturePoWER, Niches, PoWER, Readings, SearchTrial, Sharpening
 
 START, SPREAD = np.zeros(2), 75.0
 """First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""
@@ -53,7 +51,7 @@ class Schedule:
         return np.linspace(self.first, self.last, self.n_throws)
 
 
-class Darts:
+class DartLandscape:
     """The board as a landscape: the expected score of an aim (2,) [mm] for the thrower of the
     moment. schedule: of the thrower, by name.
     """
@@ -78,9 +76,9 @@ class Method(Protocol):
     @property
     def parameters(self) -> np.ndarray: ...
 
-    def ask(self) -> Trial: ...
+    def ask(self) -> SearchTrial: ...
 
-    def tell(self, trial: Trial, outcome: float, /) -> object: ...
+    def tell(self, trial: SearchTrial, outcome: float, /) -> object: ...
 
 
 class _Informed:
@@ -93,11 +91,11 @@ class _Informed:
     def parameters(self) -> np.ndarray:
         return self._agent.aim
 
-    def ask(self) -> Trial:
+    def ask(self) -> SearchTrial:
         self._n += 1
-        return Trial(self._n, self.parameters)
+        return SearchTrial(self._n, self.parameters)
 
-    def tell(self, trial: Trial, reward: float) -> None:
+    def tell(self, trial: SearchTrial, reward: float) -> None:
         self._agent.tell(int(reward))
 
 
@@ -144,7 +142,7 @@ units of that spread.
 
 
 @dataclass(frozen=True)
-class Task:
+class SearchTask:
     """One run. schedule: of the thrower, or the name of another landscape; stop_after: throws
     after which the search learns no more and throws at its best guess, 0 for never. reward:
     "expected", the expected score, or "thrown", the score of one dart.
@@ -182,7 +180,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Run:
+class SearchRun:
     """What came of a task: mean regret [points] of all throws and of the aim held for the best, of
     the latter in the last 50 throws, and the same per block of 10 throws; components of the
     mixture per block, 1 for others. offline_error, where a landscape changes at a blow: mean over
@@ -190,7 +188,7 @@ class Run:
     the last 50 throws.
     """
 
-    task: Task
+    task: SearchTask
     throw_regret: float
     best_regret: float
     end_regret: float
@@ -220,7 +218,7 @@ def best_scores(schedule: str) -> np.ndarray:
     return best
 
 
-def run(task: Task) -> Run:
+def run(task: SearchTask) -> SearchRun:
     """One search over one landscape. Seeds of the search, of the thrower's hand and of the
     landscape are independent.
     """
@@ -243,10 +241,10 @@ def run(task: Task) -> Run:
         if trial is not None:
             earned = float(rewards[0])
             if task.reward == "thrown":
-                assert isinstance(landscape, Darts)  # as the task has checked
+                assert isinstance(landscape, DartLandscape)  # as the task has checked
                 earned = landscape.thrown(both[0], n, throwing)
             search.tell(trial, earned)
-    return Run(
+    return SearchRun(
         task,
         float(tried.mean()),
         float(held.mean()),
@@ -263,7 +261,7 @@ def _in_blocks(values: np.ndarray) -> tuple[float, ...]:
 
 
 def _landscape(name: str, rng: np.random.Generator) -> Landscape:
-    return LANDSCAPES[name](rng) if name in LANDSCAPES else Darts(name)
+    return LANDSCAPES[name](rng) if name in LANDSCAPES else DartLandscape(name)
 
 
 def _offline_error(regrets: np.ndarray, changes: tuple[int, ...]) -> float | None:
@@ -271,25 +269,11 @@ def _offline_error(regrets: np.ndarray, changes: tuple[int, ...]) -> float | Non
     return float(np.concatenate(least).mean()) if changes else None
 
 
-def run_tasks(
-    tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = ""
-) -> list[Run]:
-    """Every task once; those that stand in the file of results already are not run again, and each
-    new one is added to it at once.
-    """
-    return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
-
-
-def read(results: Path) -> list[Run]:
-    """Runs of a file, one JSON object a line; ValueError names a line that is not one."""
-    return runs.read(results, Run, Task)
-
-
-def summarise(results: list[Run]) -> list[dict]:
+def summarise(results: list[SearchRun]) -> list[dict]:
     """One row per method, schedule, reward and stop: runs, and [lower quartile, median, upper
     quartile] over seeds of the regrets.
     """
-    groups: dict[tuple, list[Run]] = {}
+    groups: dict[tuple, list[SearchRun]] = {}
     for one in results:
         groups.setdefault(
             (one.task.method, one.task.schedule, one.task.reward, one.task.stop_after), []
@@ -326,7 +310,7 @@ REGRETS = {
 }
 
 
-def table(results: list[Run]) -> str:
+def table(results: list[SearchRun]) -> str:
     """The rows of `summarise` as text."""
     return table_of(summarise(results))
 

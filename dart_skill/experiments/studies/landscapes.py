@@ -42,7 +42,7 @@ class Landscape(Protocol):
         ...
 
 
-class Stage(Protocol):
+class LandscapeStage(Protocol):
     """A landscape that stays as it is; `best`: its highest reward."""
 
     @property
@@ -63,7 +63,7 @@ class StagedLandscape:
 
     start: np.ndarray
     spread: float
-    stages: tuple[Stage, ...]
+    stages: tuple[LandscapeStage, ...]
     changes: tuple[int, ...]
     n_trials: int = N_TRIALS
 

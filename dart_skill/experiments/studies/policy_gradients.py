@@ -50,7 +50,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number, as_samples, as_vector
 from dart_skill.experiments.studies.baselines import LIMITS
-from dart_skill.policy_search import Settings, Told, VectorSearch
+from dart_skill.policy_search import SearchSettings, ToldTrial, VectorSearch
 
 # share of the squared scores of all trials below which the others say nothing about a baseline
 NOTHING = 1e-12
@@ -194,7 +194,7 @@ class GradientSearch(VectorSearch):
         super().__init__(
             parameters,
             spread,
-            Settings(exploration, "rank", batch, batch, batch, 0.0, (low, high)),
+            SearchSettings(exploration, "rank", batch, batch, batch, 0.0, (low, high)),
             rng,
         )
         self._mean, self._sigma = np.zeros(self._start.size), np.ones(self._start.size)
@@ -231,7 +231,7 @@ class GradientSearch(VectorSearch):
         noise = self._rng.standard_normal(self._start.size)
         return noise, self._start + self._scale * (self._mean + self._sigma * noise)
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         returns = np.array([float(trial.outcome) for trial in told])
         if returns.min() == returns.max():
             return False

@@ -13,13 +13,11 @@ nothing is learned.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from dart_skill.common.regions import REGION
-from dart_skill.experiments import runs
 from dart_skill.experiments.studies import throws
 from dart_skill.recording import Demonstration
 from dart_skill.session import Session
@@ -32,7 +30,7 @@ CANDIDATES = 48
 
 
 @dataclass(frozen=True)
-class Task:
+class PracticeTask:
     """One run: demonstrations, then practised throws, with tests between them.
 
     * seed: of the simulated teacher, the arm and the baskets.
@@ -72,14 +70,14 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Run:
+class PracticeRun:
     """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors,
     test_in_basket: per test, its throws; nan where no throw came about or no landing was seen;
     spreads [m]: per basket of the last test, how far throws of one plan come down from their
     centre. notes: why throws did not come about.
     """
 
-    task: Task
+    task: PracticeTask
     errors: tuple[float, ...]
     in_basket: tuple[bool, ...]
     test_errors: tuple[tuple[float, ...], ...]
@@ -100,7 +98,7 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
     return kept
 
 
-def run(task: Task) -> Run:
+def run(task: PracticeTask) -> PracticeRun:
     """One teacher, one arm, one way to practise."""
     session = Session.on_arm(throws.arm_of(task.arm, task.seed), task.seed)
     try:
@@ -109,7 +107,7 @@ def run(task: Task) -> Run:
         session.close()
 
 
-def _run(task: Task, session: Session) -> Run:
+def _run(task: PracticeTask, session: Session) -> PracticeRun:
     shown, rng = (
         teach(session, task.seed, task.demonstrations),
         np.random.default_rng([task.seed, 4]),
@@ -120,8 +118,8 @@ def _run(task: Task, session: Session) -> Run:
         np.random.default_rng([task.seed, 5]),
         np.random.default_rng([task.seed, 6]),
     )
-    thrown: list[_Thrown] = []
-    tests: list[list[_Thrown]] = []
+    thrown: list[_PractisedThrow] = []
+    tests: list[list[_PractisedThrow]] = []
     notes: list[str] = []
     baskets = np.empty((0, 3))
     for n in range(task.throws + 1):
@@ -145,7 +143,7 @@ def _run(task: Task, session: Session) -> Run:
         if task.again
         else ()
     )
-    return Run(
+    return PracticeRun(
         task,
         tuple(throw.error for throw in thrown),
         tuple(throw.in_basket for throw in thrown),
@@ -182,7 +180,7 @@ def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray)
     raise ValueError(f"none of {len(baskets)} baskets can be reached")
 
 
-class _Thrown(NamedTuple):
+class _PractisedThrow(NamedTuple):
     """error [m]; miss [m]: the repeatable part of it; came_about: whether there was a throw."""
 
     error: float
@@ -194,38 +192,31 @@ class _Thrown(NamedTuple):
 
 def _throw(
     session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False
-) -> _Thrown:
+) -> _PractisedThrow:
     """One throw; only one that is practised is learned from."""
     try:
         plan = skill.plan(target, explore=learn)
         trial = session.throw(plan)
     except ValueError as reason:
-        return _Thrown(np.nan, False, np.nan, str(reason), False)
+        return _PractisedThrow(np.nan, False, np.nan, str(reason), False)
     error = float(trial.outcome.landing_error)
     if not learn:
-        return _Thrown(error, trial.outcome.in_basket, error, "", True)
+        return _PractisedThrow(error, trial.outcome.in_basket, error, "", True)
     told = skill.tell(plan, trial.demonstration)
     miss = np.hypot(*told.left) if np.isfinite(told.left).all() else error
-    return _Thrown(
+    return _PractisedThrow(
         error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason, True
     )
 
 
-def run_all(
-    tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = ""
-) -> list[Run]:
-    """Every task once; those that stand in the file of results already are not run again."""
-    return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
-
-
-def summarise(results: list[Run]) -> list[dict]:
+def summarise(results: list[PracticeRun]) -> list[dict]:
     """One row per method, demonstrations, change and number of practised throws: throws of the
     tests, share in the basket, median and 90 % of their error [cm], how many had none, and in how
     many runs the mean error was larger than before by more than two standard errors of the
     difference (`worse`); after the last ones floor_cm, the median of what one plan scatters, if
     that was seen.
     """
-    groups: dict[tuple, list[Run]] = {}
+    groups: dict[tuple, list[PracticeRun]] = {}
     for one in results:
         groups.setdefault((one.task.method, one.task.demonstrations, one.task.change), []).append(
             one
@@ -272,7 +263,7 @@ def _is_worse(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
     return bool(samples[1].mean() - samples[0].mean() > 2.0 * doubt)
 
 
-def _floor(group: list[Run]) -> float | None:
+def _floor(group: list[PracticeRun]) -> float | None:
     distances = [
         distance
         for one in group
@@ -283,7 +274,7 @@ def _floor(group: list[Run]) -> float | None:
     return round(100.0 * float(np.median(distances)), 3) if distances else None
 
 
-def table(results: list[Run]) -> str:
+def table(results: list[PracticeRun]) -> str:
     """The rows of `summarise` as text: one line per method, one column per number of practised
     throws.
     """

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from dart_skill.experiments.studies.basket_maps import wilson
-from dart_skill.experiments.studies.practice import Run, Task
+from dart_skill.experiments.studies.practice import PracticeRun, PracticeTask
 from dart_skill.figures import (
     BLACK,
     BLUE,
@@ -51,7 +51,7 @@ CHANGES = {
 
 
 def draw_practice(
-    results: Sequence[Run], folder: str | Path, floor: float | None = None
+    results: Sequence[PracticeRun], folder: str | Path, floor: float | None = None
 ) -> list[Path]:
     """Write a figure for every number of demonstrations and change; returns the paths. floor [m]:
     of the median error.
@@ -62,7 +62,7 @@ def draw_practice(
     return [path for kind in kinds for path in _draw(_of_kind(results, kind), folder, floor)]
 
 
-def _of_kind(results: Sequence[Run], kind: tuple[int, str, int]) -> list[Run]:
+def _of_kind(results: Sequence[PracticeRun], kind: tuple[int, str, int]) -> list[PracticeRun]:
     return [
         one
         for one in results
@@ -70,7 +70,7 @@ def _of_kind(results: Sequence[Run], kind: tuple[int, str, int]) -> list[Run]:
     ]
 
 
-def _draw(results: list[Run], folder: str | Path, floor: float | None) -> list[Path]:
+def _draw(results: list[PracticeRun], folder: str | Path, floor: float | None) -> list[Path]:
     task, methods = (
         results[0].task,
         [method for method in METHODS if any(one.task.method == method for one in results)],
@@ -122,7 +122,7 @@ def _draw(results: list[Run], folder: str | Path, floor: float | None) -> list[P
         return save(figure, folder, f"practice_{task.demonstrations}_{task.change}{after}")
 
 
-def errors_after(results: Sequence[Run], n: int) -> tuple[np.ndarray, np.ndarray]:
+def errors_after(results: Sequence[PracticeRun], n: int) -> tuple[np.ndarray, np.ndarray]:
     """Error (m,) [m], nan if unknown, and whether it went in (m,), of the test throws after n
     practised ones, over all runs.
     """
@@ -136,7 +136,12 @@ def errors_after(results: Sequence[Run], n: int) -> tuple[np.ndarray, np.ndarray
 
 
 def _draw_method(
-    error: Axes, share: Axes, results: list[Run], shift: float, counts: list[int], method: str
+    error: Axes,
+    share: Axes,
+    results: list[PracticeRun],
+    shift: float,
+    counts: list[int],
+    method: str,
 ) -> None:
     """Points of a method; shift: sideways, as a share of the way between two tests."""
     colour, marker = LOOKS[method]
@@ -163,7 +168,7 @@ def _draw_method(
         axes.errorbar(x, middle, [middle - low, high - middle], label=method, **look)
 
 
-def _describe(axes: Axes, counts: list[int], task: Task) -> None:
+def _describe(axes: Axes, counts: list[int], task: PracticeTask) -> None:
     """The tests at equal distances, and the change if it comes between two of them."""
     axes.set_xticks(range(len(counts)), labels=[str(n) for n in counts])
     axes.set_xlabel("own throws")
@@ -183,7 +188,7 @@ def _describe(axes: Axes, counts: list[int], task: Task) -> None:
         )
 
 
-def _title(results: list[Run]) -> str:
+def _title(results: list[PracticeRun]) -> str:
     task = results[0].task
     change = f", then {CHANGES[task.change]}" if task.change != "none" else ""
     errors = [error for one in results for test in one.test_errors for error in test]
@@ -197,7 +202,7 @@ def _title(results: list[Run]) -> str:
     return f"After {task.demonstrations} demonstrations{change}{arm}{note}"
 
 
-def _counted(results: list[Run]) -> str:
+def _counted(results: list[PracticeRun]) -> str:
     runs = [
         sum(one.task.method == method for one in results)
         for method in dict.fromkeys(one.task.method for one in results)

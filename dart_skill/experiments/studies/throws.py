@@ -22,7 +22,7 @@ from dart_skill.skills.practice import Practice
 
 
 @dataclass(frozen=True)
-class Throw:
+class ThrowResult:
     """One throw at a new basket.
 
     * seed: of everything random.
@@ -54,7 +54,7 @@ def run_seed(
     throws: int = 10,
     arms: str = "ideal",
     settings: tuple[str, ...] = (),
-) -> list[Throw]:
+) -> list[ThrowResult]:
     """All throws of one seed: one set of demonstrations, each configuration thrown at the same
     baskets.
 
@@ -109,14 +109,14 @@ def taught(session: Session, target: np.ndarray) -> Trial | None:
     return lesson if lesson.outcome.in_basket else None
 
 
-def _not_thrown(seed: int, arm: str, name: str, target: np.ndarray, why: str) -> Throw:
+def _not_thrown(seed: int, arm: str, name: str, target: np.ndarray, why: str) -> ThrowResult:
     x, y, z = (float(value) for value in target)
-    return Throw(seed, arm, name, (x, y, z), np.nan, np.nan, False, why)
+    return ThrowResult(seed, arm, name, (x, y, z), np.nan, np.nan, False, why)
 
 
 def _throw(
     session: Session, seed: int, arm: str, name: str, skill: ThrowingSkill, target: np.ndarray
-) -> Throw:
+) -> ThrowResult:
     x, y, z = (float(value) for value in target)
     try:
         plan = skill.plan(target)
@@ -128,7 +128,7 @@ def _throw(
     across = float(miss @ [-direction[1], direction[0]])
     here = plan.path.position[np.abs(plan.path.time - plan.release).argmin()]
     let_go = (float(here[0]), float(here[1]), float(here[2]))
-    return Throw(
+    return ThrowResult(
         seed,
         arm,
         name,
@@ -150,7 +150,7 @@ def run(
     arms: str = "ideal",
     settings: tuple[str, ...] = (),
     scheduler: str = "",
-) -> list[Throw]:
+) -> list[ThrowResult]:
     """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms,
     settings: as in `run_seed`.
 
@@ -168,7 +168,7 @@ def run(
     return all_of(one, seeds, jobs, scheduler)
 
 
-def summarise(results: list[Throw]) -> list[dict]:
+def summarise(results: list[ThrowResult]) -> list[dict]:
     """One row per configuration: throws, in the basket, median and 90 % of the error, bias and
     spread along and across [cm].
     """
@@ -202,7 +202,7 @@ def summarise(results: list[Throw]) -> list[dict]:
     return rows
 
 
-def summary(results: list[Throw]) -> dict:
+def summary(results: list[ThrowResult]) -> dict:
     """Throws, those in the basket, and the median and 90 % of the error [m]; a throw that was not
     seen counts as farther than all.
     """
@@ -222,7 +222,7 @@ def summary(results: list[Throw]) -> dict:
     }
 
 
-def best_possible(results: list[Throw], settings: tuple[str, ...] = ()) -> float | None:
+def best_possible(results: list[ThrowResult], settings: tuple[str, ...] = ()) -> float | None:
     """Share of these throws that would be in with the best of all plans, given how the arm's
     fingers scatter direction and speed.
 
@@ -241,7 +241,7 @@ def best_possible(results: list[Throw], settings: tuple[str, ...] = ()) -> float
     return float(np.mean(shares)) if shares else None
 
 
-def table(results: list[Throw]) -> str:
+def table(results: list[ThrowResult]) -> str:
     """The rows of `summarise` as text, with the reasons of misses below."""
     wide = max([15, *(len(result.configuration) for result in results)]) + 1
     head = (

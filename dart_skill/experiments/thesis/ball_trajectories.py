@@ -115,7 +115,7 @@ def draw_8_9(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
 
 
 def measured_8_9(
-    seed: int, shown: list[ball_throws.Trajectory], made: ball_throws.Trajectory, miss: float
+    seed: int, shown: list[ball_throws.DrawnThrow], made: ball_throws.DrawnThrow, miss: float
 ) -> dict:
     """The generated throw, and where plans for ten new baskets expect the ball, local model and
     global ones.
@@ -135,7 +135,7 @@ def measured_8_9(
     }
 
 
-def _range(shown: list[ball_throws.Trajectory]) -> str:
+def _range(shown: list[ball_throws.DrawnThrow]) -> str:
     speeds = [one.speed for one in shown]
     return f"{min(speeds):.2f} to {max(speeds):.2f}"
 

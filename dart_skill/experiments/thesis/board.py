@@ -94,7 +94,7 @@ SPACING_6_2 = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class SearchMoment:
     """After so many throws: sigma [mm], the last trials (n, 2) [mm], and the mixture."""
 
     throws: int
@@ -103,7 +103,7 @@ class Moment:
     mixture: GaussianMixture
 
 
-def compute_6_2(seed: int = 0) -> tuple[list[Moment], list[int]]:
+def compute_6_2(seed: int = 0) -> tuple[list[SearchMoment], list[int]]:
     """The moments of one run on the thesis's schedule, and the throws after which the number of
     components changed.
     """
@@ -112,7 +112,7 @@ def compute_6_2(seed: int = 0) -> tuple[list[Moment], list[int]]:
         SCHEDULES["thesis"].sigmas,
     )
     tried, before = np.empty((len(sigmas), 2)), 1
-    moments: list[Moment] = []
+    moments: list[SearchMoment] = []
     changes: list[int] = []
     for n, sigma in enumerate(sigmas, start=1):
         trial = search.ask()
@@ -123,7 +123,7 @@ def compute_6_2(seed: int = 0) -> tuple[list[Moment], list[int]]:
             before = search.n_components
         if n in MOMENTS:
             moments.append(
-                Moment(n, float(sigma), tried[max(0, n - LATEST) : n].copy(), search.mixture)
+                SearchMoment(n, float(sigma), tried[max(0, n - LATEST) : n].copy(), search.mixture)
             )
     return moments, changes
 
@@ -144,7 +144,7 @@ def draw_6_2(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         return save(figure, folder, "figure_6_2"), measured_6_2(moments, changes)
 
 
-def measured_6_2(moments: list[Moment], changes: list[int]) -> dict:
+def measured_6_2(moments: list[SearchMoment], changes: list[int]) -> dict:
     return {
         "components": {str(one.throws): len(one.mixture.priors_) for one in moments},
         "changes": len(changes),
@@ -152,7 +152,7 @@ def measured_6_2(moments: list[Moment], changes: list[int]) -> dict:
     }
 
 
-def _draw_moment(axes: Axes, moment: Moment, heat: HeatMap, highest: float) -> AxesImage:
+def _draw_moment(axes: Axes, moment: SearchMoment, heat: HeatMap, highest: float) -> AxesImage:
     edge = heat.x[-1] + 0.5 * SPACING_6_2
     look: dict[str, Any] = {
         "cmap": quantity_colours(),

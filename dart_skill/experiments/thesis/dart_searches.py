@@ -21,13 +21,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from dart_skill.experiments.parallel import run_tasks
 from dart_skill.experiments.studies.dart_search import (
     BLOCK,
     END,
     SCHEDULES,
-    Run,
-    Task,
-    run_tasks,
+    SearchRun,
+    SearchTask,
+    run,
     summarise,
     table_of,
 )
@@ -51,13 +52,15 @@ CURVES = {
 }
 
 
-def compute_6_3(seed: int = 0, jobs: int = 0) -> dict[str, list[Run]]:
+def compute_6_3(seed: int = 0, jobs: int = 0) -> dict[str, list[SearchRun]]:
     """Runs of every curve."""
     tasks = {
-        name: [Task(method, "thesis", seed + n, "expected", stop) for n in range(N_SEEDS_6_3)]
+        name: [
+            SearchTask(method, "thesis", seed + n, "expected", stop) for n in range(N_SEEDS_6_3)
+        ]
         for name, ((method, stop), _) in CURVES.items()
     }
-    runs = iter(run_tasks([task for group in tasks.values() for task in group], jobs=jobs))
+    runs = iter(run_tasks(run, [task for group in tasks.values() for task in group], jobs=jobs))
     return {name: [next(runs) for _ in group] for name, group in tasks.items()}
 
 
@@ -90,7 +93,7 @@ def draw_6_3(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         return save(figure, folder, "figure_6_3"), measured_6_3(runs)
 
 
-def measured_6_3(runs: dict[str, list[Run]]) -> dict:
+def measured_6_3(runs: dict[str, list[SearchRun]]) -> dict:
     """Mean number of components, of all throws and at the end, and median regret of the best known
     aim of each curve.
     """
@@ -146,13 +149,14 @@ LOWEST = 1e-3
 """What is less is drawn here [points per throw]."""
 
 
-def compute_regrets(results: Path | None = None, seed: int = 0, jobs: int = 0) -> list[Run]:
+def compute_regrets(results: Path | None = None, seed: int = 0, jobs: int = 0) -> list[SearchRun]:
     """Runs of every method on both schedules; those in the file of results are taken from there."""
     rewards = {method: "thrown" if method == "model_based" else "expected" for method in METHODS}
     kinds = [(method, schedule) for schedule in DRAWN for method in METHODS]
     return run_tasks(
+        run,
         [
-            Task(*kind, seed + n, rewards[kind[0]])
+            SearchTask(*kind, seed + n, rewards[kind[0]])
             for kind in kinds
             for n in range(N_SEEDS_regrets)
         ],

@@ -48,7 +48,7 @@ COLOURS, STYLES = {"global": BLUE, "local": VERMILION}, {"start": "--", "release
 
 
 @dataclass(frozen=True)
-class Case:
+class BasketCase:
     """Where baskets stand: angle to either side [degrees], and spread of the distance to either
     side [m].
     """
@@ -63,19 +63,22 @@ class Case:
         )
 
 
-CASES = (*(Case(angle, 0.0) for angle in ANGLES), *(Case(ANGLES[0], spread) for spread in SPREADS))
+CASES = (
+    *(BasketCase(angle, 0.0) for angle in ANGLES),
+    *(BasketCase(ANGLES[0], spread) for spread in SPREADS),
+)
 
 
 @dataclass(frozen=True)
-class Task:
+class SuccessTask:
     """One teacher in one case. throws: of each model with each clock."""
 
     teacher: int
-    case: Case
+    case: BasketCase
     throws: int
 
 
-def successes(task: Task) -> list[list[int]]:
+def successes(task: SuccessTask) -> list[list[int]]:
     """How many throws of the models (2) with the clocks (2) went in; a throw without a plan did
     not.
     """
@@ -113,13 +116,15 @@ def compute_8_4_4(
     seed: int = 0,
     teachers: int = N_TEACHERS,
     throws: int = N_THROWS,
-    cases: Sequence[Case] = CASES,
+    cases: Sequence[BasketCase] = CASES,
 ) -> np.ndarray:
     """Share of throws that went in: (cases, teachers, models, clocks)."""
     if teachers < 1 or throws < 1:
         raise ValueError(f"{teachers} teachers and {throws} throws: give at least one of each")
     tasks = [
-        Task(1000 * seed + teacher, case, throws) for case in cases for teacher in range(teachers)
+        SuccessTask(1000 * seed + teacher, case, throws)
+        for case in cases
+        for teacher in range(teachers)
     ]
     found = dict(run_all(successes, tasks))
     return (

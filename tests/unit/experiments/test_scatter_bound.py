@@ -59,9 +59,9 @@ def test_a_rim_above_the_reach_of_every_throw_is_refused():
 @pytest.mark.slow
 def test_the_arm_says_how_much_its_fingers_scatter():
     """`ideal` has fingers that do not, and a throw that was not planned does not count."""
-    aimed = throws.Throw(0, "ideal", "default", tuple(RIM), 0.0, 0.0, True, "", tuple(HAND))
+    aimed = throws.ThrowResult(0, "ideal", "default", tuple(RIM), 0.0, 0.0, True, "", tuple(HAND))
     scattered, without = (
-        throws.Throw(
+        throws.ThrowResult(
             0, "scattering_hand", "default", tuple(RIM), np.nan, np.nan, False, "", tuple(where)
         )
         for where in (HAND, [np.nan] * 3)

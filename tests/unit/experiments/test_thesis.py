@@ -12,8 +12,7 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
-from dart_skill.experiments import thesis
-from dart_skill.experiments.studies import dart_search
+from dart_skill.experiments import parallel, thesis
 from dart_skill.experiments.studies.dart_search import SCHEDULES, Schedule, best_scores
 from dart_skill.experiments.thesis import ball_throws as balls
 from dart_skill.experiments.thesis import (
@@ -110,7 +109,9 @@ def fewer_runs(monkeypatch):
     monkeypatch.setattr(figure_8_4_4, "ANGLES", (6.0,))
     monkeypatch.setattr(figure_8_4_4, "SPREADS", (0.1,))
     monkeypatch.setattr(
-        figure_8_4_4, "CASES", (figure_8_4_4.Case(6.0, 0.0), figure_8_4_4.Case(6.0, 0.1))
+        figure_8_4_4,
+        "CASES",
+        (figure_8_4_4.BasketCase(6.0, 0.0), figure_8_4_4.BasketCase(6.0, 0.1)),
     )
 
 
@@ -436,14 +437,18 @@ def test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again(
     assert "median and quartiles over the runs" in shown and shown.count("power") == 2
     lines = (tmp_path / "regrets.jsonl").read_text().splitlines()
     assert len(lines) == 2 * 2 * 2
-    monkeypatch.setattr(dart_search, "run", lambda task: pytest.fail(f"{task} was run again"))
+    monkeypatch.setattr(
+        parallel,
+        "run_all",
+        lambda _, tasks, *__: pytest.fail(f"{tasks} were run") if tasks else (),
+    )
     assert main(["experiment", "figure", "regrets", "--output", str(tmp_path), "--json"]) == 0
     row = json.loads(capsys.readouterr().out)["regrets"]["measured"]["rows"][0]
     assert row["method"] == "power" and row["reward"] == "expected" and row["runs"] == 2
 
 
 def test_only_who_knows_the_board_learns_from_what_was_thrown(monkeypatch):
-    monkeypatch.setattr(dart_searches, "run_tasks", lambda tasks, *_: tasks)
+    monkeypatch.setattr(dart_searches, "run_tasks", lambda _, tasks, *__: tasks)
     rewards = {(task.method, task.reward) for task in dart_searches.compute_regrets()}
     assert rewards == {
         (method, "thrown" if method == "model_based" else "expected")
