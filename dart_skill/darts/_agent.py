@@ -1,12 +1,9 @@
 """An agent that knows the board. It estimates its own spread from its own darts while that spread
 changes.
 
-A thrower's spread, estimated from the last hits: the most likely covariance about their aims.
-
-A thrower's sigma, estimated from the scores of single darts while it changes.
-
-The state is log sigma and its change per throw, on a grid. A hidden Markov model predicts the
-state. Each score corrects it: the probability of a score is known for every aim and sigma.
+Where it sees the hits, the spread is the most likely covariance of the last ones about their aims.
+Where it sees only the scores, a hidden Markov model on a grid predicts log sigma and its change
+per throw. Each score corrects it: the probability of a score is known for every aim and sigma.
 """
 
 from __future__ import annotations
@@ -87,8 +84,12 @@ class RecentHits:
         return next(others, Aim(BULL, float(expected_score(BULL, spread))))
 
 
-LOWEST, HIGHEST, N_SIGMAS = 3.0, 150.0, 200
-"""Lowest and highest possible sigma [mm], and number of sigmas between them."""
+LOWEST = 3.0
+"""Lowest possible sigma [mm]."""
+HIGHEST = 150.0
+"""Highest possible sigma [mm]."""
+N_SIGMAS = 200
+"""Number of possible sigmas."""
 RATES = np.array([-4.0, -3.0, -2.0, -1.4, -1.0, -0.7, -0.45, -0.25, -0.1, 0.0, 0.1, 0.25]) * 1e-3
 """Possible changes of log sigma per throw; most of them are improvements."""
 RATE_CHANGES = 0.005

@@ -33,10 +33,10 @@ from dart_skill.darts._throws import (
 )
 
 MODELS = ("isotropic", "general")
-FLOOR, CEILING = 1.0, 1000.0
-"""Smallest and largest sigma that an estimate can have [mm]; others cannot be estimated from
-scores.
-"""
+FLOOR = 1.0
+"""Smallest sigma that can be estimated from scores [mm]."""
+CEILING = 1000.0
+"""Largest sigma that can be estimated from scores [mm]."""
 NARROWEST = 2.0
 """Least standard deviation along the narrow axis of a general covariance [mm]."""
 STARTS = (12.0, 50.0)
@@ -44,10 +44,10 @@ STARTS = (12.0, 50.0)
 STEPS_OUT = 0.2 * 1.6 ** np.arange(12)
 """Distances in log(sigma) from the estimate at which the ends of its interval are searched for."""
 MAX_STEPS = 300
-TOLERANCE, ROUGHLY = 1e-12, 1e-7
-"""EM has converged when the log-likelihood per throw gains less than the first. Results of several
-starts are compared when it gains less than the second.
-"""
+TOLERANCE = 1e-12
+"""Gain of the log-likelihood per throw below which EM has converged."""
+ROUGHLY = 1e-7
+"""Gain of the log-likelihood per throw below which the results of several starts are compared."""
 LARGEST_RATIO = 10.0
 """Largest ratio of the axes of a general covariance: with few throws it would otherwise become a
 line.

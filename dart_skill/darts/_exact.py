@@ -7,14 +7,10 @@ jump of the score across them (inner minus outer). By the divergence theorem,
 
     E = sum_beds s_b integral_b p dx = contour-integral J F.n ds,        grad_m E = - contour-integral J p n ds.
 
-The moments of p in a bed follow in the same way. There is no grid and no truncation. `_boundary`
-has the nodes of the contour integrals.
+The moments of p in a bed follow in the same way. There is no grid and no truncation.
 
-The wires of the board as quadrature nodes.
-
-The score is constant in each bed. So an integral over the board of the score times a gradient or
-divergence becomes an integral along the wires (divergence theorem). The wires are circles of six
-radii, cut at the sectors, and twenty rays. Each piece of wire separates two beds. It is divided
+The nodes of the contour integrals lie on the wires, which are circles of six radii, cut at the
+sectors, and twenty rays. Each piece of wire separates two beds. It is divided
 into panels that are short relative to the spread. Then Gauss-Legendre quadrature of the smooth
 fields of the Gaussian is exact to round-off.
 """
@@ -44,8 +40,12 @@ from dart_skill.darts._spread import Spread, as_spread
 
 PANEL = 2.5
 """Length of the longest panel, in standard deviations along the narrower axis of the spread."""
-N_NODES, N_NODES_SHORT = 8, 4
+N_NODES = 8
+"""Nodes of the rule of integration on a panel."""
+N_NODES_SHORT = 4
+"""Nodes on a short panel."""
 SHORT = 0.5
+"""Length up to which a panel is short, in the unit of PANEL."""
 
 
 Piece = tuple[np.ndarray, np.ndarray, int, int, np.ndarray]

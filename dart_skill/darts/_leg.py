@@ -1,6 +1,7 @@
 """Finishing 501: where to aim for every remaining score and number of darts left.
 
-A leg as it is played: what is left after each dart, and when a turn or the leg is over.
+`LegPolicy` is the solution, `CheckoutTable` the chance to finish in this turn, and `LegInPlay` a
+leg as it is played: what is left after each dart, and when a turn or the leg is over.
 """
 
 from __future__ import annotations
@@ -222,7 +223,7 @@ class LegInPlay:
         return self._thrown(place_of(point), int(BED_SCORES[bed]), bool(BED_IS_DOUBLE[bed]))
 
     def lost(self, why: str) -> LegDart:
-        """A dart that nobody saw on the board: it scores nothing. why: what became of it."""
+        """A dart that was not seen on the board: it scores nothing. why: what became of it."""
         return self._thrown(why, 0, False)
 
     def _thrown(self, hit: str, points: int, double: bool) -> LegDart:

@@ -6,13 +6,11 @@ expected score makes Newton steps within a trust region, with the signs of the e
 such that the steps go uphill. The result is exact to much better than 0.1 mm, unless the optimum
 is so flat that round-off decides.
 
-The best aim as a function of sigma (thesis figure 6.6): pieces on which it moves continuously,
-and jumps between them.
-
-At a jump two local optima are equally good. The best aims of two neighbouring sigmas may be two
-different optima. Then both are followed towards each other, and root finding gives the sigma at
-which they are equal, to 1e-6 mm. If a third optimum is better there, there are two jumps, and each
-is found in the same way.
+`optimum_path` is the best aim as a function of sigma (thesis figure 6.6): pieces on which it moves
+continuously, and jumps between them. At a jump two local optima are equally good. The best aims of
+two neighbouring sigmas may be two different optima. Then both are followed towards each other, and
+root finding gives the sigma at which they are equal, to 1e-6 mm. If a third optimum is better
+there, there are two jumps, and each is found in the same way.
 """
 
 from __future__ import annotations
@@ -39,10 +37,10 @@ candidates, too.
 SPACING = 2.0
 OFF_BOARD = 1e-3
 N_STEPS = 200
-STEP_TOLERANCE, GAIN_TOLERANCE = 1e-7, 1e-13
-"""A climb ends when a step is shorter than the first [mm], or is expected to gain less than the
-second [points].
-"""
+STEP_TOLERANCE = 1e-7
+"""Length of a step below which a climb ends [mm]."""
+GAIN_TOLERANCE = 1e-13
+"""Expected gain of a step below which a climb ends [points]."""
 SAME = 0.02
 """If two climbs end nearer to each other than this [mm], they found the same optimum."""
 DIP = 1e-7

@@ -24,7 +24,7 @@ from tqdm import tqdm
 DEAF = "dart_skill.experiments._deaf_to_ctrl_c"
 """A process that imports this module ignores Ctrl-C, and so do the processes that it makes."""
 ORPHANED = 1.0
-"""A process looks so often whether the one that wants its results is still there [s]."""
+"""Time between two looks of a worker whether its parent still runs [s]."""
 
 
 def all_of(

@@ -94,7 +94,7 @@ else:
                 " save svg_text unit_along zoomed_inset"
             ),
             "_synchronisation": (
-                "DemonstratedMotion Recording SAME_BASKET demonstrated_motions"
+                "DemonstratedMotion HandRecording SAME_BASKET demonstrated_motions"
                 " draw_synchronisation synchronisation_figure"
             ),
         },

@@ -4,12 +4,10 @@
 Both return the scores of all numbers that were tried. If they differ little, the number hardly
 matters.
 
-Average log-likelihood of weighted data: in closed form (thesis (6.4)), and of data resampled by
-their weights (6.3).
-
-The second approaches the first as more samples are drawn (figure 6.5). In the first line of (6.4)
-the weights are exponents inside the sum. Its second line is meant: the sum of weights times
-logarithms.
+Cross-validation compares average log-likelihoods of weighted data. Here they are in closed form
+(6.4), and of data resampled by their weights (6.3), which approaches the first as more samples are
+drawn (figure 6.5). In the first line of (6.4) the weights are exponents inside the sum. Its second
+line is meant: the sum of weights times logarithms.
 """
 
 from __future__ import annotations

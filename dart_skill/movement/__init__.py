@@ -77,7 +77,7 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
-            "_alignment": "Fit check_alignment",
+            "_alignment": "AlignmentFit check_alignment",
             "_autonomous": "AutonomousDSGMR AutonomousPolicy Moment StateDriven StateFrame",
             "_ds_gmr": "DSGMR Reproduction",
             "_locality": "WidthChoice choose_width gaussian_weights nearest_weights",
@@ -96,12 +96,12 @@ else:
     )
 
 __all__ = [
+    "AlignmentFit",
     "AutonomousDSGMR",
     "AutonomousPolicy",
     "DSGMR",
     "DiscretePrimitive",
     "Execution",
-    "AlignmentFit",
     "Moment",
     "Motion",
     "MovingFrame",

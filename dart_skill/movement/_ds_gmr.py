@@ -4,9 +4,9 @@ and executed as a spring-damper (thesis 7.5).
 Demonstrations become attractors by (7.20). The attractors are encoded by (7.21), retrieved by
 (3.4) and (3.5), and followed by (7.19).
 
-What `DSGMR` and `AutonomousDSGMR` have in common: the gains of (7.19), further inputs of the
-regression beside time, and a task-parameterised mixture that is fitted by EM or with one component
-in each interval of time.
+`AttractorModel` is the common base of `DSGMR` and `AutonomousDSGMR`: the gains of (7.19), further
+inputs of the regression beside time, and a task-parameterised mixture that is fitted by EM or with
+one component in each interval of time.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ class DSGMR(AttractorModel):
         * faults: "say" (default), a warning says which repeats and jumps `find_faults` finds, and
           the samples are taken as they are; "refuse", a ValueError says so; "thin", samples that
           repeat are left out first (`without_repeats`), and features are at the stamps that
-          remain; "keep", nobody looks.
+          remain; "keep", samples are not checked.
         """
         if faults == "say":
             if found := _faults_of(time, positions):

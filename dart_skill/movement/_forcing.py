@@ -5,20 +5,20 @@ Progress s is time in units of the duration (or period): s = 0 at the start, 1 a
 the canonical system (7.6) has a closed form: z = exp(-decay s) solves z' = -tau decay z, and the
 angle 2 pi s solves z' = tau omega.
 
-How the goal of a discrete primitive moves: a smooth path from start to goal, and its attractor
-(7.20).
-
-A spring-damper that is pulled by this attractor follows the path.
+The goal of a discrete primitive moves, too: `blend` is a smooth path from start to goal, and
+`BlendAttractor` its attractor (7.20), which makes a spring-damper follow the path.
 """
 
 import numpy as np
 
-# Value of a kernel at its neighbour's centre.
 OVERLAP = 0.5
-# Regularisation of the joint regression, relative to the mean weight of a kernel: the first draws
-# the weights of neighbours together where no sample separates them, the second, weaker still,
-# draws all weights to zero.
-NEIGHBOUR_PENALTY, SIZE_PENALTY = 1e-8, 1e-11
+"""Value of a kernel at the centre of its neighbour."""
+NEIGHBOUR_PENALTY = 1e-8
+"""Regularisation of the joint regression, relative to the mean weight of a kernel, which draws the
+weights of neighbours together where no sample separates them.
+"""
+SIZE_PENALTY = 1e-11
+"""Regularisation in the same unit, which draws all weights to zero."""
 
 
 class GaussianKernels:

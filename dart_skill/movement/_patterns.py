@@ -1,5 +1,5 @@
 """Whether demonstrations show one pattern or several: a throw over the shoulder and one from below
-make no mean that anybody showed.
+make no mean that was shown.
 
 The distance of two demonstrations is the mean one along their best alignment. Average linkage
 groups them. The number of groups is the one with the largest mean silhouette (Rousseeuw 1987): how
@@ -12,7 +12,7 @@ How often one pattern is taken for several: of 400 draws from a Gaussian in one 
 worst case, 8.2 % for 4 demonstrations, 2.5 % for 7, none for 10; in two dimensions 2.0 % for 4,
 none for 5. The silhouette alone would be wrong in 14, 22 and 26 %.
 
-Distance of paths along their best alignment: dynamic time warping (Sakoe and Chiba 1978).
+The best alignment is that of dynamic time warping (Sakoe and Chiba 1978).
 """
 
 from __future__ import annotations
@@ -74,8 +74,10 @@ def _aligned(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return total[:, n, m], pairs[:, n, m]
 
 
-STRONG, APART = 0.71, 3.0
-"""Least mean silhouette of several patterns, and how often their width they are apart at least."""
+STRONG = 0.71
+"""Least mean silhouette of several patterns."""
+APART = 3.0
+"""Least distance of two patterns, in units of their width."""
 N_SAMPLES = 50
 """Number of samples of each path that is compared, equally spaced."""
 

@@ -267,7 +267,7 @@ class Primitive(SavedModel):
     def _clock(
         self, state: PrimitiveState, elapsed: float | np.ndarray, share: float
     ) -> PhaseClock:
-        """Progress and pace after so many seconds: the pace approaches a share of the wanted one."""
+        """Progress and pace after a time [s]: the pace approaches a share of the wanted one."""
         wanted, rate = share / state.wanted.duration, self._frequency / state.wanted.duration
         if state.pace == wanted:
             return PhaseClock(wanted * elapsed, wanted, None)

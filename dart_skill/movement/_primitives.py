@@ -33,10 +33,6 @@ The default differs from the printed equations in some points. Options give the 
 * A tracking error slows down the whole movement and not the phase alone, so the movement stays on
   its path while it waits (the adaptive tau of Ijspeert, Nakanishi, Hoffmann, Pastor and Schaal,
   "Dynamical movement primitives", Neural Computation 25, 2013).
-
-The point attractor: a primitive that goes from a start to a goal.
-
-The limit cycle: a primitive that repeats.
 """
 
 from __future__ import annotations

@@ -55,9 +55,7 @@ class Steps(NamedTuple):
 
 
 def divide(nodes: np.ndarray, longest: float) -> Steps:
-    """Steps from node to node (n,), with so many steps between two nodes that none is longer than
-    `longest`.
-    """
+    """Steps from node to node (n,), none of which is longer than `longest`."""
     if len(nodes) == 1:
         return Steps(nodes, longest, 1)
     gaps = nodes[1:] - nodes[:-1]

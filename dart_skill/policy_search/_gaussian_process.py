@@ -1,5 +1,6 @@
-"""A Gaussian process over a changing landscape: what is known of places that were not tried
-lately.
+"""Two Gaussian processes over a landscape that changes while it is searched.
+
+`Surrogate` describes hills that change their lengths and heights.
 
     k = (2 l m / (l^2 + m^2))^d exp(-r^2 / (l^2 + m^2)) exp(-|age difference|)
 
@@ -11,8 +12,8 @@ Bogunovic et al., Time-varying Gaussian process bandit optimization, AISTATS 201
 are constant. A common factor of all lengths, and the noise, are on a grid; each fit moves at most
 one step up the likelihood.
 
-A Gaussian process for a landscape that is seen through a changing blur: white noise, blurred by
-a Gaussian of variance b per axis.
+`BlurredNoise` describes a landscape that is seen through a changing blur: white noise, blurred by a
+Gaussian of variance b per axis.
 
     cov(f(x, b), f(x', b')) = A (2 c / (b + b'))^(d/2) exp(-|x - x'|^2 / (2 (b + b')))
 

@@ -4,10 +4,8 @@ from trials (thesis (5.3)-(5.6)).
 As in PoWER's policy, a parameter is measured from the start of the search, in units of the spread
 at the start.
 
-A mixture of which every component chooses its own size of exploration, as chapter 9 of the
-thesis wishes.
-
-The rule for the size, `PathLength`, needs each trial once, and the noise that it was drawn from.
+In a `SizedMixture` every component chooses its own size of exploration, as chapter 9 of the thesis
+wishes. The rule for the size, `PathLength`, needs each trial once, and the noise that it was drawn from.
 In (5.3)-(5.6) a trial counts for several components and in many updates. Here these two are kept
 apart:
 
@@ -18,8 +16,8 @@ apart:
   responsibilities, (5.5)-(5.12).
 
 A search that gives each niche a path and a size of its own: O. M. Shir and T. Baeck, Niche radius
-adaptation in the CMA-ES niching algorithm, PPSN IX, 2006. To join it with the thesis's mixture in
-this way is ours.
+adaptation in the CMA-ES niching algorithm, PPSN IX, 2006. It is joined here with the mixture of
+the thesis.
 """
 
 from __future__ import annotations

@@ -30,7 +30,10 @@ from dart_skill.policy_search._search import (
 )
 from dart_skill.policy_search._weights import return_weights
 
-SMALLEST, LARGEST = 1e-8, 1e4  # limits of the exploration, relative to the spread at the start
+SMALLEST = 1e-8
+"""Smallest exploration, relative to the spread at the start."""
+LARGEST = 1e4
+"""Largest exploration, relative to the spread at the start."""
 
 
 def with_defaults(

@@ -37,7 +37,9 @@ from dart_skill.policy_search._gaussian_process import BlurredNoise
 from dart_skill.policy_search._niche import Niche, NicheSearch
 from dart_skill.policy_search._search import SearchSettings, ToldTrial
 
-TOP, SCOUT, PROBE = 0, 1, 2  # kinds of trials: about the best top, of another place, of a star
+TOP = 0  # kind of a trial about the best top
+SCOUT = 1  # kind of a trial of another place
+PROBE = 2  # kind of a trial of a star
 RECORDS = 300  # number of latest trials that the process uses
 PLACES = 300  # number of places among which a scout chooses
 STEP = 0.1  # share of its variance that the blur loses between two stars

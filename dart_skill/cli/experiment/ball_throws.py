@@ -1,5 +1,5 @@
-"""`dart-skill experiment` with throws of the ball: `throws`, `basket`, `practice`, `repeatability` and
-`compliance`.
+"""`dart-skill experiment` with throws of the ball: `throws`, `basket`, `practice`, `repeatability`
+and `compliance`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""`dart-skill experiment` about darts: `darts` by the arm, and `search` and `landscapes`, where to aim while
-rewards change.
+"""`dart-skill experiment` about darts: `darts` by the arm, and `search` and `landscapes`, where to
+aim while rewards change.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""`dart-skill experiment place` and `reach`: skills of poses, in situations that were not shown."""
+"""`dart-skill experiment place` and `reach`: skills of poses, in situations that were not
+shown."""
 
 from __future__ import annotations
 

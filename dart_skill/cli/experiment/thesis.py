@@ -1,5 +1,5 @@
-"""`dart-skill experiment figure`, a figure of the thesis, and `real_data`, published demonstrations of
-people.
+"""`dart-skill experiment figure`, a figure of the thesis, and `real_data`, published
+demonstrations of people.
 """
 
 from __future__ import annotations

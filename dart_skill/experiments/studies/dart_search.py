@@ -28,8 +28,10 @@ from dart_skill.experiments.studies.landscapes import LANDSCAPES, Landscape
 from dart_skill.experiments.studies.policy_gradients import EpisodicNaturalActorCritic, Reinforce
 from dart_skill.policy_search import MixturePoWER, Niches, PoWER, Readings, SearchTrial, Sharpening
 
-START, SPREAD = np.zeros(2), 75.0
-"""First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""
+START = np.zeros(2)
+"""First aim, the bull [mm]."""
+SPREAD = 75.0
+"""Spread of the first aims, that of the thrower at the beginning [mm]."""
 BLOCK = 10
 """Throws whose mean regret is kept as one number."""
 END = 50
@@ -82,7 +84,7 @@ class Method(Protocol):
 
 
 class _Informed:
-    """The model-based agent in the clothes of a search: it throws where it thinks best."""
+    """The model-based agent with the interface of a search: each trial is its best aim."""
 
     def __init__(self) -> None:
         self._agent, self._n = ModelBasedAgent(), 0
@@ -100,8 +102,8 @@ class _Informed:
 
 
 def _begun(factor: float, **options: Any) -> Callable[..., Method]:
-    """The mixture with a first spread that is wrong by a factor, as somebody would choose who does
-    not know it.
+    """The mixture with a first spread that is wrong by a factor, as a user without knowledge of the
+    spread would choose it.
     """
     return lambda start, spread, *, rng: MixturePoWER(start, factor * spread, rng=rng, **options)
 

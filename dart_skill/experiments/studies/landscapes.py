@@ -1,7 +1,7 @@
 """Rewards that change while a search goes on, other than those of darts: moving peaks, a peak
 under an obstacle, and a broken actuator.
 
-A landscape is a row of stages; nobody tells the search when one follows another. Every stage has
+A landscape is a row of stages; a search is not told when one follows another. Every stage has
 its reward in closed form and knows the highest there is, so that regret can be measured.
 """
 
@@ -153,10 +153,14 @@ def moving_peaks(
 
 # A peak that vanishes
 
-HILL, LOWER, AWAY, OBSTACLE = 0.6, 0.8, 1.25, 0.9
-"""Standard deviation of both hills, height of the lower, their distance from the start, and radius
-of the obstacle [spreads].
-"""
+HILL = 0.6
+"""Standard deviation of both hills [spreads]."""
+LOWER = 0.8
+"""Height of the lower hill."""
+AWAY = 1.25
+"""Distance of both hills from the start [spreads]."""
+OBSTACLE = 0.9
+"""Radius of the obstacle [spreads]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +209,12 @@ def broken_at(rng: np.random.Generator) -> int:
 
 LENGTHS = np.array([0.35, 0.30, 0.20, 0.15])
 """Links of the arm [m]."""
-REST, EASE, TOLERANCE = np.array([0.0, 0.5, 0.0, 0.0]), np.array([4.0, 4.0, 1.2, 1.2]), 0.1
-"""Angles at rest, deviations from them and distance to the target [m] that make a cost of 1."""
+REST = np.array([0.0, 0.5, 0.0, 0.0])
+"""Angles at rest [rad]."""
+EASE = np.array([4.0, 4.0, 1.2, 1.2])
+"""Deviations from the angles at rest that make a cost of 1 [rad]."""
+TOLERANCE = 0.1
+"""Distance to the target that makes a cost of 1 [m]."""
 RANGE = 2.4
 ELBOW = 1
 

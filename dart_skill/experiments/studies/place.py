@@ -78,7 +78,7 @@ def run_seed(
 def teach(
     session: BenchSession, skill: Place, rng: np.random.Generator, demonstrations: int = 8
 ) -> list[TaskDemonstration]:
-    """So many parts that a person put into holders, where they want them there.
+    """Demonstrations of parts that a person put into holders.
 
     What jams is tried again with another holder; ValueError where most of it does.
     """

@@ -14,7 +14,7 @@ from dart_skill.skills.protocol import TaskDemonstration
 from dart_skill.skills.reach import Reach
 
 ATTEMPTS = 3
-"""A person shows no more than so many movements for each that succeeds."""
+"""Largest number of movements that a person shows for each that succeeds."""
 
 PoseSkill = TypeVar("PoseSkill", Place, Reach)
 
@@ -41,7 +41,7 @@ def arm_of(arm: str, seed: int) -> str:
 def shown(
     show: Callable[[], SkillTrial], demonstrations: int, what: str
 ) -> list[TaskDemonstration]:
-    """So many movements that succeeded; one that fails is shown again. ValueError where most fail.
+    """Demonstrations that succeeded; one that fails is shown again. ValueError where most fail.
 
     * show: a person shows one, of a new situation.
     * demonstrations: how many must succeed.

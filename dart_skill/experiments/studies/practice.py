@@ -1,5 +1,5 @@
 """Practice in process: does the arm get better with its own throws, how fast, and how does it
-recover from a change that nobody announces?
+recover from a change that is not announced?
 
     dart-skill experiment practice --methods residual,bootstrap,both,power,none --demonstrations 13 --throws 50
     dart-skill experiment practice --arms fleet --first-seed 2000 --seeds 40 --methods residual --tested-after 0,10,50

@@ -104,7 +104,7 @@ def run_seed(
 def teach(
     session: BeltSession, rng: np.random.Generator, demonstrations: int = 8
 ) -> list[TaskDemonstration]:
-    """So many reaches that a person showed; one that fails is shown again with another cup.
+    """Reaches that a person showed; one that fails is shown again with another cup.
     ValueError where most fail.
     """
     return shown(
@@ -120,8 +120,8 @@ def drawn(skill: Skill, rng: np.random.Generator, wide: bool = False) -> Belt:
 
 
 class _Hands:
-    """Somebody who holds the arm from HELD[0] to HELD[1] after it set off; crept: by how much the
-    phase went on meanwhile [s].
+    """A person who holds the arm from HELD[0] to HELD[1] after it set off. phases: of the guide
+    meanwhile [s].
     """
 
     def __init__(self, session: BeltSession, guide: ReactiveGuide, seed: int):

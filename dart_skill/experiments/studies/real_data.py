@@ -73,7 +73,7 @@ COMPONENTS = 8
 WEIGHTS = 50
 STEP = 0.01
 PATIENCE = 8.0
-"""A start of the grid gets so many times the mean duration."""
+"""Time that a start of the grid gets, in mean durations."""
 STILL = [TaskFrame(np.eye(3), np.zeros(3))]
 PATH_SAMPLES = 200
 """Samples of a path that is retimed."""

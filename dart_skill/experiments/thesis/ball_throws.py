@@ -87,7 +87,7 @@ def prepared(seed: int, name: str) -> tuple[PreparedThrow, ...]:
 
 
 def new_baskets(seed: int) -> np.ndarray:
-    """Baskets (10, 3) [m] that nobody demonstrated; figures draw the first."""
+    """Baskets (10, 3) [m] that were not demonstrated; figures draw the first."""
     return targets_for(seed, N_DEMONSTRATIONS, N_NEW)[1]
 
 

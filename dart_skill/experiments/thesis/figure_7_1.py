@@ -43,8 +43,10 @@ TITLE_7_1 = "A finger on a ball is held: a clock and a state as what drives it"
 RADIUS, DURATION = 0.1, 3.0
 """Radius of the ball [m] and duration of the movement [s]."""
 STIFFNESS, N_COMPONENTS, N_DEMONSTRATIONS = 400.0, 12, 5
-HELD, LET_GO = 0.8, 2.2
-"""When somebody takes hold of the finger, and when they let go [s]."""
+HELD = 0.8
+"""Time from which the finger is held [s]."""
+LET_GO = 2.2
+"""Time at which it is let go [s]."""
 STEP, AFTER = 0.002, 2.0
 NOISE = 0.0005
 """Standard deviation of the measured demonstrations [m]."""
