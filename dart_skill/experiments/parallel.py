@@ -1,5 +1,5 @@
-"""Independent runs on all cores of this machine, or on a Dask cluster that already exists, and runs
-as one file that can be continued.
+"""Independent runs on all cores of this machine, or on a Dask cluster that already exists, and
+runs as one file that can be continued.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Figure `landings`: where the balls came down on the plane of the rim, on the floor plan and
 relative to their baskets.
 
-Figure `trials`: the same for other skills than throws: where a skill was shown and tried, and how far
-each trial was off.
+Figure `trials`: the same for other skills than throws: where a skill was shown and tried, and how
+far each trial was off.
 """
 
 from __future__ import annotations

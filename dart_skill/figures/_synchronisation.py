@@ -5,8 +5,8 @@ Left, the recordings as they are, each on the clock since its first pose: the te
 arm, pauses, throws. Right, the motion between the velocity thresholds (8.4.3), all demonstrations
 aligned on the release of the ball.
 
-`HandRecording` is what was seen of one throw, guided or made by the arm itself, from one reset of the
-world to the next.
+`HandRecording` is what was seen of one throw, guided or made by the arm itself, from one reset of
+the world to the next.
 """
 
 from collections.abc import Sequence

@@ -3,8 +3,8 @@ known beforehand.
 
 The system is linear. So the four evaluations of a step become one equation, x+ = R x + g0 u(s) +
 g1 u(s + h/2) + g2 u(s + h), with matrices that depend on h only. The result is the same, and all
-steps can be computed at once. `recur` and `respond` are the same recursion for a spring-damper that
-is driven from stamp to stamp.
+steps can be computed at once. `recur` and `respond` are the same recursion for a spring-damper
+that is driven from stamp to stamp.
 """
 
 import math

@@ -12,8 +12,8 @@ Bogunovic et al., Time-varying Gaussian process bandit optimization, AISTATS 201
 are constant. A common factor of all lengths, and the noise, are on a grid; each fit moves at most
 one step up the likelihood.
 
-`BlurredNoise` describes a landscape that is seen through a changing blur: white noise, blurred by a
-Gaussian of variance b per axis.
+`BlurredNoise` describes a landscape that is seen through a changing blur: white noise, blurred by
+a Gaussian of variance b per axis.
 
     cov(f(x, b), f(x', b')) = A (2 c / (b + b'))^(d/2) exp(-|x - x'|^2 / (2 (b + b')))
 

@@ -5,9 +5,9 @@ As in PoWER's policy, a parameter is measured from the start of the search, in u
 at the start.
 
 In a `SizedMixture` every component chooses its own size of exploration, as chapter 9 of the thesis
-wishes. The rule for the size, `PathLength`, needs each trial once, and the noise that it was drawn from.
-In (5.3)-(5.6) a trial counts for several components and in many updates. Here these two are kept
-apart:
+wishes. The rule for the size, `PathLength`, needs each trial once, and the noise that it was drawn
+from. In (5.3)-(5.6) a trial counts for several components and in many updates. Here these two are
+kept apart:
 
 * mean and covariance of a component come from the trials that were drawn from it, each once, by
   PoWER with its automatic exploration. So each component has a path of its own, which is that of a

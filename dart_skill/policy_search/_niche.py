@@ -9,8 +9,8 @@ while the steps are long and shrinks while they are short. So it is as small as 
 allow. With more than `FULL_MODEL` parameters H is diagonal. G. Box and K. Wilson, On the
 experimental attainment of optimum conditions, JRSS B 1951.
 
-The value of a hill is forecast by a line through the values at its visits, against the clock of the
-landscape:
+The value of a hill is forecast by a line through the values at its visits, against the clock of
+the landscape:
 
     value(t) = v + s (t - last),    s ~ N(0, drift^2) before any visit,    a visit's variance = error^2 + (drift (last - t) / 2)^2
 

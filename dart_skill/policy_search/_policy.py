@@ -1,6 +1,6 @@
-"""The policy of PoWER, a Gaussian over parameters (d,), its update from weighted trials (5.1), (5.2),
-and the size of its exploration: the noise of section 5.2.1 that is added to the covariance, or an
-automatic size.
+"""The policy of PoWER, a Gaussian over parameters (d,), its update from weighted trials (5.1),
+(5.2), and the size of its exploration: the noise of section 5.2.1 that is added to the covariance,
+or an automatic size.
 
 Inside, a parameter is measured from the start of the search, in units of the spread at the start.
 So the units of the parameters make no difference.

@@ -1,5 +1,5 @@
-"""Searches with which those of the thesis are compared, with the same `ask` and `tell`; they cannot
-be saved.
+"""Searches with which those of the thesis are compared, with the same `ask` and `tell`; they
+cannot be saved.
 
 The cross-entropy method, PoWER with random restarts, Monte-Carlo search, and CMA-ES through the
 package `cma`.
