@@ -156,12 +156,12 @@ def run_tasks(
       numbers, words, and tuples of them, and the task is `task` of the latter.
     * tasks: in the order of the result.
     * results: the file, a JSON object a line.
-    * jobs, scheduler: as in `run_all`.
     """
     known: dict[Any, Any] = {}
     if results and results.exists():
         _drop_unfinished_line(results)
-        known = {one.task: one for one in read_runs(results, run)}
+        types = get_type_hints(run)
+        known = {one.task: one for one in read_runs(results, types["return"], types["task"])}
     missing = [task for task in dict.fromkeys(tasks) if task not in known]
     for _, one in tqdm(
         run_all(run, missing, jobs, scheduler), total=len(missing), unit="run", disable=None
@@ -173,12 +173,11 @@ def run_tasks(
     return [known[task] for task in tasks]
 
 
-def read_runs(results: Path, run: Callable) -> list:
-    """What `run` returned, from a file of `run_tasks`; ValueError names a line that is not one."""
-    types = get_type_hints(run)
+def read_runs(results: Path, run_type: type, task_type: type) -> list:
+    """Runs of a file of `run_tasks`; ValueError names a line that is not one."""
     lines = results.read_text(encoding="utf-8").splitlines()
     return [
-        _parsed(line, types["return"], types["task"], f"line {number} of {results}")
+        _parsed(line, run_type, task_type, f"line {number} of {results}")
         for number, line in enumerate(lines, start=1)
     ]
 

@@ -152,8 +152,10 @@ class GaussianPolicy:
         self.mean = self.mean + (weights * relative).sum(axis=0)  # (5.1), (7.17)
 
     def set_covariance(self, covariance: np.ndarray, known: np.ndarray) -> None:
-        """(5.2) with the noise of 5.2.1 added to the eigenvalues; only parameters in the mask
-        known (d,) change.
+        """(5.2) with the noise of 5.2.1 added to the eigenvalues.
+
+        * covariance: (d, d), or its diagonal (d,).
+        * known: mask (d,) of the parameters that change.
         """
         variances, axes = self._decomposed(covariance)
         variances = NOISE[self._settings.exploration](

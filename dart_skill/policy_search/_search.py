@@ -37,8 +37,12 @@ class SearchTrial:
 
 @dataclass(frozen=True, eq=False)
 class ToldTrial:
-    """A trial with its outcome: the noise that it was drawn from, the parameters tried, and its
-    return or returns.
+    """A trial with its outcome.
+
+    * number: of the trial.
+    * noise: that it was drawn from.
+    * tried: the parameters.
+    * outcome: its return or returns.
     """
 
     number: int
@@ -49,7 +53,13 @@ class ToldTrial:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Checked options of a search; `PoWER` explains them."""
+    """Checked options of a search, as `PoWER` explains them.
+
+    * exploration, weighting: how exploration is set, and how returns become weights.
+    * batch, best, latest: number of returns between updates, M, and S.
+    * minimum_exploration: root of Sigma_0, relative to the spread.
+    * limits: smallest and largest exploration, relative to the spread.
+    """
 
     exploration: str
     weighting: str

@@ -31,7 +31,11 @@ distances.
 @dataclass(frozen=True)
 class BasketTask:
     """One teacher, all models learned from the same demonstrations and tried on the same baskets.
-    throws: of each model.
+
+    * seed: of the teacher.
+    * models: names of configurations.
+    * demonstrations: that are shown.
+    * throws: of each model.
     """
 
     seed: int

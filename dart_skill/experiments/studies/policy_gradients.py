@@ -159,7 +159,7 @@ EXPLORATIONS = ("automatic", "fixed")
 STEPS = ("normalised", "plain")
 
 
-class GradientSearch(VectorSearch):
+class _GradientSearch(VectorSearch):
     """Common base: the policy, its scores, and steps along the direction that a subclass
     estimates.
     """
@@ -290,7 +290,7 @@ class GradientSearch(VectorSearch):
         return bool(step.any())
 
 
-class Reinforce(GradientSearch):
+class Reinforce(_GradientSearch):
     """Episodic REINFORCE (G1) with the optimal baseline (G2) of each element of the gradient.
 
     The gradient depends on the units of theta, and its variance grows as the exploration shrinks.
@@ -323,7 +323,7 @@ class Reinforce(GradientSearch):
         return reinforce_gradient(scores, returns)
 
 
-class EpisodicNaturalActorCritic(GradientSearch):
+class EpisodicNaturalActorCritic(_GradientSearch):
     """Episodic natural actor-critic: steps along the natural gradient, by the regression (G3).
 
     Parameters:

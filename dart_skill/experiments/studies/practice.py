@@ -71,10 +71,14 @@ class PracticeTask:
 
 @dataclass(frozen=True)
 class PracticeRun:
-    """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors,
-    test_in_basket: per test, its throws; nan where no throw came about or no landing was seen;
-    spreads [m]: per basket of the last test, how far throws of one plan come down from their
-    centre. notes: why throws did not come about.
+    """What one run gave; errors are nan where no throw came about or no landing was seen.
+
+    * task: of the run.
+    * errors, in_basket: (throws,) of the practised throws [m].
+    * test_errors, test_in_basket: of each test, its throws [m].
+    * notes: why throws did not come about.
+    * spreads: of each basket of the last test, how far throws of one plan come down from their
+      centre [m].
     """
 
     task: PracticeTask

@@ -15,6 +15,7 @@ from dart_skill.experiments.studies import dart_search
 from dart_skill.experiments.studies.dart_search import (
     SCHEDULES,
     Schedule,
+    SearchRun,
     SearchTask,
     best_scores,
     run,
@@ -102,14 +103,14 @@ def test_a_file_of_results_is_continued_and_a_line_that_was_cut_off_is_run_again
     monkeypatch.setattr(dart_search, "run", lambda task: done.append(task.seed) or run(task))
     assert run_tasks(run, tasks, results, jobs=1)[:2] == first
     assert sorted(done) == [1, 2]
-    assert [one.task.seed for one in read_runs(results, run)] == [0, 1, 2]
+    assert [one.task.seed for one in read_runs(results, SearchRun, SearchTask)] == [0, 1, 2]
 
 
 def test_a_damaged_line_within_a_file_of_results_is_an_error_that_names_it(tmp_path):
     results = tmp_path / "results.jsonl"
     results.write_text('{"task": 3}\n{"task": 4}\n')
     with pytest.raises(ValueError, match=r"line 1 of .*results.jsonl is not a run"):
-        read_runs(results, run)
+        read_runs(results, SearchRun, SearchTask)
 
 
 def test_processes_give_the_same_runs_as_one_process(short):

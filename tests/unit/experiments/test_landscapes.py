@@ -328,7 +328,7 @@ def test_lines_from_before_there_were_landscapes_are_still_read(short, tmp_path)
         results,
         jobs=1,
     )
-    assert runs[0] == old and read_runs(results, run) == runs
+    assert runs[0] == old and read_runs(results, SearchRun, SearchTask) == runs
     assert [row["offline_error"] is None for row in summarise(runs)] == [True, False]
     assert "offline error" in table(runs) and "offline error" not in table(runs[:1])
 
