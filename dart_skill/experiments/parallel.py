@@ -17,7 +17,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from tqdm import tqdm
 
@@ -145,6 +145,7 @@ def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tu
 def run_tasks(
     run: Callable,
     tasks: Sequence,
+    run_type: type,
     results: Path | None = None,
     jobs: int = 0,
     scheduler: str = "",
@@ -152,16 +153,17 @@ def run_tasks(
     """run(task) of every task once; those that stand in the file of results already are not run
     again, and each new one is added to it at once.
 
-    * run: a function with type hints: its `task` and what it returns are frozen dataclasses of
-      numbers, words, and tuples of them, and the task is `task` of the latter.
+    A task and its run are frozen dataclasses of numbers, words, and tuples of them; run.task is
+    the task.
+
+    * run: a function of a task, which returns its run.
     * tasks: in the order of the result.
     * results: the file, a JSON object a line.
     """
     known: dict[Any, Any] = {}
-    if results and results.exists():
+    if tasks and results and results.exists():
         _drop_unfinished_line(results)
-        types = get_type_hints(run)
-        known = {one.task: one for one in read_runs(results, types["return"], types["task"])}
+        known = {one.task: one for one in read_runs(results, run_type, type(tasks[0]))}
     missing = [task for task in dict.fromkeys(tasks) if task not in known]
     for _, one in tqdm(
         run_all(run, missing, jobs, scheduler), total=len(missing), unit="run", disable=None

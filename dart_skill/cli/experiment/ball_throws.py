@@ -134,7 +134,7 @@ def add_basket(experiments: argparse._SubParsersAction) -> None:
 
 def _basket(options: argparse.Namespace) -> int:
     from dart_skill.experiments.parallel import run_tasks
-    from dart_skill.experiments.studies.basket import BasketTask, run, summarise, table
+    from dart_skill.experiments.studies.basket import BasketRun, BasketTask, run, summarise, table
 
     models = tuple(options.models.split(","))
     numbers = [int(number) for number in options.demonstrations.split(",")]
@@ -143,7 +143,7 @@ def _basket(options: argparse.Namespace) -> int:
         for number in numbers
         for seed in range(options.seeds)
     ]
-    results = run_tasks(run, tasks, options.results, options.jobs, options.scheduler)
+    results = run_tasks(run, tasks, BasketRun, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))
     if options.figure:
         from dart_skill.experiments.studies.basket_maps import draw_basket
@@ -218,7 +218,13 @@ def add_practice(experiments: argparse._SubParsersAction) -> None:
 def _practice(options: argparse.Namespace) -> int:
     from dart_skill.common.fleet import arm_named
     from dart_skill.experiments.parallel import run_tasks
-    from dart_skill.experiments.studies.practice import PracticeTask, run, summarise, table
+    from dart_skill.experiments.studies.practice import (
+        PracticeRun,
+        PracticeTask,
+        run,
+        summarise,
+        table,
+    )
     from dart_skill.experiments.studies.throws import arm_of
 
     tested = tuple(int(number) for number in options.tested_after.split(","))
@@ -245,7 +251,7 @@ def _practice(options: argparse.Namespace) -> int:
         for method in options.methods.split(",")
         for seed in range(options.first_seed, options.first_seed + options.seeds)
     ]
-    results = run_tasks(run, tasks, options.results, options.jobs, options.scheduler)
+    results = run_tasks(run, tasks, PracticeRun, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))
     if options.figure:
         from dart_skill.experiments.studies.practice_curves import draw_practice

@@ -160,6 +160,7 @@ def _search(options: argparse.Namespace) -> int:
     from dart_skill.experiments.parallel import run_tasks
     from dart_skill.experiments.studies.dart_search import (
         LANDSCAPES,
+        SearchRun,
         SearchTask,
         run,
         summarise,
@@ -175,7 +176,7 @@ def _search(options: argparse.Namespace) -> int:
         for kind in kinds
         for seed in range(options.seeds)
     ]
-    runs = run_tasks(run, tasks, options.results, options.jobs, options.scheduler)
+    runs = run_tasks(run, tasks, SearchRun, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(runs), indent=1) if options.json else table(runs))
     return 0
 

@@ -60,7 +60,9 @@ def compute_6_3(seed: int = 0, jobs: int = 0) -> dict[str, list[SearchRun]]:
         ]
         for name, ((method, stop), _) in CURVES.items()
     }
-    runs = iter(run_tasks(run, [task for group in tasks.values() for task in group], jobs=jobs))
+    runs = iter(
+        run_tasks(run, [task for group in tasks.values() for task in group], SearchRun, jobs=jobs)
+    )
     return {name: [next(runs) for _ in group] for name, group in tasks.items()}
 
 
@@ -160,6 +162,7 @@ def compute_regrets(results: Path | None = None, seed: int = 0, jobs: int = 0) -
             for kind in kinds
             for n in range(N_SEEDS_regrets)
         ],
+        SearchRun,
         results,
         jobs,
     )

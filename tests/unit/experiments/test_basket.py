@@ -152,9 +152,9 @@ def test_a_task_that_cannot_be_run_is_refused(wrong, message):
 def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr(basket, "run", lambda task: made(task.seed))
     file, tasks = tmp_path / "basket.jsonl", [made(seed).task for seed in range(2)]
-    first = run_tasks(basket.run, tasks, file, jobs=1)
+    first = run_tasks(basket.run, tasks, basket.BasketRun, file, jobs=1)
     monkeypatch.setattr(basket, "run", lambda task: pytest.fail(f"{task} was run again"))
-    again = run_tasks(basket.run, tasks, file, jobs=1)
+    again = run_tasks(basket.run, tasks, basket.BasketRun, file, jobs=1)
     assert repr(again) == repr(first), "nan is not equal to itself, but looks the same"
     assert np.isnan(again[0].along[0][3]) and summarise(again) == summarise(first)
 

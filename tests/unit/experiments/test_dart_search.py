@@ -96,12 +96,12 @@ def test_a_file_of_results_is_continued_and_a_line_that_was_cut_off_is_run_again
         tmp_path / "results.jsonl",
         [SearchTask("power", "thesis", seed) for seed in range(3)],
     )
-    first = run_tasks(run, tasks[:2], results, jobs=1)
+    first = run_tasks(run, tasks[:2], SearchRun, results, jobs=1)
     text = results.read_text()
     results.write_text(text[:-200])
     done = []
     monkeypatch.setattr(dart_search, "run", lambda task: done.append(task.seed) or run(task))
-    assert run_tasks(run, tasks, results, jobs=1)[:2] == first
+    assert run_tasks(dart_search.run, tasks, SearchRun, results, jobs=1)[:2] == first
     assert sorted(done) == [1, 2]
     assert [one.task.seed for one in read_runs(results, SearchRun, SearchTask)] == [0, 1, 2]
 
@@ -116,7 +116,7 @@ def test_a_damaged_line_within_a_file_of_results_is_an_error_that_names_it(tmp_p
 def test_processes_give_the_same_runs_as_one_process(short):
     tasks = [SearchTask("power", "thesis", seed) for seed in range(2)]
     assert dict(run_all(square, [1, 2, 3, 4], jobs=2)) == {0: 1, 1: 4, 2: 9, 3: 16}
-    assert run_tasks(run, tasks, jobs=1) == run_tasks(run, tasks, jobs=1)
+    assert run_tasks(run, tasks, SearchRun, jobs=1) == run_tasks(run, tasks, SearchRun, jobs=1)
 
 
 def test_a_scheduler_without_dask_here_is_answered_with_the_remedy(monkeypatch):
@@ -147,7 +147,9 @@ def test_an_error_in_a_process_comes_out():
 
 
 def test_the_table_has_quartiles_over_seeds(short):
-    runs = run_tasks(run, [SearchTask("power", "thesis", seed) for seed in range(4)], jobs=1)
+    runs = run_tasks(
+        run, [SearchTask("power", "thesis", seed) for seed in range(4)], SearchRun, jobs=1
+    )
     row = summarise(runs)[0]
     assert (
         row["runs"] == 4

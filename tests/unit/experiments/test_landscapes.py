@@ -325,6 +325,7 @@ def test_lines_from_before_there_were_landscapes_are_still_read(short, tmp_path)
     runs = run_tasks(
         run,
         [SearchTask("power", "thesis", 0), SearchTask("power", "vanishing_peak", 0)],
+        SearchRun,
         results,
         jobs=1,
     )

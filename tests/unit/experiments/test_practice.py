@@ -176,11 +176,11 @@ def test_a_basket_out_of_reach_is_a_throw_without_an_error(demonstrations):
 def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr(practice, "run", lambda task: made(task.seed))
     file, tasks = tmp_path / "practice.jsonl", [made(seed).task for seed in range(2)]
-    first = run_tasks(practice.run, tasks, file, jobs=1)
+    first = run_tasks(practice.run, tasks, PracticeRun, file, jobs=1)
     monkeypatch.setattr(practice, "run", lambda task: pytest.fail(f"{task} was run again"))
-    assert repr(run_tasks(practice.run, tasks, file, jobs=1)) == repr(first) and np.isnan(
-        first[0].test_errors[1][1]
-    )
+    assert repr(run_tasks(practice.run, tasks, PracticeRun, file, jobs=1)) == repr(
+        first
+    ) and np.isnan(first[0].test_errors[1][1])
 
 
 def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, monkeypatch, capsys):
