@@ -23,17 +23,15 @@ from functools import partial  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from dart_skill.policy_search import (  # noqa: E402
-    CrossEntropy,
+from dart_skill.experiments.studies.baselines import CrossEntropy  # noqa: E402
+from dart_skill.experiments.studies.policy_gradients import (  # noqa: E402
     EpisodicNaturalActorCritic,
-    PathLength,  # noqa: E402
-    PoWER,
-    PrimitivePoWER,
     Reinforce,
     natural_gradient,
     optimal_baseline,
     reinforce_gradient,
 )
+from dart_skill.policy_search import PathLength, PoWER, PrimitivePoWER  # noqa: E402
 
 try:
     with warnings.catch_warnings():

@@ -32,7 +32,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from benchmarks.rows import tell  # noqa: E402
 from dart_skill.experiments.parallel import run_all  # noqa: E402
-from dart_skill.experiments.throws import Throw, run_seed  # noqa: E402
+from dart_skill.experiments.studies.throws import ThrowResult, run_seed  # noqa: E402
 
 ASKED = 0.9
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -42,7 +42,7 @@ CONFIGURATION = "default"
 class Run(NamedTuple):
     """One seed: its throws, how long it lasted by the clock, and processor time [s]."""
 
-    throws: list[Throw]
+    throws: list[ThrowResult]
     lasted: float
     used: float
 

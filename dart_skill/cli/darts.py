@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from dart_skill.cli import _darts_match
-from dart_skill.cli.experiment import search
+from dart_skill.cli.experiment.darts import add_search
 from dart_skill.cli.run_options import folder
 from dart_skill.common.files import new_file
 
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
         SpreadEstimate,
     )
 
-"""Highest score from which three darts can finish."""
-
 
 def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `darts` with its verbs to the commands of `dart-skill`."""
@@ -43,7 +41,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     _add_estimate(verbs)
     _add_leg(verbs)
     _darts_match.add_to(verbs)
-    search.add_to(verbs)
+    add_search(verbs)
 
 
 def _add_heatmap(verbs: argparse._SubParsersAction) -> None:

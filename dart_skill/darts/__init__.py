@@ -38,24 +38,29 @@ if TYPE_CHECKING:
     from dart_skill.darts._heat_map import HeatMap, heat_map
     from dart_skill.darts._leg import (
         CheckoutTable,
+        LegDart,
+        LegInPlay,
         LegPolicy,
         checkout_table,
-        simulate_legs,
         solve_leg,
     )
-    from dart_skill.darts._leg_play import LegDart, LegInPlay
     from dart_skill.darts._match import (
         AimsApart,
         MatchPolicy,
         MatchSide,
         aims_apart,
         match_chance,
-        simulate_match_legs,
         solve_match,
     )
     from dart_skill.darts._match_players import MatchPlayer, match_player
-    from dart_skill.darts._optimum import Aim, best_aim, local_optima
-    from dart_skill.darts._path import Jump, OptimumPath, optimum_path
+    from dart_skill.darts._optimum import (
+        Aim,
+        Jump,
+        OptimumPath,
+        best_aim,
+        local_optima,
+        optimum_path,
+    )
     from dart_skill.darts._professionals import PROFESSIONALS, professional
     from dart_skill.darts._spread import Spread, SpreadByTarget
 else:
@@ -73,15 +78,10 @@ else:
             ),
             "_exact": "bed_probabilities expected_score score_derivatives",
             "_heat_map": "HeatMap heat_map",
-            "_leg": "CheckoutTable LegPolicy checkout_table simulate_legs solve_leg",
-            "_leg_play": "LegDart LegInPlay",
-            "_match": (
-                "AimsApart MatchPolicy MatchSide aims_apart match_chance simulate_match_legs"
-                " solve_match"
-            ),
+            "_leg": ("CheckoutTable LegPolicy checkout_table solve_leg LegDart LegInPlay"),
+            "_match": ("AimsApart MatchPolicy MatchSide aims_apart match_chance solve_match"),
             "_match_players": "MatchPlayer match_player",
-            "_optimum": "Aim best_aim local_optima",
-            "_path": "Jump OptimumPath optimum_path",
+            "_optimum": "Aim best_aim local_optima Jump OptimumPath optimum_path",
             "_professionals": "PROFESSIONALS professional",
             "_spread": "Spread SpreadByTarget",
         },
@@ -135,8 +135,6 @@ __all__ = [
     "professional",
     "score",
     "score_derivatives",
-    "simulate_legs",
-    "simulate_match_legs",
     "solve_leg",
     "solve_match",
 ]

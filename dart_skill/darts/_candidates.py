@@ -28,10 +28,12 @@ from dart_skill.darts._leg_solver import (
 from dart_skill.darts._optimum import local_optima
 from dart_skill.darts._spread import Spread, SpreadByTarget, as_spread
 
-GRID, GRID_PER_SPREAD, REFINEMENTS = 12.0, 0.5, (0.4, 0.15)
-"""Distance of the first aims: the larger of GRID [mm] and GRID_PER_SPREAD sigmas. REFINEMENTS: the
-finer ones, relative to it.
-"""
+GRID = 12.0
+"""Least distance of the first aims [mm]."""
+GRID_PER_SPREAD = 0.5
+"""Least distance of the first aims [sigmas]."""
+REFINEMENTS = (0.4, 0.15)
+"""Distances of finer aims, relative to that of the first ones."""
 PEAKS_FROM = 6.0
 """For a narrower spread [mm] the peaks are the middles of beds."""
 REACH = 2.0

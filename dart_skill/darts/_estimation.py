@@ -25,13 +25,18 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_number, as_vector
 from dart_skill.darts._spread import LARGEST, LARGEST_BIAS, Spread
-from dart_skill.darts._throws import Expectation, Throws, throws_from_points, throws_from_scores
+from dart_skill.darts._throws import (
+    Expectation,
+    ObservedThrows,
+    throws_from_points,
+    throws_from_scores,
+)
 
 MODELS = ("isotropic", "general")
-FLOOR, CEILING = 1.0, 1000.0
-"""Smallest and largest sigma that an estimate can have [mm]; others cannot be estimated from
-scores.
-"""
+FLOOR = 1.0
+"""Smallest sigma that can be estimated from scores [mm]."""
+CEILING = 1000.0
+"""Largest sigma that can be estimated from scores [mm]."""
 NARROWEST = 2.0
 """Least standard deviation along the narrow axis of a general covariance [mm]."""
 STARTS = (12.0, 50.0)
@@ -39,10 +44,10 @@ STARTS = (12.0, 50.0)
 STEPS_OUT = 0.2 * 1.6 ** np.arange(12)
 """Distances in log(sigma) from the estimate at which the ends of its interval are searched for."""
 MAX_STEPS = 300
-TOLERANCE, ROUGHLY = 1e-12, 1e-7
-"""EM has converged when the log-likelihood per throw gains less than the first. Results of several
-starts are compared when it gains less than the second.
-"""
+TOLERANCE = 1e-12
+"""Gain of the log-likelihood per throw below which EM has converged."""
+ROUGHLY = 1e-7
+"""Gain of the log-likelihood per throw below which the results of several starts are compared."""
 LARGEST_RATIO = 10.0
 """Largest ratio of the axes of a general covariance: with few throws it would otherwise become a
 line.
@@ -78,7 +83,7 @@ class SpreadEstimate:
     log_likelihood: float
     model: str
     with_bias: bool
-    throws: Throws
+    throws: ObservedThrows
 
     @property
     def sigma(self) -> float:
@@ -210,7 +215,7 @@ def estimate_from_points(
     return _estimate(throws_from_points(points, aim, misses), model, bias)
 
 
-def _estimate(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
+def _estimate(throws: ObservedThrows, model: str, with_bias: bool) -> SpreadEstimate:
     if model not in MODELS:
         raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
     n_parameters = _n_parameters(model, with_bias)
@@ -226,7 +231,7 @@ def _n_parameters(model: str, with_bias: bool) -> int:
     return (1 if model == "isotropic" else 3) + 2 * bool(with_bias)
 
 
-def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
+def _fit(throws: ObservedThrows, model: str, with_bias: bool) -> SpreadEstimate:
     """The most likely result of EM from several starts.
 
     A general covariance starts from the isotropic result and from versions of it that are longer
@@ -255,14 +260,14 @@ def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
     return SpreadEstimate(spread, log_likelihood, model, with_bias, throws)
 
 
-def _possible(starts: list[Spread], throws: Throws) -> list[Spread]:
+def _possible(starts: list[Spread], throws: ObservedThrows) -> list[Spread]:
     """The starts under which every throw is possible; a wide spread if there is none."""
     possible = [start for start in starts if np.isfinite(throws.expect(start).log_likelihood)]
     return possible or [Spread.isotropic(2.0 * STARTS[-1])]
 
 
 def _em(
-    throws: Throws,
+    throws: ObservedThrows,
     spread: Spread,
     model: str,
     with_bias: bool,

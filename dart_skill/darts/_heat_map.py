@@ -28,11 +28,14 @@ from dart_skill.darts._spread import Spread, as_spread
 
 SMALLEST_FOR_GRID = 1.0
 """Least standard deviation [mm] for which a grid is fine enough; expected_score works for all."""
-COARSEST_CELL, CELL_PER_SPREAD = 2.0, 0.35
-BAND, TAIL = 7.5, 6.5
-"""Highest frequency that is kept, in units of 1 / sigma, and margin of the period, in units of
-sigma.
-"""
+COARSEST_CELL = 2.0
+"""Largest cell of a grid [mm]."""
+CELL_PER_SPREAD = 0.35
+"""Largest cell of a grid [sigmas]."""
+BAND = 7.5
+"""Highest frequency that is kept [1 / sigma]."""
+TAIL = 6.5
+"""Margin of the period [sigmas]."""
 LINES_PER_CELL = 32
 LARGEST_GRID = 4_000_000
 

@@ -1,4 +1,8 @@
-"""Finishing 501: where to aim for every remaining score and number of darts left."""
+"""Finishing 501: where to aim for every remaining score and number of darts left.
+
+`LegPolicy` is the solution, `CheckoutTable` the chance to finish in this turn, and `LegInPlay` a
+leg as it is played: what is left after each dart, and when a turn or the leg is over.
+"""
 
 from __future__ import annotations
 
@@ -152,69 +156,6 @@ def checkout_table(
     return CheckoutTable(np.column_stack(probability), aims[np.column_stack(choices)])
 
 
-def simulate_legs(
-    policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_turns: int = 10_000
-) -> tuple[np.ndarray, np.ndarray]:
-    """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and
-    of darts (n_legs,).
-
-    policy: from `solve_leg`; max_turns: of one leg. ValueError if a leg takes more turns.
-    """
-    turn_start = np.full(as_count(n_legs, "n_legs"), policy.start)
-    turns, darts = np.zeros(n_legs, dtype=int), np.zeros(n_legs, dtype=int)
-    playing: np.ndarray = np.arange(n_legs)
-    for _ in range(max_turns):
-        if len(playing) == 0:
-            return turns, darts
-        remaining, used = _play_turn(policy, turn_start[playing], rng)
-        turns[playing] += 1
-        darts[playing] += used
-        turn_start[playing] = remaining
-        playing = playing[remaining > 0]
-    raise ValueError(
-        f"{len(playing)} of {n_legs} legs are not finished after {max_turns} turns; raise"
-        " max_turns"
-    )
-
-
-def _play_turn(
-    policy: LegPolicy, turn_start: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Score (n,) after a turn from scores (n,), and the darts thrown in it (n,)."""
-    remaining, used = turn_start.copy(), np.zeros(len(turn_start), dtype=int)
-    on = np.arange(len(turn_start))
-    for table in policy.choices:
-        choice = table[turn_start[on], turn_start[on] - remaining[on]]
-        hits = impacts(policy.aims[choice], policy.which[choice], policy.spreads, rng)
-        used[on] += 1
-        remaining[on], bust = after_hit(remaining[on], turn_start[on], hits)
-        on = on[~bust & (remaining[on] > 0)]
-    return remaining, used
-
-
-def after_hit(
-    remaining: np.ndarray, turn_start: np.ndarray, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """What is left (n,) after darts that hit points (n, 2) [mm], and which turns were bust (n,)."""
-    beds = bed_at(points)
-    left = remaining - BED_SCORES[beds]
-    bust = (left < 0) | (left == 1) | ((left == 0) & ~BED_IS_DOUBLE[beds])
-    return np.where(bust, turn_start, left), bust
-
-
-def impacts(
-    aims: np.ndarray, which: np.ndarray, spreads: tuple[Spread, ...], rng: np.random.Generator
-) -> np.ndarray:
-    """Where darts at aims (n, 2) hit, (n, 2) [mm], that have the spread of an index (n,) each."""
-    factors = np.array([np.linalg.cholesky(spread.covariance) for spread in spreads])
-    biases = np.array([spread.bias for spread in spreads])
-    return (
-        aims
-        + biases[which]
-        + np.einsum("nij,nj->ni", factors[which], rng.standard_normal(aims.shape))
-    )
-
-
 def as_remaining(value: int, start: int, name: str = "remaining") -> int:
     """A score that can be left in a leg from `start`."""
     remaining = as_count(value, name, 2)
@@ -231,3 +172,70 @@ def as_start(value: int) -> int:
     if start > HIGHEST_START:
         raise ValueError(f"start must be at most {HIGHEST_START}, got {start}")
     return start
+
+
+PER_TURN = 3
+
+
+@dataclass(frozen=True)
+class LegDart:
+    """A dart of a leg.
+
+    * before: what was left before it; after: what is left then, after a bust as much as at the
+      start of the turn.
+    * hit: name of the place that it hit, such as T20, or what became of it.
+    * points: of the dart, whether they count or not; bust: they do not.
+    """
+
+    before: int
+    after: int
+    hit: str
+    points: int
+    bust: bool = False
+
+
+class LegInPlay:
+    """501, double out, dart by dart.
+
+    * start: the score at the start, default 501.
+
+    Attributes:
+
+    * darts: that were thrown, in order.
+    * remaining: what is left.
+    * turn_start: what was left when the turn began, to which a bust returns.
+    * darts_left: of the turn.
+    """
+
+    def __init__(self, start: int = 501):
+        self.remaining = self.turn_start = as_count(start, "start", 2)
+        self.darts_left = PER_TURN
+        self.darts: list[LegDart] = []
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it was finished with a double."""
+        return self.remaining == 0
+
+    def hit(self, point: ArrayLike) -> LegDart:
+        """A dart that hit a point (2,) [mm]."""
+        bed = int(bed_at(point))
+        return self._thrown(place_of(point), int(BED_SCORES[bed]), bool(BED_IS_DOUBLE[bed]))
+
+    def lost(self, why: str) -> LegDart:
+        """A dart that was not seen on the board: it scores nothing. why: what became of it."""
+        return self._thrown(why, 0, False)
+
+    def _thrown(self, hit: str, points: int, double: bool) -> LegDart:
+        if self.is_over:
+            raise ValueError(
+                f"the leg was finished with dart {len(self.darts)}: begin another one"
+            )
+        before, left = self.remaining, self.remaining - points
+        bust = left < 0 or left == 1 or (left == 0 and not double)
+        self.remaining = self.turn_start if bust else left
+        self.darts_left -= 1
+        if bust or not self.darts_left:
+            self.turn_start, self.darts_left = self.remaining, PER_TURN
+        self.darts.append(LegDart(before, self.remaining, hit, points, bust))
+        return self.darts[-1]

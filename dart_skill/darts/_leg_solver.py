@@ -174,7 +174,7 @@ class Nearby:
 
 
 def safe_from(darts: int) -> int:
-    """From this score on so many darts cannot bust."""
+    """Least score from which this number of darts cannot bust."""
     return SAFE + LARGEST_SCORE * (darts - 1)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number
 from dart_skill.darts._board import place_of
-from dart_skill.darts._leg import LegPolicy, after_hit, as_remaining, as_start, impacts
+from dart_skill.darts._leg import LegPolicy, as_remaining, as_start
 from dart_skill.darts._leg_solver import LARGEST_SCORE, Nearby, after_dart
 from dart_skill.darts._match_players import MatchPlayer, match_player
 from dart_skill.darts._match_solver import Best, Fixed, Side, solve_game
@@ -238,60 +238,6 @@ def match_chance(first: float, second: float, legs: int, begins: str = "me") -> 
     more, fewer = (first, second) if begins == "me" else (second, first)
     won = np.convolve(_binomial((legs + 1) // 2, more), _binomial(legs // 2, fewer))
     return min(float(won[legs // 2 + 1 :].sum()), 1.0)
-
-
-def simulate_match_legs(
-    policy: MatchPolicy,
-    n_legs: int,
-    rng: np.random.Generator,
-    begins: str = "me",
-    max_turns: int = 10_000,
-) -> np.ndarray:
-    """Simulates legs dart by dart with random hits; returns which of them the side `me` wins,
-    (n_legs,).
-
-    policy: of both sides. begins: "me" or "them". max_turns: of both together. ValueError for
-    another player, and if a leg takes longer.
-    """
-    if begins not in PLAYERS:
-        raise ValueError(f"begins must be one of {', '.join(PLAYERS)}, got {begins!r}")
-    left = np.full((2, as_count(n_legs, "n_legs")), policy.start)
-    throws = PLAYERS.index(begins)
-    for _ in range(max_turns):
-        on = np.flatnonzero((left > 0).all(axis=0))
-        if len(on) == 0:
-            return left[0] == 0
-        left[throws, on] = _play_turns(
-            (policy.me, policy.them)[throws], left[throws, on], left[1 - throws, on], rng
-        )
-        throws = 1 - throws
-    raise ValueError(
-        f"{len(on)} of {n_legs} legs are not finished after {max_turns} turns; raise max_turns"
-    )
-
-
-def _play_turns(
-    side: MatchSide, begun: np.ndarray, against: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
-    """What is left (n,) after a turn from scores (n,) when the other player has `against` (n,)
-    left.
-    """
-    pairs, of = np.unique(np.stack([begun, against]), axis=1, return_inverse=True)
-    turns = [side.choices(*pair) for pair in pairs.T]
-    remaining, on = begun.copy(), np.arange(len(begun))
-    for used in range(3):
-        scored = begun[on] - remaining[on]
-        chosen = np.array(
-            [
-                turns[turn][used][points]
-                for turn, points in zip(of.ravel()[on], scored, strict=True)
-            ],
-            dtype=int,
-        )
-        hits = impacts(side.aims[chosen], side.which[chosen], side.player.leg.spreads, rng)
-        remaining[on], bust = after_hit(remaining[on], begun[on], hits)
-        on = on[~bust & (remaining[on] > 0)]
-    return remaining
 
 
 class _Darts(NamedTuple):

@@ -33,8 +33,10 @@ from dart_skill.darts._spread import Spread, SpreadByTarget
 
 HAZARDS = (0.0, 0.1, 0.3, 0.6, 0.95)
 """Chances of the first kind of opponents to finish in a turn."""
-LATE, RESPITE = (2, 4), 4
-"""Which of these chances the others have after a respite of one to four turns."""
+LATE = (2, 4)
+"""Index of the chances that the second kind of opponents have after a respite."""
+RESPITE = 4
+"""Longest respite [turns]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,11 +38,15 @@ ACCURACY = 1e-7
 """Accuracy of chances to win at which the secant method ends; its next step would be shorter by a
 factor of ten at least.
 """
-NO_BUST_TWO, NO_BUST_THREE = safe_from(2), safe_from(3)
+NO_BUST_TWO = safe_from(2)
+"""Score from which two darts cannot bust."""
+NO_BUST_THREE = safe_from(3)
+"""Score from which three darts cannot bust."""
 PER_DART = LARGEST_SCORE + 1
-LAST_PARTS, SECOND_PARTS = (2, 32, SAFE), (2, 32, SAFE, NO_BUST_TWO)
-"""Ranges of scores that are computed together: from which the last dart and the second may bust.
-"""
+LAST_PARTS = (2, 32, SAFE)
+"""Limits of the ranges of scores that are computed together, from which the last dart may bust."""
+SECOND_PARTS = (2, 32, SAFE, NO_BUST_TWO)
+"""The same, from which the second dart may bust."""
 BUST = NO_BUST_THREE
 """Column of the tables of a turn in which a bust finds its value."""
 

@@ -12,9 +12,12 @@ from numpy.typing import ArrayLike
 from dart_skill.common.checks import as_covariances, as_vector
 from dart_skill.darts._board import as_points
 
-SMALLEST, LARGEST = 0.1, 2000.0
-"""Smallest and largest standard deviation that is accepted [mm]."""
+SMALLEST = 0.1
+"""Smallest standard deviation that is accepted [mm]."""
+LARGEST = 2000.0
+"""Largest standard deviation that is accepted [mm]."""
 LARGEST_BIAS = 1000.0
+"""Largest bias that is accepted along either axis [mm]."""
 
 
 @dataclass(frozen=True, eq=False)

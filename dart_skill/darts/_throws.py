@@ -49,7 +49,7 @@ class _Group:
 
 
 @dataclass(frozen=True, eq=False)
-class Throws:
+class ObservedThrows:
     """All observed throws.
 
     * groups: throws with a score, by aim.
@@ -85,7 +85,9 @@ class Throws:
         )
 
 
-def throws_from_scores(scores: Sequence[str | int], aims: str | ArrayLike, misses: str) -> Throws:
+def throws_from_scores(
+    scores: Sequence[str | int], aims: str | ArrayLike, misses: str
+) -> ObservedThrows:
     """Throws from scores; aims: one target for all (a name or a point), or one point for each, (n,
     2) [mm].
     """
@@ -96,7 +98,7 @@ def throws_from_scores(scores: Sequence[str | int], aims: str | ArrayLike, misse
         raise ValueError(
             "every dart bounced out, so nothing is known of where they went; list some scores"
         )
-    return Throws(
+    return ObservedThrows(
         _grouped(patterns, known_aims, misses),
         np.zeros((0, 2)),
         np.zeros((0, 2)),
@@ -105,7 +107,9 @@ def throws_from_scores(scores: Sequence[str | int], aims: str | ArrayLike, misse
     )
 
 
-def throws_from_points(points: ArrayLike, aims: str | ArrayLike, misses: int | str) -> Throws:
+def throws_from_points(
+    points: ArrayLike, aims: str | ArrayLike, misses: int | str
+) -> ObservedThrows:
     """Throws from measured impacts (n, 2) [mm]; misses: number of darts that missed the board, or
     "unrecorded".
     """
@@ -116,7 +120,7 @@ def throws_from_points(points: ArrayLike, aims: str | ArrayLike, misses: int | s
         )
     if misses == "unrecorded":
         aims = _aims_of(aims, len(points))
-        return Throws((), points - aims, aims, misses, 0)
+        return ObservedThrows((), points - aims, aims, misses, 0)
     if isinstance(misses, (bool, str)) or int(misses) != misses or misses < 0:
         raise ValueError(
             "misses must be the number of darts that missed the board, or 'unrecorded', got"
@@ -124,7 +128,7 @@ def throws_from_points(points: ArrayLike, aims: str | ArrayLike, misses: int | s
         )
     aims = _aims_of(aims, len(points) + int(misses))
     patterns = np.tile(np.arange(N_BEDS) == MISS, (int(misses), 1))
-    return Throws(
+    return ObservedThrows(
         _grouped(patterns, aims[len(points) :], "counted"),
         points - aims[: len(points)],
         aims[: len(points)],

@@ -1,8 +1,12 @@
-"""Independent runs on all cores of this machine, or on a Dask cluster that already exists."""
+"""Independent runs on all cores of this machine, or on a Dask cluster that already exists, and
+runs as one file that can be continued.
+"""
 
 from __future__ import annotations
 
 import importlib
+import json
+import math
 import multiprocessing
 import os
 import signal
@@ -11,6 +15,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
@@ -18,7 +24,7 @@ from tqdm import tqdm
 DEAF = "dart_skill.experiments._deaf_to_ctrl_c"
 """A process that imports this module ignores Ctrl-C, and so do the processes that it makes."""
 ORPHANED = 1.0
-"""A process looks so often whether the one that wants its results is still there [s]."""
+"""Time between two looks of a worker whether its parent still runs [s]."""
 
 
 def all_of(
@@ -134,3 +140,80 @@ def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tu
         index_of = {future.key: index for index, future in enumerate(futures)}
         for future, result in dask.as_completed(futures, with_results=True):
             yield index_of[future.key], result
+
+
+def run_tasks(
+    run: Callable,
+    tasks: Sequence,
+    run_type: type,
+    results: Path | None = None,
+    jobs: int = 0,
+    scheduler: str = "",
+) -> list:
+    """run(task) of every task once; those that stand in the file of results already are not run
+    again, and each new one is added to it at once.
+
+    A task and its run are frozen dataclasses of numbers, words, and tuples of them; run.task is
+    the task.
+
+    * run: a function of a task, which returns its run.
+    * tasks: in the order of the result.
+    * results: the file, a JSON object a line.
+    """
+    known: dict[Any, Any] = {}
+    if tasks and results and results.exists():
+        _drop_unfinished_line(results)
+        known = {one.task: one for one in read_runs(results, run_type, type(tasks[0]))}
+    missing = [task for task in dict.fromkeys(tasks) if task not in known]
+    for _, one in tqdm(
+        run_all(run, missing, jobs, scheduler), total=len(missing), unit="run", disable=None
+    ):
+        known[one.task] = one
+        if results:
+            with results.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(_plain(asdict(one)), allow_nan=False) + "\n")
+    return [known[task] for task in tasks]
+
+
+def read_runs(results: Path, run_type: type, task_type: type) -> list:
+    """Runs of a file of `run_tasks`; ValueError names a line that is not one."""
+    lines = results.read_text(encoding="utf-8").splitlines()
+    return [
+        _parsed(line, run_type, task_type, f"line {number} of {results}")
+        for number, line in enumerate(lines, start=1)
+    ]
+
+
+def _parsed(line: str, run_type: type, task_type: type, where: str) -> Any:
+    try:
+        row = json.loads(line)
+        task = task_type(**{name: _tuples(value) for name, value in row["task"].items()})
+        return run_type(**{**{name: _tuples(value) for name, value in row.items()}, "task": task})
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise ValueError(
+            f"{where} is not a run ({error}): move the file away, or remove the line"
+        ) from error
+
+
+def _drop_unfinished_line(results: Path) -> None:
+    """What a run that was killed while it wrote has left behind would spoil the next line."""
+    text = results.read_bytes()
+    if not text.endswith(b"\n"):
+        results.write_bytes(text[: text.rfind(b"\n") + 1])
+
+
+def _plain(value: Any) -> Any:
+    """JSON knows no NaN: null inside of a list."""
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _tuples(value: Any) -> Any:
+    return (
+        tuple(math.nan if part is None else _tuples(part) for part in value)
+        if isinstance(value, list)
+        else value
+    )

@@ -28,10 +28,14 @@ if TYPE_CHECKING:
         frame_views,
         gaussians_figure,
     )
-    from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
+    from dart_skill.figures._landings import (
+        RIM_RADIUS,
+        draw_landings,
+        draw_trials,
+        landings_figure,
+        trials_figure,
+    )
     from dart_skill.figures._models import plot_frames, plot_mixture, plot_reproduction
-    from dart_skill.figures._recordings import SAME_BASKET, Recording
-    from dart_skill.figures._skill_trials import draw_trials, trials_figure
     from dart_skill.figures._style import (
         ATTRACTOR,
         BALL,
@@ -66,7 +70,9 @@ if TYPE_CHECKING:
         zoomed_inset,
     )
     from dart_skill.figures._synchronisation import (
+        SAME_BASKET,
         DemonstratedMotion,
+        HandRecording,
         demonstrated_motions,
         draw_synchronisation,
         synchronisation_figure,
@@ -79,10 +85,8 @@ else:
             "_darts": "arm_darts_figure draw_arm_darts running",
             "_execution": "ExecutedThrow draw_execution executed_throw execution_figure",
             "_gaussians": "FrameView draw_gaussians frame_views gaussians_figure",
-            "_landings": "RIM_RADIUS draw_landings landings_figure",
+            "_landings": "RIM_RADIUS draw_landings draw_trials landings_figure trials_figure",
             "_models": "plot_frames plot_mixture plot_reproduction",
-            "_recordings": "SAME_BASKET Recording",
-            "_skill_trials": "draw_trials trials_figure",
             "_style": (
                 "ATTRACTOR BALL BASKET BLACK BLUE DEMONSTRATION FAILURE GAUSSIAN GREEN GREY HAND"
                 " LIGHT ORANGE PALE PLANNED PURPLE RELEASE SKY SUCCESS VERMILION basket_from_above"
@@ -90,8 +94,8 @@ else:
                 " save svg_text unit_along zoomed_inset"
             ),
             "_synchronisation": (
-                "DemonstratedMotion demonstrated_motions draw_synchronisation"
-                " synchronisation_figure"
+                "DemonstratedMotion HandRecording SAME_BASKET demonstrated_motions"
+                " draw_synchronisation synchronisation_figure"
             ),
         },
     )
@@ -122,7 +126,7 @@ __all__ = [
     "PURPLE",
     "RELEASE",
     "RIM_RADIUS",
-    "Recording",
+    "HandRecording",
     "SAME_BASKET",
     "SKY",
     "SUCCESS",

@@ -42,7 +42,10 @@ from dart_skill.figures._style import (
     save,
 )
 
-NUMBERS_AT, LIMIT = 185.0, 196.0
+NUMBERS_AT = 185.0
+"""Radius at which the numbers of the sectors stand [mm]."""
+LIMIT = 196.0
+"""Limit of the picture to every side [mm]."""
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
 
 

@@ -15,7 +15,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.arm import ThrowPlan, wam_description
-from dart_skill.figures._recordings import SAME_BASKET, Recording
 from dart_skill.figures._style import (
     ATTRACTOR,
     BALL,
@@ -35,6 +34,7 @@ from dart_skill.figures._style import (
     save,
     unit_along,
 )
+from dart_skill.figures._synchronisation import SAME_BASKET, HandRecording
 from dart_skill.simulation import Basket
 
 FLIGHT_WATCHED = 1.0
@@ -84,7 +84,7 @@ class ExecutedThrow:
         return np.column_stack([along, np.linalg.norm(error - along[:, None] * direction, axis=1)])
 
 
-def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> ExecutedThrow:
+def executed_throw(recordings: Sequence[HandRecording], plan: ThrowPlan) -> ExecutedThrow:
     """The last recording in which the arm threw at the plan's target; ValueError if there is none."""
     found = [
         (one, one.opened_ns)

@@ -1,6 +1,11 @@
 """Figure `landings`: where the balls came down on the plane of the rim, on the floor plan and
 relative to their baskets.
+
+Figure `trials`: the same for other skills than throws: where a skill was shown and tried, and how
+far each trial was off.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from dart_skill.common.world import the_world
 from dart_skill.figures._style import (
@@ -28,7 +34,8 @@ from dart_skill.figures._style import (
     unit_along,
     zoomed_inset,
 )
-from dart_skill.session import ThrowResult, footer
+from dart_skill.session import SkillSummary, ThrowResult, footer
+from dart_skill.skills.protocol import HAND, Demonstration, Pose, Skill
 
 RIM_RADIUS = the_world().basket_radius
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
@@ -181,4 +188,129 @@ def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, 
         label="landing, out" if not inside.all() else None,
         gid=f"{gid}_out",
         **look,
+    )
+
+
+SIDE = 0.035
+"""A body is drawn as a square of this half edge [m], turned as it is."""
+
+
+def draw_trials(
+    summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration], folder: str | Path
+) -> list[Path]:
+    """Write the figure; returns the paths. shown: what was learned from."""
+    with house_style():
+        return save(trials_figure(summary, skill, shown), folder, "trials")
+
+
+def trials_figure(
+    summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration], narrow: bool = False
+) -> Figure:
+    """The figure itself, as `draw_trials` writes it; narrow: its panels stand one below the other.
+
+    ValueError where nothing was shown and nothing tried.
+    """
+    if not shown and not summary.trials:
+        raise ValueError("no demonstrations and no trials: there is nothing to draw")
+    with house_style():
+        figure, (above, side, errors) = panels(
+            [(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)], narrow
+        )
+        _draw_above(above, summary, skill, shown)
+        _draw_side(side, skill, shown)
+        _draw_errors(errors, summary)
+        letter_panels(above, side, errors)
+        handles, labels = above.get_legend_handles_labels()
+        legend_below(figure, handles, labels, len(labels), narrow)
+        return figure
+
+
+def _movements(
+    skill: Skill, shown: Sequence[Demonstration]
+) -> list[tuple[Demonstration, np.ndarray]]:
+    """Each demonstration with the positions of the hand (n, 3) between its first and its last
+    instant.
+    """
+    found = []
+    for one in shown:
+        start, stop = skill.cut(one)
+        found.append((one, one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)]))
+    return found
+
+
+def _draw_above(
+    axes: Axes, summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration]
+) -> None:
+    axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
+    for number, (one, hand) in enumerate(_movements(skill, shown)):
+        axes.plot(
+            hand[:, 0],
+            hand[:, 1],
+            color=DEMONSTRATION,
+            linewidth=1.0,
+            label=None if number else "hand, shown",
+        )
+        for role in skill.bodies[1:]:
+            pose = one.track(role).pose_at(float(one.hand_time[0]))
+            _draw_body(
+                axes, pose, DEMONSTRATION, "" if number else f"{role}, shown", linestyle="--"
+            )
+    labelled: set[str] = set()
+    for number, trial in enumerate(summary.trials, start=1):
+        done = bool(trial.outcome.success)
+        for role, pose in trial.situation.poses.items():
+            what = f"{role}, {'done' if done else 'failed'}"
+            _draw_body(axes, pose, SUCCESS if done else FAILURE, "" if what in labelled else what)
+            axes.text(
+                pose.position[0],
+                pose.position[1],
+                str(number),
+                ha="center",
+                va="center",
+                fontsize=8,
+                gid=f"trial_{number}",
+            )
+            labelled.add(what)
+    axes.set(title="Seen from above", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+
+
+def _draw_body(axes: Axes, pose: Pose, colour: str, label: str, linestyle: str = "-") -> None:
+    """A square about a body's origin, turned as it is, with its x axis as a tick."""
+    x, y = SIDE * pose.rotation[:2, :2].T
+    corners = pose.position[:2] + np.array([x + y, x - y, -x - y, -x + y, x + y])
+    axes.plot(*corners.T, color=colour, linestyle=linestyle, linewidth=1.2, label=label or None)
+    axes.plot(
+        *np.array([pose.position[:2] + x, pose.position[:2] + 1.5 * x]).T,
+        color=colour,
+        linewidth=1.2,
+    )
+
+
+def _draw_side(axes: Axes, skill: Skill, shown: Sequence[Demonstration]) -> None:
+    for _, hand in _movements(skill, shown):
+        way = np.concatenate(
+            [[0.0], np.cumsum(np.linalg.norm(np.diff(hand[:, :2], axis=0), axis=1))]
+        )
+        axes.plot(way, hand[:, 2], color=DEMONSTRATION, linewidth=1.0)
+    axes.set(title=f"Height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
+
+
+def _draw_errors(axes: Axes, summary: SkillSummary) -> None:
+    for number, trial in enumerate(summary.trials, start=1):
+        done = bool(trial.outcome.success)
+        if trial.error_m is not None:
+            axes.bar(number, 1e3 * trial.error_m, color=SUCCESS if done else FAILURE, width=0.7)
+        else:
+            axes.text(number, 0.0, "?", ha="center", va="bottom", color=FAILURE)
+    errors = [1e3 * trial.error_m for trial in summary.trials if trial.error_m is not None]
+    if errors and max(errors) > 20.0 * max(np.median(errors), 0.1):
+        axes.set_yscale("log")
+    axes.set(
+        title=f"{summary.succeeded} of {len(summary.trials)} succeeded",
+        xlabel="trial",
+        ylabel="error [mm]",
+    )
+    axes.set_xlim(0.4, max(len(summary.trials), 1) + 0.6)  # a mark does not widen it
+    axes.xaxis.set_major_locator(
+        MaxNLocator(integer=True, min_n_ticks=1) if summary.trials else NullLocator()
     )

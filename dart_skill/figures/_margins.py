@@ -15,8 +15,10 @@ LINE = 0.17
 """Height of a line of text [inches]."""
 EDGE = 0.1
 """Free at the edges of a figure [inches]."""
-TICKS_X, TICKS_Y = 0.45, 0.68
-"""Room for ticks, their labels and the label of an axis, below and beside a panel [inches]."""
+TICKS_X = 0.45
+"""Room below a panel for ticks, their labels and the label of the axis [inches]."""
+TICKS_Y = 0.68
+"""Room beside a panel for ticks, their labels and the label of the axis [inches]."""
 BETWEEN = 0.2
 """Free between panels, and for the label of the last tick beyond its panel [inches]."""
 BAR = 0.14

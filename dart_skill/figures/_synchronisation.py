@@ -4,6 +4,9 @@ synchronisation, as thesis figure 8.11.
 Left, the recordings as they are, each on the clock since its first pose: the teacher turns the
 arm, pauses, throws. Right, the motion between the velocity thresholds (8.4.3), all demonstrations
 aligned on the release of the ball.
+
+`HandRecording` is what was seen of one throw, guided or made by the arm itself, from one reset of
+the world to the next.
 """
 
 from collections.abc import Sequence
@@ -18,7 +21,6 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from dart_skill.arm import wam_description
-from dart_skill.figures._recordings import Recording
 from dart_skill.figures._style import (
     BLACK,
     GREY,
@@ -33,6 +35,41 @@ from dart_skill.figures._style import (
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.skills.observation import THRESHOLDS, fit_release
+
+SAME_BASKET = 0.02
+"""A recording belongs to a plan if its basket stood this near to the plan's target [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandRecording:
+    """Everything as it was recorded, in the frame of the world. Stamps are integer nanoseconds and
+    increase.
+
+    * hand_stamps, hand_position: (n,) [ns] and (n, 3) [m].
+    * ball_stamps, ball_position: (m,) [ns] and (m, 3) [m].
+    * basket: centre of the rim (3,) [m], the median of what was seen, nan if it was not seen.
+    * command_stamps: of the controller's commands (k,) [ns].
+    * opened_ns: stamp of the one that told the hand to open [ns], None if none did.
+    """
+
+    hand_stamps: np.ndarray
+    hand_position: np.ndarray
+    ball_stamps: np.ndarray
+    ball_position: np.ndarray
+    basket: np.ndarray
+    command_stamps: np.ndarray
+    opened_ns: int | None
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first pose of the hand."""
+        return int(self.hand_stamps[0])
+
+    @property
+    def stop_ns(self) -> int:
+        """Stamp of the last pose of the hand."""
+        return int(self.hand_stamps[-1])
+
 
 EVENTS = {
     "motion_start": ("o", "motion starts"),
@@ -72,7 +109,7 @@ class DemonstratedMotion:
 
 
 def demonstrated_motions(
-    recordings: Sequence[Recording],
+    recordings: Sequence[HandRecording],
     demonstrations: Sequence[Demonstration],
     thresholds: VelocityThreshold = THRESHOLDS,
 ) -> list[DemonstratedMotion]:
@@ -130,7 +167,9 @@ def synchronisation_figure(
         return figure
 
 
-def _recording_of(recordings: Sequence[Recording], demonstration: Demonstration) -> Recording:
+def _recording_of(
+    recordings: Sequence[HandRecording], demonstration: Demonstration
+) -> HandRecording:
     for recording in recordings:
         if recording.start_ns <= demonstration.stamp_ns <= recording.stop_ns:
             return recording
@@ -141,7 +180,7 @@ def _recording_of(recordings: Sequence[Recording], demonstration: Demonstration)
 
 
 def _motion(
-    recording: Recording, demonstration: Demonstration, thresholds: VelocityThreshold
+    recording: HandRecording, demonstration: Demonstration, thresholds: VelocityThreshold
 ) -> DemonstratedMotion:
     d = demonstration
     time = (recording.hand_stamps - recording.start_ns) * 1e-9

@@ -34,18 +34,16 @@ from dart_skill.mixture._regression import Regression, regress, regress_each
 from dart_skill.mixture._selection import (
     Selection,
     best_number,
+    mean_log_likelihood,
+    resampled_mean_log_likelihood,
     select_by_bic,
     select_by_cross_validation,
+    stochastic_universal_sampling,
 )
 from dart_skill.mixture._spectroscopy import Spectroscopy, automatic_bandwidth, data_spectroscopy
 from dart_skill.mixture._split_merge import Adapted, SplitMerge, adapt, split, split_and_merge
 from dart_skill.mixture._start import kmeans_start, sliced_start
 from dart_skill.mixture._sweep import DEAD_SHARE
-from dart_skill.mixture._weighted_likelihood import (
-    mean_log_likelihood,
-    resampled_mean_log_likelihood,
-    stochastic_universal_sampling,
-)
 
 __all__ = [
     "Adapted",

@@ -52,7 +52,7 @@ Scales = list[tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
-class Settings:
+class EmSettings:
     """When EM stops, and how narrow a component may become.
 
     * covariance_floor: smallest variance of a component, relative to the variance of the data.
@@ -68,7 +68,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class EmFit:
     """Result of EM.
 
     * parameters: weights, means and covariances.
@@ -236,7 +236,11 @@ class _Run:
     """
 
     def __init__(
-        self, blocks: list[np.ndarray], weights: np.ndarray, settings: Settings, n_components: int
+        self,
+        blocks: list[np.ndarray],
+        weights: np.ndarray,
+        settings: EmSettings,
+        n_components: int,
     ) -> None:
         self.blocks, self.weights, self.settings = blocks, weights, settings
         self.sweep = Sweep(
@@ -277,7 +281,7 @@ class _Run:
         """Priors and components of given parameters."""
         return parameters.priors, self.sweep.to_white(parameters.means, parameters.covariances)
 
-    def iterate(self, priors: np.ndarray, components: list[Components]) -> Fit:
+    def iterate(self, priors: np.ndarray, components: list[Components]) -> EmFit:
         """EM until the mean log-likelihood stops changing."""
         sweep, share = self.sweep, self.weights / self.weights.sum()
         previous, last = -np.inf, self.settings.max_iterations
@@ -288,7 +292,7 @@ class _Run:
                 self._log_prior(sweep, components),
             )
             if abs(likelihood + log_prior - previous) <= self.settings.tolerance:
-                return Fit(
+                return EmFit(
                     Parameters(priors, *sweep.from_white(components)),
                     likelihood,
                     iteration,
@@ -310,7 +314,7 @@ class _Run:
                 )
                 previous, (priors, components) = -np.inf, self.at(parameters)
         likelihood = float(share @ sweep(priors, components).log_density)
-        return Fit(
+        return EmFit(
             Parameters(priors, *sweep.from_white(components)),
             likelihood,
             last,
@@ -385,9 +389,9 @@ def expectation_maximisation(
     blocks: list[np.ndarray],
     weights: np.ndarray,
     start: Start,
-    settings: Settings,
+    settings: EmSettings,
     least_scales: Sequence[ArrayLike] | None = None,
-) -> Fit:
+) -> EmFit:
     """EM on blocks (n, d_p) with weights (n,), in the units of the data; samples with weight zero
     are ignored.
 
@@ -459,10 +463,10 @@ def best_fit(
     blocks: list[np.ndarray],
     weights: np.ndarray,
     start: Start,
-    settings: Settings,
+    settings: EmSettings,
     n_starts: int,
     least_scales: Sequence[ArrayLike] | None = None,
-) -> Fit:
+) -> EmFit:
     """The most likely of n_starts EM runs, the first of equals; from given parameters there is
     only one run.
     """

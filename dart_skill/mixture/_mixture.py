@@ -28,8 +28,8 @@ from dart_skill.common.checks import (
 )
 from dart_skill.common.hyper_parameters import HyperParameters
 from dart_skill.mixture._expectation_maximisation import (
+    EmSettings,
     Parameters,
-    Settings,
     Start,
     best_fit,
     expectation_at,
@@ -128,7 +128,7 @@ class EMEstimator(HyperParameters):
         least_scales: Sequence[ArrayLike] | None = None,
     ) -> Parameters:
         require_enough(int((weights > 0).sum()), self.n_components)
-        settings = Settings(
+        settings = EmSettings(
             self.covariance_floor, self.tolerance, self.max_iterations, self.covariance_prior
         )
         fit = best_fit(blocks, weights, start, settings, self.n_starts, least_scales)

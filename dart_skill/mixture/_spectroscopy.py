@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_learnable, as_number, as_weights
 
-NEAR, ALMOST_ALL = 0.05, 0.95
+NEAR = 0.05
+ALMOST_ALL = 0.95
 READINGS = ("copies", "printed")
 EXACT = 1e-12  # rounding error that is allowed when a share of the weight is compared
 

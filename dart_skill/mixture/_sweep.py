@@ -35,16 +35,20 @@ EPSILON = float(np.finfo(float).eps)
 # The products of up to so many samples are kept between sweeps. For more, computing them again
 # costs no more than reading them.
 KEPT = 4 * SLICE
-# Those that are kept are gone through in parts of at most so many numbers, 1.3 MB, of which
-# processors of today have a megabyte or more for each core; or of half of it for many components:
-# up to a million multiplications OpenBLAS has a quicker way.
-PART, QUICK = 160_000, 1_000_000
-# Largest error of a log density that is computed from products, and what share of the rise at
-# which EM stops it may be, too.
-LARGEST_LOSS, LOSS_SHARE = 1e-10, 1e-4
+# Largest number of kept numbers that are gone through at a time: 1.3 MB, as a core of today's
+# processors has a megabyte or more of cache. For many components it is half of that.
+PART = 160_000
+# Number of multiplications up to which OpenBLAS has a quicker way.
+QUICK = 1_000_000
+# Largest error of a log density that is computed from products.
+LARGEST_LOSS = 1e-10
+# The same as a share of the rise of the likelihood at which EM stops.
+LOSS_SHARE = 1e-4
 # A sample whose density, relative to the highest peak, is above this has lost nothing to
 # underflow.
-LEAST_DENSITY, LEAST_LOG = 1e-250, -690.0
+LEAST_DENSITY = 1e-250
+# The same of logarithms of densities.
+LEAST_LOG = -690.0
 # White coordinates, which are about one, that differ by no more are the same: the rest is
 # rounding.
 ALIKE = 1e-12

@@ -28,23 +28,19 @@ from dart_skill.movement._frames import (
 from dart_skill.movement._orientation import (
     angles_from_quaternions,
     angular_velocity,
-    conjugate,
-    from_matrices,
     make_continuous,
     multiply,
     normalise,
     pointing_angles,
-    pointing_directions,
     quaternions_from_angles,
     rotate,
-    to_matrices,
     turn_about_z,
 )
 from dart_skill.movement._sample_faults import SampleFaults, find_faults, retimed, without_repeats
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
 
 if TYPE_CHECKING:
-    from dart_skill.movement._alignment import Fit, check_alignment
+    from dart_skill.movement._alignment import AlignmentFit, check_alignment
     from dart_skill.movement._autonomous import (
         AutonomousDSGMR,
         AutonomousPolicy,
@@ -59,7 +55,7 @@ if TYPE_CHECKING:
         gaussian_weights,
         nearest_weights,
     )
-    from dart_skill.movement._patterns import Patterns, find_patterns, resampled
+    from dart_skill.movement._patterns import Patterns, find_patterns, resampled, warped_distance
     from dart_skill.movement._primitives import (
         DiscretePrimitive,
         Execution,
@@ -77,16 +73,15 @@ if TYPE_CHECKING:
         stiffness_from_covariance,
     )
     from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
-    from dart_skill.movement._warping import warped_distance
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
-            "_alignment": "Fit check_alignment",
+            "_alignment": "AlignmentFit check_alignment",
             "_autonomous": "AutonomousDSGMR AutonomousPolicy Moment StateDriven StateFrame",
             "_ds_gmr": "DSGMR Reproduction",
             "_locality": "WidthChoice choose_width gaussian_weights nearest_weights",
-            "_patterns": "Patterns find_patterns resampled",
+            "_patterns": "Patterns find_patterns resampled warped_distance",
             "_primitives": (
                 "DiscretePrimitive Execution PrimitiveState RhythmicPrimitive Trajectory"
             ),
@@ -97,17 +92,16 @@ else:
                 " stiffness_from_covariance"
             ),
             "_task_parameterised": "PartialFrame TaskParameterisedMixture",
-            "_warping": "warped_distance",
         },
     )
 
 __all__ = [
+    "AlignmentFit",
     "AutonomousDSGMR",
     "AutonomousPolicy",
     "DSGMR",
     "DiscretePrimitive",
     "Execution",
-    "Fit",
     "Moment",
     "Motion",
     "MovingFrame",
@@ -139,7 +133,6 @@ __all__ = [
     "base_frame",
     "check_alignment",
     "choose_width",
-    "conjugate",
     "critical_damping",
     "critical_damping_matrix",
     "estimate_noise",
@@ -147,7 +140,6 @@ __all__ = [
     "find_faults",
     "find_patterns",
     "follow_attractor",
-    "from_matrices",
     "gaussian_weights",
     "hold_to",
     "make_continuous",
@@ -156,7 +148,6 @@ __all__ = [
     "normalise",
     "pointing_angles",
     "pointing_at",
-    "pointing_directions",
     "quaternions_from_angles",
     "resampled",
     "retimed",
@@ -168,7 +159,6 @@ __all__ = [
     "start_frame",
     "stiffness_from_covariance",
     "target_frame",
-    "to_matrices",
     "turn_about_z",
     "turn_matrix",
     "warped_distance",

@@ -27,7 +27,7 @@ others is the prediction.
 
 
 @dataclass(frozen=True)
-class Fit:
+class AlignmentFit:
     """How a demonstration fits the others.
 
     * deviation: rms of its residual over time and variables, relative to the usual residual.
@@ -54,8 +54,8 @@ def check_alignment(
     largest_deviation: float = 6.0,
     largest_lag: float = 0.1,
     tolerance: ArrayLike = 0.0,
-) -> list[Fit]:
-    """One `Fit` for each of at least 4 demonstrations.
+) -> list[AlignmentFit]:
+    """One `AlignmentFit` for each of at least 4 demonstrations.
 
     Parameters:
 
@@ -168,7 +168,7 @@ def _judged(
     shifts: np.ndarray,
     largest_deviation: float,
     largest_lag: float,
-) -> Fit:
+) -> AlignmentFit:
     wanted = _prediction(curves, tasks, i)
 
     def deviation(shift: float) -> float:
@@ -192,4 +192,4 @@ def _judged(
             f"it strays {now:.1f} times as far as usual from what the others predict (limit"
             f" {largest_deviation:g}): leave it out"
         )
-    return Fit(now, lag, least, reason)
+    return AlignmentFit(now, lag, least, reason)

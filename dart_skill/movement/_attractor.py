@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_finite, as_number, as_samples, as_vector
 from dart_skill.movement._differentiation import Motion
-from dart_skill.movement._recursion import respond
+from dart_skill.movement._runge_kutta import respond
 
 
 def critical_damping(stiffness: ArrayLike) -> np.ndarray:

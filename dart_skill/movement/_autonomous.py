@@ -37,7 +37,7 @@ from dart_skill.common.checks import as_count, as_finite, as_number, as_samples,
 from dart_skill.common.pace import PhaseRule
 from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement._attractor import attractor_from_motion, discretise
-from dart_skill.movement._attractor_model import AttractorModel
+from dart_skill.movement._ds_gmr import AttractorModel
 from dart_skill.movement._frames import MovingFrame, TaskFrame
 from dart_skill.movement._placement import Weights
 from dart_skill.movement._saved import Arrays, array_of

@@ -23,7 +23,7 @@ STENCIL = 7
 NOISE_SHARE = 0.02
 
 
-class Demonstration(NamedTuple):
+class ShownMovement(NamedTuple):
     """Stamps (n,) from zero, motion (n, d) each, and weights (n,)."""
 
     time: np.ndarray
@@ -38,7 +38,7 @@ def as_demonstrations(
     acceleration: ArrayLike | None,
     weights: ArrayLike | None,
     noise: ArrayLike | None,
-) -> list[Demonstration]:
+) -> list[ShownMovement]:
     """Checked demonstrations, without those of weight zero.
 
     The input is one demonstration, time (n,) and position (n, d), or sequences with an entry for
@@ -59,7 +59,7 @@ def as_demonstrations(
     return counting
 
 
-def shares(demonstrations: list[Demonstration]) -> np.ndarray:
+def shares(demonstrations: list[ShownMovement]) -> np.ndarray:
     """Mean weight of each demonstration, normalised to sum to one."""
     weights = np.array([demonstration.weights.mean() for demonstration in demonstrations])
     return weights / weights.sum()
@@ -72,7 +72,7 @@ def _as_several(
     acceleration: ArrayLike | None,
     weights: ArrayLike | None,
     noise: np.ndarray | None,
-) -> list[Demonstration]:
+) -> list[ShownMovement]:
     named = [
         ("time", time),
         ("velocity", velocity),
@@ -119,7 +119,7 @@ def _as_demonstration(
     weights: ArrayLike | None,
     noise: np.ndarray | None,
     place: str,
-) -> Demonstration:
+) -> ShownMovement:
     position = as_samples(position, f"position{place}")
     try:
         time = as_stamps(time, len(position), 2)
@@ -130,7 +130,7 @@ def _as_demonstration(
     acceleration = _like_position(acceleration, shape, f"acceleration{place}")
     elapsed: np.ndarray = time - time[0]
     motion = complete(elapsed, position, velocity, acceleration, noise)
-    return Demonstration(
+    return ShownMovement(
         elapsed, motion, _as_sample_weights(weights, len(elapsed), f"weights{place}")
     )
 

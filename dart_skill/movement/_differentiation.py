@@ -5,6 +5,9 @@ quintic splines with a knot at every second stamp. So gaps and irregular stamps 
 treatment. lambda minimises the unbiased estimate of the risk, RSS + 2 sigma^2 trace(H) (Mallows;
 Craven and Wahba 1978), for the noise sigma that is given or estimated. Without noise the fit is
 plain least squares, and exact on polynomials up to degree 5.
+
+The noise is estimated from `contrasts`: combinations of neighbouring samples that are zero on
+polynomials of degree 5, so that they contain only noise.
 """
 
 from __future__ import annotations
@@ -13,13 +16,14 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_finite, as_samples
-from dart_skill.movement._contrasts import contrasts
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
+NEIGHBOURS = 7
 MIN_SAMPLES = 8
 # The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear
 # in the number of windows.
@@ -133,6 +137,22 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) 
     return (
         np.array([np.median(column) for column in noise] if apart else np.median(noise))
         / NORMAL_MEDIAN
+    )
+
+
+def contrasts(time: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Absolute values (d, n - 6) of divided differences of seven neighbours, scaled to unit norm,
+    of samples (n, d), n >= 7, at increasing stamps (n,).
+
+    Sample k of them has the weight 1 / prod_j (t_k - t_j), j != k.
+    """
+    windows = sliding_window_view(time, NEIGHBOURS)
+    windows = windows / (windows[:, -1:] - windows[:, :1])
+    apart = windows[:, :, None] - windows[:, None, :] + np.eye(NEIGHBOURS)
+    weights = 1.0 / apart.prod(axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    return np.abs(
+        np.einsum("nk,ndk->dn", weights, sliding_window_view(samples, NEIGHBOURS, axis=0))
     )
 
 

@@ -4,18 +4,21 @@ regression that finds their weights, (7.12) and (7.13).
 Progress s is time in units of the duration (or period): s = 0 at the start, 1 at the end. With it
 the canonical system (7.6) has a closed form: z = exp(-decay s) solves z' = -tau decay z, and the
 angle 2 pi s solves z' = tau omega.
-"""
 
-from functools import lru_cache
+The goal of a discrete primitive moves, too: `blend` is a smooth path from start to goal, and
+`BlendAttractor` its attractor (7.20), which makes a spring-damper follow the path.
+"""
 
 import numpy as np
 
-# Value of a kernel at its neighbour's centre.
 OVERLAP = 0.5
-# Regularisation of the joint regression, relative to the mean weight of a kernel: the first draws
-# the weights of neighbours together where no sample separates them, the second, weaker still,
-# draws all weights to zero.
-NEIGHBOUR_PENALTY, SIZE_PENALTY = 1e-8, 1e-11
+"""Value of a kernel at the centre of its neighbour."""
+NEIGHBOUR_PENALTY = 1e-8
+"""Regularisation of the joint regression, relative to the mean weight of a kernel, which draws the
+weights of neighbours together where no sample separates them.
+"""
+SIZE_PENALTY = 1e-11
+"""Regularisation in the same unit, which draws all weights to zero."""
 
 
 class GaussianKernels:
@@ -78,14 +81,6 @@ class PeriodicKernels:
 
 
 Kernels = GaussianKernels | PeriodicKernels
-
-
-@lru_cache(maxsize=64)
-def gaussian_kernels(n_basis: int, decay: float) -> GaussianKernels:
-    """The same for all primitives that have these, as they never change: making them takes a tenth
-    of the time of learning.
-    """
-    return GaussianKernels(n_basis, decay)
 
 
 def _ties(neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -155,3 +150,43 @@ def regress_jointly(
 
 
 REGRESSIONS = {"joint": regress_jointly, "local": regress_locally}
+
+
+# The blend is s^5 times this polynomial, lowest power first: its first four derivatives are zero
+# at s = 0 and s = 1.
+BLEND = [126.0, -420.0, 540.0, -315.0, 70.0]
+
+
+def blend(progress: np.ndarray) -> np.ndarray:
+    """Path (n,) from 0 at s <= 0 to 1 at s >= 1, four times differentiable.
+
+    So an integration of fourth order keeps its order, wherever its steps are.
+    """
+    return _polynomial(np.clip(progress, 0.0, 1.0), 5, BLEND)
+
+
+class BlendAttractor:
+    """(7.20) for the blend: the attractor that makes a spring-damper move along it.
+
+    * stiffness: of the spring-damper [1/s^2].
+    * damping: of the spring-damper [1/s].
+    """
+
+    def __init__(self, stiffness: float, damping: float):
+        path, powers = np.concatenate([np.zeros(5), BLEND]), np.arange(1.0, 10.0)
+        velocity = powers * path[1:]
+        path[:-1] += velocity * (damping / stiffness)
+        path[:-2] += powers[:-1] * velocity[1:] / stiffness
+        self._coefficients = path[3:].tolist()
+
+    def __call__(self, progress: np.ndarray) -> np.ndarray:
+        return _polynomial(np.clip(progress, 0.0, 1.0), 3, self._coefficients)
+
+
+def _polynomial(s: np.ndarray, power: int, coefficients: list[float]) -> np.ndarray:
+    """s^power (c_0 + c_1 s + ...) by Horner's rule."""
+    value = coefficients[-1] * s
+    for coefficient in coefficients[-2:0:-1]:
+        value += coefficient
+        value *= s
+    return (value + coefficients[0]) * s**power

@@ -72,7 +72,7 @@ class FrameProducts:
         """Write the products at n moments, and return the first feature that the frames do not
         tell from others, or m.
 
-        * A, inverses, b: (n, P, m, m), (n, P, m, m) and (n, P, m), as of `Situation`.
+        * A, inverses, b: (n, P, m, m), (n, P, m, m) and (n, P, m), as of `FrameSituation`.
         * seen: (n, P), 0 for a missing frame; at least one of each moment is there.
         * mean: (n, K, m), is written.
         * covariance: (n, K, m, m), is written.

@@ -19,12 +19,10 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_finite, as_samples
 from dart_skill.common.quaternions import CONJUGATE, product, to_vectors
-from dart_skill.common.quaternions import matrices as matrices_of
 from dart_skill.common.rotations import (
     hand_angles,
     least_length,
     of_hand_angles,
-    of_matrices,
     turned,
     unwrap,
 )
@@ -78,11 +76,6 @@ def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
     return product(left, right)
 
 
-def conjugate(quaternions: ArrayLike) -> np.ndarray:
-    """Inverse rotations (n, 4) of unit quaternions (n, 4)."""
-    return normalise(quaternions) * CONJUGATE
-
-
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
     """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of
     the other.
@@ -96,28 +89,6 @@ def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
             " many, or one"
         )
     return turned(quaternions, vectors)
-
-
-def to_matrices(quaternions: ArrayLike) -> np.ndarray:
-    """Rotation matrices (n, 3, 3). quaternions: (n, 4)."""
-    return matrices_of(normalise(quaternions))
-
-
-def from_matrices(matrices: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4), with signs as in `make_continuous`, of rotation matrices (n, 3, 3).
-
-    ValueError for another shape, or for what is no rotation.
-    """
-    matrices = as_finite(matrices, "matrices", 3)
-    if matrices.shape[1:] != (3, 3) or len(matrices) == 0:
-        raise ValueError(f"matrices must have shape (n, 3, 3), got {matrices.shape}")
-    error = np.abs(matrices @ np.swapaxes(matrices, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    wrong = (error > 1e-6) | (np.linalg.det(matrices) < 0)
-    if wrong.any():
-        raise ValueError(
-            f"matrix {int(wrong.argmax())} is not a rotation (orthogonal with determinant 1)"
-        )
-    return make_continuous(of_matrices(matrices))
 
 
 def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
@@ -141,19 +112,6 @@ def pointing_angles(directions: ArrayLike) -> np.ndarray:
         raise ValueError(f"direction {int(lengths.argmin())} has length zero; it points nowhere")
     x, y, z = directions.T
     return np.stack([np.arctan2(z, x), np.arctan2(y, np.hypot(x, z))], axis=1)
-
-
-def pointing_directions(angles: ArrayLike) -> np.ndarray:
-    """Unit vectors (n, 3) of angles whose first two columns are alpha and beta. ValueError for
-    fewer columns.
-    """
-    angles = as_samples(angles, "angles")
-    if angles.shape[1] < 2:
-        raise ValueError(f"angles must have columns alpha and beta, got shape {angles.shape}")
-    alpha, beta = angles[:, 0], angles[:, 1]
-    return np.stack(
-        [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1
-    )
 
 
 def angles_from_quaternions(

@@ -124,7 +124,7 @@ class Placement:
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
+class FrameSituation:
     """P task frames at n moments.
 
     A (n, P, m, m), inverses (n, P, m, m), b (n, P, m); seen (n, P): whether the frame is present.
@@ -139,7 +139,7 @@ class Situation:
     @classmethod
     def of(
         cls, courses: Sequence[FrameCourse], n: int, n_features: int, n_dims: Sequence[int]
-    ) -> Situation:
+    ) -> FrameSituation:
         """The situation of P frames at n moments. Frame p must see n_dims[p] directions; at least
         one frame must be present.
         """
@@ -170,7 +170,7 @@ class Situation:
         return situation
 
     @classmethod
-    def _at_rest(cls, frames: list[TaskFrame]) -> Situation:
+    def _at_rest(cls, frames: list[TaskFrame]) -> FrameSituation:
         """All frames are there, and see all directions: what is asked for most, in half the time."""
         A, b = np.array([[frame.A for frame in frames]]), np.array([[frame.b for frame in frames]])
         return cls(A, np.linalg.inv(A), b, np.ones((1, len(frames)), dtype=bool))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_finite, as_number, as_vector
-from dart_skill.movement._demonstrations import Demonstration
+from dart_skill.movement._demonstrations import ShownMovement
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import (
     REGRESSIONS,
@@ -25,16 +25,13 @@ from dart_skill.movement._forcing import (
     regress_jointly,
     transformation,
 )
-from dart_skill.movement._recursion import one_step
-from dart_skill.movement._runge_kutta import Steps, divide, gains_of_equal_steps, integrate
+from dart_skill.movement._runge_kutta import divide, integrate
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
 
 # A tracking error slows a movement down to this share of its pace at least. At zero it could not
 # continue.
 MIN_SHARE = 1e-9
-# Steps whose drive is worked out at once, which takes hardly longer than that of one.
-AHEAD = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,32 +56,6 @@ class Execution(NamedTuple):
     duration: float
 
 
-class Ahead(NamedTuple):
-    """What drives the steps after the first one of several that are equally long, as long as
-    nobody wishes for something else.
-
-    * weights, wanted: of the movement, and what it shall be: these very objects.
-    * made, steps: progress of a step, and its stages.
-    * progress: at the beginning of each step; drives (n, 2 m + 1, d): at the stages of each. Empty
-      as long as there was only one such step.
-    """
-
-    weights: np.ndarray
-    wanted: Execution
-    made: float
-    steps: Steps
-    progress: list[float]
-    drives: np.ndarray
-
-    def holds(self, weights: np.ndarray, state: PrimitiveState, made: float) -> bool:
-        """Whether it is of the step that this state makes."""
-        return self.weights is weights and self.wanted is state.wanted and self.made == made
-
-    def has(self, number: int, progress: float) -> bool:
-        """Whether the drive of the step of that number has been worked out, and it begins there."""
-        return number < len(self.progress) and self.progress[number] == progress
-
-
 @dataclass(frozen=True, eq=False)
 class PrimitiveState:
     """State of a movement at one instant.
@@ -95,8 +66,6 @@ class PrimitiveState:
     * pace: progress per second [1/s]; goal, amplitude (d,). All three approach the wanted values
       smoothly.
     * wanted: the wanted start, goal, amplitude and duration.
-    * ahead, next_ahead: what drives the next steps, as far as it has been worked out, and which of
-      them is the next one.
     """
 
     position: np.ndarray
@@ -107,11 +76,9 @@ class PrimitiveState:
     goal: np.ndarray
     amplitude: np.ndarray
     wanted: Execution
-    ahead: Ahead | None = None
-    next_ahead: int = 0
 
 
-class Clock(NamedTuple):
+class PhaseClock(NamedTuple):
     """Progress since a state, the pace at that time, and its change per second: numbers, or
     columns (n, 1); no change: None.
     """
@@ -235,7 +202,7 @@ class Primitive(SavedModel):
 
     def _learn(
         self,
-        demonstrations: list[Demonstration],
+        demonstrations: list[ShownMovement],
         starts: np.ndarray,
         goals: np.ndarray,
         durations: np.ndarray,
@@ -251,7 +218,7 @@ class Primitive(SavedModel):
         self.weights_ = regress(psi, self._gate(progress), target, weights, self._kernels)
 
     def _reference(
-        self, demonstration: Demonstration, start: np.ndarray, goal: np.ndarray, duration: float
+        self, demonstration: ShownMovement, start: np.ndarray, goal: np.ndarray, duration: float
     ) -> np.ndarray:
         """f_ref (n, d) of (7.12), with A = 1: the drive that the spring-damper needs to move as
         demonstrated.
@@ -289,61 +256,23 @@ class Primitive(SavedModel):
         """
         clock = self._clock(state, dt, share)
         made = float(clock.made)
-        steps, drive, ahead, number = self._drive_of_step(state, made)
-        position, slope, curvature = self._moved(state, steps, drive, push)
+        position, slope, curvature = self._follow(
+            state, np.array([0.0, made]) if made else np.zeros(1), push
+        )
         motion = _timed(clock, position[-1], slope[-1], curvature[-1])
         goal, amplitude = self._settled(state, made)
         progress = self._wrapped(state.progress + made)
-        return PrimitiveState(
-            *motion, progress, float(clock.pace), goal, amplitude, state.wanted, ahead, number
-        )
+        return PrimitiveState(*motion, progress, float(clock.pace), goal, amplitude, state.wanted)
 
-    def _drive_of_step(
-        self, state: PrimitiveState, made: float
-    ) -> tuple[Steps, np.ndarray, Ahead | None, int]:
-        """Stages of one step and the drive there (2 m + 1, d), and what is known of the next steps
-        then, as a state has it.
-
-        From the second of several equal steps of an undisturbed movement on, the drive is worked
-        out for many of them.
-        """
-        ahead, number = state.ahead, state.next_ahead
-        if ahead is None or not ahead.holds(self.weights_, state, made):
-            steps = divide(np.array([0.0, made]) if made else np.zeros(1), self._max_step)
-            drive = self._drive(state, state.progress, steps.stages)
-            return (
-                steps,
-                drive,
-                (
-                    Ahead(self.weights_, state.wanted, made, steps, [], drive)
-                    if made and _settled(state)
-                    else None
-                ),
-                0,
-            )
-        if not ahead.has(number, state.progress):
-            progress, number = self._progress_of_steps(state.progress, made), 0
-            stages = (np.array(progress)[:, None] + ahead.steps.stages).ravel()
-            ahead = ahead._replace(
-                progress=progress,
-                drives=self._drive(state, 0.0, stages).reshape(len(progress), -1, self.n_dims),
-            )
-        return ahead.steps, ahead.drives[number], ahead, number + 1
-
-    def _progress_of_steps(self, progress: float, made: float) -> list[float]:
-        """Where each of AHEAD steps begins, summed up as the states sum it up."""
-        begins = [progress]
-        while len(begins) < AHEAD:
-            begins.append(self._wrapped(begins[-1] + made))
-        return begins
-
-    def _clock(self, state: PrimitiveState, elapsed: float | np.ndarray, share: float) -> Clock:
-        """Progress and pace after so many seconds: the pace approaches a share of the wanted one."""
+    def _clock(
+        self, state: PrimitiveState, elapsed: float | np.ndarray, share: float
+    ) -> PhaseClock:
+        """Progress and pace after a time [s]: the pace approaches a share of the wanted one."""
         wanted, rate = share / state.wanted.duration, self._frequency / state.wanted.duration
         if state.pace == wanted:
-            return Clock(wanted * elapsed, wanted, None)
-        excess = (state.pace - wanted) * _exp(-rate * elapsed)
-        return Clock(
+            return PhaseClock(wanted * elapsed, wanted, None)
+        excess = (state.pace - wanted) * np.exp(-rate * elapsed)
+        return PhaseClock(
             wanted * elapsed + (state.pace - wanted - excess) / rate,
             wanted + excess,
             -rate * excess,
@@ -355,31 +284,13 @@ class Primitive(SavedModel):
         """x, dx/ds and d2x/ds2 (n, d) of (7.8) and (7.9) at the progress `made` (n,) since the
         state.
         """
-        steps = divide(made, self._max_step)
-        return self._moved(state, steps, self._drive(state, state.progress, steps.stages), push)
-
-    def _drive(self, state: PrimitiveState, progress: float, stages: np.ndarray) -> np.ndarray:
-        """What pulls at the movement (n, d), goal and forcing term, at stages (n,) since the
-        state, which are at `progress` and more.
-        """
-        goal, amplitude = self._settled(state, stages[:, None])
-        drive = self._goal_path(progress + stages)[:, None] * (
-            self.stiffness * (goal - state.wanted.start)
-        )
-        drive += amplitude * self._transformation(progress + stages)
-        return drive
-
-    def _moved(
-        self, state: PrimitiveState, steps: Steps, drive: np.ndarray, push: np.ndarray | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same under a drive (2 m + 1, d) at the stages of the steps."""
-        start = state.wanted.start
+        steps, start = divide(made, self._max_step), state.wanted.start
+        goal, amplitude = self._settled(state, steps.stages[:, None])
+        progress = state.progress + steps.stages
+        drive = self._goal_path(progress)[:, None] * (self.stiffness * (goal - start))
+        drive += amplitude * self._transformation(progress)
         if push is not None:
-            drive = drive + state.wanted.duration**2 * push
-        if len(drive) == 3 and isinstance(steps.length, float):
-            gains = gains_of_equal_steps(steps.length, self.stiffness, self._damping)
-            position, slope = np.asarray(state.position, dtype=float), state.velocity / state.pace
-            return one_step(*gains, self.stiffness, self._damping, position, slope, start, drive)
+            drive += state.wanted.duration**2 * push
         begin = np.array([state.position - start, state.velocity / state.pace])
         position, slope = integrate(steps, self.stiffness, self._damping, begin, drive)
         curvature = (
@@ -392,9 +303,9 @@ class Primitive(SavedModel):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Goal and amplitude after the progress `made`; both approach the wanted ones."""
         wanted = state.wanted
-        if _settled(state):
+        if state.goal is wanted.goal and state.amplitude is wanted.amplitude:
             return wanted.goal, wanted.amplitude
-        lag = _exp(-self._frequency * made)
+        lag = np.exp(-self._frequency * made)
         return wanted.goal + lag * (state.goal - wanted.goal), wanted.amplitude + lag * (
             state.amplitude - wanted.amplitude
         )
@@ -439,12 +350,12 @@ class Primitive(SavedModel):
         return progress
 
     def _as_state(self, state: PrimitiveState) -> PrimitiveState:
-        n_dims = self.n_dims
-        if not (_is_vector(state.position, n_dims) and _is_vector(state.velocity, n_dims)):
-            raise ValueError(
-                f"state must hold {n_dims} finite positions and velocities; take it from `begin`"
-                " or a former step"
-            )
+        for values in (state.position, state.velocity):
+            if np.shape(values) != (self.n_dims,) or not np.isfinite(values).all():
+                raise ValueError(
+                    f"state must hold {self.n_dims} finite positions and velocities; take it from"
+                    " `begin` or a former step"
+                )
         return state
 
     def _as_amplitude(self, amplitude: ArrayLike) -> np.ndarray:
@@ -468,7 +379,9 @@ class Primitive(SavedModel):
         return step * np.arange(int(np.ceil(duration / step - 1e-6)) + 1)
 
 
-def _timed(clock: Clock, position: np.ndarray, slope: np.ndarray, curvature: np.ndarray) -> Motion:
+def _timed(
+    clock: PhaseClock, position: np.ndarray, slope: np.ndarray, curvature: np.ndarray
+) -> Motion:
     """Motion in seconds from a path and its derivatives by progress."""
     acceleration = clock.pace**2 * curvature
     return Motion(
@@ -476,22 +389,3 @@ def _timed(clock: Clock, position: np.ndarray, slope: np.ndarray, curvature: np.
         clock.pace * slope,
         acceleration if clock.change is None else acceleration + clock.change * slope,
     )
-
-
-def _settled(state: PrimitiveState) -> bool:
-    """Whether goal and amplitude are what is wanted."""
-    return state.goal is state.wanted.goal and state.amplitude is state.wanted.amplitude
-
-
-def _is_vector(value: np.ndarray, size: int) -> bool:
-    """Whether it is (size,) and finite; for the few numbers of an online step a sum finds that out
-    fastest.
-    """
-    return np.shape(value) == (size,) and (
-        math.isfinite(sum(np.asarray(value).tolist())) or bool(np.isfinite(value).all())
-    )
-
-
-def _exp(value: float | np.ndarray) -> float | np.ndarray:
-    """exp; math.exp for a float, so that online steps do not become numpy scalars."""
-    return math.exp(value) if isinstance(value, float) else np.exp(value)

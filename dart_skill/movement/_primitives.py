@@ -35,8 +35,397 @@ The default differs from the printed equations in some points. Options give the 
   "Dynamical movement primitives", Neural Computation 25, 2013).
 """
 
-from dart_skill.movement._discrete_primitive import DiscretePrimitive
-from dart_skill.movement._primitive import Execution, PrimitiveState, Trajectory
-from dart_skill.movement._rhythmic_primitive import RhythmicPrimitive
+from __future__ import annotations
+
+from copy import copy
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.common.checks import as_count, as_finite, as_number
+from dart_skill.movement._demonstrations import ShownMovement, as_demonstrations, shares
+from dart_skill.movement._forcing import (
+    REGRESSIONS,
+    BlendAttractor,
+    GaussianKernels,
+    PeriodicKernels,
+    blend,
+)
+from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
+from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState, Trajectory
+from dart_skill.movement._runge_kutta import divide, integrate
+
+# A forcing term without the factor z fades to zero within this share of the duration after the
+# end.
+RELEASE = 0.25
+MAX_DECAY = 100.0
+
+
+class DiscretePrimitive(Primitive):
+    """Point attractor: a movement from a start to a goal, in d dimensions that share the phase z
+    ((7.6)-(7.13)).
+
+    Parameters; the module `primitives` explains the options:
+
+    * n_basis: int, default 50. Number of kernels of (7.11).
+    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per duration squared; the damping
+      is critical.
+    * canonical_decay: float, default 4.6. alpha_z of (7.6); z is exp(-alpha_z) at the end.
+    * phase_scaled: bool, default False. True: f is multiplied by z, so that it fades.
+    * goal_path: "smooth" (default) or "fixed" as in (7.8).
+    * regression: "joint" (default), "local" as in (7.13), or "path". The first two fit
+      accelerations. "path" then finds the weights and the speed at the start for which the
+      movement itself is nearest to the positions; for demonstrations whose start is noisy.
+
+    Attributes after `fit`; all but the first are means over the demonstrations:
+
+    * weights_ (n_basis, d).
+    * start_, goal_ (d,).
+    * duration_ [s].
+    * start_velocity_ (d,), in units of the position per second.
+    """
+
+    _LEARNED = ("start", "goal", "start_velocity", "duration")
+
+    def __init__(
+        self,
+        n_basis: int = 50,
+        *,
+        stiffness: float = 156.25,
+        canonical_decay: float = 4.6,
+        phase_scaled: bool = False,
+        goal_path: str = "smooth",
+        regression: str = "joint",
+    ):
+        n_basis, decay = (
+            as_count(n_basis, "n_basis", 2),
+            as_number(canonical_decay, "canonical_decay"),
+        )
+        if decay > MAX_DECAY:
+            raise ValueError(
+                f"canonical_decay must be at most {MAX_DECAY:g}, got {decay:g}: z would vanish"
+                " before the end"
+            )
+        if goal_path not in ("smooth", "fixed"):
+            raise ValueError(f"goal_path must be 'smooth' or 'fixed', got {goal_path!r}")
+        if regression not in (*REGRESSIONS, "path"):
+            raise ValueError(
+                f"regression must be one of {[*REGRESSIONS, 'path']}, got {regression!r}"
+            )
+        super().__init__(
+            GaussianKernels(n_basis, decay),
+            n_basis,
+            stiffness,
+            "joint" if regression == "path" else regression,
+        )
+        self.regression = regression
+        self.canonical_decay, self.phase_scaled, self.goal_path = decay, phase_scaled, goal_path
+        self._smooth_path = BlendAttractor(self.stiffness, self._damping)
+
+    def fit(
+        self,
+        time: ArrayLike,
+        position: ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        *,
+        weights: ArrayLike | None = None,
+        noise: float | None = None,
+    ) -> DiscretePrimitive:
+        """Learn from one demonstration, time (n,) [s], n >= 2, and position (n, d), or from
+        sequences of several.
+
+        Velocity and acceleration (n, d) that are not given are computed: by differences if the
+        samples are clean, by `smooth_derivatives` if they are noisy.
+
+        * weights: one number per sample (n,), default 1; for several demonstrations one number, or
+          one per sample, for each.
+        * noise: standard deviation of the positions, in their unit; estimated when None.
+
+        ValueError if a value is not finite, time does not increase, or a shape is wrong.
+        """
+        demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
+        durations = np.array([demo.time[-1] for demo in demonstrations])
+        starts = np.array([demo.motion.position[0] for demo in demonstrations])
+        goals = np.array([demo.motion.position[-1] for demo in demonstrations])
+        speeds = (
+            np.array([demo.motion.velocity[0] for demo in demonstrations]) * durations[:, None]
+        )
+        self._learn(demonstrations, starts, goals, durations)
+        if self.regression == "path":
+            speeds += self._approach_paths(demonstrations, starts, goals, speeds)
+        share = shares(demonstrations)
+        self.start_, self.goal_, self.duration_ = (
+            share @ starts,
+            share @ goals,
+            float(share @ durations),
+        )
+        self.start_velocity_ = share @ speeds / self.duration_
+        return self
+
+    def _approach_paths(
+        self,
+        demonstrations: list[ShownMovement],
+        starts: np.ndarray,
+        goals: np.ndarray,
+        speeds: np.ndarray,
+    ) -> np.ndarray:
+        """Change the weights so that the movements are nearest to the positions shown; returns the
+        change (d,) of the speeds at the start.
+
+        The movement is linear in weights and speed, so that is one least-squares problem. starts,
+        goals (m, d); speeds (m, d), by progress.
+        """
+        rows, rest = [], []
+        for demo, start, goal, speed in zip(demonstrations, starts, goals, speeds, strict=True):
+            duration, root = demo.time[-1], np.sqrt(demo.weights)[:, None]
+            state = self._begin(
+                Execution(start, goal, np.ones(len(start)), duration), start, speed / duration, 0.0
+            )
+            rows.append(root * self._responses(demo.time / duration))
+            rest.append(root * (demo.motion.position - self.open_loop(demo.time, state).position))
+        equations = np.concatenate(rows)
+        sizes = np.linalg.norm(equations, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        change = (
+            np.linalg.lstsq(equations / sizes, np.concatenate(rest), rcond=None)[0]
+            / sizes[:, None]
+        )
+        self.weights_ = self.weights_ + change[:-1]
+        return np.asarray(change[-1])
+
+    def _responses(self, progress: np.ndarray) -> np.ndarray:
+        """Movement (n, n_basis + 1) that each kernel alone makes from rest, and that a speed of 1
+        at the start makes; progress (n,).
+        """
+        each, n = copy(self), self.n_basis
+        each.weights_ = np.eye(n)
+        rest = np.zeros(n)
+        moved = each._follow(
+            each._begin(Execution(rest, rest, np.ones(n), 1.0), rest, rest, 0.0), progress, None
+        )[0]
+        return np.column_stack([moved, progress * np.exp(-self._frequency * progress)])
+
+    def begin(
+        self,
+        start: ArrayLike | None = None,
+        *,
+        goal: ArrayLike | None = None,
+        duration: float | None = None,
+        amplitude: ArrayLike = 1.0,
+        velocity: ArrayLike | None = None,
+    ) -> PrimitiveState:
+        """State at the start of the movement, for `open_loop` and `step`.
+
+        start, goal and velocity (d,) and duration [s] are those of the demonstrations unless
+        given. amplitude, one number or (d,), is A of (7.8): it scales the forcing term, that is
+        all of the movement but the way from start to goal.
+        """
+        self._fitted()
+        duration = self.duration_ if duration is None else as_number(duration, "duration")
+        amplitude = self._as_amplitude(amplitude)
+        start, goal = (
+            self._as_dims(start, "start", self.start_),
+            self._as_dims(goal, "goal", self.goal_),
+        )
+        demonstrated = amplitude * self.start_velocity_ * (self.duration_ / duration)
+        velocity = self._as_dims(velocity, "velocity", demonstrated)
+        return self._begin(Execution(start, goal, amplitude, duration), start, velocity, 0.0)
+
+    def step(
+        self,
+        state: PrimitiveState,
+        dt: float,
+        *,
+        goal: ArrayLike | None = None,
+        duration: float | None = None,
+        amplitude: ArrayLike | None = None,
+        coupling: ArrayLike | None = None,
+        tracking_error: ArrayLike | None = None,
+        tolerance: float = 0.03,
+    ) -> PrimitiveState:
+        """State dt seconds later.
+
+        * goal (d,), duration [s], amplitude: new values from now on; None for no change.
+        * coupling (d,): C of (7.5), an acceleration during this step, for example of a push.
+        * tracking_error (d,): actual minus planned position. It slows the movement down to the
+          share 1 / (1 + |error|^2 / tolerance^2) of its pace, so that the movement waits for a
+          robot that is held.
+        * tolerance: the error that halves the pace, in the unit of the position.
+
+        To continue from a measured position or velocity: `dataclasses.replace(state,
+        position=...)`.
+        """
+        state = self._with_wishes(state, goal, duration, amplitude, ("goal", "duration"))
+        return self._advance(state, dt, coupling, tracking_error, tolerance)
+
+    def _gate(self, progress: np.ndarray) -> np.ndarray:
+        if self.phase_scaled:
+            return self._kernels.phase(progress)
+        if progress.max(initial=0.0) <= 1.0:
+            return np.ones(len(progress))
+        return 1.0 - blend((progress - 1.0) / RELEASE)
+
+    def _goal_path(self, progress: np.ndarray) -> np.ndarray:
+        """g of (7.8) as a share of the way from start to goal."""
+        return np.ones(len(progress)) if self.goal_path == "fixed" else self._smooth_path(progress)
+
+
+# Least number of steps per period with which the limit cycle is computed.
+CYCLE_STEPS = 200
+
+
+class RhythmicPrimitive(Primitive):
+    """Limit cycle: a movement that repeats about a baseline, in d dimensions that share the phase
+    angle.
+
+    Parameters:
+
+    * n_basis: int, default 50. Number of kernels.
+    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per period squared; the damping is
+      critical.
+    * regression: "joint" (default) or "local" as in (7.13).
+
+    Attributes after `fit`:
+
+    * weights_ (n_basis, d).
+    * baseline_ (d,): mean position over whole periods.
+    * period_ [s].
+    """
+
+    _LEARNED = ("baseline", "period")
+
+    def __init__(self, n_basis: int = 50, *, stiffness: float = 156.25, regression: str = "joint"):
+        n_basis = as_count(n_basis, "n_basis", 3)
+        super().__init__(PeriodicKernels(n_basis), n_basis, stiffness, regression)
+
+    def fit(
+        self,
+        time: ArrayLike,
+        position: ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        *,
+        period: float | None = None,
+        weights: ArrayLike | None = None,
+        noise: float | None = None,
+    ) -> RhythmicPrimitive:
+        """Learn as `DiscretePrimitive.fit` does; the phase is zero at the first sample of each
+        demonstration.
+
+        period [s]: when None it is estimated from each demonstration, which must then span about
+        two periods. ValueError also if a demonstration does not repeat. position, velocity,
+        acceleration, weights, noise: as of `DiscretePrimitive.fit`.
+        """
+        demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
+        tracks = [(demo.time, demo.motion.position) for demo in demonstrations]
+        periods = np.array(
+            [
+                estimate_period(*track) if period is None else as_period(period, *track)
+                for track in tracks
+            ]
+        )
+        baselines = np.array(
+            [mean_over_periods(*track, each) for track, each in zip(tracks, periods, strict=True)]
+        )
+        self._learn(demonstrations, baselines, baselines, periods)
+        share = shares(demonstrations)
+        self.baseline_, self.period_ = share @ baselines, float(share @ periods)
+        return self
+
+    def limit_cycle(
+        self,
+        phase: float = 0.0,
+        *,
+        baseline: ArrayLike | None = None,
+        period: float | None = None,
+        amplitude: ArrayLike = 1.0,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Position and velocity (d,) on the limit cycle at a phase in units of the period.
+
+        It is the state that is the same again after one period. baseline, amplitude: of the cycle;
+        None for the baseline that was learned.
+        """
+        wanted = self._execution(baseline, period, amplitude)
+        n_steps = CYCLE_STEPS + 2 * int(np.ceil(1.0 / self._max_step))
+        steps = divide(np.linspace(0.0, 1.0, n_steps + 1), 1.0)
+        drive = wanted.amplitude * self._transformation(
+            float(as_finite(phase, "phase", 0)) + steps.stages
+        )
+        driven = integrate(
+            steps, self.stiffness, self._damping, np.zeros((2, self.n_dims)), drive
+        )[:, -1]
+        carried = integrate(
+            steps, self.stiffness, self._damping, np.eye(2), np.zeros((len(drive), 2))
+        )[:, -1]
+        position, slope = np.linalg.solve(np.eye(2) - carried, driven)
+        return wanted.goal + position, slope / wanted.duration
+
+    def begin(
+        self,
+        start: ArrayLike | None = None,
+        *,
+        baseline: ArrayLike | None = None,
+        period: float | None = None,
+        amplitude: ArrayLike = 1.0,
+        velocity: ArrayLike | None = None,
+        phase: float = 0.0,
+    ) -> PrimitiveState:
+        """State at a phase in units of the period, for `open_loop` and `step`.
+
+        start and velocity (d,) are those of the limit cycle unless given. baseline (d,) and period
+        [s] are those of the demonstrations unless given. amplitude, one number or (d,), scales the
+        movement about its baseline.
+        """
+        position, speed = self.limit_cycle(
+            phase, baseline=baseline, period=period, amplitude=amplitude
+        )
+        start, velocity = (
+            self._as_dims(start, "start", position),
+            self._as_dims(velocity, "velocity", speed),
+        )
+        return self._begin(
+            self._execution(baseline, period, amplitude), start, velocity, self._wrapped(phase)
+        )
+
+    def step(
+        self,
+        state: PrimitiveState,
+        dt: float,
+        *,
+        baseline: ArrayLike | None = None,
+        period: float | None = None,
+        amplitude: ArrayLike | None = None,
+        coupling: ArrayLike | None = None,
+        tracking_error: ArrayLike | None = None,
+        tolerance: float = 0.03,
+    ) -> PrimitiveState:
+        """State dt seconds later; arguments as in `DiscretePrimitive.step`. progress stays within
+        one period.
+        """
+        state = self._with_wishes(state, baseline, period, amplitude, ("baseline", "period"))
+        return self._advance(state, dt, coupling, tracking_error, tolerance)
+
+    def _execution(
+        self, baseline: ArrayLike | None, period: float | None, amplitude: ArrayLike
+    ) -> Execution:
+        self._fitted()
+        baseline = self._as_dims(baseline, "baseline", self.baseline_)
+        return Execution(
+            baseline,
+            baseline,
+            self._as_amplitude(amplitude),
+            self.period_ if period is None else as_number(period, "period"),
+        )
+
+    def _wrapped(self, progress: float) -> float:
+        return float(np.mod(progress, 1.0))
+
+    def _gate(self, progress: np.ndarray) -> np.ndarray:
+        return np.ones(len(progress))
+
+    def _goal_path(self, progress: np.ndarray) -> np.ndarray:
+        return np.ones(len(progress))
+
 
 __all__ = ["DiscretePrimitive", "Execution", "PrimitiveState", "RhythmicPrimitive", "Trajectory"]

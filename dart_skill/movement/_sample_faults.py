@@ -20,9 +20,9 @@ from dart_skill.movement._time import as_stamps
 LARGEST_SHARE = 0.1
 """Largest share of samples that may repeat the one before while others around them move."""
 JUMP = 10.0
-"""A jump is so many times as fast as the motion before it, and as that after it."""
+"""Least speed of a jump, in units of the speed before it and after it."""
 AROUND = 5
-"""The motion before and after is the median speed of so many steps."""
+"""Number of steps whose median is the speed before or after a jump."""
 COARSE = 2000
 """A column with fewer levels than this between its least and greatest sample is quantised."""
 

@@ -24,9 +24,11 @@ QUIET = 0.3
 """Share of the lower threshold that the noise of a speed may make."""
 BUNCHED = 0.3
 """Share of the mean step that the usual one is at least, unless stamps come in bursts."""
-MOST_BESIDE, MOST_PAIRS = 60, 10**8
-"""Samples before and after one, and pairs of all, over which slopes are taken at most, so that a
-wrong rate costs no time.
+MOST_BESIDE = 60
+"""Largest number of samples before and after one over which slopes are taken."""
+MOST_PAIRS = 10**8
+"""Largest number of pairs of samples over which slopes are taken, so that a wrong rate costs no
+time.
 """
 
 

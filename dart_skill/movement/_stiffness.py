@@ -21,8 +21,10 @@ from dart_skill.common.checks import as_covariances, as_finite, as_number, as_sa
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._time import as_stamps, uniform_step
 
-SHRINKS, MOST_TRIALS = 0.8, 60
-"""A step of the stiffness that is too large is tried again as so much of itself, so often."""
+SHRINKS = 0.8
+"""Factor by which a step of the stiffness that is too large becomes smaller."""
+MOST_TRIALS = 60
+"""Largest number of times that a step is made smaller."""
 
 
 def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) -> np.ndarray:

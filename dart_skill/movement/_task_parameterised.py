@@ -51,9 +51,9 @@ from dart_skill.movement._frames import TaskFrame
 from dart_skill.movement._placement import (
     FrameCourse,
     Frames,
+    FrameSituation,
     PartialFrame,
     Samples,
-    Situation,
     TaskSamples,
     Weights,
 )
@@ -477,10 +477,10 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         mean, spread = regress_each(self.priors_, *products, inputs, input_dims, output_dims)
         return mean, spread if covariance else None
 
-    def _situation(self, frames: Sequence[FrameCourse], n: int) -> Situation:
-        return Situation.of(frames, n, self.n_dims, self._dims_of_frames)
+    def _situation(self, frames: Sequence[FrameCourse], n: int) -> FrameSituation:
+        return FrameSituation.of(frames, n, self.n_dims, self._dims_of_frames)
 
-    def _products(self, situation: Situation) -> tuple[np.ndarray, np.ndarray]:
+    def _products(self, situation: FrameSituation) -> tuple[np.ndarray, np.ndarray]:
         """(7.21) at n moments: means (n, K, m) and covariances (n, K, m, m) in the world."""
         if self.n_shared:
             _require_shared(situation, self.n_shared)
@@ -515,7 +515,7 @@ def _with_weight(
     return taught.only(weights > 0), weights[weights > 0]
 
 
-def _require_shared(situation: Situation, n_shared: int) -> None:
+def _require_shared(situation: FrameSituation, n_shared: int) -> None:
     """ValueError unless all frames that are there pass the first features through, and leave them
     out of the others.
     """

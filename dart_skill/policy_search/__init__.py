@@ -1,51 +1,50 @@
 """Search for parameters that earn a higher return, one trial at a time.
 
-PoWER (thesis 5.1, 5.2, 7.4), the multi-optima search with a mixture (5.3), two searches for
-changing landscapes (`Niches`, `Sharpening`), the policy gradients of chapter 4 (`Reinforce`,
-`EpisodicNaturalActorCritic`), and other baselines.
+PoWER (thesis 5.1, 5.2, 7.4), the multi-optima search with a mixture (5.3), and two searches for
+changing landscapes (`Niches`, `Sharpening`). The searches with which these are compared are in
+`dart_skill.experiments.studies`: `baselines` and `policy_gradients`.
 """
 
-from dart_skill.policy_search._baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
-from dart_skill.policy_search._exploration import (
+from dart_skill.policy_search._mixture_power import MixturePoWER, Readings
+from dart_skill.policy_search._niches import Niches
+from dart_skill.policy_search._policy import (
+    GaussianPolicy,
     PathLength,
     with_constant_noise,
     with_proportional_noise,
 )
-from dart_skill.policy_search._gradient_search import EpisodicNaturalActorCritic, Reinforce
-from dart_skill.policy_search._gradients import (
-    natural_gradient,
-    optimal_baseline,
-    reinforce_gradient,
-)
-from dart_skill.policy_search._mixture_power import MixturePoWER, Readings
-from dart_skill.policy_search._niches import Niches
-from dart_skill.policy_search._power import PoWER
+from dart_skill.policy_search._power import PoWER, population
 from dart_skill.policy_search._primitive import PrimitivePoWER, PrimitiveTrial
-from dart_skill.policy_search._search import Search, Trial, generator_state, restored_generator
+from dart_skill.policy_search._search import (
+    Search,
+    SearchSettings,
+    SearchTrial,
+    ToldTrial,
+    VectorSearch,
+    generator_state,
+    restored_generator,
+)
 from dart_skill.policy_search._sharpening import Sharpening
-from dart_skill.policy_search._weights import return_weights
+from dart_skill.policy_search._weights import among_best, return_weights
 
 __all__ = [
-    "CMAES",
-    "CrossEntropy",
-    "EpisodicNaturalActorCritic",
+    "GaussianPolicy",
+    "SearchSettings",
+    "ToldTrial",
+    "VectorSearch",
+    "among_best",
+    "population",
     "MixturePoWER",
-    "MonteCarlo",
     "Niches",
     "PathLength",
     "PoWER",
     "PrimitivePoWER",
     "PrimitiveTrial",
-    "RandomRestarts",
     "Readings",
-    "Reinforce",
     "Search",
     "Sharpening",
-    "Trial",
+    "SearchTrial",
     "generator_state",
-    "natural_gradient",
-    "optimal_baseline",
-    "reinforce_gradient",
     "restored_generator",
     "return_weights",
     "with_constant_noise",

@@ -3,15 +3,33 @@ from trials (thesis (5.3)-(5.6)).
 
 As in PoWER's policy, a parameter is measured from the start of the search, in units of the spread
 at the start.
+
+In a `SizedMixture` every component chooses its own size of exploration, as chapter 9 of the thesis
+wishes. The rule for the size, `PathLength`, needs each trial once, and the noise that it was drawn
+from. In (5.3)-(5.6) a trial counts for several components and in many updates. Here these two are
+kept apart:
+
+* mean and covariance of a component come from the trials that were drawn from it, each once, by
+  PoWER with its automatic exploration. So each component has a path of its own, which is that of a
+  random walk if all trials are equally good;
+* its prior, and whether it is split or merged, comes from all of the latest trials by
+  responsibilities, (5.5)-(5.12).
+
+A search that gives each niche a path and a size of its own: O. M. Shir and T. Baeck, Niche radius
+adaptation in the CMA-ES niching algorithm, PPSN IX, 2006. It is joined here with the mixture of
+the thesis.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from dart_skill.mixture import GaussianMixture, symmetric
-from dart_skill.policy_search._exploration import NOISE
-from dart_skill.policy_search._search import Settings
+from dart_skill.policy_search._policy import NOISE, GaussianPolicy
+from dart_skill.policy_search._search import SearchSettings, ToldTrial
+from dart_skill.policy_search._weights import return_weights
 
 DEAD_SHARE = 1e-6  # a component with less than this share of all weight is dropped
 # least variance of a component relative to its largest one, so that its covariance can be inverted
@@ -30,7 +48,7 @@ class MixturePolicy:
     d) along axes (K, d, d).
     """
 
-    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings):
+    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: SearchSettings):
         d = start.size
         self.start, self.scale, self._settings = start, scale, settings
         self.priors, self.means = np.ones(1), np.zeros((1, d))
@@ -141,3 +159,136 @@ class MixturePolicy:
     def restore(self, state: dict) -> None:
         for name in ("priors", "means", "variances", "axes", "returns"):
             setattr(self, name, np.array(state[name], dtype=float))
+
+
+@dataclass(eq=False)
+class _Component:
+    """A policy of PoWER, the label that its trials carry, and those of them that it has not yet
+    learned from.
+    """
+
+    label: int
+    policy: GaussianPolicy
+    waiting: list[ToldTrial] = field(default_factory=list)
+
+
+class SizedMixture(MixturePolicy):
+    """The mixture of `MixturePolicy`, whose components learn from their own trials only."""
+
+    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: SearchSettings):
+        super().__init__(start, scale, settings)
+        self._n_labels = 0
+        self._components = [self._new()]
+
+    def label(self, component: int) -> int:
+        """By which a component knows its trials, also after others were split or dropped."""
+        return self._components[component].label
+
+    def draw(self, component: int, noise: np.ndarray) -> np.ndarray:
+        return self._components[component].policy.draw(noise)
+
+    def learn(self, label: int, told: ToldTrial) -> bool:
+        """Learn from a trial of the component with this label; True if that made its batch full
+        and it took a step.
+
+        A trial whose component was split, merged or dropped since it was asked says nothing about
+        the path of another.
+        """
+        component = next((one for one in self._components if one.label == label), None)
+        if component is None:
+            return False
+        component.waiting.append(told)
+        if len(component.waiting) < self._settings.batch:
+            return False
+        # Sorted by number, so that the order of telling does not change one bit of the result.
+        batch = sorted(component.waiting, key=lambda one: one.number)
+        component.waiting = []
+        weights = return_weights(
+            [one.outcome for one in batch], max(len(batch) // 2, 1), self._settings.weighting
+        )
+        if not weights.any():
+            return False
+        noise, tried = (
+            np.array([one.noise for one in batch]),
+            np.array([one.tried for one in batch]),
+        )
+        component.policy.update(noise, tried, np.broadcast_to(weights[:, None], tried.shape))
+        self._read_components()
+        return True
+
+    def update(self, points: np.ndarray, weights: np.ndarray) -> bool:
+        """(5.5), and a component without weight is dropped; the weights are those of
+        `MixturePolicy.update`.
+        """
+        mass = weights.sum(axis=1)
+        kept = alive(mass)
+        if not kept.any():
+            return False
+        if not kept.all():
+            self._components = [
+                one for one, keep in zip(self._components, kept, strict=True) if keep
+            ]
+            self._read_components()
+        self.priors = mass[kept] / mass[kept].sum()
+        return True
+
+    def replace(
+        self,
+        priors: np.ndarray,
+        means: np.ndarray,
+        covariances: np.ndarray,
+        noisy: bool,
+        origins: list[int | None],
+    ) -> None:
+        """Set other components. What was not split or merged stays as it is, with its path."""
+        old = self._components
+        self._components = [self._new() if origin is None else old[origin] for origin in origins]
+        for component, origin, mean, covariance in zip(
+            self._components, origins, means, covariances, strict=True
+        ):
+            if origin is None:
+                component.policy.begin(mean, covariance)
+        self.priors = priors / priors.sum()
+        self._read_components()
+
+    def _new(self) -> _Component:
+        label = self._n_labels
+        self._n_labels += 1
+        return _Component(
+            label, GaussianPolicy(self.start, self.scale, self._settings, diagonal=False)
+        )
+
+    def _read_components(self) -> None:
+        policies = [one.policy for one in self._components]
+        self.means = np.array([one.mean for one in policies])
+        variances = np.array([one.size**2 * one.variances for one in policies])
+        self.variances = np.maximum(variances, FLATTEST * variances.max(axis=1, keepdims=True))
+        self.axes = np.array([one.axes for one in policies])
+
+    def state(self) -> dict:
+        parts = [
+            {
+                "label": one.label,
+                "policy": one.policy.state(),
+                "waiting": [
+                    [each.number, each.noise.tolist(), each.tried.tolist(), each.outcome.tolist()]
+                    for each in one.waiting
+                ],
+            }
+            for one in self._components
+        ]
+        return {**super().state(), "parts": parts, "n_labels": self._n_labels}
+
+    def restore(self, state: dict) -> None:
+        super().restore(state)
+        self._components = []
+        for part in state["parts"]:
+            component = self._new()
+            component.label = int(part["label"])
+            component.policy.restore(part["policy"])
+            component.waiting = [
+                ToldTrial(number, *(np.array(value, dtype=float) for value in values))
+                for number, *values in part["waiting"]
+            ]
+            self._components.append(component)
+        self._n_labels = int(state["n_labels"])

@@ -20,13 +20,17 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_number, as_vector
+from dart_skill.common.checks import as_count, as_number
 from dart_skill.mixture import GaussianMixture, SplitMerge, adapt, data_spectroscopy
-from dart_skill.policy_search._mixture_policy import MixturePolicy
-from dart_skill.policy_search._policy import as_spread
+from dart_skill.policy_search._mixture_policy import MixturePolicy, SizedMixture
 from dart_skill.policy_search._power import population, with_defaults
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
-from dart_skill.policy_search._sized_mixture import SizedMixture
+from dart_skill.policy_search._search import (
+    Search,
+    SearchSettings,
+    ToldTrial,
+    as_spread,
+    first_guess,
+)
 from dart_skill.policy_search._weights import return_weights
 
 CHOICES = {
@@ -162,9 +166,7 @@ class MixturePoWER(Search):
         limits: tuple[float, float] | None = None,
         readings: Readings | None = None,
     ):
-        start = as_vector(parameters, "parameters")
-        if start.size == 0:
-            raise ValueError("parameters is empty; a search needs at least one")
+        start = first_guess(parameters)
         if exploration not in EXPLORATIONS:
             raise ValueError(
                 f"exploration must be one of {EXPLORATIONS}, got {exploration!r}; a mixture learns"
@@ -239,12 +241,6 @@ class MixturePoWER(Search):
             noise = np.append(noise, self._policy.label(component))
         return noise, tried
 
-    def _present(self, number: int, tried: np.ndarray) -> Trial:
-        return Trial(number, tried)
-
-    def _read(self, outcome: ArrayLike) -> np.ndarray:
-        return read_returns(outcome, (), self.settings.weighting)
-
     def _learn(self) -> bool:
         if not isinstance(self._policy, SizedMixture):
             return super()._learn()
@@ -258,7 +254,7 @@ class MixturePoWER(Search):
         self.n_updates += moved or shared
         return moved or shared
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         returns = np.array([trial.outcome for trial in told])
         weights = return_weights(returns, len(returns), self.settings.weighting)
         points = self._policy.relative(np.array([trial.tried for trial in told]))
@@ -332,7 +328,7 @@ class MixturePoWER(Search):
 
     @classmethod
     def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
+        cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> MixturePoWER:
         readings = {**state["readings"], "rule": SplitMerge(**state["readings"]["rule"])}
         search = cls(

@@ -8,13 +8,28 @@ has coefficients. A Newton step of limited length goes to the top. The radius of
 while the steps are long and shrinks while they are short. So it is as small as drift and noise
 allow. With more than `FULL_MODEL` parameters H is diagonal. G. Box and K. Wilson, On the
 experimental attainment of optimum conditions, JRSS B 1951.
+
+The value of a hill is forecast by a line through the values at its visits, against the clock of
+the landscape:
+
+    value(t) = v + s (t - last),    s ~ N(0, drift^2) before any visit,    a visit's variance = error^2 + (drift (last - t) / 2)^2
+
+This is Bayesian linear regression. Old visits have a larger variance and count less, because the
+real curve is not a line. The standard deviation of the slope ahead is at least drift / 2.
+
+`NicheSearch` is the common base of searches that follow hills by niches.
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.common.checks import as_vector
+from dart_skill.policy_search._search import SearchSettings, VectorSearch
 
 FULL_MODEL = 10  # up to so many parameters H is a full matrix; the model then has 66 coefficients
 # weight, in trials, of the prior (slope zero, the last curvature), so that few trials give a well-
@@ -209,3 +224,78 @@ def _newton(slope: np.ndarray, curvatures: np.ndarray, axes: np.ndarray) -> np.n
     along, longest = axes.T @ slope, LONGEST_STEP * np.sqrt(len(slope))
     step = axes @ (along / np.maximum(np.maximum(-curvatures, np.abs(along) / longest), 1e-300))
     return step * min(1.0, longest / max(float(np.linalg.norm(step)), 1e-300))
+
+
+REMEMBERED = 8  # number of latest visits through which the line is fitted
+
+
+def forecast(
+    visits: list[tuple[float, float, float]], now: float, drift: float
+) -> tuple[float, float]:
+    """Value and its standard deviation at the time `now`; visits: (clock, value, error) of each,
+    the latest last.
+    """
+    clocks, values, errors = np.array(visits, dtype=float).T
+    before, bend = clocks - clocks[-1], 0.5 * drift
+    weights = 1 / (np.square(errors) + np.square(bend * before) + 1e-12 * drift**2 + 1e-300)
+    design = np.column_stack([np.ones(len(clocks)), before])
+    covariance = np.linalg.inv(
+        design.T @ (weights[:, None] * design) + np.diag([0.0, 1 / drift**2])
+    )
+    middle = values[-1]
+    value, slope = covariance @ design.T @ (weights * (values - middle))
+    ahead = np.array([1.0, now - clocks[-1]])
+    variance = ahead @ covariance @ ahead + np.square(bend * ahead[1])
+    return float(middle + value + slope * ahead[1]), float(np.sqrt(variance))
+
+
+AnyNicheSearch = TypeVar("AnyNicheSearch", bound="NicheSearch")
+
+
+class NicheSearch(VectorSearch):
+    """A search that learns from every return at once.
+
+    * parameters: (d,) or (n, d), where the search begins.
+    * spread: (d,) or (d, d), covariance of the first trials.
+    * limits: smallest and largest radius of trials, relative to `spread`.
+    * rng: draws the trials.
+
+    OPTIONS and MEMORY name attributes, without their underscore, that are saved as they are.
+    OPTIONS are arguments of the constructor, MEMORY are not.
+    """
+
+    OPTIONS: tuple[str, ...] = ()
+    MEMORY: tuple[str, ...] = ()
+
+    def __init__(
+        self, parameters: ArrayLike, spread: ArrayLike, limits: ArrayLike, rng: np.random.Generator
+    ):
+        settings = SearchSettings(
+            "constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist())
+        )
+        super().__init__(parameters, spread, settings, rng)
+
+    def _learn(self) -> bool:
+        changed = self._update([self._told[-1]])
+        self._fresh = 0
+        self.n_updates += changed
+        return changed
+
+    def _policy_state(self) -> dict:
+        return {
+            "start": self._start.tolist(),
+            "scale": self._scale.tolist(),
+            "options": {name: getattr(self, f"_{name}") for name in self.OPTIONS},
+            "memory": {name: getattr(self, f"_{name}") for name in self.MEMORY},
+        }
+
+    @classmethod
+    def _from_policy_state(
+        cls: type[AnyNicheSearch], state: dict, settings: SearchSettings, rng: np.random.Generator
+    ) -> AnyNicheSearch:
+        search = cls(
+            state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"]
+        )
+        for name in cls.MEMORY:
+            setattr(search, f"_{name}", state["memory"][name])
+        return search

@@ -31,11 +31,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number
-from dart_skill.policy_search._niche import Niche, n_coefficients
-from dart_skill.policy_search._niche_search import NicheSearch
-from dart_skill.policy_search._search import Settings, Told
-from dart_skill.policy_search._surrogate import FIRST, LENGTHS, Surrogate
-from dart_skill.policy_search._trend import REMEMBERED, forecast
+from dart_skill.policy_search._gaussian_process import FIRST, LENGTHS, Surrogate
+from dart_skill.policy_search._niche import (
+    REMEMBERED,
+    Niche,
+    NicheSearch,
+    forecast,
+    n_coefficients,
+)
+from dart_skill.policy_search._search import SearchSettings, ToldTrial
 
 SCOUT = -1  # identity of a trial that belongs to no niche
 LANDMARKS = 150  # number of trials, of scouts and of all niches but the best, that are remembered
@@ -104,7 +108,7 @@ class Niches(NicheSearch):
     * limits (2,): smallest and largest radius of trials about an optimum, relative to `spread`;
       default (0.01, 2).
 
-    In darts from 75 to 16 mm (experiments/dart_search.py, 20 runs) it loses 0.044 points a throw,
+    In darts from 75 to 16 mm (experiments/studies/dart_search.py, 20 runs) it loses 0.044 points a throw,
     and 0.001 with its best aim. From 75 to 6 mm it finds the hill that overtakes late in 10 of 20
     runs. The scores of single darts are too noisy for it: with 12000 of them from 75 to 16 mm and
     repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
@@ -391,7 +395,7 @@ class Niches(NicheSearch):
 
     # Learning
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         place, identity, earned = (
             told[0].noise[:-1],
             int(told[0].noise[-1]),
@@ -548,7 +552,7 @@ class Niches(NicheSearch):
 
     @classmethod
     def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
+        cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> Niches:
         search = super()._from_policy_state(state, settings, rng)
         search._indices = tuple(state["indices"])

@@ -1,5 +1,6 @@
-"""The policy of PoWER, a Gaussian over parameters (d,), and its update from weighted trials:
-(5.1), (5.2), 5.2.1.
+"""The policy of PoWER, a Gaussian over parameters (d,), its update from weighted trials (5.1),
+(5.2), and the size of its exploration: the noise of section 5.2.1 that is added to the covariance,
+or an automatic size.
 
 Inside, a parameter is measured from the start of the search, in units of the spread at the start.
 So the units of the parameters make no difference.
@@ -8,26 +9,83 @@ So the units of the parameters make no difference.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_finite
-from dart_skill.policy_search._exploration import NOISE, PathLength
-from dart_skill.policy_search._search import Settings
+from dart_skill.policy_search._search import SearchSettings
 
 
-def as_spread(spread: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
-    """Standard deviations as an array of the given shape, from one number or an array of that
-    shape.
+def with_constant_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
+    """Figure 5.2, Sigma_0 = minimum^2 I: the same for all eigenvalues (d,). variances: the
+    eigenvalues.
     """
-    spread = as_finite(spread, "spread")
-    if spread.shape not in ((), shape):
-        raise ValueError(f"spread must be one number or have shape {shape}, got {spread.shape}")
-    if (spread <= 0).any():
-        raise ValueError(
-            f"spread must be above 0, got {spread.min():g}: give the size of a sensible first"
-            " exploration"
-        )
-    return np.broadcast_to(spread, shape).copy()
+    return variances + minimum**2
+
+
+def with_proportional_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
+    """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the
+    eigenvalues (d,); the shape is kept.
+
+    variances: the eigenvalues; minimum: standard deviation of Sigma_0.
+    """
+    total = variances.sum()
+    share = variances / total if total > 0 else np.full(variances.shape, 1 / variances.size)
+    return variances + variances.size * minimum**2 * share
+
+
+NOISE = {"constant": with_constant_noise, "proportional": with_proportional_noise}
+
+
+class PathLength:
+    """Size and shape of exploration from the path of recent updates (n,), each in units of the
+    standard deviations.
+
+    If updates point in the same direction, the path is longer than by chance, and the size grows.
+    If they cancel, the path is shorter, and the size shrinks. The shape is also stretched along
+    the path. This is the rule of CMA-ES, with the constants of N. Hansen, The CMA evolution
+    strategy: a tutorial, 2016 (arXiv:1604.00772). For `diagonal` covariances the rates are higher
+    (R. Ros and N. Hansen, A simple modification in CMA-ES, PPSN X, 2008). PoWER can use this rule
+    because (5.1) is the same weighted average (F. Stulp and O. Sigaud, Path integral policy
+    improvement with covariance matrix adaptation, ICML 2012).
+    """
+
+    def __init__(self, n: int, diagonal: bool):
+        self.path: np.ndarray = np.zeros(n)
+        self.shape_path: np.ndarray = np.zeros(n)
+        self.diagonal = diagonal
+
+    def advance(
+        self, step: np.ndarray, moved: np.ndarray, effective: float, known: np.ndarray
+    ) -> float:
+        """Factor for the size after a step (n,), which is N(0, I) distributed if all trials are
+        equally good.
+
+        moved (n,): the step multiplied by the root of the shape. effective: effective number of
+        trials, 1 / sum of the squared weights. known (n,): mask of the parameters about which the
+        returns say something.
+        """
+        n = int(known.sum())
+        rate = (effective + 2) / (n + effective + 5)
+        shape_rate = (4 + effective / n) / (n + 4 + 2 * effective / n)
+        self.path[known] = _followed(self.path, step, rate)[known]
+        self.shape_path[known] = _followed(self.shape_path, moved, shape_rate)[known]
+        expected = np.sqrt(n) * (1 - 1 / (4 * n) + 1 / (21 * n**2))
+        damping = 1 + 2 * max(0.0, np.sqrt((effective - 1) / (n + 1)) - 1) + rate
+        return float(np.exp(rate / damping * (np.linalg.norm(self.path[known]) / expected - 1)))
+
+    def shape_rates(self, effective: float) -> tuple[float, float]:
+        """Learning rates of the shape: for the path, and for the weighted covariance of the trials
+        (5.2).
+
+        effective: number of trials that count.
+        """
+        n = self.path.size
+        faster = (n + 2) / 3 if self.diagonal else 1.0
+        along_path = faster * 2 / ((n + 1.3) ** 2 + effective)
+        of_trials = faster * 2 * (effective - 2 + 1 / effective) / ((n + 2) ** 2 + effective)
+        return along_path, min(of_trials, 1 - along_path)
+
+
+def _followed(path: np.ndarray, step: np.ndarray, rate: float) -> np.ndarray:
+    return (1 - rate) * path + np.sqrt(rate * (2 - rate)) * step
 
 
 class GaussianPolicy:
@@ -37,7 +95,9 @@ class GaussianPolicy:
     variances (d,) along axes (d, d). With `diagonal` the axes are those of the parameters.
     """
 
-    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings, diagonal: bool):
+    def __init__(
+        self, start: np.ndarray, scale: np.ndarray, settings: SearchSettings, diagonal: bool
+    ):
         d = start.size
         self.start, self.scale, self._settings = start, scale, settings
         self.mean: np.ndarray = np.zeros(d)
@@ -86,14 +146,16 @@ class GaussianPolicy:
         if self._settings.exploration == "automatic":
             self._adapt(noise, weights)
         elif self._settings.exploration != "fixed":
-            self._set_covariance(
+            self.set_covariance(
                 self._weighted_covariance(relative, weights), np.any(weights, axis=0)
             )
         self.mean = self.mean + (weights * relative).sum(axis=0)  # (5.1), (7.17)
 
-    def _set_covariance(self, covariance: np.ndarray, known: np.ndarray) -> None:
-        """(5.2) with the noise of 5.2.1 added to the eigenvalues; only parameters in the mask
-        known (d,) change.
+    def set_covariance(self, covariance: np.ndarray, known: np.ndarray) -> None:
+        """(5.2) with the noise of 5.2.1 added to the eigenvalues.
+
+        * covariance: (d, d), or its diagonal (d,).
+        * known: mask (d,) of the parameters that change.
         """
         variances, axes = self._decomposed(covariance)
         variances = NOISE[self._settings.exploration](
@@ -113,7 +175,7 @@ class GaussianPolicy:
         along_path, of_trials = self.path.shape_rates(effective)
         shape = (
             1 - along_path - of_trials
-        ) * self._shape() + of_trials * self._weighted_covariance(self._coloured(noise), weights)
+        ) * self.shape() + of_trials * self._weighted_covariance(self._coloured(noise), weights)
         variances, axes = self._decomposed(shape + along_path * self._outer(self.path.shape_path))
         self.size = float(np.clip(self.size * factor, *self._settings.limits))
         self._set_shape(np.where(known, variances, self.variances), axes)
@@ -128,7 +190,8 @@ class GaussianPolicy:
             return noise * np.sqrt(self.variances)
         return noise @ (self.axes * np.sqrt(self.variances)) @ self.axes.T
 
-    def _shape(self) -> np.ndarray:
+    def shape(self) -> np.ndarray:
+        """Covariance (d, d), or its diagonal (d,), for size 1, in units of the spread at the start."""
         return self.variances if self.path.diagonal else (self.axes * self.variances) @ self.axes.T
 
     def _outer(self, vector: np.ndarray) -> np.ndarray:

@@ -20,11 +20,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number, as_vector
-from dart_skill.policy_search._policy import GaussianPolicy, as_spread
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
+from dart_skill.policy_search._policy import GaussianPolicy
+from dart_skill.policy_search._search import (
+    Search,
+    SearchSettings,
+    ToldTrial,
+    as_spread,
+    first_guess,
+)
 from dart_skill.policy_search._weights import return_weights
 
-SMALLEST, LARGEST = 1e-8, 1e4  # limits of the exploration, relative to the spread at the start
+SMALLEST = 1e-8
+"""Smallest exploration, relative to the spread at the start."""
+LARGEST = 1e4
+"""Largest exploration, relative to the spread at the start."""
 
 
 def with_defaults(
@@ -37,7 +46,7 @@ def with_defaults(
     minimum_exploration: float,
     limits: tuple[float, float] | None,
     usual: int,
-) -> Settings:
+) -> SearchSettings:
     """Settings in which batch, best, latest and limits have their defaults if they are None.
 
     usual: default of `latest` for the modes that use trials several times. Twice or half of the
@@ -59,7 +68,7 @@ def with_defaults(
     if limits is None:
         limits = (max(minimum, SMALLEST) if exploration == "proportional" else SMALLEST, LARGEST)
     low, high = as_vector(limits, "limits", 2).tolist()
-    settings = Settings(exploration, weighting, batch, best, latest, minimum, (low, high))
+    settings = SearchSettings(exploration, weighting, batch, best, latest, minimum, (low, high))
     if automatic and latest != batch:
         raise ValueError(
             f"exploration 'automatic' learns from each trial once, but latest = {latest} and batch"
@@ -119,9 +128,7 @@ class PoWER(Search):
         minimum_exploration: float = 0.1,
         limits: tuple[float, float] | None = None,
     ):
-        start = as_vector(parameters, "parameters")
-        if start.size == 0:
-            raise ValueError("parameters is empty; a search needs at least one")
+        start = first_guess(parameters)
         settings = with_defaults(
             start.size,
             exploration,
@@ -162,13 +169,7 @@ class PoWER(Search):
         noise = self._rng.standard_normal(self._policy.start.size)
         return noise, self._policy.draw(noise)
 
-    def _present(self, number: int, tried: np.ndarray) -> Trial:
-        return Trial(number, tried)
-
-    def _read(self, outcome: ArrayLike) -> np.ndarray:
-        return read_returns(outcome, (), self.settings.weighting)
-
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         weights = return_weights(
             [trial.outcome for trial in told], self.settings.best, self.settings.weighting
         )
@@ -186,7 +187,7 @@ class PoWER(Search):
 
     @classmethod
     def _from_policy_state(
-        cls: type[AnyPoWER], state: dict, settings: Settings, rng: np.random.Generator
+        cls: type[AnyPoWER], state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> AnyPoWER:
         search = cls(state["start"], state["scale"], rng=rng, **vars(settings))
         search._policy.restore(state)

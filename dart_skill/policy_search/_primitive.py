@@ -16,16 +16,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_samples
-from dart_skill.policy_search._policy import GaussianPolicy, as_spread
+from dart_skill.policy_search._policy import GaussianPolicy
 from dart_skill.policy_search._power import population, with_defaults
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
+from dart_skill.policy_search._search import (
+    Search,
+    SearchSettings,
+    SearchTrial,
+    ToldTrial,
+    as_spread,
+    read_returns,
+)
 from dart_skill.policy_search._weights import among_best, return_weights
 
 CREDITS = ("activation", "uniform")
 
 
 @dataclass(frozen=True, eq=False)
-class PrimitiveTrial(Trial):
+class PrimitiveTrial(SearchTrial):
     """A primitive to try.
 
     parameters (d,), d = n_basis n_dims: for `with_parameters` of a movement primitive; output
@@ -134,7 +141,7 @@ class PrimitivePoWER(Search):
         """
         return super().maximise(return_function, n_trials, tolerance)
 
-    def _argument(self, trial: Trial) -> np.ndarray:
+    def _argument(self, trial: SearchTrial) -> np.ndarray:
         assert isinstance(trial, PrimitiveTrial)
         return trial.output
 
@@ -163,7 +170,7 @@ class PrimitivePoWER(Search):
             self.settings.weighting,
         )
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         to_go = np.array([trial.outcome for trial in told])
         weights = self._noise_weights(
             weights_over_time(to_go, self.settings.best, self.settings.weighting)
@@ -208,7 +215,7 @@ class PrimitivePoWER(Search):
 
     @classmethod
     def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
+        cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> PrimitivePoWER:
         start, scale = (
             np.reshape(state[name], (-1, state["n_dims"])) for name in ("start", "scale")

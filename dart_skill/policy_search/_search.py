@@ -19,16 +19,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.common.checks import as_count, as_number, floats
+from dart_skill.common.checks import as_count, as_finite, as_number, as_vector, floats
 from dart_skill.common.files import new_file
-from dart_skill.policy_search._exploration import EXPLORATIONS
 from dart_skill.policy_search._weights import check_weighting
 
+EXPLORATIONS = ("automatic", "constant", "proportional", "fixed")
 GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class SearchTrial:
     """A trial: its number, which counts from 0, and the parameters (d,) to try."""
 
     number: int
@@ -36,9 +36,13 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """A trial with its outcome: the noise that it was drawn from, the parameters tried, and its
-    return or returns.
+class ToldTrial:
+    """A trial with its outcome.
+
+    * number: of the trial.
+    * noise: that it was drawn from.
+    * tried: the parameters.
+    * outcome: its return or returns.
     """
 
     number: int
@@ -48,8 +52,14 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Checked options of a search; `PoWER` explains them."""
+class SearchSettings:
+    """Checked options of a search, as `PoWER` explains them.
+
+    * exploration, weighting: how exploration is set, and how returns become weights.
+    * batch, best, latest: number of returns between updates, M, and S.
+    * minimum_exploration: root of Sigma_0, relative to the spread.
+    * limits: smallest and largest exploration, relative to the spread.
+    """
 
     exploration: str
     weighting: str
@@ -98,7 +108,7 @@ class Search(ABC):
     * settings: checked options.
     """
 
-    def __init__(self, settings: Settings, rng: np.random.Generator):
+    def __init__(self, settings: SearchSettings, rng: np.random.Generator):
         if not isinstance(rng, np.random.Generator):
             raise ValueError(
                 f"rng must be a numpy Generator, got {type(rng).__name__}: use"
@@ -106,11 +116,11 @@ class Search(ABC):
             )
         self.settings, self._rng = settings, rng
         self._open: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        self._told: deque[Told] = deque(maxlen=settings.latest)
+        self._told: deque[ToldTrial] = deque(maxlen=settings.latest)
         self._fresh = 0
         self.n_asked = self.n_told = self.n_failed = self.n_updates = 0
         self.best_return = -np.inf
-        self.best_trial: Trial | None = None
+        self.best_trial: SearchTrial | None = None
 
     @property
     @abstractmethod
@@ -126,29 +136,29 @@ class Search(ABC):
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
         """Noise, and the parameters (d,) that it gives."""
 
-    @abstractmethod
-    def _present(self, number: int, tried: np.ndarray) -> Trial: ...
+    def _present(self, number: int, tried: np.ndarray) -> SearchTrial:
+        return SearchTrial(number, tried)
 
-    @abstractmethod
     def _read(self, outcome: ArrayLike) -> np.ndarray:
         """The checked return, or the returns to go, the first of which is the whole return; NaN
         for a failed trial.
         """
+        return read_returns(outcome, (), self.settings.weighting)
 
     @abstractmethod
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         """Update the policy from these trials; returns whether it changed."""
 
-    @abstractmethod
-    def _policy_state(self) -> dict: ...
+    def _policy_state(self) -> dict:
+        raise TypeError(f"a search of kind {type(self).__name__} cannot be saved")
 
     @classmethod
-    @abstractmethod
     def _from_policy_state(
-        cls: type[AnySearch], state: dict, settings: Settings, rng: np.random.Generator
-    ) -> AnySearch: ...
+        cls: type[AnySearch], state: dict, settings: SearchSettings, rng: np.random.Generator
+    ) -> AnySearch:
+        raise TypeError(f"a search of kind {cls.__name__} cannot be saved")
 
-    def ask(self) -> Trial:
+    def ask(self) -> SearchTrial:
         """Draw a trial. Several trials may be open (asked and not yet told) at a time."""
         number = self.n_asked
         self.n_asked += 1
@@ -157,7 +167,7 @@ class Search(ABC):
         self._open[number] = noise, tried
         return self._present(number, tried)
 
-    def tell(self, trial: Trial | int, outcome: ArrayLike) -> bool:
+    def tell(self, trial: SearchTrial | int, outcome: ArrayLike) -> bool:
         """Give the outcome of a trial, or of the trial with that number; returns whether the
         policy was updated.
 
@@ -172,11 +182,11 @@ class Search(ABC):
             return False
         self.n_told += 1
         self._keep_best(number, tried, outcome)
-        self._told.append(Told(number, noise, tried, outcome))
+        self._told.append(ToldTrial(number, noise, tried, outcome))
         self._fresh += 1
         return self._learn()
 
-    def trials(self, n_trials: int | None = None, tolerance: float = 0.0) -> Iterator[Trial]:
+    def trials(self, n_trials: int | None = None, tolerance: float = 0.0) -> Iterator[SearchTrial]:
         """Iterator over new trials: n_trials of them (None: no limit), until `exploration_size` is
         below `tolerance`.
         """
@@ -189,7 +199,7 @@ class Search(ABC):
             for _ in itertools.takewhile(lambda _: self.exploration_size >= tolerance, numbers)
         )
 
-    def __iter__(self) -> Iterator[Trial]:
+    def __iter__(self) -> Iterator[SearchTrial]:
         return self.trials()
 
     def maximise(
@@ -204,11 +214,11 @@ class Search(ABC):
             self.tell(trial, return_function(self._argument(trial)))
         return self.parameters
 
-    def _argument(self, trial: Trial) -> np.ndarray:
+    def _argument(self, trial: SearchTrial) -> np.ndarray:
         return trial.parameters
 
-    def _find(self, trial: Trial | int) -> int:
-        number = trial.number if isinstance(trial, Trial) else trial
+    def _find(self, trial: SearchTrial | int) -> int:
+        number = trial.number if isinstance(trial, SearchTrial) else trial
         if (
             isinstance(number, (bool, np.bool_))
             or not isinstance(number, (int, np.integer))
@@ -217,7 +227,7 @@ class Search(ABC):
             raise ValueError(f"trial {number!r} was never asked; tell what ask() gave")
         if number not in self._open:
             raise ValueError(f"trial {number} was told before; each counts once")
-        if isinstance(trial, Trial) and not np.array_equal(
+        if isinstance(trial, SearchTrial) and not np.array_equal(
             trial.parameters, self._open[number][1]
         ):
             raise ValueError(
@@ -275,7 +285,7 @@ class Search(ABC):
                 " returned"
             )
         try:
-            settings = Settings(
+            settings = SearchSettings(
                 **{**state["settings"], "limits": tuple(state["settings"]["limits"])}
             )
             search = cls._from_policy_state(
@@ -304,12 +314,60 @@ class Search(ABC):
             number: (np.array(noise), _frozen(tried)) for number, noise, tried in state["open"]
         }
         self._told.extend(
-            Told(number, np.array(noise), _frozen(tried), np.array(outcome))
+            ToldTrial(number, np.array(noise), _frozen(tried), np.array(outcome))
             for number, noise, tried, outcome in state["told"]
         )
         if state["best"] is not None:
             self.best_return, number, tried = state["best"]
             self.best_trial = self._present(number, _frozen(tried))
+
+
+class VectorSearch(Search):
+    """Base class of searches with a first guess and its spread.
+
+    * parameters (d,): first guess.
+    * spread: one number or (d,). Standard deviations of the first trials.
+    * settings: checked options.
+    * rng: numpy Generator.
+    """
+
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        spread: ArrayLike,
+        settings: SearchSettings,
+        rng: np.random.Generator,
+    ):
+        start = first_guess(parameters)
+        super().__init__(settings, rng)
+        self._start, self._scale = start, as_spread(spread, start.shape)
+
+    def _relative(self, told: list[ToldTrial]) -> np.ndarray:
+        """Parameters tried (n, d), relative to the start of the search, in units of the spread."""
+        return (np.array([trial.tried for trial in told]) - self._start) / self._scale
+
+
+def first_guess(parameters: ArrayLike) -> np.ndarray:
+    """The first guess (d,) of a search, checked."""
+    start = as_vector(parameters, "parameters")
+    if start.size == 0:
+        raise ValueError("parameters is empty; a search needs at least one")
+    return start
+
+
+def as_spread(spread: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    """Standard deviations as an array of the given shape, from one number or an array of that
+    shape.
+    """
+    spread = as_finite(spread, "spread")
+    if spread.shape not in ((), shape):
+        raise ValueError(f"spread must be one number or have shape {shape}, got {spread.shape}")
+    if (spread <= 0).any():
+        raise ValueError(
+            f"spread must be above 0, got {spread.min():g}: give the size of a sensible first"
+            " exploration"
+        )
+    return np.broadcast_to(spread, shape).copy()
 
 
 def read_returns(outcome: ArrayLike, shape: tuple[int, ...], weighting: str) -> np.ndarray:

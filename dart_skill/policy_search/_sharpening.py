@@ -33,12 +33,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number
-from dart_skill.policy_search._blurred_noise import BlurredNoise
-from dart_skill.policy_search._niche import Niche
-from dart_skill.policy_search._niche_search import NicheSearch
-from dart_skill.policy_search._search import Settings, Told
+from dart_skill.policy_search._gaussian_process import BlurredNoise
+from dart_skill.policy_search._niche import Niche, NicheSearch
+from dart_skill.policy_search._search import SearchSettings, ToldTrial
 
-TOP, SCOUT, PROBE = 0, 1, 2  # kinds of trials: about the best top, of another place, of a star
+TOP = 0  # kind of a trial about the best top
+SCOUT = 1  # kind of a trial of another place
+PROBE = 2  # kind of a trial of a star
 RECORDS = 300  # number of latest trials that the process uses
 PLACES = 300  # number of places among which a scout chooses
 STEP = 0.1  # share of its variance that the blur loses between two stars
@@ -81,7 +82,7 @@ class Sharpening(NicheSearch):
     * limits (2,): smallest and largest radius of trials about the top, relative to `spread`;
       default (0.01, 2).
 
-    The defaults were chosen on darts (experiments/dart_search.py, seeds from 100 on). With less
+    The defaults were chosen on darts (experiments/studies/dart_search.py, seeds from 100 on). With less
     optimism or a coarser grain the process is too certain, and hills that overtake late are
     missed. With more optimism or a finer grain scouts cost more than they find.
     """
@@ -256,7 +257,7 @@ class Sharpening(NicheSearch):
 
     # Learning
 
-    def _update(self, told: list[Told]) -> bool:
+    def _update(self, told: list[ToldTrial]) -> bool:
         place, (kind, identity) = told[0].noise[:-2], told[0].noise[-2:].astype(int)
         number, earned = told[0].number, float(told[0].outcome)
         if kind != TOP:
@@ -375,7 +376,7 @@ class Sharpening(NicheSearch):
 
     @classmethod
     def _from_policy_state(
-        cls, state: dict, settings: Settings, rng: np.random.Generator
+        cls, state: dict, settings: SearchSettings, rng: np.random.Generator
     ) -> Sharpening:
         search = super()._from_policy_state(state, settings, rng)
         search._niche = Niche.from_state(state["niche"])

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.figures import SAME_BASKET, Recording
+from dart_skill.figures import SAME_BASKET, HandRecording
 from dart_skill.recording import (
     SKILL,
     BagError,
@@ -162,7 +162,7 @@ class Run:
         )
 
     @property
-    def recordings(self) -> list[Recording]:
+    def recordings(self) -> list[HandRecording]:
         """The stretches between two resets of the world, as the figures want them."""
         return [
             _stretch(self, since, until)
@@ -310,7 +310,7 @@ def _learned(shown: Sequence[Demonstration], name: str) -> tuple[ThrowingSkill |
         return None, [f"no skill is shown: {error}"]
 
 
-def _stretch(run: Run, since: int, until: int) -> Recording:
+def _stretch(run: Run, since: int, until: int) -> HandRecording:
     bodies, stamps = run.recording.bodies, run.command_stamps
     parts = {
         name: (bodies[name].stamp_ns >= since) & (bodies[name].stamp_ns <= until)
@@ -323,7 +323,7 @@ def _stretch(run: Run, since: int, until: int) -> Recording:
         if since <= one.stamp_ns <= until and not one.taught
     ]
     hand, ball = bodies["hand"], bodies["ball"]
-    return Recording(
+    return HandRecording(
         hand.stamp_ns[parts["hand"]],
         hand.position[parts["hand"]],
         ball.stamp_ns[parts["ball"]],

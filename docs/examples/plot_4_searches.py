@@ -9,7 +9,8 @@ what it was worth. CMA-ES is that of the package ``cma``. Both see nothing but r
 import matplotlib.pyplot as plt
 import numpy as np
 
-from dart_skill.policy_search import CMAES, PoWER
+from dart_skill.experiments.studies.baselines import CMAES
+from dart_skill.policy_search import PoWER
 
 N_DIMS, N_TRIALS = 4, 1000
 turn = np.linalg.qr(np.random.default_rng(7).standard_normal((N_DIMS, N_DIMS)))[0]

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool
 from dart_skill.arm import same_plan
 from dart_skill.cli import main
 from dart_skill.darts import as_target, name_at
-from dart_skill.experiments import arm_darts
+from dart_skill.experiments.studies import arm_darts
 from dart_skill.session import learn_skill
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions

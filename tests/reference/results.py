@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ThrowPlan
 from dart_skill.common.regions import targets_for
-from dart_skill.experiments import arm_darts, practice
+from dart_skill.experiments.studies import arm_darts, practice
 from dart_skill.recording import read_demonstrations
 from dart_skill.session import Session
 from dart_skill.skills.learning import ThrowingSkill, Unreachable, configuration, learn_throwing
@@ -135,7 +135,9 @@ def practice_of(seed: int) -> dict:
     """Own throws that are learned from, with each of THROWERS: their errors, and those of test
     throws afterwards.
     """
-    task = practice.Task(seed, "both", demonstrations=3, throws=4, tested_after=(4,), tests=2)
+    task = practice.PracticeTask(
+        seed, "both", demonstrations=3, throws=4, tested_after=(4,), tests=2
+    )
     done = {name: practice.run(replace(task, configuration=name)) for name in THROWERS}
     return {
         name: {"errors": exact(one.errors), "test_errors": exact(one.test_errors)}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dart_skill.common.regions import targets_for
-from dart_skill.experiments.throws import run_seed
+from dart_skill.experiments.studies.throws import run_seed
 from dart_skill.recording import read_demonstrations
 from dart_skill.session import Session
 from dart_skill.skills.learning import learn_throwing

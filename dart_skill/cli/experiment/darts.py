@@ -1,17 +1,25 @@
-"""`dart-skill experiment darts`: the arm throws darts, sees where they go, and gets better at it."""
+"""`dart-skill experiment` about darts: `darts` by the arm, and `search` and `landscapes`, where to
+aim while rewards change.
+"""
 
 from __future__ import annotations
 
 import argparse
 import json
 
+from dart_skill.cli.experiment._options import add_batch, add_json
 from dart_skill.cli.run_options import add_configuration, folder
 from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
 
 DEFAULT_BOARD = f"{BULL_DISTANCE},{BULL_HEIGHT}"
+METHODS = (
+    "power,power_constant,power_proportional,cem,cma,cma_default,reinforce,enac,mixture,mixture_daspec,mixture_automatic,restarts,"
+    "monte_carlo,niches"
+)
+"""Searches that `landscapes` tries."""
 
 
-def add_to(experiments: argparse._SubParsersAction) -> None:
+def add_darts(experiments: argparse._SubParsersAction) -> None:
     """Add `darts` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser(
         "darts",
@@ -44,9 +52,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--output", type=folder, metavar="FOLDER", help="write the figure there, as SVG and PNG"
     )
-    parser.add_argument(
-        "--json", action="store_true", help="every throw as JSON instead of the table"
-    )
+    add_json(parser, "every throw as JSON instead of the table")
     parser.set_defaults(run=_arm_darts)
 
 
@@ -55,7 +61,7 @@ def _arm_darts(options: argparse.Namespace) -> int:
 
     if options.seeds is not None:
         return _over_seeds(options)
-    from dart_skill.experiments import arm_darts
+    from dart_skill.experiments.studies import arm_darts
     from dart_skill.figures import draw_arm_darts
     from dart_skill.session import darts_json, darts_table
     from dart_skill.simulation import Board
@@ -78,7 +84,7 @@ def _arm_darts(options: argparse.Namespace) -> int:
 
 
 def _over_seeds(options: argparse.Namespace) -> int:
-    from dart_skill.experiments import arm_darts
+    from dart_skill.experiments.studies import arm_darts
     from dart_skill.session import darts_json
 
     if options.seeds < 1 or options.board != DEFAULT_BOARD or options.output is not None:
@@ -105,3 +111,91 @@ def _board(text: str) -> tuple[float, float]:
             f" {DEFAULT_BOARD}"
         ) from None
     return distance, height
+
+
+def add_search(verbs: argparse._SubParsersAction) -> None:
+    """Add `search` to the verbs of `dart-skill darts` and `dart-skill experiment`."""
+    parser = verbs.add_parser(
+        "search",
+        help="learn where to aim by throwing while the thrower gets better, as a table of regrets",
+    )
+    parser.add_argument(
+        "--schedules",
+        default="thesis",
+        help=(
+            "separated by commas: thesis (sigma 75 to 16 mm in 3000 throws), extended (to 6),"
+            " thesis_12000, extended_12000"
+        ),
+    )
+    parser.add_argument(
+        "--reward",
+        choices=("expected", "thrown"),
+        default="expected",
+        help="expected score, or that of the dart thrown",
+    )
+    _add_runs(parser, "mixture,power,cem")
+
+
+def _add_runs(parser: argparse.ArgumentParser, methods: str) -> None:
+    """Options of every experiment with searches."""
+    parser.add_argument(
+        "--methods",
+        default=methods,
+        help=f"separated by commas (default {methods}); a wrong one is answered with the list",
+    )
+    parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N - 1 (default 20)")
+    parser.add_argument(
+        "--stop-after",
+        type=int,
+        default=0,
+        metavar="N",
+        help="trials after which nothing more is learned (default never)",
+    )
+    add_batch(parser)
+    add_json(parser)
+    parser.set_defaults(run=_search)
+
+
+def _search(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.parallel import run_tasks
+    from dart_skill.experiments.studies.dart_search import (
+        LANDSCAPES,
+        SearchRun,
+        SearchTask,
+        run,
+        summarise,
+        table,
+    )
+
+    if options.seeds < 1:
+        raise ValueError(f"--seeds is {options.seeds}: give at least 1")
+    schedules = list(LANDSCAPES) if options.schedules == "all" else options.schedules.split(",")
+    kinds = [(method, schedule) for schedule in schedules for method in options.methods.split(",")]
+    tasks = [
+        SearchTask(*kind, seed, options.reward, options.stop_after)
+        for kind in kinds
+        for seed in range(options.seeds)
+    ]
+    runs = run_tasks(run, tasks, SearchRun, options.results, options.jobs, options.scheduler)
+    print(json.dumps(summarise(runs), indent=1) if options.json else table(runs))
+    return 0
+
+
+def add_landscapes(experiments: argparse._SubParsersAction) -> None:
+    """Add `landscapes` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "landscapes",
+        help="the same searches on other landscapes that change, as a table of regrets",
+    )
+    parser.add_argument(
+        "--landscapes",
+        dest="schedules",
+        metavar="NAMES",
+        default="all",
+        help=(
+            "separated by commas (default all): moving_peaks_2, moving_peaks_5, vanishing_peak,"
+            " half_range, stuck_joint"
+        ),
+    )
+    parser.set_defaults(reward="expected")
+    _add_runs(parser, METHODS)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dart_skill.common.regions import REGION
-from dart_skill.experiments.thesis.ball_throws import Angles, Trajectory
+from dart_skill.experiments.thesis.ball_throws import Angles, DrawnThrow
 from dart_skill.figures import (
     BALL,
     BASKET,
@@ -56,7 +56,7 @@ def trajectory_panels(figure: Figure, n_columns: int) -> np.ndarray:
 
 
 def draw_trajectories(
-    column: np.ndarray, trajectories: list[Trajectory], gid: str, new: bool = False
+    column: np.ndarray, trajectories: list[DrawnThrow], gid: str, new: bool = False
 ) -> None:
     """Throws in a column (2,) of panels; new: at a target that was not demonstrated."""
     for axes, above in zip(column, (True, False), strict=True):
@@ -89,7 +89,7 @@ def trajectory_legend(figure: Figure, n_columns: int) -> None:
 
 
 def _draw_trajectory(
-    axes: Axes, one: Trajectory, above: bool, gid: str, new: bool, every: float
+    axes: Axes, one: DrawnThrow, above: bool, gid: str, new: bool, every: float
 ) -> None:
     hand, basket = (HAND, BASKET) if new else (DEMONSTRATION, DEMONSTRATION)
     forward = unit_along(float(np.arctan2(one.target[1], one.target[0])))

@@ -14,7 +14,7 @@ import numpy as np
 from dart_skill.arm import ThrowPlan, wam_description
 from dart_skill.common.flight import flight, landing
 from dart_skill.common.regions import targets_for
-from dart_skill.figures import Recording
+from dart_skill.figures import HandRecording
 from dart_skill.movement import rotate, smooth_derivatives
 from dart_skill.recording import Demonstration
 from dart_skill.session import Session, Trial
@@ -33,17 +33,17 @@ POSE_STEPS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Lessons:
+class TaughtThrows:
     """Demonstrations that went in, and the whole recording that each was cut from: the hand as the
     arm's own encoders have it.
     """
 
     demonstrations: tuple[Demonstration, ...]
-    recordings: tuple[Recording, ...]
+    recordings: tuple[HandRecording, ...]
 
 
 @lru_cache(maxsize=4)
-def lessons(seed: int) -> Lessons:
+def lessons(seed: int) -> TaughtThrows:
     """One lesson at each of 13 baskets within 45 degrees and 1.5 to 2.5 m; those that went in."""
     session = Session(seed, keep_states=True)
     try:
@@ -53,17 +53,17 @@ def lessons(seed: int) -> Lessons:
     finally:
         session.close()
     kept = [trial for trial in trials if trial.outcome.in_basket]
-    return Lessons(
+    return TaughtThrows(
         tuple(trial.demonstration for trial in kept), tuple(_recording(trial) for trial in kept)
     )
 
 
-def _recording(trial: Trial) -> Recording:
+def _recording(trial: Trial) -> HandRecording:
     d, states = trial.demonstration, trial.states[::POSE_STEPS]
     none = np.empty(0, dtype=np.int64)
     stamps = np.array([state.stamp_ns for state in states])
     hand = np.array([state.hand_position for state in states])
-    return Recording(
+    return HandRecording(
         stamps,
         hand,
         none,
@@ -87,7 +87,7 @@ def prepared(seed: int, name: str) -> tuple[PreparedThrow, ...]:
 
 
 def new_baskets(seed: int) -> np.ndarray:
-    """Baskets (10, 3) [m] that nobody demonstrated; figures draw the first."""
+    """Baskets (10, 3) [m] that were not demonstrated; figures draw the first."""
     return targets_for(seed, N_DEMONSTRATIONS, N_NEW)[1]
 
 
@@ -107,7 +107,7 @@ def _predicted_miss(learned: ThrowingSkill, basket: np.ndarray) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class DrawnThrow:
     """A throw to draw: time (n,) [s], hand position (n, 3), quaternion (n, 4), the instant of the
     release, flight (m, 3), target (3,).
     """
@@ -138,13 +138,13 @@ class Trajectory:
         )
 
 
-def demonstrated(one: Demonstration, throw: PreparedThrow) -> Trajectory:
+def demonstrated(one: Demonstration, throw: PreparedThrow) -> DrawnThrow:
     """A lesson as the cameras saw it, up to the plane of the rim."""
     moving = (one.hand_time >= one.motion_start) & (one.hand_time <= one.motion_stop)
     release = one.motion_start + throw.release_time - throw.start
     flying = (one.moved.time >= release) & (one.moved.position[:, 2] >= one.target[2])
     ball = one.moved.position[flying]
-    return Trajectory(
+    return DrawnThrow(
         one.hand_time[moving],
         one.hand_position[moving],
         one.hand_quaternion[moving],
@@ -154,7 +154,7 @@ def demonstrated(one: Demonstration, throw: PreparedThrow) -> Trajectory:
     )
 
 
-def planned(plan: ThrowPlan) -> Trajectory:
+def planned(plan: ThrowPlan) -> DrawnThrow:
     """A plan, and the flight that it expects."""
     path = plan.path
     arm = rotate(path.quaternion, wam_description().hand.ball_centre[None])
@@ -165,7 +165,7 @@ def planned(plan: ThrowPlan) -> Trajectory:
         np.array([np.interp(plan.release, path.time, column) for column in columns.T]), 2
     )
     times = np.linspace(0.0, float(landing(position, velocity, plan.target[2]).time), 61)
-    return Trajectory(
+    return DrawnThrow(
         path.time,
         path.position,
         path.quaternion,
@@ -175,7 +175,7 @@ def planned(plan: ThrowPlan) -> Trajectory:
     )
 
 
-def all_demonstrated(seed: int, name: str) -> list[Trajectory]:
+def all_demonstrated(seed: int, name: str) -> list[DrawnThrow]:
     """All lessons."""
     return [
         demonstrated(*pair)

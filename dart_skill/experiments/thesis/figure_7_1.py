@@ -39,12 +39,14 @@ from dart_skill.movement import (
     smooth_derivatives,
 )
 
-TITLE = "A finger on a ball is held: a clock and a state as what drives it"
+TITLE_7_1 = "A finger on a ball is held: a clock and a state as what drives it"
 RADIUS, DURATION = 0.1, 3.0
 """Radius of the ball [m] and duration of the movement [s]."""
 STIFFNESS, N_COMPONENTS, N_DEMONSTRATIONS = 400.0, 12, 5
-HELD, LET_GO = 0.8, 2.2
-"""When somebody takes hold of the finger, and when they let go [s]."""
+HELD = 0.8
+"""Time from which the finger is held [s]."""
+LET_GO = 2.2
+"""Time at which it is let go [s]."""
 STEP, AFTER = 0.002, 2.0
 NOISE = 0.0005
 """Standard deviation of the measured demonstrations [m]."""
@@ -107,11 +109,11 @@ def by_the_state(seed: int = 0) -> Held:
     """Autonomous DS-GMR learned from demonstrations along the surface."""
     rng, time = np.random.default_rng(seed), 0.01 * np.arange(round(100 * DURATION) + 1)
     world = [[TaskFrame(np.eye(3), np.zeros(3))]] * N_DEMONSTRATIONS
-    measured = [
+    measured_7_1 = [
         surface(time).position + rng.normal(0.0, NOISE, (len(time), 2))
         for _ in range(N_DEMONSTRATIONS)
     ]
-    motions = [smooth_derivatives(time, positions) for positions in measured]
+    motions = [smooth_derivatives(time, positions) for positions in measured_7_1]
     policy = (
         AutonomousDSGMR(N_COMPONENTS, STIFFNESS)
         .fit([time] * N_DEMONSTRATIONS, motions, world)
@@ -140,7 +142,7 @@ def _hold(pull: Push) -> Held:
     return Held(time, path, pulls)
 
 
-def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+def draw_7_1(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     clock, state = by_the_clock(), by_the_state(seed)
     with house_style():
         figure = Figure(figsize=(10.5, 4.4), layout="constrained")
@@ -178,10 +180,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         handles, labels = plane.get_legend_handles_labels()
         letter_panels(plane, force)
         legend_below(figure, handles, labels, len(labels))
-        return save(figure, folder, "figure_7_1"), measured(clock, state)
+        return save(figure, folder, "figure_7_1"), measured_7_1(clock, state)
 
 
-def measured(clock: Held, state: Held) -> dict:
+def measured_7_1(clock: Held, state: Held) -> dict:
     return {
         name: {
             "depth_in_ball_mm": round(1000 * run.depth, 2),

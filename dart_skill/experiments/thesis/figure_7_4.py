@@ -30,7 +30,7 @@ from dart_skill.figures import (
 )
 from dart_skill.movement import DSGMR, Reproduction, TaskFrame
 
-TITLE = "Task-parameterised movement: two frames, and new places for them"
+TITLE_7_4 = "Task-parameterised movement: two frames, and new places for them"
 N_DEMONSTRATIONS, N_NEW, N_COMPONENTS, STIFFNESS = 8, 3, 6, 200.0
 DURATION, RATE, NOISE = 1.5, 100.0, 0.0005
 """Duration of a demonstration [s], samples per second, standard deviation of the measurement [m].
@@ -119,7 +119,7 @@ def reproduce(model: DSGMR, frames: tuple[TaskFrame, TaskFrame]) -> Insertion:
     return Insertion(frames, movement.position, movement)
 
 
-def compute(seed: int = 0) -> tuple[list[Insertion], DSGMR, list[Insertion]]:
+def compute_7_4(seed: int = 0) -> tuple[list[Insertion], DSGMR, list[Insertion]]:
     """Demonstrations, what was learned from them, and reproductions in new situations."""
     rng = np.random.default_rng(seed)
     demonstrations = [demonstrate(situation(rng), rng) for _ in range(N_DEMONSTRATIONS)]
@@ -127,8 +127,8 @@ def compute(seed: int = 0) -> tuple[list[Insertion], DSGMR, list[Insertion]]:
     return demonstrations, model, [reproduce(model, situation(rng)) for _ in range(N_NEW)]
 
 
-def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    demonstrations, model, new = compute(seed)
+def draw_7_4(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    demonstrations, model, new = compute_7_4(seed)
     with house_style():
         figure = Figure(figsize=(10.5, 7.6), layout="constrained")
         shown, first, second, made = figure.subplots(2, 2).ravel()
@@ -160,10 +160,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         for axes in (shown, first, second, made):
             axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
             axes.set_aspect("equal", adjustable="datalim")
-        return save(figure, folder, "figure_7_4"), measured(demonstrations, new)
+        return save(figure, folder, "figure_7_4"), measured_7_4(demonstrations, new)
 
 
-def measured(demonstrations: list[Insertion], new: list[Insertion]) -> dict:
+def measured_7_4(demonstrations: list[Insertion], new: list[Insertion]) -> dict:
     """Largest miss and tilt of both."""
     return {
         name: {

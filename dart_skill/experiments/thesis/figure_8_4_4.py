@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from dart_skill.common.regions import REGION, Region
 from dart_skill.experiments.parallel import run_all
-from dart_skill.experiments.throws import taught
+from dart_skill.experiments.studies.throws import taught
 from dart_skill.figures import (
     BLUE,
     LIGHT,
@@ -35,7 +35,7 @@ from dart_skill.figures import (
 from dart_skill.session import Session
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
 
-TITLE = "Success of both models against the range of angles and of distances"
+TITLE_8_4_4 = "Success of both models against the range of angles and of distances"
 ANGLES, SPREADS = (6.0, 15.0, 30.0, 45.0), (0.1, 0.25, 0.5)
 """To either side [degrees], at one distance; nearer and farther [m], at the smallest angle."""
 MIDDLE, N_DEMONSTRATIONS, N_THROWS = 2.0, 13, 6
@@ -48,7 +48,7 @@ COLOURS, STYLES = {"global": BLUE, "local": VERMILION}, {"start": "--", "release
 
 
 @dataclass(frozen=True)
-class Case:
+class BasketCase:
     """Where baskets stand: angle to either side [degrees], and spread of the distance to either
     side [m].
     """
@@ -63,19 +63,22 @@ class Case:
         )
 
 
-CASES = (*(Case(angle, 0.0) for angle in ANGLES), *(Case(ANGLES[0], spread) for spread in SPREADS))
+CASES = (
+    *(BasketCase(angle, 0.0) for angle in ANGLES),
+    *(BasketCase(ANGLES[0], spread) for spread in SPREADS),
+)
 
 
 @dataclass(frozen=True)
-class Task:
+class SuccessTask:
     """One teacher in one case. throws: of each model with each clock."""
 
     teacher: int
-    case: Case
+    case: BasketCase
     throws: int
 
 
-def successes(task: Task) -> list[list[int]]:
+def successes(task: SuccessTask) -> list[list[int]]:
     """How many throws of the models (2) with the clocks (2) went in; a throw without a plan did
     not.
     """
@@ -109,17 +112,19 @@ def _goes_in(session: Session, skill: ThrowingSkill, basket: np.ndarray) -> bool
         return False
 
 
-def compute(
+def compute_8_4_4(
     seed: int = 0,
     teachers: int = N_TEACHERS,
     throws: int = N_THROWS,
-    cases: Sequence[Case] = CASES,
+    cases: Sequence[BasketCase] = CASES,
 ) -> np.ndarray:
     """Share of throws that went in: (cases, teachers, models, clocks)."""
     if teachers < 1 or throws < 1:
         raise ValueError(f"{teachers} teachers and {throws} throws: give at least one of each")
     tasks = [
-        Task(1000 * seed + teacher, case, throws) for case in cases for teacher in range(teachers)
+        SuccessTask(1000 * seed + teacher, case, throws)
+        for case in cases
+        for teacher in range(teachers)
     ]
     found = dict(run_all(successes, tasks))
     return (
@@ -130,10 +135,10 @@ def compute(
     )
 
 
-def draw(
+def draw_8_4_4(
     folder: str | Path, seed: int = 0, teachers: int | None = None
 ) -> tuple[list[Path], dict]:
-    shares = compute(seed, N_TEACHERS if teachers is None else teachers, N_THROWS, CASES)
+    shares = compute_8_4_4(seed, N_TEACHERS if teachers is None else teachers, N_THROWS, CASES)
     with house_style():
         figure = Figure(figsize=(9.6, 4.6), layout="constrained")
         by_angle, by_distance = figure.subplots(1, 2, sharey=True)
@@ -168,7 +173,7 @@ def draw(
             x=0.01,
             ha="left",
         )
-        return save(figure, folder, "figure_8_4_4"), measured(shares)
+        return save(figure, folder, "figure_8_4_4"), measured_8_4_4(shares)
 
 
 def _draw_shares(axes: Axes, places: Sequence[float], shares: np.ndarray) -> None:
@@ -199,7 +204,7 @@ def _draw_shares(axes: Axes, places: Sequence[float], shares: np.ndarray) -> Non
             )
 
 
-def measured(shares: np.ndarray) -> dict:
+def measured_8_4_4(shares: np.ndarray) -> dict:
     """Shares that went in [%], over all teachers."""
     return {
         "teachers": shares.shape[1],
@@ -214,7 +219,7 @@ def measured(shares: np.ndarray) -> dict:
     }
 
 
-def describe(numbers: dict) -> str:
+def describe_8_4_4(numbers: dict) -> str:
     """A line for each region."""
     columns = list(next(iter(numbers["in_percent"].values())))
     rows = [

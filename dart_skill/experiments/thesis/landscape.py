@@ -33,7 +33,7 @@ from dart_skill.figures import (
 )
 from dart_skill.mixture import GaussianMixture, SplitMerge, split_and_merge
 
-TITLE = "A landscape modelled by a mixture that is told all of it"
+TITLE_landscape = "A landscape modelled by a mixture that is told all of it"
 SIGMA, APART, SPACING = 10.0, 7.0, 2.0
 """Standard deviation of the thrower, distance between aims, spacing of the picture [mm]."""
 THRESHOLDS = ((0.16, 0.01), (0.02, 0.005), (0.01, 0.002), (0.005, 0.001))
@@ -75,7 +75,7 @@ def adapted(
     return mixture
 
 
-def compute(seed: int = 0) -> tuple[list[Model], float]:
+def compute_landscape(seed: int = 0) -> tuple[list[Model], float]:
     """The model of each pair of thresholds, and what a uniform density misplaces; hardly anything
     of it depends on the seed.
     """
@@ -97,8 +97,8 @@ def compute(seed: int = 0) -> tuple[list[Model], float]:
     return models, _misplaced(np.full(len(places), 1.0 / len(places)), wanted)
 
 
-def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
-    models, uniform = compute(seed)
+def draw_landscape(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    models, uniform = compute_landscape(seed)
     shown = models[SHOWN]
     with house_style():
         figure = Figure(figsize=(13.0, 4.6), layout="constrained")
@@ -143,10 +143,10 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         density.legend(loc="upper center", bbox_to_anchor=(0.5, 0.02))
         _draw_misplaced(misplaced, models, uniform)
         letter_panels(scores, density, misplaced)
-        return save(figure, folder, "landscape"), measured(models, uniform)
+        return save(figure, folder, "landscape"), measured_landscape(models, uniform)
 
 
-def measured(models: list[Model], uniform: float) -> dict:
+def measured_landscape(models: list[Model], uniform: float) -> dict:
     """Components and fit by the threshold of splits."""
     return {
         "components": {f"{one.thresholds[0]:g}": len(one.mixture.priors_) for one in models},

@@ -39,7 +39,7 @@ class Blocks:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class PoseEmFit:
     """parameters; log_likelihood, the weighted mean per sample; n_iterations; converged."""
 
     parameters: Parameters
@@ -152,7 +152,7 @@ def iterate(
     floor: float,
     tolerance: float,
     max_iterations: int,
-) -> Fit:
+) -> PoseEmFit:
     """EM from parameters. A component that loses its samples is dropped."""
     weights = weights / weights.mean()
     parameters, tangents, previous = start, tangents_at(blocks, start.means), -np.inf
@@ -160,12 +160,12 @@ def iterate(
         shares, log_density = expectation(blocks, parameters, tangents)
         likelihood = float(weights @ log_density) / len(weights)
         if abs(likelihood - previous) <= tolerance:
-            return Fit(parameters, likelihood, iteration, True)
+            return PoseEmFit(parameters, likelihood, iteration, True)
         previous, counts = likelihood, shares * weights[:, None]
         alive = counts.sum(0) > DEAD_SHARE
         near = [mean[alive] for mean in parameters.means], [one[alive] for one in tangents]
         parameters, tangents = maximisation(blocks, counts[:, alive], floor, near)
-    return Fit(parameters, previous, max_iterations, False)
+    return PoseEmFit(parameters, previous, max_iterations, False)
 
 
 def windows_in_time(time: np.ndarray, n_components: int, overlap: float) -> np.ndarray:

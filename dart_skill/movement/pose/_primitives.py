@@ -29,10 +29,9 @@ from numpy.typing import ArrayLike
 from dart_skill.common import quaternions
 from dart_skill.common.checks import as_finite, as_vector
 from dart_skill.movement._demonstrations import are_several, complete
-from dart_skill.movement._discrete_primitive import DiscretePrimitive
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
 from dart_skill.movement._primitive import Primitive, PrimitiveState
-from dart_skill.movement._rhythmic_primitive import RhythmicPrimitive
+from dart_skill.movement._primitives import DiscretePrimitive, RhythmicPrimitive
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.pose._chart import nearest, path_about, slope_of, turning

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.movement import Fit, check_alignment, find_patterns, turn_matrix
+from dart_skill.movement import AlignmentFit, check_alignment, find_patterns, turn_matrix
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning import (
     DEFAULT,
@@ -179,7 +179,7 @@ class Practice:
             else f"trial {trial.id} does not resemble the demonstrations: {fit.reason}"
         ), prepared
 
-    def _compare(self, trial: PreparedThrow) -> Fit | None:
+    def _compare(self, trial: PreparedThrow) -> AlignmentFit | None:
         """The trial's hand path against the others', in axes turned to their tasks, for the
         distance it landed at.
         """

@@ -16,8 +16,7 @@ import numpy as np
 
 from dart_skill.arm import ThrowPlan, same_plan
 from dart_skill.movement import azimuth_of, turn_matrix
-from dart_skill.policy_search import PoWER, generator_state, restored_generator
-from dart_skill.policy_search import Trial as SearchTrial
+from dart_skill.policy_search import PoWER, SearchTrial, generator_state, restored_generator
 
 MIDDLE = 2.0
 """Distance [m] at which the slope of the correction changes nothing."""

@@ -185,7 +185,8 @@ def test_every_table_of_values_belongs_to_an_option():
 
 
 def test_names_are_those_of_the_library():
-    from dart_skill.experiments import dart_search, landscapes, practice, thesis
+    from dart_skill.experiments import thesis
+    from dart_skill.experiments.studies import dart_search, landscapes, practice
     from dart_skill.skills.learning import CONFIGURATIONS
     from dart_skill.skills.practice import _practising as practising
 

@@ -13,11 +13,11 @@ from dart_skill.darts import (
     bed_probabilities,
     checkout_table,
     professional,
-    simulate_legs,
     solve_leg,
 )
 from dart_skill.darts._leg_solver import Everywhere, Nearby
 from tests.unit.darts import reference
+from tests.unit.darts.simulated import simulate_legs
 
 UNFINISHABLE = [159, 162, 163, 165, 166, 168, 169]
 """Scores up to 170 that no three darts finish."""
@@ -217,11 +217,6 @@ def test_a_state_that_cannot_be_is_refused(policy, arguments, words):
 def test_a_leg_that_is_none_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         solve_leg(*arguments)
-
-
-def test_a_leg_that_does_not_end_is_reported(policy):
-    with pytest.raises(ValueError, match="not finished after 2 turns"):
-        simulate_legs(policy, 10, np.random.default_rng(0), max_turns=2)
 
 
 @pytest.mark.parametrize("everywhere", (True, False))

@@ -5,8 +5,8 @@ checked with.
 import numpy as np
 import pytest
 
-from dart_skill.darts import LegInPlay, as_target, simulate_legs, solve_leg
-from dart_skill.darts._leg import impacts
+from dart_skill.darts import LegInPlay, as_target, solve_leg
+from tests.unit.darts.simulated import impacts, simulate_legs
 
 
 def played(start, *beds):

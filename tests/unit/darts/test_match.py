@@ -19,11 +19,11 @@ from dart_skill.darts import (
     match_chance,
     match_player,
     professional,
-    simulate_match_legs,
     solve_match,
 )
 from dart_skill.darts._candidates import best_turn, candidates_at, first_aims, thrower_of
 from dart_skill.darts._leg_solver import Nearby, after_dart
+from tests.unit.darts.simulated import simulate_match_legs
 
 START = 31
 PLAYS = list(itertools.product(["best", "turns"], repeat=2))
@@ -325,10 +325,3 @@ def test_a_state_that_cannot_be_is_refused(solved, arguments, words):
 def test_a_match_that_is_none_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         match_chance(*arguments)
-
-
-def test_legs_that_do_not_end_are_reported(solved):
-    with pytest.raises(ValueError, match="not finished after 1 turns"):
-        simulate_match_legs(solved[BEST], 10, np.random.default_rng(0), max_turns=1)
-    with pytest.raises(ValueError, match="begins must be one of me, them"):
-        simulate_match_legs(solved[BEST], 10, np.random.default_rng(0), "you")

@@ -13,7 +13,7 @@ from dart_skill.cli import main
 from dart_skill.common.flight import DART, TENNIS_BALL, crossing, flight, landing
 from dart_skill.common.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
 from dart_skill.darts import as_target, score
-from dart_skill.experiments.arm_darts import darts_session, run, teach
+from dart_skill.experiments.studies.arm_darts import darts_session, run, teach
 from dart_skill.figures import arm_darts_figure, draw_arm_darts, running
 from dart_skill.session import Dart, DartsRun, darts_table, summarise
 from dart_skill.simulation import Board, Teacher
@@ -571,7 +571,7 @@ def test_the_rims_are_what_they_were():
 
 def test_several_seeds_are_a_line_each(faked, capsys, monkeypatch):
     monkeypatch.setattr(
-        "dart_skill.experiments.arm_darts.over_seeds",
+        "dart_skill.experiments.studies.arm_darts.over_seeds",
         lambda seeds, *_: [replace(faked, seed=seed) for seed in seeds],
     )
     assert main(["experiment", "darts", "--seeds", "2"]) == 0

@@ -7,12 +7,13 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.common.regions import REGION
-from dart_skill.experiments import basket
-from dart_skill.experiments.basket import (
+from dart_skill.experiments.parallel import run_tasks
+from dart_skill.experiments.studies import basket
+from dart_skill.experiments.studies.basket import (
     ASKED,
     PLACES,
-    Run,
-    Task,
+    BasketRun,
+    BasketTask,
     place_of,
     summarise,
     table,
@@ -42,8 +43,8 @@ def made(seed=0, models=("default", "thesis"), demonstrations=13):
     }
     inside = {"default": (True, True, True, False, True), "thesis": (False,) * 5}
     columns = [tuple(part[model] for model in models) for part in (along, across, inside, refused)]
-    return Run(
-        Task(seed, models, demonstrations, 5),
+    return BasketRun(
+        BasketTask(seed, models, demonstrations, 5),
         targets,
         *columns,
         tuple(at(2.0, 3.0 * k) for k in range(demonstrations)),
@@ -145,15 +146,15 @@ def test_the_table_has_a_line_per_model_and_says_what_was_refused():
 )
 def test_a_task_that_cannot_be_run_is_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
-        Task(0, **wrong)
+        BasketTask(0, **wrong)
 
 
 def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr(basket, "run", lambda task: made(task.seed))
     file, tasks = tmp_path / "basket.jsonl", [made(seed).task for seed in range(2)]
-    first = basket.run_all(tasks, file, jobs=1)
+    first = run_tasks(basket.run, tasks, basket.BasketRun, file, jobs=1)
     monkeypatch.setattr(basket, "run", lambda task: pytest.fail(f"{task} was run again"))
-    again = basket.run_all(tasks, file, jobs=1)
+    again = run_tasks(basket.run, tasks, basket.BasketRun, file, jobs=1)
     assert repr(again) == repr(first), "nan is not equal to itself, but looks the same"
     assert np.isnan(again[0].along[0][3]) and summarise(again) == summarise(first)
 
@@ -193,7 +194,7 @@ def test_the_command_prints_the_table_and_draws_maps_and_the_curve(tmp_path, mon
 
 @pytest.mark.slow
 def test_a_tiny_run_throws_every_model_at_the_same_baskets():
-    one = basket.run(Task(0, ("default", "thesis"), 4, 3))
+    one = basket.run(BasketTask(0, ("default", "thesis"), 4, 3))
     assert np.shape(one.targets) == (3, 3) and np.shape(one.along) == np.shape(one.in_basket) == (
         2,
         3,

@@ -2,13 +2,16 @@
 plans.
 """
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dart_skill.arm import ArmModel, CommanderSettings, Impedance, References
-from dart_skill.experiments.compliance import GRABBED, KINDS, _resistance, _swing, table
+from dart_skill.cli import main
+from dart_skill.experiments.studies import compliance
+from dart_skill.experiments.studies.compliance import GRABBED, KINDS, _resistance, _swing, table
 from dart_skill.session import Session
 from dart_skill.skills.learning import DEFAULT, learn_throwing
 
@@ -79,3 +82,12 @@ def test_a_throw_is_measured_on_the_clock_of_its_plan(plans, skills):
     assert np.hypot(*stiff.off) < min(0.004, 0.25 * np.hypot(*soft.off))
     assert stiff.miss < 0.05
     assert "50 " in table([soft, stiff]) and "800" in table([soft, stiff])
+
+
+def test_the_command_prints_the_table_or_every_throw(monkeypatch, capsys):
+    swing = compliance.GrabbedThrow("50", (1.0, 2.0), (0.001, 0.002), 0.01)
+    monkeypatch.setattr(compliance, "run", lambda *_: [swing])
+    assert main(["experiment", "compliance"]) == 0
+    assert capsys.readouterr().out == compliance.table([swing]) + "\n"
+    assert main(["experiment", "compliance", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["force"] == [1.0, 2.0]

@@ -10,19 +10,18 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.darts import best_aim
-from dart_skill.experiments import dart_search
-from dart_skill.experiments.dart_search import (
+from dart_skill.experiments.parallel import read_runs, run_all, run_tasks
+from dart_skill.experiments.studies import dart_search
+from dart_skill.experiments.studies.dart_search import (
     SCHEDULES,
     Schedule,
-    Task,
+    SearchRun,
+    SearchTask,
     best_scores,
-    read,
     run,
-    run_tasks,
     summarise,
     table,
 )
-from dart_skill.experiments.parallel import run_all
 
 
 @pytest.fixture
@@ -70,14 +69,14 @@ OF_OTHERS = ("cem", "enac", "reinforce", "restarts", "monte_carlo", "sharpening"
 
 @pytest.mark.parametrize("method", [*OF_EACH_KIND, *OF_OTHERS])
 def test_every_method_runs_and_regret_is_never_negative(short, method):
-    one = run(Task(method, "thesis", 1))
+    one = run(SearchTask(method, "thesis", 1))
     assert len(one.throw_regrets) == len(one.best_regrets) == len(one.components) == 20
     assert min(one.throw_regrets) > -1e-3 and min(one.best_regrets) > -1e-3
     assert one.throw_regret == pytest.approx(np.mean(one.throw_regrets), abs=1e-3)
 
 
 def test_after_the_stop_only_the_best_known_aim_is_thrown_at(short):
-    one = run(Task("power", "thesis", 0, "expected", 100))
+    one = run(SearchTask("power", "thesis", 0, "expected", 100))
     assert (
         one.throw_regrets[10:] == one.best_regrets[10:]
         and one.throw_regrets[:10] != one.best_regrets[:10]
@@ -86,8 +85,8 @@ def test_after_the_stop_only_the_best_known_aim_is_thrown_at(short):
 
 def test_the_model_based_agent_needs_the_scores_of_darts(short):
     with pytest.raises(ValueError, match="reward 'thrown'"):
-        Task("model_based", "thesis", 0)
-    assert run(Task("model_based", "thesis", 0, "thrown")).throw_regret < 1.0
+        SearchTask("model_based", "thesis", 0)
+    assert run(SearchTask("model_based", "thesis", 0, "thrown")).throw_regret < 1.0
 
 
 def test_a_file_of_results_is_continued_and_a_line_that_was_cut_off_is_run_again(
@@ -95,29 +94,29 @@ def test_a_file_of_results_is_continued_and_a_line_that_was_cut_off_is_run_again
 ):
     results, tasks = (
         tmp_path / "results.jsonl",
-        [Task("power", "thesis", seed) for seed in range(3)],
+        [SearchTask("power", "thesis", seed) for seed in range(3)],
     )
-    first = run_tasks(tasks[:2], results, jobs=1)
+    first = run_tasks(run, tasks[:2], SearchRun, results, jobs=1)
     text = results.read_text()
     results.write_text(text[:-200])
     done = []
     monkeypatch.setattr(dart_search, "run", lambda task: done.append(task.seed) or run(task))
-    assert run_tasks(tasks, results, jobs=1)[:2] == first
+    assert run_tasks(dart_search.run, tasks, SearchRun, results, jobs=1)[:2] == first
     assert sorted(done) == [1, 2]
-    assert [one.task.seed for one in read(results)] == [0, 1, 2]
+    assert [one.task.seed for one in read_runs(results, SearchRun, SearchTask)] == [0, 1, 2]
 
 
 def test_a_damaged_line_within_a_file_of_results_is_an_error_that_names_it(tmp_path):
     results = tmp_path / "results.jsonl"
     results.write_text('{"task": 3}\n{"task": 4}\n')
     with pytest.raises(ValueError, match=r"line 1 of .*results.jsonl is not a run"):
-        read(results)
+        read_runs(results, SearchRun, SearchTask)
 
 
 def test_processes_give_the_same_runs_as_one_process(short):
-    tasks = [Task("power", "thesis", seed) for seed in range(2)]
+    tasks = [SearchTask("power", "thesis", seed) for seed in range(2)]
     assert dict(run_all(square, [1, 2, 3, 4], jobs=2)) == {0: 1, 1: 4, 2: 9, 3: 16}
-    assert run_tasks(tasks, jobs=1) == run_tasks(tasks, jobs=1)
+    assert run_tasks(run, tasks, SearchRun, jobs=1) == run_tasks(run, tasks, SearchRun, jobs=1)
 
 
 def test_a_scheduler_without_dask_here_is_answered_with_the_remedy(monkeypatch):
@@ -148,7 +147,9 @@ def test_an_error_in_a_process_comes_out():
 
 
 def test_the_table_has_quartiles_over_seeds(short):
-    runs = run_tasks([Task("power", "thesis", seed) for seed in range(4)], jobs=1)
+    runs = run_tasks(
+        run, [SearchTask("power", "thesis", seed) for seed in range(4)], SearchRun, jobs=1
+    )
     row = summarise(runs)[0]
     assert (
         row["runs"] == 4

@@ -9,21 +9,20 @@ import pytest
 from scipy.optimize import differential_evolution
 
 from dart_skill.cli import main
-from dart_skill.experiments.dart_search import (
+from dart_skill.experiments.parallel import read_runs, run_tasks
+from dart_skill.experiments.studies.dart_search import (
     METHODS,
     SCHEDULES,
-    Darts,
-    Run,
+    DartLandscape,
     Schedule,
-    Task,
+    SearchRun,
+    SearchTask,
     best_scores,
-    read,
     run,
-    run_tasks,
     summarise,
     table,
 )
-from dart_skill.experiments.landscapes import (
+from dart_skill.experiments.studies.landscapes import (
     BOX,
     EASE,
     ELBOW,
@@ -232,7 +231,7 @@ def test_stages_and_changes_that_do_not_fit_are_refused():
 
 @pytest.mark.parametrize("method", OTHERS)
 def test_every_method_but_the_model_based_one_runs_and_regret_is_never_negative(short, method):
-    one = run(Task(method, "vanishing_peak", 1))
+    one = run(SearchTask(method, "vanishing_peak", 1))
     assert (
         len(one.throw_regrets) == 20
         and min(one.throw_regrets) >= 0.0
@@ -262,7 +261,7 @@ def test_methods_count_in_units_of_the_spread(monkeypatch):
             ),
         )
         regrets[spread] = {
-            method: run(Task(method, "vanishing_peak", 0)).throw_regrets for method in OTHERS
+            method: run(SearchTask(method, "vanishing_peak", 0)).throw_regrets for method in OTHERS
         }
     for method in OTHERS:
         np.testing.assert_allclose(
@@ -283,7 +282,7 @@ def test_the_offline_error_is_that_of_the_best_trial_since_the_last_change(short
         least = min(np.inf if n == 100 else least, landscape.best[n] - earned)
         errors.append(least)
         search.tell(trial, earned)
-    assert run(Task("cem", "vanishing_peak", 2)).offline_error == pytest.approx(
+    assert run(SearchTask("cem", "vanishing_peak", 2)).offline_error == pytest.approx(
         np.mean(errors), rel=1e-12
     )
 
@@ -291,13 +290,13 @@ def test_the_offline_error_is_that_of_the_best_trial_since_the_last_change(short
 def test_darts_are_a_landscape_whose_change_has_no_moments(monkeypatch):
     monkeypatch.setitem(SCHEDULES, "thesis", Schedule(75.0, 60.0, 200))
     best_scores.cache_clear()
-    darts = Darts("thesis")
+    darts = DartLandscape("thesis")
     assert (
         len(darts.best) == 200
         and darts.changes == ()
         and darts.rewards(np.zeros((1, 2)), 199)[0] < darts.best[199]
     )
-    assert run(Task("cem", "thesis", 0)).offline_error is None
+    assert run(SearchTask("cem", "thesis", 0)).offline_error is None
     best_scores.cache_clear()
 
 
@@ -307,7 +306,7 @@ def test_darts_are_a_landscape_whose_change_has_no_moments(monkeypatch):
 )
 def test_what_only_darts_have_is_refused_elsewhere(method, reward):
     with pytest.raises(ValueError, match="are for darts, and not for 'half_range'"):
-        Task(method, "half_range", 0, reward)
+        SearchTask(method, "half_range", 0, reward)
 
 
 def test_lines_from_before_there_were_landscapes_are_still_read(short, tmp_path):
@@ -322,11 +321,15 @@ def test_lines_from_before_there_were_landscapes_are_still_read(short, tmp_path)
     regrets = {"throw_regret": 1.0, "best_regret": 0.5, "end_regret": 0.25}
     blocks = {"throw_regrets": [1.0], "best_regrets": [0.5], "components": [1.0]}
     results.write_text(json.dumps({"task": task, **regrets, **blocks}) + "\n")
-    old = Run(Task("power", "thesis", 0), 1.0, 0.5, 0.25, (1.0,), (0.5,), (1.0,))
+    old = SearchRun(SearchTask("power", "thesis", 0), 1.0, 0.5, 0.25, (1.0,), (0.5,), (1.0,))
     runs = run_tasks(
-        [Task("power", "thesis", 0), Task("power", "vanishing_peak", 0)], results, jobs=1
+        run,
+        [SearchTask("power", "thesis", 0), SearchTask("power", "vanishing_peak", 0)],
+        SearchRun,
+        results,
+        jobs=1,
     )
-    assert runs[0] == old and read(results) == runs
+    assert runs[0] == old and read_runs(results, SearchRun, SearchTask) == runs
     assert [row["offline_error"] is None for row in summarise(runs)] == [True, False]
     assert "offline error" in table(runs) and "offline error" not in table(runs[:1])
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from dart_skill.cli import main
-from dart_skill.experiments import throws
 from dart_skill.experiments.parallel import all_of, run_all
+from dart_skill.experiments.studies import throws
 
 ADDRESS = "tcp://127.0.0.1:8786"
 
@@ -104,7 +104,7 @@ def test_results_of_a_cluster_come_as_they_finish_and_are_put_in_order(cluster):
 
 
 def test_throws_are_run_on_the_cluster_of_a_scheduler(cluster, monkeypatch, capsys):
-    made = throws.Throw(0, "ideal", "default", (1.9, 0.0, 0.4), 0.01, 0.02, True, "")
+    made = throws.ThrowResult(0, "ideal", "default", (1.9, 0.0, 0.4), 0.01, 0.02, True, "")
     monkeypatch.setattr(throws, "run_seed", lambda seed, **_: [made])
     assert (
         main(["experiment", "throws", "--seeds", "3", "--throws", "1", "--scheduler", ADDRESS])

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from dart_skill.common.regions import REGION
-from dart_skill.experiments import basket, practice
-from dart_skill.experiments.basket import ASKED, Throws, throws_of
-from dart_skill.experiments.pictures import maps
-from dart_skill.experiments.pictures.maps import (
+from dart_skill.experiments.studies import basket, basket_maps, practice
+from dart_skill.experiments.studies.basket import ASKED, ModelThrows, throws_of
+from dart_skill.experiments.studies.basket_maps import (
     AZIMUTHS,
     DISTANCES,
     cells_of,
@@ -20,7 +19,7 @@ from dart_skill.experiments.pictures.maps import (
     draw_map,
     wilson,
 )
-from dart_skill.experiments.pictures.practice import draw_practice, errors_after
+from dart_skill.experiments.studies.practice_curves import draw_practice, errors_after
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -38,8 +37,8 @@ def run_of(seed=0, models=("default", "weighted"), demonstrations=13, n=60):
         return tuple(tuple(row) for row in array.tolist())
 
     shown = REGION.spread(demonstrations, rng)
-    task = basket.Task(seed, models, demonstrations, n)
-    return basket.Run(
+    task = basket.BasketTask(seed, models, demonstrations, n)
+    return basket.BasketRun(
         task, rows(targets), rows(miss[0]), rows(miss[1]), rows(inside), rows(refused), rows(shown)
     )
 
@@ -83,7 +82,7 @@ def test_every_throw_is_in_one_cell():
 def test_a_throw_to_the_left_and_far_away_is_in_the_last_cell():
     corner = ASKED.far * np.array([np.cos(ASKED.side), np.sin(ASKED.side)])
     cells = cells_of(
-        Throws(
+        ModelThrows(
             np.array([[*corner, 0.4]]),
             np.array([[0.03, -0.04]]),
             np.array([True]),
@@ -102,7 +101,9 @@ def test_a_throw_to_the_left_and_far_away_is_in_the_last_cell():
 )
 def test_a_basket_beyond_the_map_is_an_error(target, what):
     with pytest.raises(ValueError, match=f"{what} lies outside of the map"):
-        cells_of(Throws(np.array([target]), np.zeros((1, 2)), np.array([True]), np.array([False])))
+        cells_of(
+            ModelThrows(np.array([target]), np.zeros((1, 2)), np.array([True]), np.array([False]))
+        )
 
 
 @pytest.mark.slow
@@ -137,7 +138,7 @@ def test_a_map_has_every_cell_and_hatches_those_without_a_landing(tmp_path):
 def test_the_left_of_the_arm_is_the_left_of_the_map(tmp_path):
     """A single throw far to the left: its cell is left of the one straight ahead."""
     one = run_of(n=1)
-    left = basket.Run(
+    left = basket.BasketRun(
         one.task,
         ((1.2, 1.6, 0.4),),
         ((0.01,),) * 2,
@@ -159,7 +160,7 @@ def test_the_left_of_the_arm_is_the_left_of_the_map(tmp_path):
 
 def test_the_curve_is_drawn_if_there_are_several_numbers_of_demonstrations(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        maps,
+        basket_maps,
         "draw_map",
         lambda results, model, demonstrations, folder: [
             folder / f"map_{model}_{demonstrations}.svg"
@@ -195,11 +196,11 @@ def test_an_interval_of_no_throws_is_refused():
 
 def practised(seed=0, method="residual", change="none", change_after=0):
     rng = np.random.default_rng([seed, len(method)])
-    task = practice.Task(seed, method, 13, 10, change, change_after, (0, 5, 10), 6)
+    task = practice.PracticeTask(seed, method, 13, 10, change, change_after, (0, 5, 10), 6)
     errors = rng.rayleigh(0.02, (3, 6))
     errors[0, 0] = np.nan
     inside = np.nan_to_num(errors, nan=1.0) < 0.15
-    return practice.Run(
+    return practice.PracticeRun(
         task,
         (0.02,) * 10,
         (True,) * 10,

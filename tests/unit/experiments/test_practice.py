@@ -10,8 +10,16 @@ import pytest
 
 from dart_skill.arm import same_plan
 from dart_skill.cli import main
-from dart_skill.experiments import practice
-from dart_skill.experiments.practice import CHANGES, Run, Task, changed, summarise, table
+from dart_skill.experiments.parallel import run_tasks
+from dart_skill.experiments.studies import practice
+from dart_skill.experiments.studies.practice import (
+    CHANGES,
+    PracticeRun,
+    PracticeTask,
+    changed,
+    summarise,
+    table,
+)
 from dart_skill.session import Session
 from dart_skill.simulation import PlantSettings
 from dart_skill.skills.practice import PractisingSkill
@@ -24,8 +32,8 @@ def made(seed=0, method="residual", scale=1.0, **task):
     """A run by hand with tests of three throws after 0 and 5 practised ones."""
     tests = ((0.04 * scale, 0.01 * scale, 0.02 * scale), (0.01 * scale, NAN, 0.2 * scale))
     inside = ((True, True, True), (True, False, False))
-    return Run(
-        Task(seed, method, throws=5, tested_after=(0, 5), tests=3, **task),
+    return PracticeRun(
+        PracticeTask(seed, method, throws=5, tested_after=(0, 5), tests=3, **task),
         (0.1,) * 5,
         (True,) * 5,
         tests,
@@ -63,7 +71,9 @@ def test_rows_of_methods_demonstrations_and_changes_are_kept_apart():
 
 
 def test_throws_without_a_landing_give_a_row_without_a_median():
-    nothing = Run(made().task, (NAN,) * 5, (False,) * 5, ((NAN,) * 3,) * 2, ((False,) * 3,) * 2)
+    nothing = PracticeRun(
+        made().task, (NAN,) * 5, (False,) * 5, ((NAN,) * 3,) * 2, ((False,) * 3,) * 2
+    )
     row = summarise([nothing])[0]
     assert np.isnan(row["median_cm"]) and row["in"] == 0.0 and row["without_error"] == 3
 
@@ -77,11 +87,11 @@ def test_throws_without_a_landing_give_a_row_without_a_median():
 )
 def test_an_unknown_method_or_change_is_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
-        Task(0, **wrong)
+        PracticeTask(0, **wrong)
 
 
 def test_tests_after_more_throws_than_there_are_do_not_take_place():
-    assert Task(0, throws=10).tested_after == (0, 1, 2, 5, 10)
+    assert PracticeTask(0, throws=10).tested_after == (0, 1, 2, 5, 10)
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -111,7 +121,7 @@ def test_the_plant_changes_after_so_many_practised_throws_and_not_before(
     monkeypatch.setattr(practice, "teach", lambda session, seed, wanted: demonstrations)
     Spied.frictions.clear()
     one = practice.run(
-        Task(
+        PracticeTask(
             0,
             "residual",
             4,
@@ -166,11 +176,11 @@ def test_a_basket_out_of_reach_is_a_throw_without_an_error(demonstrations):
 def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr(practice, "run", lambda task: made(task.seed))
     file, tasks = tmp_path / "practice.jsonl", [made(seed).task for seed in range(2)]
-    first = practice.run_all(tasks, file, jobs=1)
+    first = run_tasks(practice.run, tasks, PracticeRun, file, jobs=1)
     monkeypatch.setattr(practice, "run", lambda task: pytest.fail(f"{task} was run again"))
-    assert repr(practice.run_all(tasks, file, jobs=1)) == repr(first) and np.isnan(
-        first[0].test_errors[1][1]
-    )
+    assert repr(run_tasks(practice.run, tasks, PracticeRun, file, jobs=1)) == repr(
+        first
+    ) and np.isnan(first[0].test_errors[1][1])
 
 
 def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, monkeypatch, capsys):
@@ -221,7 +231,7 @@ def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, mo
 
 @pytest.fixture(scope="module")
 def tiny():
-    return practice.run(Task(0, "residual", 3, throws=2, tested_after=(0, 2), tests=2))
+    return practice.run(PracticeTask(0, "residual", 3, throws=2, tested_after=(0, 2), tests=2))
 
 
 @pytest.mark.slow

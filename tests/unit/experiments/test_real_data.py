@@ -7,15 +7,15 @@ import pytest
 from scipy.io import savemat
 
 from dart_skill.cli import main
-from dart_skill.experiments.peers import pbdlib_mixture
-from dart_skill.experiments.published_sets import (
+from dart_skill.experiments.studies.peers import pbdlib_mixture
+from dart_skill.experiments.studies.published_sets import (
     helloworld_sets,
     lasa_shapes,
     pbdlib_sets,
     robotasks_sets,
     tpgmm_sets,
 )
-from dart_skill.experiments.real_data import (
+from dart_skill.experiments.studies.real_data import (
     _mean_angle,
     handwriting,
     led,

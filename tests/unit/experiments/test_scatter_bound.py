@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from dart_skill.common.flight import landing
-from dart_skill.experiments import scatter_bound, throws
-from dart_skill.experiments.scatter_bound import best_share
+from dart_skill.experiments.studies import scatter_bound, throws
+from dart_skill.experiments.studies.scatter_bound import best_share
 
 HAND, RIM = np.array([-0.2, 0.0, 2.16]), np.array([1.9, 0.6, 0.4])
 
@@ -59,9 +59,9 @@ def test_a_rim_above_the_reach_of_every_throw_is_refused():
 @pytest.mark.slow
 def test_the_arm_says_how_much_its_fingers_scatter():
     """`ideal` has fingers that do not, and a throw that was not planned does not count."""
-    aimed = throws.Throw(0, "ideal", "default", tuple(RIM), 0.0, 0.0, True, "", tuple(HAND))
+    aimed = throws.ThrowResult(0, "ideal", "default", tuple(RIM), 0.0, 0.0, True, "", tuple(HAND))
     scattered, without = (
-        throws.Throw(
+        throws.ThrowResult(
             0, "scattering_hand", "default", tuple(RIM), np.nan, np.nan, False, "", tuple(where)
         )
         for where in (HAND, [np.nan] * 3)

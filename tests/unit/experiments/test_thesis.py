@@ -12,30 +12,24 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.common.constants import BULL_DISTANCE, BULL_HEIGHT
-from dart_skill.experiments import dart_search, thesis
-from dart_skill.experiments.dart_search import SCHEDULES, Schedule, best_scores
+from dart_skill.experiments import parallel, thesis
+from dart_skill.experiments.studies.dart_search import SCHEDULES, Schedule, best_scores
 from dart_skill.experiments.thesis import ball_throws as balls
-from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.experiments.thesis import (
-    figure_3_1,
-    figure_3_2,
-    figure_5_1,
-    figure_5_2,
-    figure_5_4,
-    figure_6_2,
-    figure_6_3,
-    figure_6_4,
-    figure_6_6,
+    board,
+    chapter_3,
+    components,
+    dart_figures,
+    dart_searches,
+    exploration,
     figure_7_1,
     figure_7_4,
-    figure_8_1,
-    figure_8_2,
-    figure_8_3,
     figure_8_4_4,
-    figure_8_8,
     landscape,
-    regrets,
+    nearest_baskets,
+    resampling,
 )
+from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.figures import _style
 
 WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.4", "5.5"}
@@ -95,27 +89,29 @@ def fewer_runs(monkeypatch):
     monkeypatch.setattr(
         os, "cpu_count", lambda: 1
     )  # all in this process, which keeps what is costly to prepare
-    monkeypatch.setattr(figure_3_1, "CANDIDATES", range(4, 6))
+    monkeypatch.setattr(chapter_3, "CANDIDATES", range(4, 6))
     monkeypatch.setattr(figure_7_1, "STEP", 0.01)
-    monkeypatch.setattr(figure_8_2, "N_AIMS", 3)
-    monkeypatch.setattr(figure_8_2, "N_ROUNDS", 2)
-    monkeypatch.setattr(figure_8_3, "N_SEEDS", 2)
-    monkeypatch.setattr(figure_8_3, "N_ATTEMPTS", 5)
-    monkeypatch.setattr(regrets, "N_SEEDS", 2)
+    monkeypatch.setattr(dart_figures, "N_AIMS_8_2", 3)
+    monkeypatch.setattr(dart_figures, "N_ROUNDS", 2)
+    monkeypatch.setattr(dart_figures, "N_SEEDS", 2)
+    monkeypatch.setattr(dart_figures, "N_ATTEMPTS", 5)
+    monkeypatch.setattr(dart_searches, "N_SEEDS_regrets", 2)
     monkeypatch.setattr(
-        regrets, "METHODS", {name: regrets.METHODS[name] for name in ("power", "cem")}
+        dart_searches, "METHODS", {name: dart_searches.METHODS[name] for name in ("power", "cem")}
     )
-    monkeypatch.setattr(figure_6_2, "MOMENTS", (30, 60))
-    monkeypatch.setattr(figure_6_3, "N_SEEDS", 1)
-    monkeypatch.setattr(figure_6_6, "LOWEST", 15.0)
-    monkeypatch.setattr(figure_6_6, "HIGHEST", 18.0)
+    monkeypatch.setattr(board, "MOMENTS", (30, 60))
+    monkeypatch.setattr(dart_searches, "N_SEEDS_6_3", 1)
+    monkeypatch.setattr(board, "LOWEST", 15.0)
+    monkeypatch.setattr(board, "HIGHEST", 18.0)
     monkeypatch.setattr(figure_8_4_4, "N_TEACHERS", 1)
     monkeypatch.setattr(figure_8_4_4, "N_DEMONSTRATIONS", 4)
     monkeypatch.setattr(figure_8_4_4, "N_THROWS", 1)
     monkeypatch.setattr(figure_8_4_4, "ANGLES", (6.0,))
     monkeypatch.setattr(figure_8_4_4, "SPREADS", (0.1,))
     monkeypatch.setattr(
-        figure_8_4_4, "CASES", (figure_8_4_4.Case(6.0, 0.0), figure_8_4_4.Case(6.0, 0.1))
+        figure_8_4_4,
+        "CASES",
+        (figure_8_4_4.BasketCase(6.0, 0.0), figure_8_4_4.BasketCase(6.0, 0.1)),
     )
 
 
@@ -148,8 +144,8 @@ def test_regression_retrieves_what_the_demonstrations_share_and_how_much_they_di
     """Figure 3.1: the demonstrations cross in the middle, so that is where the retrieved spread is
     smallest.
     """
-    data = figure_3_1.compute()
-    assert figure_3_1.measured(data)["rms_error_over_range"] < 0.03
+    data = chapter_3.compute_3_1()
+    assert chapter_3.measured_3_1(data)["rms_error_over_range"] < 0.03
     demonstrated = np.interp(data.grid, data.x1[0], data.x2.std(0))
     assert np.corrcoef(data.deviation, demonstrated)[0, 1] > 0.7
     assert data.deviation[90:110].mean() < 0.5 * min(
@@ -160,16 +156,16 @@ def test_regression_retrieves_what_the_demonstrations_share_and_how_much_they_di
 @pytest.mark.parametrize("seed", range(3))
 def test_gestures_are_recognised_by_their_likelihood_the_better_the_more_is_seen(seed):
     """Section 3.2."""
-    found = figure_3_2.compute(seed)
+    found = chapter_3.compute_3_2(seed)
     right = np.einsum("kii->k", found.counts) / found.counts[0].sum()
     assert right[-1] > 0.9 and right[0] < right[4] < right[-1], right
-    assert (found.counts.sum(axis=2) == figure_3_2.N_NEW).all()
+    assert (found.counts.sum(axis=2) == chapter_3.N_NEW).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_two_halves_are_together_what_was_split(seed):
     """Figure 5.4: with u^2 = 3/4 they are sqrt(3) deviations apart."""
-    numbers = figure_5_4.measured(*figure_5_4.compute(seed))
+    numbers = components.measured_5_4(*components.compute_5_4(seed))
     assert numbers["halves_apart_over_deviation"] == pytest.approx(np.sqrt(3.0), abs=1e-6)
     assert numbers["largest_change_of_the_covariance"] < 1e-9
 
@@ -186,14 +182,14 @@ def test_the_board_is_to_scale(figure):
 @pytest.mark.parametrize("seed", range(3))
 def test_universal_sampling_is_within_one_of_what_is_expected_and_its_pointers_show_it(seed):
     """Figure 6.4."""
-    shares, once, universal, independent = figure_6_4.compute(seed)
+    shares, once, universal, independent = resampling.compute_6_4(seed)
     assert (
-        np.abs(universal - figure_6_4.N_DRAWN * shares).max()
+        np.abs(universal - resampling.N_DRAWN * shares).max()
         < 1.0
-        < np.abs(independent - figure_6_4.N_DRAWN * shares).max()
+        < np.abs(independent - resampling.N_DRAWN * shares).max()
     )
     ends = np.concatenate([[0.0], np.cumsum(shares)])
-    assert np.array_equal(np.searchsorted(ends, figure_6_4._pointers(ends, once)) - 1, once)
+    assert np.array_equal(np.searchsorted(ends, resampling._pointers(ends, once)) - 1, once)
 
 
 def test_success_is_measured_where_8_4_4_says():
@@ -208,7 +204,7 @@ def test_success_is_measured_where_8_4_4_says():
     np.testing.assert_allclose(angles, [6, 15, 30, 45, 6, 6, 6], rtol=0.02)
     np.testing.assert_allclose(distances, [0, 0, 0, 0, 0.2, 0.5, 1.0], rtol=0.02, atol=1e-9)
     with pytest.raises(ValueError, match="0 teachers and 6 throws: give at least one of each"):
-        figure_8_4_4.compute(teachers=0)
+        figure_8_4_4.compute_8_4_4(teachers=0)
 
 
 def test_an_option_belongs_to_its_figure(tmp_path):
@@ -218,22 +214,22 @@ def test_an_option_belongs_to_its_figure(tmp_path):
 
 def test_an_update_of_power_is_5_1_and_5_2():
     """Figure 5.1, against the sums as they are printed."""
-    update = figure_5_1.compute()
-    best = np.argsort(-update.returns)[: figure_5_1.N_BEST]
+    update = exploration.compute_5_1()
+    best = np.argsort(-update.returns)[: exploration.N_BEST]
     share = update.returns[best] / update.returns[best].sum()
     relative = update.tried[best] - update.before[0]
     np.testing.assert_allclose(update.after[0], update.before[0] + share @ relative, rtol=1e-12)
     np.testing.assert_allclose(
         update.after[1], (share[:, None] * relative).T @ relative + 0.1**2 * np.eye(2), rtol=1e-12
     )
-    numbers = figure_5_1.measured(update)
+    numbers = exploration.measured_5_1(update)
     assert numbers["return_after"] > numbers["return_before"]
 
 
 def test_constant_noise_makes_a_covariance_rounder_and_proportional_noise_keeps_its_shape(figure):
     """Figures 5.2 and 5.3."""
     constant, proportional = (figure(number)[1] for number in ("5.2", "5.3"))
-    before = figure_5_2.LONG / figure_5_2.SHORT
+    before = exploration.LONG / exploration.SHORT
     assert constant["after"] == pytest.approx(np.sqrt((1.0 + 0.25) / (0.0625 + 0.25)))
     assert proportional["after"] == pytest.approx(before)
 
@@ -273,8 +269,8 @@ def test_the_asked_motion_is_consistent_with_its_derivatives():
 @pytest.mark.parametrize("seed", range(3))
 def test_the_peg_enters_new_holes_as_straight_as_the_demonstrations_do(seed):
     """Figure 7.4."""
-    demonstrations, _, new = figure_7_4.compute(seed)
-    numbers = figure_7_4.measured(demonstrations, new)
+    demonstrations, _, new = figure_7_4.compute_7_4(seed)
+    numbers = figure_7_4.measured_7_4(demonstrations, new)
     assert numbers["reproduced"]["largest_miss_mm"] < 5.0, numbers
     assert numbers["reproduced"]["largest_tilt_deg"] < 15.0, numbers
 
@@ -297,9 +293,9 @@ def test_a_static_attractor_is_found_again_by_7_20():
 
 def test_new_aims_are_hit_and_practice_at_one_aim_makes_it_better(monkeypatch):
     """Figures 8.1 and 8.3."""
-    assert figure_8_1.measured(figure_8_1.compute()[2])["median_error_mm"] < 5.0
-    monkeypatch.setattr(figure_8_3, "N_ATTEMPTS", 20)  # as few do
-    runs = np.array([figure_8_3.errors(seed, one_aim=True) for seed in range(4)])
+    assert dart_figures.measured_8_1(dart_figures.compute_8_1()[2])["median_error_mm"] < 5.0
+    monkeypatch.setattr(dart_figures, "N_ATTEMPTS", 20)  # as few do
+    runs = np.array([dart_figures.errors(seed, one_aim=True) for seed in range(4)])
     assert np.median(runs[:, -3:]) < 0.5 * np.median(runs[:, :3])
 
 
@@ -388,7 +384,7 @@ def test_an_angle_in_an_unknown_frame_is_refused():
 
 def test_the_chosen_demonstrations_are_the_nearest_three():
     """Figure 8.8."""
-    shown, new, chosen = figure_8_8.compute()
+    shown, new, chosen = nearest_baskets.compute_8_8()
     away = np.hypot(*(shown - new)[:, :2].T)
     assert len(chosen) == 3 and away[chosen].tolist() == sorted(away)[:3]
 
@@ -399,7 +395,7 @@ def test_the_chosen_demonstrations_are_the_nearest_three():
 )
 def test_a_point_lies_between_three_others(point, within):
     assert (
-        figure_8_8.inside(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array(point))
+        nearest_baskets.inside(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array(point))
         is within
     )
 
@@ -441,17 +437,22 @@ def test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again(
     assert "median and quartiles over the runs" in shown and shown.count("power") == 2
     lines = (tmp_path / "regrets.jsonl").read_text().splitlines()
     assert len(lines) == 2 * 2 * 2
-    monkeypatch.setattr(dart_search, "run", lambda task: pytest.fail(f"{task} was run again"))
+    monkeypatch.setattr(
+        parallel,
+        "run_all",
+        lambda _, tasks, *__: pytest.fail(f"{tasks} were run") if tasks else (),
+    )
     assert main(["experiment", "figure", "regrets", "--output", str(tmp_path), "--json"]) == 0
     row = json.loads(capsys.readouterr().out)["regrets"]["measured"]["rows"][0]
     assert row["method"] == "power" and row["reward"] == "expected" and row["runs"] == 2
 
 
 def test_only_who_knows_the_board_learns_from_what_was_thrown(monkeypatch):
-    monkeypatch.setattr(regrets, "run_tasks", lambda tasks, *_: tasks)
-    rewards = {(task.method, task.reward) for task in regrets.compute()}
+    monkeypatch.setattr(dart_searches, "run_tasks", lambda _, tasks, *__: tasks)
+    rewards = {(task.method, task.reward) for task in dart_searches.compute_regrets()}
     assert rewards == {
-        (method, "thrown" if method == "model_based" else "expected") for method in regrets.METHODS
+        (method, "thrown" if method == "model_based" else "expected")
+        for method in dart_searches.METHODS
     }
 
 
@@ -472,7 +473,7 @@ def test_figures_on_the_command_line(tmp_path, capsys):
 @pytest.mark.slow
 def test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none(tmp_path):
     """Section 6.5."""
-    paths, found = landscape.draw(tmp_path)
+    paths, found = landscape.draw_landscape(tmp_path)
     counts, misplaced = list(found["components"].values()), list(found["misplaced"].values())
     assert (
         counts[0] == 1

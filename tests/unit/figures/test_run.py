@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dart_skill.figures import (
-    Recording,
+    HandRecording,
     demonstrated_motions,
     draw_execution,
     draw_gaussians,
@@ -101,7 +101,7 @@ def recording_of_lesson(trial):
     states, nothing = trial.states[::5], np.empty(0, dtype=np.int64)
     stamps = np.array([state.stamp_ns for state in states])
     hand = np.array([state.hand_position for state in states])
-    return Recording(
+    return HandRecording(
         stamps,
         hand,
         nothing,
@@ -296,7 +296,7 @@ def recording_of(plan, offset, start_ns=7_000 * MS, late=0.0):
         for column in path.position.T
     ]
     ball = np.linspace([0.0, 0.0, 2.0], plan.target, len(hand_stamps))
-    return Recording(
+    return HandRecording(
         hand_stamps,
         np.column_stack(place) + offset,
         hand_stamps,

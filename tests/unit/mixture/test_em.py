@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 from dart_skill.mixture import GaussianMixture, Parameters, kmeans_start, maximisation
 from dart_skill.mixture._expectation_maximisation import (
-    Settings,
+    EmSettings,
     _Run,
     expectation,
     expectation_maximisation,
@@ -203,7 +203,7 @@ def test_plus_plus_centres_find_separated_clusters():
 def test_a_component_that_nobody_owns_is_reseeded():
     samples = clusters(np.random.default_rng(14))
     lost = np.column_stack([one_hot(np.repeat([0, 1], 225), 2), np.zeros(450)])
-    limits = Settings(1e-6, 1e-9, 500)
+    limits = EmSettings(1e-6, 1e-9, 500)
     fit = expectation_maximisation([samples], np.ones(450), lambda blocks, weights: lost, limits)
     assert fit.parameters.n_components == 3
     assert fit.parameters.priors.min() > 0.2, fit.parameters.priors
@@ -211,7 +211,7 @@ def test_a_component_that_nobody_owns_is_reseeded():
 
 def test_a_component_that_dies_after_all_revivals_is_dropped():
     samples = clusters(np.random.default_rng(14))
-    run = _Run([samples], np.ones(450), Settings(1e-6, 1e-9, 500), n_components=0)
+    run = _Run([samples], np.ones(450), EmSettings(1e-6, 1e-9, 500), n_components=0)
     owned = one_hot(np.repeat([0, 2, 3], 150), 4)
     parameters = run.update(owned, np.zeros(450))
     np.testing.assert_allclose(parameters.priors, [1 / 3, 1 / 3, 1 / 3])

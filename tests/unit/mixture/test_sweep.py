@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.mixture import GaussianMixture, Parameters, maximisation
-from dart_skill.mixture._expectation_maximisation import Settings, _over_samples, _Run, expectation
+from dart_skill.mixture._expectation_maximisation import (
+    EmSettings,
+    _over_samples,
+    _Run,
+    expectation,
+)
 from dart_skill.mixture._sweep import KEPT, LARGEST_LOSS, LOSS_SHARE, SLICE, Sweep, _spans
 
 FLOOR = 1e-6
@@ -280,7 +285,7 @@ def test_the_first_step_is_the_plain_one(case):
         shares = np.repeat(np.eye(2), [400, 300], axis=0)
     if case == "dead component":
         shares[:, 2] = 0.0
-    blocks, settings = [samples, samples[:, :2]], Settings(FLOOR, 0.0, 50)
+    blocks, settings = [samples, samples[:, :2]], EmSettings(FLOOR, 0.0, 50)
     run = _Run(blocks, weights, settings, shares.shape[1])
     priors, components = run.begin(shares)
     found = Parameters(priors, *run.sweep.from_white(components))
@@ -298,7 +303,7 @@ def test_fifty_iterations_stay_with_the_plain_ones():
     plain = start
     for _ in range(50):
         plain = plain_iteration([samples], weights, plain)[1]
-    run = _Run([samples], weights, Settings(FLOOR, 0.0, 50), 4)
+    run = _Run([samples], weights, EmSettings(FLOOR, 0.0, 50), 4)
     fit = run.iterate(*run.at(start))
     assert fit.n_iterations == 50
     log_density = expectation([samples], plain)[1]

@@ -5,7 +5,7 @@ resampling draws.
 import numpy as np
 import pytest
 
-from dart_skill.experiments.thesis import figure_6_5
+from dart_skill.experiments.thesis import resampling
 from dart_skill.mixture import (
     GaussianMixture,
     mean_log_likelihood,
@@ -57,7 +57,7 @@ def test_resampled_data_tend_to_the_closed_form(seed):
 
 
 def test_figure_6_5_converges():
-    measured = figure_6_5.measured(figure_6_5.compute())
+    measured = resampling.measured_6_5(resampling.compute_6_5())
     assert measured["error_in_the_end"] < 0.1 * measured["error_at_first"], measured
 
 

@@ -23,17 +23,13 @@ PATHS = np.stack([PATH + 0.01 * k * TIME[:, None] for k in range(4)])
 
 CALLS = {
     "normalise": (QUATERNIONS,),
-    "conjugate": (QUATERNIONS,),
     "make_continuous": (QUATERNIONS,),
-    "to_matrices": (QUATERNIONS,),
-    "from_matrices": (movement.to_matrices(QUATERNIONS),),
     "multiply": (QUATERNIONS, QUATERNIONS),
     "rotate": (QUATERNIONS, PATH),
     "turn_about_z": (QUATERNIONS, 0.3),
     "angles_from_quaternions": (QUATERNIONS,),
     "quaternions_from_angles": (PATH,),
     "pointing_angles": (PATH + 1.0,),
-    "pointing_directions": (PATH[:, :2],),
     "angular_velocity": (TIME, QUATERNIONS),
     "features": (TIME, PATH, QUATERNIONS, 0.2),
     "smooth_derivatives": (TIME, PATH),

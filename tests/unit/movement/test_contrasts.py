@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BarycentricInterpolator
 
 from dart_skill.movement import estimate_noise
-from dart_skill.movement._contrasts import contrasts
+from dart_skill.movement._differentiation import contrasts
 
 
 @pytest.fixture

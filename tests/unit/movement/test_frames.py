@@ -15,8 +15,8 @@ from dart_skill.movement import (
     azimuth_target_frame,
     base_frame,
     features,
+    pointing_angles,
     pointing_at,
-    pointing_directions,
     quaternions_from_angles,
     start_frame,
     target_frame,
@@ -113,9 +113,8 @@ def test_a_turned_throw_is_the_same_throw_in_its_azimuth_frame():
 
 def test_pointing_at_gives_the_direction_from_hand_to_target():
     position = np.array([0.2, -0.1, 1.5])
-    towards = (TARGET - position) / np.linalg.norm(TARGET - position)
     np.testing.assert_allclose(
-        pointing_directions([pointing_at(TARGET, position)])[0], towards, atol=1e-12
+        pointing_at(TARGET, position), pointing_angles([TARGET - position])[0], atol=1e-12
     )
     in_plane = pointing_at(TARGET, [0, 0, 0], azimuth=azimuth_of(TARGET))
     np.testing.assert_allclose(in_plane, [np.arctan2(0.5, 2.0), 0.0], atol=1e-12)

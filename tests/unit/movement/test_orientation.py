@@ -9,17 +9,21 @@ from scipy.spatial.transform import Rotation
 from dart_skill.movement import (
     angles_from_quaternions,
     angular_velocity,
-    conjugate,
-    from_matrices,
     make_continuous,
     multiply,
     pointing_angles,
-    pointing_directions,
     quaternions_from_angles,
     rotate,
-    to_matrices,
     turn_about_z,
 )
+
+
+def pointing_directions(angles):
+    """Unit vectors (n, 3) along alpha and beta."""
+    alpha, beta = np.transpose(angles)[:2]
+    return np.stack(
+        [np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1
+    )
 
 
 def random_quaternions(seed, n=20):
@@ -129,15 +133,10 @@ def test_pointing_angles_invert_pointing_directions():
     )
 
 
-def test_products_conjugates_and_matrices_agree_with_scipy():
+def test_products_agree_with_scipy():
     left, right = random_quaternions(4), random_quaternions(5)
     expected = (Rotation.from_quat(left) * Rotation.from_quat(right)).as_quat()
     assert same_rotation(multiply(left, right), expected) < 1e-12
-    assert same_rotation(multiply(left, conjugate(left)), np.tile([0, 0, 0, 1.0], (20, 1))) < 1e-12
-    np.testing.assert_allclose(
-        to_matrices(left) @ to_matrices(right), to_matrices(multiply(left, right)), atol=1e-12
-    )
-    assert same_rotation(from_matrices(to_matrices(left)), left) < 1e-12
 
 
 def test_angular_velocity_of_a_constant_turn_is_exact_at_irregular_stamps():
@@ -177,8 +176,6 @@ def test_continuity_keeps_the_sign_of_the_first():
         (lambda: angles_from_quaternions(np.zeros((3, 3))), "4 columns"),
         (lambda: quaternions_from_angles(np.zeros((3, 2))), "3 columns"),
         (lambda: multiply(np.ones((2, 4)), np.ones((3, 4))), "2 quaternions by 3"),
-        (lambda: from_matrices(2 * np.eye(3)[None]), "not a rotation"),
-        (lambda: from_matrices(-np.eye(3)[None]), "not a rotation"),
         (lambda: pointing_angles([[0, 0, 0.0]]), "points nowhere"),
         (lambda: angular_velocity([0, 0.0], np.ones((2, 4))), "must increase"),
         (lambda: angular_velocity([0.0], np.ones((1, 4))), "at least 2"),

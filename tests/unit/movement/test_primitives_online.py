@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from dart_skill.movement import DiscretePrimitive, RhythmicPrimitive
+from dart_skill.movement import DiscretePrimitive
 from tests.unit.movement import primitives
 from tests.unit.movement.primitives import track
 
@@ -48,76 +48,6 @@ def test_step_by_step_it_is_the_open_loop_movement(primitive):
     np.testing.assert_allclose(track(states, "velocity"), laid_out.velocity, atol=1e-11)
     np.testing.assert_allclose(track(states, "acceleration"), laid_out.acceleration, atol=1e-9)
     assert states[-1].progress == pytest.approx(2.0 / 1.5)
-
-
-def wishes(number, rng):
-    """What somebody wants at the step of this number of 300: a push, another goal, to be held, a
-    step of another length.
-    """
-    settings = {"dt": STEP if number < 250 else 0.7 * STEP}
-    if number % 37 == 36:
-        settings["coupling"] = rng.normal(size=2)
-    if number == 270:
-        settings["goal"] = [1.0, 0.4]
-    if 150 <= number < 160:
-        settings["tracking_error"] = [0.02, 0.0]
-    return settings
-
-
-@pytest.mark.parametrize("cyclic", [False, True], ids=["discrete", "rhythmic"])
-def test_what_is_worked_out_ahead_changes_nothing(primitive, cyclic):
-    """The reference makes every step as if it were the first one."""
-    kind = (
-        RhythmicPrimitive(20).fit(STAMPS, np.sin(2 * np.pi * STAMPS)[:, None] * [0.1, 0.2])
-        if cyclic
-        else primitive
-    )
-    state = reference = kind.begin()
-    rng, ahead = np.random.default_rng(0), 0
-    for number in range(300):
-        settings = wishes(number, rng)
-        if cyclic:
-            settings = {
-                {"goal": "baseline"}.get(name, name): value for name, value in settings.items()
-            }
-        if number == 200:  # somebody moved it
-            state, reference = (
-                replace(one, position=one.position + 0.01) for one in (state, reference)
-            )
-        state, reference = (
-            kind.step(state, **settings),
-            kind.step(replace(reference, ahead=None), **settings),
-        )
-        ahead += state.next_ahead > 0
-        for name in ("position", "velocity", "acceleration", "progress"):
-            np.testing.assert_allclose(
-                getattr(state, name),
-                getattr(reference, name),
-                rtol=1e-11,
-                atol=1e-11,
-                err_msg=f"{name} {number}",
-            )
-    assert ahead > 100, "steps were worked out ahead"
-
-
-def test_a_state_that_was_set_elsewhere_in_the_movement_goes_on_from_there(primitive):
-    state = replace(execute(primitive, primitive.begin(), 0.2)[-1], progress=0.6)
-    made, reference = primitive.step(state, STEP), primitive.step(replace(state, ahead=None), STEP)
-    # Not to the last bit: drives of many steps are one product of matrices, which some versions of
-    # BLAS sum otherwise.
-    np.testing.assert_allclose(made.acceleration, reference.acceleration, rtol=1e-13)
-
-
-def test_a_state_goes_on_with_another_primitive(primitive):
-    """What one has worked out ahead is not taken for the other's."""
-    other = primitive.with_parameters(1.1 * primitive.parameters)
-    state = execute(primitive, primitive.begin(), 0.2)[-1]
-    np.testing.assert_array_equal(
-        other.step(state, STEP).position, other.step(replace(state, ahead=None), STEP).position
-    )
-    assert not np.array_equal(
-        other.step(state, STEP).acceleration, primitive.step(state, STEP).acceleration
-    )
 
 
 def test_open_loop_goes_on_from_any_state(primitive):

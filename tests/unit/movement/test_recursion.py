@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.movement import _recursion
-from dart_skill.movement._runge_kutta import Steps, integrate, step_gains
+from dart_skill.movement._runge_kutta import recur, respond
 
 TRANSITION, NOW, LATER = (
     np.array([[0.99, 0.01], [-0.3, 0.9]]),
@@ -27,32 +26,10 @@ def test_each_state_follows_from_the_one_before(n):
     expected = forcing.copy()
     for k in range(1, n):
         expected[:, k] += TRANSITION @ expected[:, k - 1]
+    np.testing.assert_allclose(recur(TRANSITION, forcing), expected, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(
-        _recursion.recur(TRANSITION, forcing), expected, rtol=1e-12, atol=1e-12
-    )
-    np.testing.assert_allclose(
-        _recursion.respond(TRANSITION, NOW, LATER, attractor, start),
+        respond(TRANSITION, NOW, LATER, attractor, start),
         expected,
         rtol=1e-12,
         atol=1e-12,
-    )
-
-
-def test_one_step_is_that_of_the_integration_of_many():
-    rng = np.random.default_rng(3)
-    position, slope, start, drive = *rng.normal(size=(3, 4)), rng.normal(size=(3, 4))
-    gains = step_gains(0.02, 90.0, 19.0)
-    places, slopes, curvatures = _recursion.one_step(
-        *gains, 90.0, 19.0, position, slope, start, drive
-    )
-    states = integrate(
-        Steps(np.array([0.0, 0.01, 0.02]), 0.02, 1),
-        90.0,
-        19.0,
-        np.array([position - start, slope]),
-        drive,
-    )
-    np.testing.assert_allclose([places - start, slopes], states, rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(
-        curvatures, drive[::2] - 90.0 * states[0] - 19.0 * states[1], rtol=1e-12, atol=1e-12
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.movement import warped_distance
-from dart_skill.movement._warping import mean_warped_distances
+from dart_skill.movement._patterns import mean_warped_distances
 
 
 def warped_one_by_one(first, second):

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from dart_skill.policy_search import Niches, PoWER
-from dart_skill.policy_search._niche import Niche
-from dart_skill.policy_search._surrogate import FIRST, Surrogate
-from dart_skill.policy_search._trend import forecast
+from dart_skill.policy_search._gaussian_process import FIRST, Surrogate
+from dart_skill.policy_search._niche import Niche, forecast
 
 SEEDS = range(5)
 LEFT, RIGHT = np.array([-0.4, -0.2]), np.array([1.1, 0.9])

@@ -9,7 +9,7 @@ import pytest
 import scipy
 
 from dart_skill.policy_search import PoWER, Sharpening
-from dart_skill.policy_search._blurred_noise import BlurredNoise
+from dart_skill.policy_search._gaussian_process import BlurredNoise
 
 SEEDS = range(3)
 BROAD, SHARP = np.array([-0.5, -0.3]), np.array([0.9, 0.7])

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ArmModel, Mode
-from dart_skill.experiments.reach import Reached, drawn, run_seed, table, teach
+from dart_skill.experiments.studies.reach import Reached, drawn, run_seed, table, teach
 from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import BodyMotion

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dart_skill.arm import Grip
-from dart_skill.experiments.place import Placed, run_seed, table, teach
+from dart_skill.experiments.studies.place import Placed, run_seed, table, teach
 from dart_skill.session import BenchSession
 from dart_skill.simulation import PlantSettings, make_world
 from dart_skill.skills.learning import LearnedSkill

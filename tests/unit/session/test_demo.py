@@ -8,7 +8,7 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.common.fleet import arm_with
-from dart_skill.experiments import arm_darts
+from dart_skill.experiments.studies import arm_darts
 from dart_skill.recording import BagReader
 from dart_skill.session import (
     Job,

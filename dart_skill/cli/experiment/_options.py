@@ -1,0 +1,98 @@
+"""Options that several experiments share, and what they print."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from dart_skill.cli.run_options import positive
+from dart_skill.common.constants import PARTITIONS
+
+
+def add_jobs(parser: argparse.ArgumentParser, default: int = 1) -> None:
+    """Add `--jobs`. default: 1, or 0 for a process per core."""
+    text = "1" if default else "one per core"
+    parser.add_argument(
+        "--jobs", type=int, default=default, help=f"processes at a time (default {text})"
+    )
+
+
+def add_scheduler(parser: argparse.ArgumentParser) -> None:
+    """Add `--scheduler`, the address of a Dask cluster."""
+    parser.add_argument(
+        "--scheduler",
+        default="",
+        metavar="ADDRESS",
+        help="run on the Dask cluster of this scheduler instead",
+    )
+
+
+def add_batch(parser: argparse.ArgumentParser) -> None:
+    """Add the options of experiments whose runs are kept in a file, and can be continued."""
+    add_jobs(parser, 0)
+    add_scheduler(parser)
+    parser.add_argument(
+        "--results",
+        metavar="FILE",
+        type=Path,
+        help="add each run to this file; what it holds already is not run again",
+    )
+
+
+def add_json(parser: argparse.ArgumentParser, text: str = "the table as JSON") -> None:
+    """Add `--json`. text: what it prints, in words."""
+    parser.add_argument("--json", action="store_true", help=text)
+
+
+def add_arms(parser: argparse.ArgumentParser) -> None:
+    """Add the first seed, and the arms of the seeds."""
+    parser.add_argument(
+        "--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)"
+    )
+    parser.add_argument(
+        "--arms",
+        default="ideal",
+        help="an arm of config/fleet.yaml, or fleet: every seed draws its own (default ideal)",
+    )
+
+
+def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> None:
+    """Add the options of an experiment with a skill of poses.
+
+    * parser: of the experiment.
+    * tried: what each seed tries, in the plural, the name of the option.
+    * one: what a line of the JSON is about.
+    """
+    parser.add_argument("--seeds", type=positive, default=10, help="seeds 0 to N - 1 (default 10)")
+    parser.add_argument(
+        "--demonstrations", type=int, default=8, help="that are learned from (default 8)"
+    )
+    parser.add_argument(f"--{tried}", type=positive, default=10, help="for each seed (default 10)")
+    parser.add_argument(
+        "--arm",
+        default="ideal",
+        help="of config/fleet.yaml; fleet: another one for every seed (default ideal)",
+    )
+    parser.add_argument(
+        "--partition",
+        choices=PARTITIONS,
+        default="",
+        help="of the components in time (default: of the skill's file)",
+    )
+    add_jobs(parser)
+    add_json(parser, f"every {one} as JSON instead of the table")
+
+
+def show(tried: Sequence[Any], table: Callable[[Any], str], as_json: bool) -> int:
+    """Print the results of an experiment; returns the exit status.
+
+    * tried: a dataclass for each.
+    * table: makes the table of them.
+    * as_json: the fields of each instead of the table.
+    """
+    print(json.dumps([asdict(one) for one in tried], indent=1) if as_json else table(tried))
+    return 0

@@ -1,0 +1,328 @@
+"""`dart-skill experiment` with throws of the ball: `throws`, `basket`, `practice`, `repeatability`
+and `compliance`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from dart_skill.cli.experiment._options import (
+    add_arms,
+    add_batch,
+    add_jobs,
+    add_json,
+    add_scheduler,
+    show,
+)
+from dart_skill.cli.run_options import add_configuration, positive
+
+
+def add_throws(experiments: argparse._SubParsersAction) -> None:
+    """Add `throws` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "throws", help="the main job for several seeds, in process, as a table"
+    )
+    parser.add_argument("--seeds", type=positive, default=10, help="how many seeds (default 10)")
+    add_arms(parser)
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.PARAMETER=VALUE",
+        help="a parameter of a node; may be given several times",
+    )
+    text = (
+        "names separated by commas; ladder: from `thesis` to `default`, a change each, and"
+        " `default` without each (default: default)"
+    )
+    parser.add_argument("--configurations", default="default", metavar="NAMES", help=text)
+    parser.add_argument("--demonstrations", type=int, default=13)
+    parser.add_argument(
+        "--throws", type=positive, default=10, help="new baskets per seed (default 10)"
+    )
+    add_jobs(parser)
+    add_scheduler(parser)
+    parser.add_argument(
+        "--best-possible",
+        action="store_true",
+        help="also the share that any plan could get in, with the scatter of this arm's fingers",
+    )
+    add_json(parser, "as JSON: thrown, in, median_error_m, p90_error_m, and every throw")
+    parser.set_defaults(run=_throws)
+
+
+def _throws(options: argparse.Namespace) -> int:
+    from dart_skill.common.fleet import arm_with
+    from dart_skill.experiments.studies import throws
+    from dart_skill.experiments.studies.throws import arm_of
+    from dart_skill.skills.learning import LADDER, configuration
+
+    asked = options.configurations.replace("ladder", ",".join(("thesis", *LADDER)))
+    names = tuple(configuration(name).name for name in asked.split(","))
+    arm_with(arm_of(options.arms, options.first_seed), options.set)
+    seeds = list(range(options.first_seed, options.first_seed + options.seeds))
+    settings = tuple(options.set)
+    results = throws.run(
+        seeds,
+        names,
+        options.jobs,
+        options.demonstrations,
+        options.throws,
+        options.arms,
+        settings,
+        scheduler=options.scheduler,
+    )
+    best = throws.best_possible(results, settings) if options.best_possible else None
+    if options.json:
+        rows = [
+            {k: None if v != v else v for k, v in asdict(result).items()} for result in results
+        ]
+        said = {} if best is None else {"best_possible": best}
+        print(
+            json.dumps(
+                {
+                    **throws.summary(results),
+                    **said,
+                    "summary": throws.summarise(results),
+                    "throws": rows,
+                },
+                indent=1,
+            )
+        )
+    else:
+        print(throws.table(results))
+        if best is not None:
+            print(f"of all plans that let go there, the best would get {100 * best:.1f} % in")
+    return 0
+
+
+def add_basket(experiments: argparse._SubParsersAction) -> None:
+    """Add `basket` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "basket", help="no practice, baskets all around, several ways to learn: a table, and maps"
+    )
+    parser.add_argument(
+        "--models",
+        default="default",
+        metavar="NAMES",
+        help="configurations, separated by commas (default: default)",
+    )
+    parser.add_argument(
+        "--demonstrations",
+        default="13",
+        metavar="N",
+        help="how many are shown; several numbers with commas (default 13)",
+    )
+    parser.add_argument(
+        "--throws", type=positive, default=40, help="baskets per seed and model (default 40)"
+    )
+    parser.add_argument("--seeds", type=positive, default=20, help="seeds 0 to N - 1 (default 20)")
+    add_batch(parser)
+    parser.add_argument(
+        "--figure",
+        metavar="FOLDER",
+        type=Path,
+        help="write a map per model, and the curve over several numbers, there",
+    )
+    add_json(parser)
+    parser.set_defaults(run=_basket)
+
+
+def _basket(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.parallel import run_tasks
+    from dart_skill.experiments.studies.basket import BasketRun, BasketTask, run, summarise, table
+
+    models = tuple(options.models.split(","))
+    numbers = [int(number) for number in options.demonstrations.split(",")]
+    tasks = [
+        BasketTask(seed, models, number, options.throws)
+        for number in numbers
+        for seed in range(options.seeds)
+    ]
+    results = run_tasks(run, tasks, BasketRun, options.results, options.jobs, options.scheduler)
+    print(json.dumps(summarise(results), indent=1) if options.json else table(results))
+    if options.figure:
+        from dart_skill.experiments.studies.basket_maps import draw_basket
+
+        print(*draw_basket(results, options.figure), sep="\n", file=sys.stderr)
+    return 0
+
+
+def add_practice(experiments: argparse._SubParsersAction) -> None:
+    """Add `practice` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "practice",
+        help="own throws in process, for several seeds and methods, as a table of errors",
+    )
+    parser.add_argument(
+        "--methods",
+        default="residual,bootstrap,both,power,none",
+        help="separated by commas (default: all)",
+    )
+    parser.add_argument(
+        "--changes",
+        default="none",
+        help="none, heavier_ball, friction, weaker_motors, slower_hand, base_turned; commas",
+    )
+    parser.add_argument(
+        "--change-after",
+        type=int,
+        default=0,
+        metavar="N",
+        help="practised throws before the change (default 0)",
+    )
+    parser.add_argument(
+        "--demonstrations",
+        default="13",
+        help="how many are shown; several numbers with commas (default 13)",
+    )
+    parser.add_argument("--throws", type=int, default=50, help="practised throws (default 50)")
+    parser.add_argument(
+        "--tested-after",
+        default="0,1,2,5,10,20,50",
+        metavar="NUMBERS",
+        help="practised throws after which there is a test",
+    )
+    parser.add_argument("--tests", type=int, default=10, help="throws of each test (default 10)")
+    parser.add_argument(
+        "--again",
+        type=int,
+        default=0,
+        metavar="N",
+        help="throws of one plan for each basket of the last test: the floor (default none)",
+    )
+    parser.add_argument("--seeds", type=positive, default=20, help="how many seeds (default 20)")
+    add_arms(parser)
+    add_configuration(parser, "default")
+    add_batch(parser)
+    parser.add_argument(
+        "--figure",
+        metavar="FOLDER",
+        type=Path,
+        help="write error and success against own throws there",
+    )
+    parser.add_argument(
+        "--floor",
+        type=float,
+        metavar="CM",
+        help="median error that `repeatability` leaves: a line in the figure [cm]",
+    )
+    add_json(parser)
+    parser.set_defaults(run=_practice)
+
+
+def _practice(options: argparse.Namespace) -> int:
+    from dart_skill.common.fleet import arm_named
+    from dart_skill.experiments.parallel import run_tasks
+    from dart_skill.experiments.studies.practice import (
+        PracticeRun,
+        PracticeTask,
+        run,
+        summarise,
+        table,
+    )
+    from dart_skill.experiments.studies.throws import arm_of
+
+    tested = tuple(int(number) for number in options.tested_after.split(","))
+    if options.again < 0 or options.again == 1:
+        raise ValueError(
+            f"--again is {options.again}: a scatter takes 2 throws at least, or 0 for none"
+        )
+    arm_named(arm_of(options.arms, options.first_seed))
+    shared = {
+        "throws": options.throws,
+        "change_after": options.change_after,
+        "tested_after": tested,
+    }
+    shared |= {
+        "tests": options.tests,
+        "again": options.again,
+        "arm": options.arms,
+        "configuration": options.configuration or "default",
+    }
+    tasks = [
+        PracticeTask(seed, method, int(shown), change=change, **shared)
+        for shown in options.demonstrations.split(",")
+        for change in options.changes.split(",")
+        for method in options.methods.split(",")
+        for seed in range(options.first_seed, options.first_seed + options.seeds)
+    ]
+    results = run_tasks(run, tasks, PracticeRun, options.results, options.jobs, options.scheduler)
+    print(json.dumps(summarise(results), indent=1) if options.json else table(results))
+    if options.figure:
+        from dart_skill.experiments.studies.practice_curves import draw_practice
+
+        floor = None if options.floor is None else 0.01 * options.floor
+        print(*draw_practice(results, options.figure, floor), sep="\n", file=sys.stderr)
+    return 0
+
+
+def add_repeatability(experiments: argparse._SubParsersAction) -> None:
+    """Add `repeatability` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "repeatability", help="one plan thrown again and again: the floor of the error"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--throws", type=positive, default=25, help="of each plan (default 25)")
+    parser.add_argument(
+        "--demonstrations",
+        type=int,
+        default=13,
+        help="that the plans are learned from (default 13)",
+    )
+    add_configuration(parser, "default")
+    add_json(parser, "JSON instead of the table")
+    parser.set_defaults(run=_repeatability)
+
+
+def _repeatability(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.studies import throws
+
+    rows = throws.repeatability(
+        options.seed,
+        [1.6, 2.0, 2.4],
+        options.throws,
+        options.demonstrations,
+        options.configuration,
+    )
+    print(json.dumps(rows, indent=1) if options.json else throws.repeatability_table(rows))
+    return 0
+
+
+def add_compliance(experiments: argparse._SubParsersAction) -> None:
+    """Add `compliance` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "compliance",
+        help="force on a person who grabs the hand, and error, by the stiffness of plans",
+    )
+    parser.add_argument("--seeds", type=positive, default=5, help="seeds 0 to N - 1 (default 5)")
+    parser.add_argument(
+        "--demonstrations",
+        type=int,
+        default=13,
+        help="that the plans are learned from (default 13)",
+    )
+    parser.add_argument(
+        "--throws", type=positive, default=5, help="of each kind and seed (default 5)"
+    )
+    add_configuration(parser, "default")
+    add_jobs(parser)
+    add_json(parser, "every throw as JSON instead of the table")
+    parser.set_defaults(run=_compliance)
+
+
+def _compliance(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.studies import compliance
+
+    swings = compliance.run(
+        list(range(options.seeds)),
+        options.jobs,
+        options.demonstrations,
+        options.throws,
+        options.configuration,
+    )
+    return show(swings, compliance.table, options.json)

@@ -1,0 +1,62 @@
+"""`dart-skill experiment place` and `reach`: skills of poses, in situations that were not
+shown."""
+
+from __future__ import annotations
+
+import argparse
+
+from dart_skill.cli.experiment._options import add_pose_skill, show
+
+
+def add_place(experiments: argparse._SubParsersAction) -> None:
+    """Add `place` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "place",
+        help="put parts into holders that stand elsewhere than where it was shown, and are turned",
+    )
+    add_pose_skill(parser, "parts", "part")
+    parser.set_defaults(run=_place)
+
+
+def _place(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.studies import place
+
+    placed = place.run(
+        list(range(options.seeds)),
+        options.jobs,
+        options.demonstrations,
+        options.parts,
+        options.arm,
+        options.partition,
+    )
+    return show(placed, place.table, options.json)
+
+
+def add_reach(experiments: argparse._SubParsersAction) -> None:
+    """Add `reach` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "reach", help="reach into cups on belts that were not shown, also while the hand is held"
+    )
+    add_pose_skill(parser, "cups", "reach")
+    parser.add_argument(
+        "--held",
+        type=int,
+        default=3,
+        help="of the cups again with a hand that is held for a second (default 3)",
+    )
+    parser.set_defaults(run=_reach)
+
+
+def _reach(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.studies import reach
+
+    reached = reach.run(
+        list(range(options.seeds)),
+        options.jobs,
+        options.demonstrations,
+        options.cups,
+        options.held,
+        options.arm,
+        options.partition,
+    )
+    return show(reached, reach.table, options.json)

@@ -1,0 +1,111 @@
+"""`dart-skill experiment figure`, a figure of the thesis, and `real_data`, published
+demonstrations of people.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from dart_skill.cli.experiment._options import add_jobs, add_json, show
+from dart_skill.cli.run_options import folder, positive
+
+
+def add_figure(experiments: argparse._SubParsersAction) -> None:
+    """Add `figure` to the experiments of `dart-skill experiment`."""
+    figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
+    figure.add_argument(
+        "number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one"
+    )
+    figure.add_argument(
+        "--output",
+        type=folder,
+        default="figures",
+        metavar="FOLDER",
+        help="where SVG and PNG go (default: figures)",
+    )
+    figure.add_argument("--seed", type=int, default=0)
+    figure.add_argument(
+        "--teachers",
+        type=positive,
+        metavar="N",
+        help="of 8.4.4 alone: how many simulated teachers (default 2)",
+    )
+    add_json(figure, "seed, paths and what was measured as JSON")
+    figure.set_defaults(run=_figure)
+
+
+def _figure(options: argparse.Namespace) -> int:
+    from dart_skill.experiments import thesis
+
+    if options.number == "list":
+        titles = thesis.titles()
+        print(
+            json.dumps(titles, indent=1)
+            if options.json
+            else "\n".join(f"{number}  {title}" for number, title in titles.items())
+        )
+        return 0
+    drawn, more = {}, {} if options.teachers is None else {"teachers": options.teachers}
+    for number in thesis.FIGURES if options.number == "all" else [options.number]:
+        paths, measured = thesis.draw(number, options.output, options.seed, **more)
+        drawn[number] = {
+            "seed": options.seed,
+            "paths": [str(path) for path in paths],
+            "measured": measured,
+        }
+        if not options.json:
+            text = thesis.describe(number, measured).replace("\n", "\n  ")
+            print(f"figure {number}, seed {options.seed}: {paths[0]}, {paths[1].name}\n  {text}")
+    if options.json:
+        print(json.dumps(drawn, indent=1))
+    return 0
+
+
+def add_real_data(experiments: argparse._SubParsersAction) -> None:
+    """Add `real_data` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser(
+        "real_data",
+        help=(
+            "published demonstrations of people: reproduced, and from starts and in frames not"
+            " seen"
+        ),
+    )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        required=True,
+        metavar="FOLDER",
+        help=(
+            "with DataSet/*.mat of LASA handwriting, datasets of clfd, pbdlib/data of"
+            " pbdlib-python, or data of TP-GMM"
+        ),
+    )
+    parser.add_argument(
+        "--pbdlib",
+        type=Path,
+        metavar="FOLDER",
+        help="checkout of pbdlib-python for Python 3: a peer in task frames",
+    )
+    parser.add_argument(
+        "--shapes",
+        metavar="NAMES",
+        default="",
+        help="only these, separated by commas (default: all in the folder)",
+    )
+    add_jobs(parser)
+    add_json(parser, "every set and method as JSON instead of the table")
+    parser.set_defaults(run=_real_data)
+
+
+def _real_data(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.studies import real_data
+
+    scores = real_data.run(
+        options.data,
+        options.jobs,
+        [name for name in options.shapes.split(",") if name],
+        options.pbdlib,
+    )
+    return show(scores, real_data.table, options.json)
