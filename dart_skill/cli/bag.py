@@ -8,7 +8,6 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime, timezone
 from pathlib import Path
@@ -76,7 +75,11 @@ def _add_recover(verbs: argparse._SubParsersAction) -> None:
         type=Path,
         help="bag folder, with or without metadata.yaml, .mcap or .db3 file",
     )
-    _add_new_bag(parser, "recovered")
+    text = (
+        "folder of the new bag, which must not exist (default: <name>_recovered in the working"
+        " directory)"
+    )
+    parser.add_argument("--output", metavar="FOLDER", type=Path, help=text)
     parser.add_argument("--json", action="store_true", help="what was kept and lost as JSON")
     parser.set_defaults(run=_recover)
 
@@ -89,14 +92,6 @@ def _add_bags(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="bag folder, with or without metadata.yaml, .mcap or .db3 file",
     )
-
-
-def _add_new_bag(parser: argparse.ArgumentParser, ending: str) -> None:
-    text = (
-        f"folder of the new bag, which must not exist (default: <name>_{ending} in the working"
-        " directory)"
-    )
-    parser.add_argument("--output", metavar="FOLDER", type=Path, help=text)
 
 
 # info
@@ -126,11 +121,12 @@ def _info(options: argparse.Namespace) -> int:
 
 def _info_text(told: dict) -> str:
     """The block about the bag, and a line for each topic."""
+    distribution = f"ROS {told['ros_distro']}" if told["ros_distro"] else ""
     rows = [
         ("path", [told["path"]]),
         (
             "storage",
-            [", ".join(filter(None, [told["storage"], told["compression"], _distribution(told)]))],
+            [", ".join(filter(None, [told["storage"], told["compression"], distribution]))],
         ),
         ("size", [_size(told["size_bytes"])]),
         ("duration", [f"{told['duration_ns'] * 1e-9:.3f} s"]),
@@ -163,20 +159,12 @@ def _info_text(told: dict) -> str:
             ),
         ),
     ]
-    return "\n".join([*_block(rows), "", *_topic_table(told["topics"])])
-
-
-def _block(rows: Iterable[tuple[str, list[str]]]) -> list[str]:
-    """Aligned names and their values, one below the other."""
-    return [
+    lines = [
         f"{name + ':' if not k else '':<14}{value}"
         for name, values in rows
         for k, value in enumerate(values)
     ]
-
-
-def _distribution(told: dict) -> str:
-    return f"ROS {told['ros_distro']}" if told["ros_distro"] else ""
+    return "\n".join([*lines, "", *_topic_table(told["topics"])])
 
 
 def _lost_text(lost: dict | None) -> str:
@@ -203,7 +191,7 @@ def _topic_table(topics: list[dict]) -> list[str]:
             str(one["count"]),
             f"{one['rate_hz']:.1f}",
             _qos_text(one["qos"]),
-            _short_hash(one["type_hash"]),
+            one["type_hash"][:15] or "-",  # RIHS01_ and eight of its 64 digits
         )
         for one in sorted(topics, key=lambda one: one["name"])
     ]
@@ -228,11 +216,6 @@ def _qos_text(profiles: list[dict]) -> str:
         )
         texts.append(", ".join([profile["reliability"].replace("_", " "), *latched, *depth]))
     return " | ".join(dict.fromkeys(texts)) or "-"
-
-
-def _short_hash(text: str) -> str:
-    """RIHS01_ and 64 digits: eight of them tell types apart."""
-    return text[:15] if text else "-"
 
 
 def _short(text: str) -> str:
@@ -279,13 +262,14 @@ def _check(options: argparse.Namespace) -> int:
     else:
         for path, findings in found.items():
             print("\n".join(map(printable, [*map(str, findings), _verdict(path, findings)])))
-        if damaged := [path for path, findings in found.items() if _is_for_recovery(findings)]:
+        damaged = [
+            path
+            for path, findings in found.items()
+            if any(one.severity == "error" and "bag recover" in one.remedy for one in findings)
+        ]
+        if damaged:
             print(f"next: dart-skill bag recover {shlex.quote(str(damaged[0]))}")
     return int(any(one.severity == "error" for findings in found.values() for one in findings))
-
-
-def _is_for_recovery(findings: list) -> bool:
-    return any(one.severity == "error" and "bag recover" in one.remedy for one in findings)
 
 
 def _verdict(path: Path, findings: list) -> str:
@@ -305,17 +289,15 @@ def _verdict(path: Path, findings: list) -> str:
 def _recover(options: argparse.Namespace) -> int:
     from dart_skill.recording.bags import recover
 
-    result = recover(options.bag, _output(options, options.bag, "recovered"))
+    result = recover(
+        options.bag, options.output or Path(f"{options.bag.resolve().stem}_recovered")
+    )
     print(
         json.dumps(_recovery_json(result), indent=1)
         if options.json
         else printable(_recovery_text(result))
     )
     return int(not (sum(result.messages.values()) or result.n_attachments or result.is_complete))
-
-
-def _output(options: argparse.Namespace, source: Path, ending: str) -> Path:
-    return options.output or Path(f"{source.resolve().stem}_{ending}")
 
 
 def _recovery_text(result: Recovery) -> str:
@@ -326,24 +308,16 @@ def _recovery_text(result: Recovery) -> str:
         *(f"repaired: {text}" for text in result.repairs),
         _looked_at(result),
     ]
-    lines.append(
-        f"{kept} messages on {len(result.messages)} topics kept"
-        + _between(result.start_ns, result.end_ns)
-    )
+    between = ""
+    if result.start_ns is not None and result.end_ns is not None:
+        between = f", from {_instant(result.start_ns)} to {_instant(result.end_ns)}"
+    lines.append(f"{kept} messages on {len(result.messages)} topics kept{between}")
     if result.unverified:
         lines.append(f"{result.unverified} of them have no CRC that vouches for them")
     lines.append(_loss_text(result))
     lines.append(f"new bag: {result.path}")
     lines.append(f"next: dart-skill bag info {shlex.quote(str(result.path))}")
     return "\n".join(lines)
-
-
-def _between(start_ns: int | None, end_ns: int | None) -> str:
-    return (
-        ""
-        if start_ns is None or end_ns is None
-        else f", from {_instant(start_ns)} to {_instant(end_ns)}"
-    )
 
 
 def _looked_at(result: Recovery) -> str:

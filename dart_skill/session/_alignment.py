@@ -109,8 +109,7 @@ def diverse_instants(hand: PoseStream, joints: JointStream, offset: float, slow:
     * slow: among the slower half of the samples, where clocks tell little; else among the faster
       half.
     """
-    rows = np.unique(np.linspace(0, len(hand) - 1, LOOKED_AT).round().astype(int))
-    found = at_instants(hand.take(rows), joints, offset)
+    found = at_instants(hand.take(evenly_spaced(len(hand), LOOKED_AT)), joints, offset)
     if len(found.seconds) < 4:
         return found
     speed = np.linalg.norm(
@@ -119,7 +118,10 @@ def diverse_instants(hand: PoseStream, joints: JointStream, offset: float, slow:
     )
     limit = np.median(speed)
     chosen = np.flatnonzero(speed <= limit if slow else speed >= limit)
-    return take(found, chosen[_farthest_points(found.joints[chosen], INSTANTS)])
+    rows = chosen[_farthest_points(found.joints[chosen], INSTANTS)]
+    return Instants(
+        found.seconds[rows], found.joints[rows], found.position[rows], found.quaternion[rows]
+    )
 
 
 def at_instants(hand: PoseStream, joints: JointStream, offset: float) -> Instants:
@@ -136,14 +138,9 @@ def at_instants(hand: PoseStream, joints: JointStream, offset: float) -> Instant
     return Instants(seconds[known], values[known], hand.position[known], quaternion[known])
 
 
-def take(instants: Instants, rows: np.ndarray) -> Instants:
-    """Some of the instants. rows: an index array or mask."""
-    return Instants(
-        instants.seconds[rows],
-        instants.joints[rows],
-        instants.position[rows],
-        instants.quaternion[rows],
-    )
+def evenly_spaced(count: int, most: int) -> np.ndarray:
+    """Indices of evenly spaced samples. count: of all samples; most: of those that are chosen."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def joints_at(joints: JointStream, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -56,16 +56,13 @@ def _by_names(path: str | os.PathLike) -> RecordingMapping:
         if "/joint_states" in states
         else max(states, key=lambda name: topics[name].count, default="")
     )
-    signals = {
-        name: where
-        for name in ("teacher", "command")
-        if (where := getattr(OWN, name)) is not None and where.topic in topics
-    }
+    signals = {name: where for name, where in OWN.signals.items() if where.topic in topics}
     return replace(
         OWN,
         bodies=bodies,
         joints=SignalSource(joints) if joints else None,
-        **{"teacher": None, "command": None, **signals},
+        teacher=signals.get("teacher"),
+        command=signals.get("command"),
     )
 
 

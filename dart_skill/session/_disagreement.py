@@ -9,6 +9,7 @@ unit and axes of positions, and how orientations are told.
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -50,6 +51,7 @@ from dart_skill.session._alignment import (
     at_instants,
     clock_offset,
     diverse_instants,
+    evenly_spaced,
     joints_at,
 )
 from dart_skill.session._clock_steps import (
@@ -164,16 +166,12 @@ class Disagreement:
     @property
     def can_be_mended(self) -> bool:
         """Whether a mapping mends all of it."""
-        return (
-            self.mapping is not None
-            and self.after[0] < AGREED_POSITION
-            and self.after[1] < AGREED_ANGLE
-        )
+        return self.mapping is not None and _is_small(*self.after)
 
     def __str__(self) -> str:
         """In words."""
         causes = "; ".join(map(str, self.causes))
-        if self.before[0] < AGREED_POSITION and self.before[1] < AGREED_ANGLE:
+        if _is_small(*self.before):
             return (
                 "joints and cameras saw the same movements, but not in our axes, or not at the"
                 f" same times: {causes}"
@@ -222,9 +220,9 @@ def disagreement(
     )
 
 
-def _agrees(found: Explanation) -> bool:
-    turned = 0.0 if found.orientations is None else found.orientations.error
-    return found.positions.error < AGREED_POSITION and turned < AGREED_ANGLE
+def _is_small(position: float, angle: float = 0.0) -> bool:
+    """Whether joints and cameras agree about the hand that differ by this much [m], [rad]."""
+    return position < AGREED_POSITION and angle < AGREED_ANGLE
 
 
 def _far(error: tuple[float, float]) -> str:
@@ -290,8 +288,7 @@ def _errors(
     turns = [_turn(matrices(np.array(one))) for one in (where.turn, where.hand_turn)]
     shifts = [np.linalg.norm(one) for one in (where.shift, where.hand_shift)]
     agrees = (
-        fit.position_error < AGREED_POSITION
-        and fit.angle_error < AGREED_ANGLE
+        _is_small(fit.position_error, fit.angle_error)
         and max(turns) < TURNED
         and max(shifts) < MOVED
     )
@@ -337,13 +334,7 @@ class _Search:
         self._aligned = self._joints  # on the clock of the cameras
         self._is_hand: PoseSource | None = None  # another body than the mapping says
         self._causes: list[Cause] = []
-        self._mending: dict[str, dict[str, Any]] = {
-            "hand": {},
-            "axes": {},
-            "joints": {},
-            "teacher": {},
-            "command": {},
-        }
+        self._mending: defaultdict[str, dict[str, Any]] = defaultdict(dict)
 
     @property
     def is_set(self) -> bool:
@@ -403,7 +394,9 @@ class _Search:
         for offset in self._offsets(clocks):
             search = self._search(self._hand, offset)
             plain = search.plain(self._convention)
-            if plain.is_good or (_agrees(plain) and not plain.is_mirrored):
+            turned = 0.0 if plain.orientations is None else plain.orientations.error
+            agrees = _is_small(plain.positions.error, turned)
+            if plain.is_good or (agrees and not plain.is_mirrored):
                 return plain, offset
             tried.append((search, plain, offset))
         search, plain, first = tried[0]
@@ -592,14 +585,12 @@ class _Search:
     def _small_changes(self, found: Explanation) -> list[Change]:
         """Changes of the offset that show in where the hand is."""
         fit, stamps = found.positions, self._joints.stamp_ns
-        rows = np.unique(np.linspace(0, len(stamps) - 1, 20 * LOOKED_AT).round().astype(int))
+        rows = evenly_spaced(len(stamps), 20 * LOOKED_AT)
         joints = found.convention.joints(self._joints.position[rows])
         place, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
         path = JointStream(stamps[rows], place + rotation @ fit.lever, self._joints.velocity[rows])
         seen = at_instants(
-            self._hand.take(
-                np.unique(np.linspace(0, len(self._hand) - 1, LOOKED_AT).round().astype(int))
-            ),
+            self._hand.take(evenly_spaced(len(self._hand), LOOKED_AT)),
             path,
             0.0,
         )
@@ -759,7 +750,9 @@ class _Search:
                 return told_turn, where.axes
         axes = where.axes if _is_near(to_arm, told) else nearest_axes(to_arm)
         if axes != where.axes:
-            self._blame(_pointing(axes), "axes", **_axes_key(axes))
+            up = next((name for name, one in UP_AXES.items() if one == axes), "")
+            keys = {"up": up} if up else {"xyz": list(axes)}
+            self._blame(_pointing(axes), "axes", **keys)
         turn = to_arm @ _matrix(axes).T
         if _turn(turn) < TURNED and np.linalg.norm(shift) < MOVED:
             if where.world.position.any() or _turn(told_turn) > 0.0:
@@ -812,7 +805,7 @@ class _Search:
         fit, reading = found.orientations, found.reading
         if fit is None or reading is None:
             return
-        rows = np.unique(np.linspace(0, len(self._hand) - 1, LOOKED_AT).round().astype(int))
+        rows = evenly_spaced(len(self._hand), LOOKED_AT)
         every = at_instants(self._hand.take(rows), self._aligned, 0.0)
         turned = np.isfinite(every.quaternion).all(axis=1)
         joints = found.convention.joints(every.joints[turned])
@@ -903,11 +896,6 @@ def _rigid(position: np.ndarray, rotation: np.ndarray) -> dict[str, list[float]]
         "position": np.round(position, 4).tolist(),
         "quaternion": np.round(quaternion, 5).tolist(),
     }
-
-
-def _axes_key(axes: Axes) -> dict[str, Any]:
-    up = [name for name, one in UP_AXES.items() if one == axes]
-    return {"up": up[0]} if up else {"xyz": list(axes)}
 
 
 def _pointing(axes: Axes) -> str:

@@ -10,7 +10,7 @@ from dart_skill.common.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags.check import Finding, check_bag, check_file, glance
-    from dart_skill.recording.bags.columns import Columns, columns_by_layout, columns_of
+    from dart_skill.recording.bags.columns import Columns, columns_by_layout
     from dart_skill.recording.bags.description import describe
     from dart_skill.recording.bags.messages import (
         definition,
@@ -51,7 +51,7 @@ else:
         __name__,
         {
             "check": "Finding check_bag check_file glance",
-            "columns": "Columns columns_by_layout columns_of",
+            "columns": "Columns columns_by_layout",
             "description": "describe",
             "messages": (
                 "definition deserialize encoded header_content interface_folder is_stamped message"
@@ -86,7 +86,6 @@ __all__ = [
     "clock_message",
     "Columns",
     "columns_by_layout",
-    "columns_of",
     "definition",
     "describe",
     "glance",

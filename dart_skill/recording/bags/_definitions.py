@@ -17,12 +17,14 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording.bags._names import full_name
+from dart_skill.recording.bags._metadata import full_name
 
-MOST_LINES, MOST_LINES_OF_ALL, LARGEST_DEFINITION = 5_000, 20_000, 1_000_000
-"""Most lines of a type's definition with all that it nests, most lines of all of a bag, and most
-characters of one: a line takes 0.4 ms.
-"""
+MOST_LINES = 5_000
+"""Most lines of a type's definition with all that it nests; a line takes 0.4 ms."""
+MOST_LINES_OF_ALL = 20_000
+"""Most lines of all definitions of a bag."""
+LARGEST_DEFINITION = 1_000_000
+"""Most characters of a definition."""
 _HEADS = re.compile(r"^={3,}[ \t]*\n(MSG|SRV|ACTION|IDL):[ \t]*(\S+)[ \t]*\n", re.MULTILINE)
 _SERVICE = re.compile(r"(.+/srv/.+?)(?:_Request|_Response|_Event)?")
 _ACTION = re.compile(

@@ -11,15 +11,12 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Header, Statistics
 from rosbags.typesys.store import Typestore
 
+from dart_skill.recording.bags._files import open_input
 from dart_skill.recording.bags._finding import RECOVER, REWRITE
-from dart_skill.recording.bags._inputs import open_input
 from dart_skill.recording.bags._message_check import LOST_BEFORE, FileFacts, MessageCheck
 from dart_skill.recording.bags._sqlite import SqliteInput
 from dart_skill.recording.bags._time_line import TimeLine
 from dart_skill.recording.mcap import (
-    Chunk,
-    ChunkPlace,
-    ChunkTable,
     Damage,
     DamagedError,
     Record,
@@ -52,13 +49,13 @@ class McapCheck(MessageCheck):
     def __init__(
         self,
         path: Path,
-        types: Typestore | None = None,
-        line: TimeLine | None = None,
-        name: str = "",
+        types: Typestore | None,
+        line: TimeLine,
+        name: str,
     ):
         super().__init__(path, types, line, name)
         self._summary: Summary | None = None
-        self._chunks = ChunkTable()  # what an index must say of each
+        self._chunks: dict[int, tuple] = {}  # what an index must say of each, by its place
         self._contained: dict[int, list] = {}  # of the current chunk, by its content
         self._indexed: dict[int, list] = {}  # of the current chunk, by its message indexes
         self._n_records: Counter[int] = Counter()  # by opcode
@@ -74,10 +71,7 @@ class McapCheck(MessageCheck):
             self.findings = [
                 replace(one, remedy="") if one.remedy == REWRITE else one for one in self.findings
             ]
-        self._summary, self._chunks = (
-            None,
-            ChunkTable(),
-        )  # of a long bag all files' checks are kept, but what they found is small
+        self._summary, self._chunks = None, {}  # of a long bag the checks of all files are kept
         del self._types, self._own_types
 
     def _check_bytes(self, data: memoryview) -> None:
@@ -131,7 +125,10 @@ class McapCheck(MessageCheck):
                 self.take(message.channel, message.log_time_ns, message.sequence)
                 self.decode(message.channel, [(message.log_time_ns, message.data)])
         elif found.opcode == Opcode.ATTACHMENT:
-            self._attachment(found)
+            try:
+                found.parsed()
+            except DamagedError as error:
+                self.add("error", str(error), RECOVER, f"byte {found.offset}")
         elif found.opcode == Opcode.HEADER:
             self._header(found)
         elif found.opcode == Opcode.DATA_END:
@@ -156,12 +153,6 @@ class McapCheck(MessageCheck):
                 f"its profile is '{profile}', not 'ros2': other tools may not take it for a bag of"
                 " ROS 2",
             )
-
-    def _attachment(self, found: Record) -> None:
-        try:
-            found.parsed()
-        except DamagedError as error:
-            self.add("error", str(error), RECOVER, f"byte {found.offset}")
 
     def _chunk(self, found: Record) -> None:
         chunk, where = found.chunk(), f"chunk at byte {found.offset}"
@@ -190,7 +181,14 @@ class McapCheck(MessageCheck):
                 where,
             )
         self._n_without_crc += not chunk.crc
-        self._chunks.append(_facts(chunk, found, len(raw)))
+        self._chunks[found.offset] = (
+            chunk.start_ns,
+            chunk.end_ns,
+            found.end - found.offset,
+            chunk.compression,
+            len(chunk.records),
+            len(raw),
+        )
         self._place = where
 
     def _end_of_chunk(self) -> None:
@@ -235,12 +233,12 @@ class McapCheck(MessageCheck):
         """Whether the summary agrees with what was found."""
         if self._summary is None:
             return
-        found = {chunk.chunk_start_offset: number for number, chunk in enumerate(self._chunks)}
+        found = dict(self._chunks)
         for index in self._summary.chunks:
-            number = found.pop(index.chunk_start_offset, None)
-            is_so = index if number is None else self._chunks[number]
-            wrong = [name for name in _TOLD if getattr(index, name) != getattr(is_so, name)]
-            if number is None or wrong:
+            is_so = found.pop(index.chunk_start_offset, None)
+            pairs = zip(_TOLD, is_so or (), strict=False)
+            wrong = [name for name, value in pairs if getattr(index, name) != value]
+            if is_so is None or wrong:
                 reason = (
                     f"disagrees with it ({', '.join(wrong)})"
                     if wrong
@@ -291,9 +289,9 @@ class SqliteCheck(MessageCheck):
     def __init__(
         self,
         path: Path,
-        types: Typestore | None = None,
-        line: TimeLine | None = None,
-        name: str = "",
+        types: Typestore | None,
+        line: TimeLine,
+        name: str,
     ):
         super().__init__(path, types, line, name)
         try:
@@ -340,7 +338,7 @@ class FileGlance(FileFacts):
     DamagedError if the file cannot be opened.
     """
 
-    def __init__(self, path: Path, topics: tuple[str, ...], line: TimeLine, name: str):
+    def __init__(self, path: Path, line: TimeLine, name: str, topics: tuple[str, ...]):
         super().__init__(name)
         with closing(open_input(path)) as file:
             for number, channel in file.channels.items():
@@ -387,21 +385,3 @@ def _sqlite_findings(facts: FileFacts, file: SqliteInput) -> None:
             f"{file.n_unreadable} messages cannot be read: they have no time, or no bytes",
             RECOVER,
         )
-
-
-def _facts(chunk: Chunk, found: Record, size: int) -> ChunkPlace:
-    """What a ChunkIndex must say, as far as `_TOLD`. found: the chunk's record; size: of its
-    records, once they are decompressed.
-    """
-    length, packed = found.end - found.offset, len(chunk.records)
-    return ChunkPlace(
-        chunk.start_ns,
-        chunk.end_ns,
-        found.offset,
-        length,
-        0,
-        packed,
-        size,
-        chunk.compression,
-        frozenset(),
-    )

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from zlib import crc32
@@ -17,16 +16,22 @@ from zlib import crc32
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from dart_skill.recording.bags._decodable import Decoder
-from dart_skill.recording.bags._inputs import unpacker_of
-from dart_skill.recording.bags._installed_types import (
+from dart_skill.recording.bags._files import plain_message
+from dart_skill.recording.bags._known_types import (
+    Decoder,
     installed_definition,
     schema_of,
     type_of_hash,
 )
-from dart_skill.recording.bags._metadata import RECORD_NAME, parse_qos, parse_record
-from dart_skill.recording.bags._names import full_name
-from dart_skill.recording.bags._recovered_bag import OWN_LIBRARY, RecoveredBag
+from dart_skill.recording.bags._metadata import RECORD_NAME, full_name, parse_record
+from dart_skill.recording.bags._recovered_bag import (
+    LAST_TIME_NS,
+    OWN_LIBRARY,
+    TOGETHER,
+    FileRecovery,
+    RecoveredBag,
+    grouped_by_channel,
+)
 from dart_skill.recording.mcap import (
     Chunk,
     Damage,
@@ -49,21 +54,17 @@ from dart_skill.recording.mcap import (
 
 SMALLEST_MESSAGE = 31
 """A shorter place held none [bytes]."""
-TOGETHER = 500
-"""Messages outside chunks that are judged at once."""
 ROS_ENCODINGS = ("ros2msg", "ros2idl")
 """Encodings of definitions, as rosbag2 writes them."""
-LAST_TIME_NS = 2**63 - 1
-"""ROS has no later time [ns]."""
 
 
 def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
     """Take all that can be read of a file into the new bag. name: of the file; data: its bytes."""
     bag.n_bytes += len(data)
-    parts: list[_FileRecovery] = []
+    parts: list[_McapRecovery] = []
     for number, (begin, end) in enumerate(extents(data)):
         parts.append(
-            _FileRecovery(bag, name, data[begin:end], begin, number, parts[-1] if parts else None)
+            _McapRecovery(bag, name, data[begin:end], begin, number, parts[-1] if parts else None)
         )
     marks: set[int] = set()  # of what stands there twice that counts which is in a whole file
     for part in parts if any(part.summary is None for part in parts) else ():
@@ -78,10 +79,10 @@ def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
         _tell_parts(bag, name, parts)
 
 
-def _tell_parts(bag: RecoveredBag, name: str, parts: list[_FileRecovery]) -> None:
+def _tell_parts(bag: RecoveredBag, name: str, parts: list[_McapRecovery]) -> None:
     """Tell what belongs to which of several files in one."""
     bag.note(f"{name} is {len(parts)} files in one:")
-    known: list[_FileRecovery] = []
+    known: list[_McapRecovery] = []
     for part in parts:
         same = next(
             (one for one in known if len(one.data) == len(part.data) and one.crc == part.crc), None
@@ -96,7 +97,7 @@ def _tell_parts(bag: RecoveredBag, name: str, parts: list[_FileRecovery]) -> Non
         known.append(part)
 
 
-class _FileRecovery:
+class _McapRecovery(FileRecovery):
     """One file on its way into the new bag.
 
     begin: where it begins in the file that it stands in [bytes].
@@ -111,15 +112,13 @@ class _FileRecovery:
         data: memoryview,
         begin: int,
         number: int,
-        before: _FileRecovery | None,
+        before: _McapRecovery | None,
     ):
-        self.bag, self.name, self.data, self.begin, self.number = bag, name, data, begin, number
+        super().__init__(bag, name)
+        self.data, self.begin, self.number = data, begin, number
         self.end = begin + len(data)
         self.count, self.is_one_of_several = 0, False
-        self.out: McapFile | None = None
         self.summary: Summary | None = None
-        self.written: dict[int, McapChannel | None] = {}
-        self.topics: set[str] = set()  # that it has in the new bag
         self.kept: Counter[int] = Counter()
         self.lost: Counter[int] = Counter()
         self.unknown_channels: Counter[int] = Counter()
@@ -156,9 +155,8 @@ class _FileRecovery:
             else profile
         )
         if profile != self.profile:
-            bag.repairs.append(
-                f"{name}: the profile is 'ros2', as that of its messages is, and no longer"
-                f" '{profile}'"
+            self.repair(
+                f"the profile is 'ros2', as that of its messages is, and no longer '{profile}'"
             )
         self.decoder = Decoder(self.schemas.values())
         self.decoders: dict[
@@ -177,9 +175,8 @@ class _FileRecovery:
         try:
             summary = read_summary(self.data)
             if summary is not None and not belongs(self.data, summary):
-                self.bag.repairs.append(
-                    f"{self.name}: its summary is none of this file, or agrees with no chunk of"
-                    " it: made anew"
+                self.repair(
+                    "its summary is none of this file, or agrees with no chunk of it: made anew"
                 )
             else:
                 self.summary = summary
@@ -224,9 +221,7 @@ class _FileRecovery:
             if text
             else "it is left out, and its messages can be read raw"
         )
-        self.bag.repairs.append(
-            f"{self.name}: the definition of {schemas[0].name} is damaged: {done}"
-        )
+        self.repair(f"the definition of {schemas[0].name} is damaged: {done}")
         return schema_of(schemas[0].name, "ros2msg", text, schemas[0].id)
 
     def _lost_schema(self, channel: Channel) -> Schema | None:
@@ -245,7 +240,7 @@ class _FileRecovery:
         )
         return schema_of(name, "ros2msg", text, channel.schema_id)
 
-    def _inherit(self, before: _FileRecovery | None) -> None:
+    def _inherit(self, before: _McapRecovery | None) -> None:
         """What only the file before this one in the same file defines: it may be the same
         recording, and the head of this one lost.
         """
@@ -399,17 +394,7 @@ class _FileRecovery:
             if channel is None:
                 (self.unknown_channels if verified else self.undecodable)[message.channel] += 1
                 continue
-            data = (
-                plain_message(message.data)
-                if channel.record.message_encoding == "cdr"
-                else message.data
-            )
-            if data is not message.data:
-                self.bag.tell_unpacked(channel.record.topic)
-            assert self.out is not None  # since the channel is in it
-            self.out.add_message(
-                channel, message.sequence, message.log_time_ns, message.publish_time_ns, data
-            )
+            self.write(channel, *message[2:])
             self.kept[message.channel] += 1
             self._follow(channel.record.topic, message.sequence, verified)
             count += 1
@@ -420,12 +405,8 @@ class _FileRecovery:
 
     def _judged(self, messages: list[Message]) -> list[Message]:
         """Those that are messages of their type, of some that no CRC vouches for."""
-        bad: set[int] = set()
-        places: dict[int, list[int]] = {}
-        for index, message in enumerate(messages):
-            places.setdefault(message.channel, []).append(index)
-            if message.log_time_ns > LAST_TIME_NS:
-                bad.add(index)
+        bad = {k for k, message in enumerate(messages) if message.log_time_ns > LAST_TIME_NS}
+        places = grouped_by_channel(message.channel for message in messages)
         for number, its in places.items():
             channel = self.channels.get(number)
             schema = (
@@ -464,7 +445,6 @@ class _FileRecovery:
     def _follow(self, name: str, sequence: int, verified: bool) -> None:
         """Our own writer counts each topic's messages from 0."""
         topic = self.bag.topics[name]
-        topic.kept += 1
         if self.counted:
             topic.counted += 1
             if verified:
@@ -495,30 +475,29 @@ class _FileRecovery:
         told_type, told_hash = told.get("type", ""), told.get("type_description_hash", "")
         if schema is None and record.schema_id:
             hint = f"; metadata.yaml says {told_type}" if told_type else ""
-            self.bag.repairs.append(
-                f"{self.name}: the definition of topic {record.topic} is lost{hint}"
-            )
+            self.repair(f"the definition of topic {record.topic} is lost{hint}")
             schema = Schema(id=record.schema_id, name=told_type, encoding="", data=b"")
         number = self._write_schema(out, schema) if schema is not None else 0
         type_name, type_hash = (
             schema.name if schema is not None else told_type,
             record.metadata.get("topic_type_hash", told_hash),
         )
-        name = self.bag.free_name(record.topic, type_name, self.topics)
-        self.bag.topic(name, type_name, _qos(record), type_hash, record.message_encoding)
-        if record.message_encoding != "cdr":
-            encoding = record.message_encoding
+        encoding = record.message_encoding
+        channel = self.add_channel(
+            record.topic,
+            type_name,
+            encoding,
+            number,
+            record.metadata,
+            type_hash,
+            _number(record.id, out.channels),
+        )
+        if encoding != "cdr":
             self.bag.note(
                 f"topic {record.topic} is encoded as '{encoding}', not as cdr: its messages are"
                 " kept as they are, to be read raw"
             )
-        return out.add_channel(
-            name,
-            record.message_encoding,
-            number,
-            record.metadata,
-            _number(record.id, out.channels),
-        )
+        return channel
 
     def _write_schema(self, out: McapFile, schema: Schema) -> int:
         """Its number in the new file."""
@@ -556,9 +535,7 @@ class _FileRecovery:
         if record.name != RECORD_NAME:
             self._file().add_metadata(record.name, record.metadata)
             return
-        metadata = parse_record(record.metadata)
-        self.bag.custom_data |= metadata.get("custom_data") or {}
-        self.bag.ros_distro = metadata.get("ros_distro") or self.bag.ros_distro
+        self.take_metadata(parse_record(record.metadata))
 
     def _indexed(self, found: Record) -> None:
         """The index of a chunk that was left out tells what was in it; that of another one is
@@ -625,28 +602,27 @@ class _FileRecovery:
 
     def _tell_repairs(self) -> None:
         """What was wrong and cost nothing."""
-        tell = self.bag.repairs.append
         if self.repeated:
             count = len(self.repeated)
-            tell(
-                f"{self.name}: {count} chunks that were there already stand in it again, the first"
+            self.repair(
+                f"{count} chunks that were there already stand in it again, the first"
                 f" at byte {self.repeated[0]}: taken once"
             )
         if self.n_wrong_indexes:
-            tell(
-                f"{self.name}: {self.n_wrong_indexes} message indexes do not say where the"
+            self.repair(
+                f"{self.n_wrong_indexes} message indexes do not say where the"
                 " messages of their chunk are: made anew"
             )
         if self.n_foreign:
-            tell(
-                f"{self.name}: {self.n_foreign} numbers of topics or types change their meaning in"
+            self.repair(
+                f"{self.n_foreign} numbers of topics or types change their meaning in"
                 " it, where they are defined anew"
             )
         if wrong := self.chunk_places - self.found_at:
             lost = {place.offset - self.begin for place in self.bag.places[self.n_places_before :]}
             if wrong - lost:
-                tell(
-                    f"{self.name}: the summary names {len(wrong - lost)} chunks that are not where"
+                self.repair(
+                    f"the summary names {len(wrong - lost)} chunks that are not where"
                     " it says: made anew"
                 )
 
@@ -732,20 +708,3 @@ def _number(wanted: int, taken: Iterable[int]) -> int:
         if wanted not in taken
         else next(number for number in range(1, 2**16) if number not in taken)
     )
-
-
-def plain_message(data: bytes) -> bytes:
-    """A message that was compressed by itself; as it is if it was not, or cannot be unpacked.
-    data: its bytes.
-    """
-    unpack = unpacker_of(data)
-    if unpack is not None:
-        with suppress(DamagedError):
-            return unpack(data)
-    return data
-
-
-def _qos(channel: Channel) -> list:
-    with suppress(ValueError):
-        return parse_qos(channel.topic, channel.metadata.get("offered_qos_profiles", ""))
-    return []

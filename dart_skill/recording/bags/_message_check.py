@@ -13,10 +13,9 @@ from mcap.records import Channel, Schema
 from rosbags.typesys.store import Typestore
 
 from dart_skill.recording.bags._definitions import embedded_types
+from dart_skill.recording.bags._files import unpacker_of
 from dart_skill.recording.bags._finding import RECOVER, Finding
-from dart_skill.recording.bags._inputs import unpacker_of
-from dart_skill.recording.bags._metadata import profiles
-from dart_skill.recording.bags._names import full_name
+from dart_skill.recording.bags._metadata import full_name, profiles
 from dart_skill.recording.bags._time_line import OF_EVENTS, TimeLine
 from dart_skill.recording.bags.columns import Pattern, pattern_of
 from dart_skill.recording.bags.messages import deserialize, shared_types
@@ -137,19 +136,18 @@ class MessageCheck(FileFacts):
     path: of the file.
     types: definitions for topics whose file holds none; None: those of ROS 2 Jazzy and ours.
     line: log times of the bag, to which those of the file are added.
-    name: of the file in findings, where it was unpacked from another one.
+    name: of the file in findings.
     """
 
     def __init__(
         self,
         path: Path,
-        types: Typestore | None = None,
-        line: TimeLine | None = None,
-        name: str = "",
+        types: Typestore | None,
+        line: TimeLine,
+        name: str,
     ):
-        super().__init__(name or path.name)
-        self.path = path
-        self._line = TimeLine() if line is None else line
+        super().__init__(name)
+        self._line = line
         self._given = types
         self._n_messages: Counter[int] = Counter()  # by channel
 
@@ -193,7 +191,7 @@ class MessageCheck(FileFacts):
                 self._line.is_of_events(topic.name)
 
     def take(self, number: int, stamp_ns: int, sequence: int | None = None) -> None:
-        """Count a message. sequence: its number by its publisher; None or 0 where nobody counts."""
+        """Count a message. sequence: its number by its publisher; None or 0 without one."""
         self._n_messages[number] += 1
         topic = self._topics.get(number)
         if topic is None:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +26,7 @@ from rosbags.interfaces import (
 )
 
 from dart_skill.common.files import open_file
-from dart_skill.recording.bags._disk_sync import sync_folder
-from dart_skill.recording.bags._yaml_text import LARGEST_TEXT, load
+from dart_skill.recording.bags._files import sync_folder
 
 if TYPE_CHECKING:
     from dart_skill.recording.mcap import McapFile
@@ -35,6 +35,7 @@ METADATA_VERSION = 9
 METADATA_FILE = "metadata.yaml"
 RECORD_NAME, RECORD_KEY = "rosbag2", "serialized_metadata"
 _ROOT = "rosbag2_bagfile_information"
+_DDS = re.compile(r"(\w+)::(msg|srv|action)::(?:dds_::)?(\w+?)_?")
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,16 @@ class FileMetadata:
     def of(cls, file: McapFile) -> FileMetadata:
         """Metadata of a file that is being written, as far as it is."""
         return cls(file.path.name, file.message_count, file.start_ns, file.end_ns)
+
+
+def full_name(type_name: str) -> str:
+    """A message type as package/msg/Name, which is also written in two parts, or as DDS does
+    (package::msg::dds_::Name_).
+    """
+    if match := _DDS.fullmatch(type_name):
+        return "/".join(match.groups())
+    package, slash, name = type_name.partition("/")
+    return f"{package}/msg/{name}" if slash and package and name and "/" not in name else type_name
 
 
 def bag_metadata(
@@ -269,20 +280,13 @@ def _custom(value: Any) -> dict[str, str] | None:
     }
 
 
-def _text(value: Any) -> str | None:
-    return value if isinstance(value, str) else None
-
-
-def _number(value: Any) -> int | None:
-    return value if type(value) is int else None
-
-
-def _mapping(value: Any) -> dict | None:
-    return value if isinstance(value, dict) else None
+def _only(kind: type) -> Callable[[Any], Any]:
+    """What returns a value of this kind, and None in place of another one."""
+    return lambda value: value if type(value) is kind else None
 
 
 _KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    "version": ("a number", _number),
+    "version": ("a number", _only(int)),
     "relative_file_paths": ("a list of texts", _texts),
     "files": ("a list of mappings with a path", _files),
     "topics_with_message_count": (
@@ -290,11 +294,11 @@ _KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
         _named_topics,
     ),
     "custom_data": ("a mapping of texts", _custom),
-    "message_count": ("a number", _number),
-    "duration": ("a mapping", _mapping),
-    "starting_time": ("a mapping", _mapping),
+    "message_count": ("a number", _only(int)),
+    "duration": ("a mapping", _only(dict)),
+    "starting_time": ("a mapping", _only(dict)),
     **{
-        name: ("a text", _text)
+        name: ("a text", _only(str))
         for name in ("storage_identifier", "compression_format", "compression_mode", "ros_distro")
     },
 }
@@ -403,3 +407,77 @@ class _NoAliases(_Dumper):
 def dump(content: Any) -> str:
     """YAML text."""
     return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)
+
+
+LARGEST_TEXT = 2_000_000
+"""Size of the metadata of a bag of ten thousand files [characters]."""
+DEEPEST, MOST_NODES = 30, 200_000
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def load(text: str, what: str) -> Any:
+    """What a YAML text says; ValueError, with `what` it is, for one that is no YAML, or that asks
+    for too much.
+    """
+    check(text, what)
+    try:
+        return yaml.load(text, Loader=_LOADER)
+    except (
+        yaml.YAMLError,
+        ValueError,
+        RecursionError,
+    ) as error:  # the second: numbers and dates that are none
+        raise ValueError(f"{what} is no YAML: {error}") from error
+
+
+def check(text: str, what: str) -> None:
+    """ValueError for a text that `load` refuses without building anything of it."""
+    if len(text) > LARGEST_TEXT:
+        raise ValueError(
+            f"{what} has {len(text)} characters, more than the {LARGEST_TEXT} of any bag"
+        )
+    count, too_deep = _Count(), f"{what} is nested deeper than {DEEPEST} levels"
+    try:
+        for event in yaml.parse(text, Loader=_LOADER):
+            count.take(event)
+            if len(count.open) > DEEPEST:
+                raise ValueError(too_deep)
+            if count.total > MOST_NODES:
+                raise ValueError(
+                    f"{what} has more than {MOST_NODES} entries once its aliases are followed"
+                )
+    except yaml.YAMLError as error:
+        # PyYAML 6.0.4 looks far enough ahead of its events to meet a limit of its own before ours
+        raise ValueError(
+            too_deep if "nesting depth" in str(error) else f"{what} is no YAML: {error}"
+        ) from error
+
+
+@dataclass
+class _Count:
+    """Nodes so far, each as often as aliases repeat it. open: anchor and number of nodes before
+    each collection that has not ended.
+    """
+
+    total: int = 0
+    open: list[tuple[str | None, int]] = field(default_factory=list)
+    sizes: dict[str, int] = field(default_factory=dict)
+
+    def take(self, event: yaml.Event) -> None:
+        if isinstance(event, yaml.AliasEvent):
+            self.total += self.sizes.get(
+                event.anchor, MOST_NODES
+            )  # one that is within itself never ends
+        elif isinstance(event, yaml.CollectionStartEvent):
+            self.open.append((event.anchor, self.total))
+            self.total += 1
+        elif isinstance(event, yaml.ScalarEvent):
+            self.total += 1
+            self._name(event.anchor, 1)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = self.open.pop()
+            self._name(anchor, self.total - before)
+
+    def _name(self, anchor: str | None, size: int) -> None:
+        if anchor is not None:
+            self.sizes[anchor] = size

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dart_skill.recording.bags._disk_sync import sync_folder
-from dart_skill.recording.bags._files import part_number
+from dart_skill.recording.bags._files import part_number, plain_message, sync_folder
 from dart_skill.recording.bags._metadata import (
     RECORD_NAME,
     FileMetadata,
     TopicMetadata,
     bag_metadata,
+    parse_qos,
     record_values,
     write_metadata_file,
 )
 from dart_skill.recording.bags.reader import BagError
-from dart_skill.recording.mcap import McapFile, Unpacked
+from dart_skill.recording.mcap import McapChannel, McapFile, Unpacked
 
 OWN_LIBRARY = "dart_skill"
+LAST_TIME_NS = 2**63 - 1
+"""ROS has no later time [ns]."""
+TOGETHER = 500
+"""Messages without a CRC that are judged together."""
 MOST_REASONS = 3
 """That are told of a bag of which nothing is left."""
 
@@ -32,7 +38,7 @@ class LostPlace:
     file: its name.
     offset, n_bytes: where it is.
     reason: what is wrong there.
-    messages: how many were lost there; 0 for an index or the like; None if nobody knows.
+    messages: how many were lost there; 0 for an index or the like; None if that is not known.
     """
 
     file: str
@@ -242,10 +248,6 @@ class RecoveredBag:
         if text not in self.notes:
             self.notes.append(text)
 
-    def tell_unpacked(self, topic: str) -> None:
-        """Tell that messages of a topic were unpacked."""
-        self.note(f"messages of {topic} were compressed one by one: they are not any more")
-
     def lose(self, file: str, offset: int, end: int, reason: str, messages: int | None) -> None:
         """Tell of a place that is damaged or missing."""
         self.places.append(LostPlace(file, offset, end - offset, reason, messages))
@@ -338,3 +340,76 @@ class RecoveredBag:
             kept = self.topics[name].kept if name in self.topics else 0
             lost[name] = max(lost[name], count - kept)
         return {name: count for name, count in lost.items() if count > 0}
+
+
+class FileRecovery:
+    """A damaged file on its way into the new bag.
+
+    * bag: the new bag.
+    * name: of the file, in what is told.
+
+    Attributes:
+
+    * out: the file of the new bag; None until something is written.
+    * written: channels of the new file by the number in the damaged one; None where nothing
+      defines them.
+    * topics: names of topics that the file has in the new bag.
+    """
+
+    def __init__(self, bag: RecoveredBag, name: str):
+        self.bag, self.name = bag, name
+        self.out: McapFile | None = None
+        self.written: dict[int, McapChannel | None] = {}
+        self.topics: set[str] = set()
+
+    def repair(self, text: str) -> None:
+        """Tell of damage without loss."""
+        self.bag.repairs.append(f"{self.name}: {text}")
+
+    def take_metadata(self, metadata: dict) -> None:
+        """Take what rosbag2 wrote into the file about it."""
+        self.bag.custom_data |= metadata.get("custom_data") or {}
+        self.bag.ros_distro = metadata.get("ros_distro") or self.bag.ros_distro
+
+    def add_channel(
+        self,
+        topic: str,
+        type_name: str,
+        encoding: str,
+        schema: int,
+        metadata: dict[str, str],
+        type_hash: str,
+        number: int | None = None,
+    ) -> McapChannel:
+        """Announce a topic in the new file, under another name where its own is taken.
+
+        * metadata: of the channel, with its QoS.
+        * schema, number: of the new file.
+        """
+        assert self.out is not None  # as the schema is in it
+        name = self.bag.free_name(topic, type_name, self.topics)
+        qos: list = []
+        with suppress(ValueError):
+            qos = parse_qos(topic, metadata.get("offered_qos_profiles", ""))
+        self.bag.topic(name, type_name, qos, type_hash, encoding)
+        return self.out.add_channel(name, encoding, schema, metadata, number)
+
+    def write(
+        self, channel: McapChannel, sequence: int, log_ns: int, publish_ns: int, data: bytes
+    ) -> None:
+        """Append a message to the new file, unpacked if it was compressed by itself."""
+        assert self.out is not None  # as the channel is in it
+        topic = channel.record.topic
+        plain = plain_message(data) if channel.record.message_encoding == "cdr" else data
+        if plain is not data:
+            self.bag.note(f"messages of {topic} were compressed one by one: they are not any more")
+        self.out.add_message(channel, sequence, log_ns, publish_ns, plain)
+        self.bag.topics[topic].kept += 1
+
+
+def grouped_by_channel(channels: Iterable[int]) -> dict[int, list[int]]:
+    """Places of the messages of each channel. channels: of all messages, in their order."""
+    places: dict[int, list[int]] = {}
+    for index, channel in enumerate(channels):
+        places.setdefault(channel, []).append(index)
+    return places

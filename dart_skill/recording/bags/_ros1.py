@@ -48,7 +48,6 @@ class Ros1Source:
         self._store.register({**found, HEADER: get_typestore(Stores.ROS2_JAZZY).fielddefs[HEADER]})
         self.storage = "ros1"
         self.metadata: dict = {}
-        self.custom_data: dict[str, str] = {}
         self.start_ns = reader.start_time if reader.message_count else 0
         self.end_ns = reader.end_time - 1 if reader.message_count else 0
         self.files = [

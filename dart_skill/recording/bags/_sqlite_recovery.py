@@ -14,27 +14,27 @@ from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dart_skill.recording.bags._decodable import Decoder
-from dart_skill.recording.bags._files import SIDE_FILES, side_files
-from dart_skill.recording.bags._installed_types import (
+from dart_skill.recording.bags._files import SIDE_FILES, plain_message, side_files
+from dart_skill.recording.bags._known_types import (
+    Decoder,
     installed_definition,
     installed_hash,
     schema_of,
 )
-from dart_skill.recording.bags._mcap_recovery import LAST_TIME_NS, plain_message
-from dart_skill.recording.bags._metadata import RECORD_KEY, parse_qos, parse_record
-from dart_skill.recording.bags._names import full_name
-from dart_skill.recording.bags._recovered_bag import RecoveredBag
+from dart_skill.recording.bags._metadata import RECORD_KEY, full_name, parse_record
+from dart_skill.recording.bags._recovered_bag import (
+    LAST_TIME_NS,
+    TOGETHER,
+    FileRecovery,
+    RecoveredBag,
+    grouped_by_channel,
+)
 from dart_skill.recording.bags._sqlite import copy_with_side_files
 from dart_skill.recording.bags._sqlite_pages import Pages, Row
-from dart_skill.recording.mcap import McapChannel, McapFile, mapped
+from dart_skill.recording.mcap import McapChannel, mapped
 
-TOGETHER = 500
-"""Messages that are judged at once."""
 SMALLEST_ROW = 8
 """Smallest size of a message [bytes]."""
-_COLUMNS = {"topics": 4, "message_definitions": 4, "metadata": 2, "schema": 1}
-"""Columns that each version of these tables has, besides its number."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class _Tables:
     distro: str = ""
 
     def take(self, row: Row, table: str = "") -> None:
-        """Take a row, by its looks where nobody knows its table; those of other tables are passed
+        """Take a row, by its looks where its table is not known; those of other tables are passed
         over.
         """
         first, *values = row.values if row.values else (0,)
@@ -106,7 +106,7 @@ def recover_sqlite(
     beside = side_files(file)
     bag.n_bytes += len(data) + sum(side.stat().st_size for side in beside.values())
     bag.is_exact = False
-    one = _FileRecovery(bag, name)
+    one = _SqliteRecovery(bag, name)
     with mapped(beside["-wal"]) if "-wal" in beside else nullcontext() as log:
         is_whole = _take_by_sqlite(one, file, scratch)
         pages = Pages(data, log)
@@ -115,7 +115,7 @@ def recover_sqlite(
     one.finish()
 
 
-def _take_by_sqlite(one: _FileRecovery, file: Path, scratch: Path) -> bool:
+def _take_by_sqlite(one: _SqliteRecovery, file: Path, scratch: Path) -> bool:
     """Take what SQLite reads, if it finds nothing wrong; returns whether it did."""
     beside, before = side_files(file), one.bag.unverified
     if not file.is_file() or not file.stat().st_size:
@@ -169,7 +169,7 @@ def _small_tables(base: sqlite3.Connection) -> _Tables:
     return tables
 
 
-def _take_from_pages(one: _FileRecovery, pages: Pages, is_whole: bool) -> None:
+def _take_from_pages(one: _SqliteRecovery, pages: Pages, is_whole: bool) -> None:
     """Take what stands on the pages and was not taken yet."""
     bag, tables, unused = one.bag, one.tables, pages.free()
     for row in pages.rows(unused):
@@ -249,25 +249,19 @@ class _Numbers:
         return count if 0 < count <= most else 0
 
 
-class _FileRecovery:
+class _SqliteRecovery(FileRecovery):
     """One file on its way into the new bag. name: of the file; reason: what SQLite says is wrong
     with it.
     """
 
     def __init__(self, bag: RecoveredBag, name: str):
-        self.bag, self.name, self.reason = bag, name, ""
+        super().__init__(bag, name)
+        self.reason = ""
         self.tables = _Tables()
         self.numbers = _Numbers()
-        self.own: set[str] = set()  # names of its topics in the new bag
-        self.out: McapFile | None = None
-        self.channels: dict[int, McapChannel | None] = {}
         self.unknown: Counter[int] = Counter()
         self.undecodable: Counter[str] = Counter()
         self.n_odd = 0  # rows that are no messages
-
-    def repair(self, text: str) -> None:
-        """Tell of damage without loss."""
-        self.bag.repairs.append(f"{self.name}: {text}")
 
     def define(self, tables: _Tables) -> None:
         """Know topics and types from here on."""
@@ -280,8 +274,7 @@ class _FileRecovery:
         if tables.metadata:
             metadata = parse_record({RECORD_KEY: tables.metadata})
             self.bag.hear_of_topics(metadata)
-            self.bag.custom_data |= metadata.get("custom_data") or {}
-            self.bag.ros_distro = metadata.get("ros_distro") or self.bag.ros_distro
+            self.take_metadata(metadata)
         self.bag.ros_distro = self.bag.ros_distro or tables.distro
 
     def _definition(self, type_name: str) -> tuple[str, str] | None:
@@ -365,17 +358,14 @@ class _FileRecovery:
 
     def _take_judged(self, messages: list[_Message]) -> int:
         """Those of them that are messages of their topic: nothing else vouches for them."""
-        places: dict[int, list[int]] = {}
-        for index, message in enumerate(messages):
-            places.setdefault(message.topic, []).append(index)
         good: set[int] = set()
-        for number, its in places.items():
+        for number, its in grouped_by_channel(message.topic for message in messages).items():
             payloads = [plain_message(messages[index].data) for index in its]
             topic = self.tables.topics.get(number) or self._lost_topic(number, payloads)
             if topic is None:
                 self.unknown[number] += len(its)
                 continue
-            if number not in self.channels and topic.encoding == "cdr":
+            if number not in self.written and topic.encoding == "cdr":
                 self._settle(topic, payloads)
             is_good = (
                 self.decoder.decodable(topic.type_name, payloads)
@@ -398,20 +388,16 @@ class _FileRecovery:
         ]
         for message in taken:
             channel = self._channel(message.topic)
-            assert channel is not None and self.out is not None  # as the topic is known
-            data = plain_message(message.data)
-            if data is not message.data:
-                self.bag.tell_unpacked(channel.record.topic)
-            self.out.add_message(channel, 0, message.stamp_ns, message.stamp_ns, data)
-            self.bag.topics[channel.record.topic].kept += 1
+            assert channel is not None  # as the topic is known
+            self.write(channel, 0, message.stamp_ns, message.stamp_ns, message.data)
         self.bag.unverified += len(taken)
         return len(taken)
 
     def _channel(self, number: int) -> McapChannel | None:
-        if number not in self.channels:
+        if number not in self.written:
             topic = self.tables.topics.get(number)
-            self.channels[number] = self._write_channel(topic) if topic is not None else None
-        return self.channels[number]
+            self.written[number] = self._write_channel(topic) if topic is not None else None
+        return self.written[number]
 
     def _write_channel(self, topic: _Topic) -> McapChannel:
         if self.out is None:
@@ -432,13 +418,10 @@ class _FileRecovery:
             topic.type_name, encoding, text.encode()
         )
         digest = topic.type_hash or installed_hash(topic.type_name, text)
-        qos: list = []
-        with suppress(ValueError):
-            qos = parse_qos(topic.name, topic.qos)
-        name = self.bag.free_name(topic.name, topic.type_name, self.own)
-        self.bag.topic(name, topic.type_name, qos, digest, topic.encoding)
         metadata = {"offered_qos_profiles": topic.qos, "topic_type_hash": digest}
-        return self.out.add_channel(name, topic.encoding, schema, metadata)
+        return self.add_channel(
+            topic.name, topic.type_name, topic.encoding, schema, metadata, digest
+        )
 
     def finish(self) -> None:
         """Tell what could not be taken; topics without messages are kept, too."""

@@ -13,8 +13,6 @@ silent together, the recorder or the world was paused, which is told once.
 
 from __future__ import annotations
 
-import heapq
-from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,15 +25,18 @@ BATCH = 1024
 """Number of single messages that are looked at together."""
 N_LONGEST = 32
 """Number of the longest intervals of a topic that are remembered."""
-FEWEST, FEWEST_IN_BURSTS = 20, 200
-"""Intervals by which a topic is known to be regular."""
+FEWEST = 20
+"""Fewest intervals of a regular topic."""
+FEWEST_IN_BURSTS = 200
+"""Fewest intervals of a regular topic whose messages come in bursts."""
 SHORTEST_GAP_NS = 200_000_000
+"""Shortest silence of a topic that is told [ns]."""
 SHORTEST_PAUSE_NS = 5 * NS_PER_S
 """Shorter ones of all topics together are usual: a world that is reset, a player that waits."""
-SHORTEST_LEAP_NS, LEAP_NS = 60 * NS_PER_S, 86_400 * NS_PER_S
-"""A clock was set, rather than the recording paused: by more than half of the bag, if it is a
-minute; by a day in any case.
-"""
+LEAP_NS = 86_400 * NS_PER_S
+"""Shortest pause that means that a clock was set [ns]."""
+SHORTEST_LEAP_NS = 60 * NS_PER_S
+"""The same of a pause that is longer than half of the bag [ns]."""
 OF_EVENTS = frozenset(
     {
         "rcl_interfaces/msg/Log",
@@ -63,7 +64,7 @@ class _Intervals:
     histogram: np.ndarray = field(
         default_factory=lambda: np.zeros(64 * _PER_OCTAVE, dtype=np.int64)
     )
-    longest: list[tuple[int, int]] = field(default_factory=list)  # and when each began; a heap
+    longest: list[tuple[int, int]] = field(default_factory=list)  # and when each began
 
     def take(self, stamps: np.ndarray) -> None:
         if self.last_ns is None:
@@ -79,12 +80,9 @@ class _Intervals:
             self.most_back_ns = max(self.most_back_ns, int(-steps.min()))
         classes = (np.log2(np.maximum(steps, 1)) * _PER_OCTAVE).astype(int)
         self.histogram += np.bincount(classes[steps >= 0], minlength=len(self.histogram))
-        least = self.longest[0][0] if len(self.longest) == N_LONGEST else 0
-        for k in np.argsort(steps)[-N_LONGEST:]:
-            if steps[k] > least:
-                heapq.heappush(self.longest, (int(steps[k]), int(stamps[k])))
-                if len(self.longest) > N_LONGEST:
-                    heapq.heappop(self.longest)
+        new = [(int(steps[k]), int(stamps[k])) for k in np.argsort(steps)[-N_LONGEST:]]
+        longest = sorted([*self.longest, *(gap for gap in new if gap[0] > 0)])
+        self.longest = longest[-N_LONGEST:]
 
     def share(self, share: float) -> float:
         """An interval that this share of them does not exceed [ns]."""
@@ -126,7 +124,7 @@ class TimeLine:
         self._numbers: dict[str, int] = {}  # of topics, by name
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []  # numbers of topics, and log times
         self._n_waiting = 0
-        self._newest = array("q"), array("q")  # the same of single messages
+        self._newest: list[tuple[int, int]] = []  # the same of single messages
 
     def number(self, topic: str) -> int:
         """The number by which a topic is told."""
@@ -134,10 +132,8 @@ class TimeLine:
 
     def add(self, topic: str, stamp_ns: int) -> None:
         """The next message."""
-        numbers, stamps = self._newest
-        numbers.append(self.number(topic))
-        stamps.append(min(stamp_ns, _LATEST))
-        if len(stamps) >= BATCH:
+        self._newest.append((self.number(topic), min(stamp_ns, _LATEST)))
+        if len(self._newest) >= BATCH:
             self._take()
 
     def extend(self, numbers: np.ndarray, stamps: np.ndarray) -> None:
@@ -169,9 +165,10 @@ class TimeLine:
         return found
 
     def _take(self) -> None:
-        parts = [*self._waiting, tuple(np.array(one, np.int64) for one in self._newest)]
+        newest = np.array(self._newest, np.int64).reshape(-1, 2)
+        parts = [*self._waiting, (newest[:, 0], newest[:, 1])]
         numbers, stamps = (np.concatenate(column) for column in zip(*parts, strict=True))
-        self._waiting, self._n_waiting, self._newest = [], 0, (array("q"), array("q"))
+        self._waiting, self._n_waiting, self._newest = [], 0, []
         if not len(stamps):
             return
         self._all.take(stamps)

@@ -23,22 +23,24 @@ from dart_skill.recording.bags._file_check import EMPTY, FileGlance, McapCheck, 
 from dart_skill.recording.bags._files import (
     chosen_files,
     has_only_log,
+    is_packed,
     missing_parts,
     part_number,
     storage_files,
+    storage_of,
+    unpack_file,
 )
 from dart_skill.recording.bags._finding import RECOVER, REWRITE, SEVERITIES, Finding
-from dart_skill.recording.bags._inputs import is_packed, storage_of, unpack_file
 from dart_skill.recording.bags._message_check import NO_MESSAGES, FileFacts
 from dart_skill.recording.bags._metadata import (
     METADATA_FILE,
     METADATA_VERSION,
     extent_of,
+    full_name,
     lost_in,
     read_metadata_file,
     topics_of,
 )
-from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.bags._time_line import TimeLine
 from dart_skill.recording.bags.reader import BagError, BagReader
 from dart_skill.recording.mcap import DamagedError
@@ -69,7 +71,7 @@ def glance(path: str | os.PathLike, topics: tuple[str, ...]) -> list[Finding]:
     * path: folder or file.
     * topics: endings of the names of topics whose log times are looked at.
     """
-    path, look = Path(path), partial(_glance_at, topics=topics)
+    path, look = Path(path), partial(FileGlance, topics=topics)
     with suppress(DamagedError, OSError):
         if path.is_dir() and storage_files(path):
             return _sorted(_found_in(path, look))
@@ -82,10 +84,6 @@ def glance(path: str | os.PathLike, topics: tuple[str, ...]) -> list[Finding]:
 
 def _check_of(file: Path, line: TimeLine, name: str, types: Typestore | None) -> FileFacts:
     return (SqliteCheck if storage_of(file) == "sqlite3" else McapCheck)(file, types, line, name)
-
-
-def _glance_at(file: Path, line: TimeLine, name: str, topics: tuple[str, ...]) -> FileFacts:
-    return FileGlance(file, topics, line, name)
 
 
 def _found_in(path: Path, look: Callable[[Path, TimeLine, str], FileFacts]) -> list[Finding]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import itertools
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from dart_skill.common.constants import NS_PER_S
+from dart_skill.common.extras import optional
 from dart_skill.recording.bags.messages import deserialize, is_stamped
 
 STAMP = slice(4, 12)
@@ -28,6 +29,8 @@ TIME = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
 LITTLE_ENDIAN = 1
 
 
+MOST_ELEMENTS = 64
+"""A longer array stays one in its cell of a table of pandas."""
 MOST_LAYOUTS = 16
 """Largest number of layouts of a topic that are taken at once; what is laid out otherwise is read
 one by one.
@@ -113,28 +116,6 @@ def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | No
     return Pattern(example, of_numbers, common, np.frombuffer(payload, dtype=np.uint8))
 
 
-def columns_of(
-    types: Typestore, type_name: str, payloads: Sequence[bytes]
-) -> tuple[Any, np.ndarray, np.ndarray] | None:
-    """The first message, the stamps (n,) [ns], and all float64 of each message in the order of its
-    fields (n, k).
-
-    None where the messages have more than that to themselves, such as names or lengths, and have
-    to be read one by one.
-
-    * types: that know the messages.
-    * type_name: of all messages.
-    * payloads: (n,), CDR, at least one.
-    """
-    pattern = pattern_of(types, type_name, bytes(payloads[0]))
-    table = None if pattern is None else pattern.table(payloads)
-    return (
-        None
-        if pattern is None or table is None
-        else (pattern.example, *pattern.stamps_and_numbers(table))
-    )
-
-
 def columns_by_layout(
     types: Typestore, type_name: str, payloads: Sequence[bytes]
 ) -> tuple[list[Columns], list[int]]:
@@ -202,3 +183,38 @@ def _marked(
             yield from own.tolist()
         elif node == Nodetype.NAME:
             yield from _marked(types, str(detail), value, marks)
+
+
+def frame_of(messages: Iterable[Any]) -> Any:
+    """A pandas.DataFrame: a row for each decoded message, by its log time; a column for each
+    number and text in it, by its path.
+    """
+    pandas = optional("pandas")
+    stamps, rows = [], []
+    for one in messages:
+        stamps.append(one.stamp_ns)
+        rows.append(dict(_cells("", one.data)))
+    return pandas.DataFrame(
+        rows, index=pandas.Index(np.array(stamps, dtype=np.int64), name="log_time_ns")
+    )
+
+
+def _cells(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Paths and values of the leaves of a message."""
+    if _is_time(value):
+        yield path, int(value.sec) * 1_000_000_000 + int(value.nanosec)
+    elif hasattr(value, "__dataclass_fields__"):
+        for name in value.__dataclass_fields__:
+            if name != "__msgtype__":
+                yield from _cells(f"{path}.{name}" if path else name, getattr(value, name))
+    elif isinstance(value, (np.ndarray, list, tuple)) and len(value) <= MOST_ELEMENTS:
+        for k, item in enumerate(value):
+            yield from _cells(f"{path}[{k}]", item)
+    else:
+        yield path, value.item() if isinstance(value, np.generic) else value
+
+
+def _is_time(value: Any) -> bool:
+    """A stamp or a duration, which is one number of nanoseconds."""
+    fields: Mapping[str, Any] = getattr(value, "__dataclass_fields__", {})
+    return {name for name in fields if name != "__msgtype__"} == {"sec", "nanosec"}

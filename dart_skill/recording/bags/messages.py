@@ -21,7 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.common.configuration import shared_folders
 from dart_skill.recording.bags._definitions import interface_of, nested, parts_of, split_definition
-from dart_skill.recording.bags._names import full_name
+from dart_skill.recording.bags._metadata import full_name
 
 PACKAGE = "dart_skill_msgs"
 _PARTS = {".msg": 1, ".srv": 2, ".action": 3}
@@ -176,7 +176,7 @@ def pose_content(position: Sequence[float], quaternion: Sequence[float]) -> dict
 
 @cache
 def shared_types() -> Typestore:
-    """The store of `typestore`, made once; nobody adds to it but `types_for`."""
+    """The store of `typestore`, made once; only `types_for` adds to it."""
     return typestore()
 
 

@@ -89,8 +89,14 @@ class Selection:
 class Playback:
     """The messages of an open bag in the order in which they are due; iterate once.
 
-    topics: published name -> what the bag says of it; ValueError if nothing is left to play.
-    selection: what of the bag is played.
+    * bag: is open.
+    * selection: what of the bag is played.
+
+    Attributes:
+
+    * topics: what the bag says of each topic, by its published name.
+
+    ValueError if nothing is left to play.
     """
 
     def __init__(self, bag: BagReader, selection: Selection):
@@ -156,7 +162,7 @@ BEHIND = 0.5
 
 
 class Pace:
-    """Where playing has come to on somebody's clock.
+    """Position of a playback on a clock.
 
     * rate: seconds of the bag in a second of the clock; 0: as fast as can be.
     * now: the time of that clock [s]; every method needs it.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -23,25 +23,23 @@ from dart_skill.recording.bags._files import (
     chosen_files,
     files_in,
     has_only_log,
-    missing_parts,
-    part_number,
-    unpacked_name,
-)
-from dart_skill.recording.bags._inputs import (
     is_packed,
+    missing_parts,
     open_input,
+    part_number,
     storage_of,
     unpack_file,
     unpacked_messages,
+    unpacked_name,
 )
 from dart_skill.recording.bags._metadata import (
     RECORD_NAME,
+    full_name,
     known_metadata,
     parse_record,
     profiles,
     topics_of,
 )
-from dart_skill.recording.bags._names import full_name
 from dart_skill.recording.mcap import (
     END_OF_TIME,
     BagMessage,
@@ -103,7 +101,7 @@ class BagFile:
     """A file of a bag.
 
     size: in bytes.
-    count: messages; None if nobody tells it of this file alone.
+    count: messages; None if it is not known of this file alone.
     start_ns, end_ns: log times of its first and last message, 0 without messages; None like count.
     library: its writer.
     compression: of its chunks, or of all of it.
@@ -122,9 +120,9 @@ class BagReader:
     """An open bag; a context manager. Raises BagError for what is no whole bag.
 
     * path: rosbag2 folder, or .mcap or .db3 file, or .bag file of ROS 1.
-    * types: definitions for topics whose bag holds none, or what makes these when they are needed
-      (`typestore`). The attribute of this name decodes the messages. Bags that define the same
-      types share it: make another store to add to it.
+    * types: definitions for topics whose bag holds none (`typestore`); None: those of ROS 2 Jazzy
+      and ours. The attribute of this name decodes the messages. Bags that define the same types
+      share it: make another store to add to it.
 
     Attributes:
 
@@ -138,23 +136,24 @@ class BagReader:
     * message_count: on all topics.
     """
 
-    def __init__(
-        self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None
-    ):
+    def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
         self.path, self._given = Path(path), types
         if not self.path.exists():
             raise BagError(f"{self.path}: no such bag")
         metadata = known_metadata(self.path) if self.path.is_dir() else {}
         files = _storage_files(self.path, metadata)
         with _explained(self.path):
-            self._source = source = _opened(self.path, files, metadata)
+            if is_of_ros1(files[0]):
+                from dart_skill.recording.bags._ros1 import Ros1Source
+
+                self._source: _Source | Ros1Source = Ros1Source(files[0])
+            else:
+                self._source = _Source(self.path, files, metadata)
+            source = self._source
             self._definitions = source.definitions
-        self._types_by_definition: dict[
-            tuple[str, str, str], tuple[Typestore, dict[str, str]]
-        ] = {}
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
-        self.custom_data: dict[str, str] = dict(source.custom_data)
+        self.custom_data: dict[str, str] = dict(self.metadata.get("custom_data") or {})
         self.message_count = sum(topic.count for topic in self.topics.values())
         self.storage = source.storage
 
@@ -168,40 +167,34 @@ class BagReader:
         """All types that are known, and why others are not. What the bag does not define is as it
         was given, else as ROS 2 Jazzy has it.
         """
-        store, unknown = _shared_types(self._definitions)
-        names = {
+        store, unknown = _types_in(self._definitions, None, frozenset())
+        names = frozenset(
             name
             for topic in self.topics.values()
             if topic.encoding == "cdr"
             for name in (topic.type_name, *topic.other_types)
-        }
+        )
         if names <= store.fielddefs.keys():
             return store, unknown
-        if self._given is None:
-            return _with_standard_types(self._definitions, frozenset(names))
-        from dart_skill.recording.bags._definitions import embedded_types
-
-        return embedded_types(self._definitions, self._other_types, names)
+        # a store that was given may get other types later
+        types_in = _types_in if self._given is None else _types_in.__wrapped__
+        return types_in(self._definitions, self._other_types, names)
 
     def _types_of(self, type_name: _DefinedType) -> tuple[Typestore, dict[str, str]]:
         """The same for a type that the bag defines in several ways. type_name: with its own
         definition.
         """
-        from dart_skill.recording.bags._definitions import embedded_types
-
-        if type_name.definition not in self._types_by_definition:
-            others = [one for one in self._definitions if one[0] != type_name]
-            found = embedded_types([*others, type_name.definition], self._other_types, [type_name])
-            self._types_by_definition[type_name.definition] = found
-        return self._types_by_definition[type_name.definition]
+        others = (one for one in self._definitions if one[0] != type_name)
+        return _types_in(
+            (*others, type_name.definition), self._other_types, frozenset([type_name])
+        )
 
     @cached_property
     def _other_types(self) -> Typestore:
         """Types that do not come from the bag."""
         from dart_skill.recording.bags.messages import shared_types
 
-        given = shared_types if self._given is None else self._given
-        return given() if callable(given) else given
+        return shared_types() if self._given is None else self._given
 
     def messages(
         self,
@@ -270,7 +263,7 @@ class BagReader:
         Stamps and durations are nanoseconds. start_ns, stop_ns: as for `messages`.
         ModuleNotFoundError without pandas.
         """
-        from dart_skill.recording.bags._frames import frame_of
+        from dart_skill.recording.bags.columns import frame_of
 
         return frame_of(self.messages([topic], start_ns, stop_ns))
 
@@ -318,9 +311,7 @@ class GraphBag(BagReader):
     BagError for a bag of several graphs.
     """
 
-    def __init__(
-        self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None
-    ):
+    def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
         super().__init__(path, types)
         self.namespace = self._found_namespace()
         self._full = {self._in_graph(name): name for name in self.topics}
@@ -356,15 +347,6 @@ class GraphBag(BagReader):
         return name.removeprefix(self.namespace) if name.startswith(f"{self.namespace}/") else name
 
 
-def _opened(path: Path, files: list[Path], metadata: dict) -> _Source | Ros1Source:
-    """What reads the files of a bag."""
-    if not is_of_ros1(files[0]):
-        return _Source(path, files, metadata)
-    from dart_skill.recording.bags._ros1 import Ros1Source
-
-    return Ros1Source(files[0])
-
-
 class _Source:
     """The files of a bag, in order: MCAP or SQLite, as their first bytes say, packed or not."""
 
@@ -384,7 +366,6 @@ class _Source:
         self.start_ns = min((file.start_ns for file in filled), default=0)
         self.end_ns = max((file.end_ns for file in filled), default=0)
         self.metadata = metadata or self._embedded_metadata()
-        self.custom_data = self.metadata.get("custom_data") or {}
         self._names: dict[
             tuple[int, int], str
         ] = {}  # of topics, by number of the file and number of the channel
@@ -721,27 +702,14 @@ def _thinned(messages: Iterable[BagMessage], every_ns: int) -> Iterator[BagMessa
             yield one
 
 
-@lru_cache(maxsize=8)
-def _with_standard_types(
-    definitions: tuple[tuple[str, str, str], ...], names: frozenset[str]
+@lru_cache(maxsize=16)
+def _types_in(
+    definitions: tuple[tuple[str, str, str], ...], others: Typestore | None, names: frozenset[str]
 ) -> tuple[Typestore, dict[str, str]]:
-    """The same with types that the bag lacks as ROS 2 Jazzy has them."""
-    from dart_skill.recording.bags._definitions import embedded_types
-    from dart_skill.recording.bags.messages import shared_types
-
-    return embedded_types(definitions, shared_types(), names)
-
-
-@lru_cache(maxsize=8)
-def _shared_types(
-    definitions: tuple[tuple[str, str, str], ...],
-) -> tuple[Typestore, dict[str, str]]:
-    """As `embedded_types` without others, once for all bags that define the same, as those of one
-    graph do.
-    """
+    """As `embedded_types`, once for all bags that define the same, as those of one graph do."""
     from dart_skill.recording.bags._definitions import embedded_types
 
-    return embedded_types(definitions, None)
+    return embedded_types(definitions, others, names)
 
 
 @contextmanager

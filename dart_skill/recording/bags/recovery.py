@@ -13,13 +13,16 @@ import shutil
 from pathlib import Path
 
 from dart_skill.common.files import require_file
-from dart_skill.recording.bags._contents import SQLITE, foreign, packing, unpack
 from dart_skill.recording.bags._files import (
+    SQLITE_MAGIC,
     SUFFIXES,
+    foreign,
     has_only_log,
     missing_parts,
     named_files,
+    packing,
     part_number,
+    unpack,
 )
 from dart_skill.recording.bags._mcap_recovery import recover_mcap
 from dart_skill.recording.bags._metadata import read_metadata_file
@@ -27,7 +30,7 @@ from dart_skill.recording.bags._recovered_bag import LostPlace, RecoveredBag, Re
 from dart_skill.recording.bags._sqlite_recovery import recover_sqlite
 from dart_skill.recording.bags._text_mode import as_it_was, how_copied
 from dart_skill.recording.bags.reader import BagError
-from dart_skill.recording.mcap import mapped
+from dart_skill.recording.mcap import DamagedError, mapped
 
 __all__ = ["LostPlace", "Recovery", "recover"]
 COMPRESSED = (".zstd", ".zst", ".gz")
@@ -145,8 +148,8 @@ def _take(bag: RecoveredBag, file: Path, scratch: Path) -> None:
     plain = scratch / _plain_name(file)
     try:
         reason = unpack(file, kind, plain)
-    except ValueError as error:
-        raise BagError(f"{file.name}: {error}") from error
+    except DamagedError as error:
+        raise BagError(str(error)) from error
     bag.note(
         f"{file.name} is compressed with {kind}: what follows is said of its"
         f" {plain.stat().st_size} bytes, unpacked"
@@ -202,7 +205,7 @@ def _take_plain(
 
 def _is_one(data: memoryview) -> bool:
     """Whether a file begins as a bag does."""
-    return bytes(data[: len(SQLITE)]) == SQLITE or bytes(data[1:5]) == b"MCAP"
+    return bytes(data[: len(SQLITE_MAGIC)]) == SQLITE_MAGIC or bytes(data[1:5]) == b"MCAP"
 
 
 def _refuse(bag: RecoveredBag, file: Path, size: int, reason: str) -> None:
@@ -211,7 +214,7 @@ def _refuse(bag: RecoveredBag, file: Path, size: int, reason: str) -> None:
 
 
 def _take_bytes(bag: RecoveredBag, file: Path, name: str, data: memoryview, scratch: Path) -> None:
-    if bytes(data[: len(SQLITE)]) == SQLITE or (
+    if bytes(data[: len(SQLITE_MAGIC)]) == SQLITE_MAGIC or (
         ".db3" in Path(name).suffixes and not _is_one(data)
     ):
         recover_sqlite(bag, name, file, data, scratch)

@@ -33,15 +33,16 @@ from dart_skill.recording.imports.mapping import (
     parse_mapping,
     with_remedies,
 )
-from dart_skill.recording.imports.orientation_leaps import Leaps, find_leaps
 from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import (
     AS_OURS,
     UP_AXES,
     Axes,
+    Leaps,
     PoseStream,
     RigidTransform,
     axes_matrix,
+    find_leaps,
     nearest_axes,
 )
 from dart_skill.recording.imports.throw_recording import (

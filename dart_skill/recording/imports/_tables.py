@@ -102,7 +102,7 @@ def _of_text(
     for key, said in {**units, "time": unit}.items():
         _check_units(file, above, said, places.get(key, ()))
     stamps, numbers = file.read(
-        _from(file, first),
+        file.rows(first.number - 1),
         Timing(places.pop("time")[0], unit),
         [one for some in places.values() for one in some],
     )
@@ -112,10 +112,6 @@ def _of_text(
         if places
         else {"time": stamps}
     )
-
-
-def _from(file: TextFile, first: Row) -> Any:
-    return (row for row in file.rows() if row.number >= first.number)
 
 
 def _names(above: Sequence[Row]) -> list[list[str]]:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +25,11 @@ from dart_skill.recording.bags import (
     TopicInfo,
     columns_by_layout,
     glance,
-    typestore,
 )
 from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, read_commands
 from dart_skill.recording.imports.faults import BAG, NOTE, Fault
 from dart_skill.recording.imports.frame_tree import FrameTree, read_frame_tree
-from dart_skill.recording.imports.joint_streams import States, read_states
+from dart_skill.recording.imports.joint_streams import read_states
 from dart_skill.recording.imports.mapping import OWN, PoseSource, RecordingMapping, SignalSource
 
 BODY_TYPES = (
@@ -42,10 +42,10 @@ BODY_TYPES = (
 """Types of which every message is a pose of one body."""
 POSE_TYPES = (*BODY_TYPES, "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
-PART_NS, PAUSE_NS = 180_000_000_000, 500_000_000
-"""A part of a long recording takes so long, and ends with the next pause of so long, or when it is
-twice as long [ns].
-"""
+PART_NS = 180_000_000_000
+"""Shortest part of a long recording; the longest one is twice as long [ns]."""
+PAUSE_NS = 500_000_000
+"""Shortest pause with which a part ends [ns]."""
 SAME_POSE = 1e-6
 """Largest difference between two poses that are the same [m] and [1]."""
 
@@ -98,7 +98,7 @@ def filled_topics(bag: BagReader, *kinds: str) -> list[str]:
 
 
 def buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
-    """Who tells the hand to open, and where. mapping: says it."""
+    """Who tells the hand to open, and where it was recorded; None where it was not."""
     return [("teacher", mapping.teacher), ("command", mapping.command)]
 
 
@@ -116,8 +116,7 @@ def bag_faults(source: Path, mapping: RecordingMapping = OWN) -> list[Fault]:
 
 
 def _sources(mapping: RecordingMapping) -> dict[str, PoseSource | SignalSource]:
-    sources = {**mapping.bodies, "joints": mapping.joints, **dict(buttons(mapping))}
-    return {role: where for role, where in sources.items() if where is not None}
+    return {**mapping.bodies, **mapping.signals}
 
 
 def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterator[dict[str, Any]]:
@@ -132,7 +131,7 @@ def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterat
     if not wanted:
         yield {}
         return
-    with (GraphBag if mapping is OWN else BagReader)(source, typestore) as bag:
+    with (GraphBag if mapping is OWN else BagReader)(source) as bag:
         there = {}
         for role, where in wanted.items():
             if where.topic in bag.topics:
@@ -149,51 +148,26 @@ def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterat
             part_ns if signals else 0,
         ):
             found = _collected(part, there, bag, signals, tree)
-            _require_told_frames(
-                {
-                    role: one
-                    for role, one in found.items()
-                    if isinstance(one, Poses) and not there[role].frame
-                },
-                tree,
-            )
+            _require_told_frames(found, there, tree)
             yield found
 
 
 def _parts(messages: Iterator[BagMessage], part_ns: int) -> Iterator[Iterator[BagMessage]]:
-    """The messages of each part, to be taken one after the other."""
-    first = next(messages, None)
-    if first is None:
+    """The messages of each part, to be taken one after the other; at least one part."""
+    number, begin, last = -1, 0, 0
+
+    def number_of(message: BagMessage) -> int:
+        nonlocal number, begin, last
+        lasted, pause, last = message.stamp_ns - begin, message.stamp_ns - last, message.stamp_ns
+        ends = part_ns and lasted >= part_ns and (pause > PAUSE_NS or lasted >= 2 * part_ns)
+        if ends or number < 0:
+            number, begin = number + 1, message.stamp_ns
+        return number
+
+    for _number, part in groupby(messages, number_of):
+        yield part
+    if number < 0:
         yield iter(())
-    while first is not None:
-        part = _Part(first, messages, part_ns)
-        yield iter(part)
-        first = part.following
-
-
-class _Part:
-    """Messages up to the end of a part; afterwards `following` is the first of the next one, None
-    if there is none.
-    """
-
-    def __init__(self, first: BagMessage, messages: Iterator[BagMessage], part_ns: int):
-        self._first, self._messages, self._part_ns = first, messages, part_ns
-        self.following: BagMessage | None = None
-
-    def __iter__(self) -> Iterator[BagMessage]:
-        yield self._first
-        begin = last = self._first.stamp_ns
-        for message in self._messages:
-            lasted = message.stamp_ns - begin
-            if (
-                self._part_ns
-                and lasted >= self._part_ns
-                and (message.stamp_ns - last > PAUSE_NS or lasted >= 2 * self._part_ns)
-            ):
-                self.following = message
-                return
-            last = message.stamp_ns
-            yield message
 
 
 def _collected(
@@ -204,18 +178,28 @@ def _collected(
     tree: Callable[[], FrameTree],
 ) -> dict[str, Any]:
     """What was collected of some messages for each role."""
-    collectors: dict[tuple, list[Callable]] = {}  # by topic and type
-    collected: dict[str, Callable[[], Any]] = {}
-    for role, where in wanted.items():
-        type_name = _type_for(role, bag.topics[where.topic], bag.path)
-        collected[role], collect = _collector(
-            role, where, type_name.rsplit("/", 1)[-1], bag, signals, tree
-        )
-        collectors.setdefault((where.topic, type_name), []).append(collect)
+    kinds = {
+        role: (where.topic, _type_for(role, bag.topics[where.topic], bag.path))
+        for role, where in wanted.items()
+    }
+    found: dict[tuple, list[BagMessage]] = {kind: [] for kind in kinds.values()}
     for message in messages:
-        for collect in collectors.get(message[:2], ()):
-            collect(message)
-    return {role: content() for role, content in collected.items()}
+        if message[:2] in found:
+            found[message[:2]].append(message)
+    collected: dict[str, Any] = {}
+    for role, where in wanted.items():
+        own, name = found[kinds[role]], kinds[role][1].rsplit("/", 1)[-1]
+        if role in signals:
+            is_by_log = where.clock.source == "log"
+            collected[role] = _signal(own, name, bag, signals[role], is_by_log)
+        elif isinstance(where, SignalSource):
+            types = bag.typed(own[0])[0] if own else bag.types
+            collected[role] = read_states(
+                own, types, lambda one: bag.typed(one)[1], where, _stamp_of
+            )
+        else:
+            collected[role] = _poses(_by_frame(own, where, name, bag), role, where, tree)
+    return collected
 
 
 def _type_for(role: str, topic: TopicInfo, path: Path) -> str:
@@ -230,37 +214,6 @@ def _type_for(role: str, topic: TopicInfo, path: Path) -> str:
         f"{path}: {topic.name} has type {', '.join(types) or 'none'}; for '{role}' it must be one"
         f" of {', '.join(kinds)}"
     )
-
-
-def _collector(
-    role: str,
-    where: PoseSource | SignalSource,
-    name: str,
-    bag: BagReader,
-    signals: dict[str, Signal],
-    tree: Callable[[], FrameTree],
-) -> tuple[Callable[[], Any], Callable[[BagMessage], None]]:
-    """Two functions: what was collected of a topic in the end, and one that takes a message. name:
-    of its type, without the package.
-    """
-    messages: list[BagMessage] = []
-    if role in ("teacher", "command"):
-        return (
-            lambda: _signal(messages, name, bag, signals[role], where.clock.source == "log"),
-            messages.append,
-        )
-    if isinstance(where, SignalSource):
-        return lambda: _states(messages, where, bag), messages.append
-    assert isinstance(where, PoseSource)  # as every body has
-    return (
-        lambda: _poses(_by_frame(messages, where, name, bag), role, where, tree),
-        messages.append,
-    )
-
-
-def _states(messages: list[BagMessage], where: SignalSource, bag: BagReader) -> States:
-    types = bag.typed(messages[0])[0] if messages else bag.types
-    return read_states(messages, types, lambda one: bag.typed(one)[1], where, _stamp_of)
 
 
 def _poses(
@@ -334,16 +287,10 @@ def _in_frame(
     """The poses in the frame that is asked for, which is any if none is, and what was done for
     that.
 
-    A frame that nobody filled in, and one with a slash before it as in ROS 1, are taken for it.
+    An empty frame, and one with a slash before it as in ROS 1, are taken for it.
     From others /tf leads there, or nothing.
     """
-    n = len(poses.stamps)
-
-    def fault(kind: str, count: int, text: str) -> Fault:
-        return Fault(
-            kind, role, int(poses.stamps.min()), int(poses.stamps.max()), count, text, True
-        )
-
+    n, stamps = len(poses.stamps), poses.stamps
     if not where.frame or frame == where.frame:
         return poses
     if frame in ("", f"/{where.frame}"):
@@ -352,48 +299,59 @@ def _in_frame(
             if frame
             else f"{n} poses are in a frame that nobody filled in"
         )
-        return replace(poses, faults=(fault(NOTE, n, f"{text}: taken to be '{where.frame}'"),))
-    one, by_log = frame.removeprefix("/"), where.clock.source == "log"
+        text += f": taken to be '{where.frame}'"
+        return replace(poses, faults=(Fault.of(NOTE, role, stamps, text, True),))
+    one = frame.removeprefix("/")
     if not tree().connects(one, where.frame):
         text = (
             f"{n} poses in '{frame}', and not in '{where.frame}', are left out, for no /tf leads"
             " there"
         )
-        return Poses(faults=(fault("frame", n, text),))
-    rows = tree().moved(
-        poses.rows, one, where.frame, poses.log if by_log else poses.stamps, by_log
-    )
+        return Poses(faults=(Fault.of("frame", role, stamps, text, True),))
+    rows = _moved(poses, one, where.frame, where, tree)
     known = np.isfinite(rows).all(axis=1) | ~np.isfinite(poses.rows).all(axis=1)
-    faults = (
-        [
-            fault(
-                NOTE,
-                int(known.sum()),
-                f"{known.sum()} poses in '{frame}' are taken to '{where.frame}' by /tf",
-            )
-        ]
-        if known.any()
-        else []
-    )
-    if not known.all():
+    count, gone, faults = int(known.sum()), int((~known).sum()), []
+    if count:
+        text = f"{count} poses in '{frame}' are taken to '{where.frame}' by /tf"
+        faults.append(Fault.of(NOTE, role, stamps, text, True, count=count))
+    if gone:
         text = (
-            f"{(~known).sum()} poses in '{frame}' are left out, for /tf does not tell where"
+            f"{gone} poses in '{frame}' are left out, for /tf does not tell where"
             f" '{where.frame}' was then"
         )
-        faults.append(fault("frame", int((~known).sum()), text))
+        faults.append(Fault.of("frame", role, stamps, text, True, count=gone))
     return Poses(poses.stamps[known], poses.log[known], rows[known], tuple(faults))
 
 
-def _require_told_frames(bodies: Mapping[str, Poses], tree: Callable[[], FrameTree]) -> None:
-    """ValueError if bodies are in frames that /tf tells apart, and nobody said in which one they
-    are wanted. bodies: by role.
+def _moved(
+    poses: Poses, frame: str, target: str, where: PoseSource, tree: Callable[[], FrameTree]
+) -> np.ndarray:
+    """The poses (n, 7) in another frame as it was when they were seen, by the clock of the
+    mapping; nan where /tf does not tell it.
     """
-    first = next(iter(bodies), "")
-    for role, poses in bodies.items():
-        frame, other = poses.frame.removeprefix("/"), bodies[first].frame.removeprefix("/")
+    by_log = where.clock.source == "log"
+    return tree().moved(poses.rows, frame, target, poses.log if by_log else poses.stamps, by_log)
+
+
+def _require_told_frames(
+    found: Mapping[str, Any],
+    sources: Mapping[str, PoseSource | SignalSource],
+    tree: Callable[[], FrameTree],
+) -> None:
+    """ValueError if bodies are in frames that /tf tells apart, and the mapping does not say in
+    which one they are wanted.
+    """
+    bodies = [
+        (role, found[role], where)
+        for role, where in sources.items()
+        if isinstance(where, PoseSource) and not where.frame
+    ]
+    for role, poses, where in bodies[1:]:
+        first, other = bodies[0][0], bodies[0][1].frame.removeprefix("/")
+        frame = poses.frame.removeprefix("/")
         if frame == other or not tree().connects(frame, other):
             continue
-        moved = np.abs(tree().moved(poses.rows, frame, other, poses.stamps) - poses.rows)
+        moved = np.abs(_moved(poses, frame, other, where, tree) - poses.rows)
         if moved[np.isfinite(moved)].max(initial=0.0) > SAME_POSE:
             raise ValueError(
                 f"the {first} is told in '{other}' and the {role} in '{frame}', and /tf says that"

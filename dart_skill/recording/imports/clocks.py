@@ -2,7 +2,7 @@
 what a mapping makes of both.
 
 A message has two times: its stamp, and the log time at which it was recorded, which is late but
-never early. Log time tells stamps that nobody filled in, seconds that are milliseconds, counters
+never early. Log time tells stamps that were not filled in, seconds that are milliseconds, counters
 that overflow. Of several topics it tells whose clocks are apart.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -53,13 +54,11 @@ OVERFLOWS = {
     2**32: "32 bits of nanoseconds",
     2**32 * 10**3: "32 bits of microseconds",
     2**32 * NS_PER_S: "32 bits of seconds",
-}
-OVERFLOWS |= {
     2**31: "31 bits of nanoseconds",
     2**16 * 10**6: "16 bits of milliseconds",
     NS_PER_S: "nanoseconds without seconds",
 }
-"""After which time [ns] counters of so many bits begin anew."""
+"""Sizes of counters by the time after which they begin anew [ns]."""
 HOUR_NS = 3600 * NS_PER_S
 
 
@@ -82,7 +81,7 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
 
     * body: its name, for faults.
     * stamps: as recorded (n,) [ns].
-    * log_ns: when each was recorded (n,) [ns], None where nobody kept that.
+    * log_ns: when each was recorded (n,) [ns], None where that was not kept.
     * clock: what a mapping says of them.
     """
     faults: list[Fault] = []
@@ -116,113 +115,81 @@ def _stamp_faults(
 ) -> tuple[np.ndarray, list[Fault]]:
     """Which samples have a stamp (n,), and what is wrong with the stamps as a whole."""
     n, filled = len(stamps), stamps != 0
-    if n > 1 and not filled[0] and 0 < stamps[1] < NS_PER_S:
-        filled[0] = True  # a clock that begins at 0, as that of a simulation or of a file
     if n < 2:
         return np.ones(n, dtype=bool), []
+    if not filled[0] and 0 < stamps[1] < NS_PER_S:
+        filled[0] = True  # a clock that begins at 0, as that of a simulation or of a file
     lasted = 1e-9 * float(log_ns.max() - log_ns.min())
     recorded = f"they were recorded over {lasted:.1f} s"
     if not filled.any():
-        return ~filled, [
-            _fault(
-                UNSTAMPED,
-                body,
-                stamps,
-                f"nobody filled in the stamps of {n} messages: all are 0; {recorded}",
-                "time: log",
-            )
-        ]
+        text = f"nobody filled in the stamps of {n} messages: all are 0; {recorded}"
+        return ~filled, [Fault.of(UNSTAMPED, body, stamps, text, remedy="time: log")]
     if np.ptp(stamps) == 0 and lasted > 0.1:
         text = f"all {n} messages have the same stamp, {1e-9 * stamps[0]:.3f} s; {recorded}"
-        return filled, [_fault(UNSTAMPED, body, stamps, text, "time: log")]
+        return filled, [Fault.of(UNSTAMPED, body, stamps, text, remedy="time: log")]
     faults = []
-    if not filled.all():
-        gone = int(n - filled.sum())
-        text = f"nobody filled in the stamps of {gone} of {n} messages, which are 0: left out"
-        faults.append(
-            _fault(
-                UNSTAMPED,
-                body,
-                stamps[filled],
-                text,
-                "time: log" if gone > 0.05 * n else "",
-                gone,
-                repaired=gone <= 0.05 * n,
-            )
-        )
     known, log = stamps[filled], log_ns[filled]
-    return filled, faults + (
-        _overflow(body, known, log)
-        or _rate_fault(body, known, log)
-        or _step_fault(body, known, log)
-    )
+    if gone := n - len(known):
+        text = f"nobody filled in the stamps of {gone} of {n} messages, which are 0: left out"
+        few = gone <= 0.05 * n
+        remedy = "" if few else "time: log"
+        faults.append(Fault.of(UNSTAMPED, body, known, text, few, remedy, gone))
+    wrong = _overflow(known, log) or _rate_fault(known, log) or _step_fault(known, log)
+    if wrong:
+        kind, text, remedy = wrong
+        faults.append(Fault.of(kind, body, known, text, remedy=remedy))
+    return filled, faults
 
 
-def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
+_Wrong: TypeAlias = "tuple[str, str, str] | None"
+"""Kind, message and remedy of what is wrong with stamps; None if nothing is."""
+
+
+def _rate_fault(stamps: np.ndarray, log_ns: np.ndarray) -> _Wrong:
     """A clock that goes a thousand times as fast as the log time, or a thousandth as fast."""
     if len(stamps) < LEAST:
-        return []
+        return None
     order = np.argsort(log_ns, kind="stable")[len(stamps) // 10 : -(len(stamps) // 10)]
     steps, logged = np.diff(stamps[order]), np.diff(log_ns[order])
     usual = np.argsort(np.abs(steps))[:-MOST_STEPS]  # without those of a clock that was set
     lasted, whole = (float(part[usual].mean()) * len(stamps) for part in (logged, steps))
-    if lasted < 1e8:
-        return []
-    rate = whole / lasted
+    rate = whole / lasted if lasted >= 1e8 else 1.0
     if rate < 0.0:
-        return [_fault(SET_BACK, body, stamps, "stamps run backwards all the time", "time: log")]
+        return SET_BACK, "stamps run backwards all the time", "time: log"
     if HONEST <= rate <= 1.0 / HONEST:
-        return []
+        return None
     told = f"stamps go forward by {1e-9 * whole:.6g} s while {1e-9 * lasted:.1f} s were recorded"
     for unit, ns in TIME_UNITS.items():
         if unit != "s" and 1.0 / 3.0 < rate * ns / NS_PER_S < 3.0:
-            return [
-                _fault(
-                    UNIT,
-                    body,
-                    stamps,
-                    f"{told}: their seconds are {unit} in truth",
-                    f"time: {unit}",
-                )
-            ]
-    return [
-        _fault(
-            UNIT,
-            body,
-            stamps,
-            f"{told}: seconds or nanoseconds are filled in wrongly",
-            "time: log",
-        )
-    ]
+            return UNIT, f"{told}: their seconds are {unit} in truth", f"time: {unit}"
+    return UNIT, f"{told}: seconds or nanoseconds are filled in wrongly", "time: log"
 
 
-def _step_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
+def _step_fault(stamps: np.ndarray, log_ns: np.ndarray) -> _Wrong:
     """Stamps that go forward rightly over seconds, but not from one message to the next, as where
     nanoseconds are microseconds.
     """
     if len(stamps) < LEAST or _unsteadiness(1e-9 * (log_ns - log_ns[0])) > 0.5:
-        return []
+        return None
     step, logged = float(np.median(np.diff(stamps))), float(np.median(np.diff(log_ns)))
     rate = rate_of(1e-9 * (np.maximum.accumulate(stamps) - stamps[0]))
     if (
         rate is not None and rate.is_bunched
     ) or FEWEST_STEPS * logged < step < logged / FEWEST_STEPS:
-        return []
+        return None
     text = (
         f"stamps go forward by {1e-6 * step:.3f} ms from one message to the next, which are"
-        f" {1e-6 * logged:.3f} ms apart: "
+        f" {1e-6 * logged:.3f} ms apart: the nanoseconds are filled in wrongly"
     )
-    return [
-        _fault(UNIT, body, stamps, f"{text}the nanoseconds are filled in wrongly", "time: log")
-    ]
+    return UNIT, text, "time: log"
 
 
-def _overflow(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
+def _overflow(stamps: np.ndarray, log_ns: np.ndarray) -> _Wrong:
     """Stamps that run back again and again by the same time, or once by more than a late message."""
     steps = np.diff(stamps)
     back = -steps[steps < -BACK_NS]
     if not len(back):
-        return []
+        return None
     usual = float(np.median(back))
     counter = next(
         (
@@ -232,22 +199,22 @@ def _overflow(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault]:
         ),
         "",
     )
-    if len(back) > 1 and np.ptp(back) > 0.05 * usual and not counter:
-        return []
+    if not counter and (len(back) == 1 or np.ptp(back) > 0.05 * usual):
+        return None
     why = (
         f"as a counter of {counter} does that overflows"
         if counter
         else "the clock was set, or a bag was played again"
     )
     text = f"stamps run back {len(back)} times by {1e-9 * usual:.3f} s, {why}"
-    if not counter and 1 < len(back) <= MOST_STEPS:
+    if not counter and len(back) <= MOST_STEPS:
         rows, late = np.flatnonzero(steps < -BACK_NS) + 1, 1e-9 * (log_ns - stamps)
         by = [
             float(np.median(late[row : row + LEAST]) - np.median(late[max(0, row - LEAST) : row]))
             for row in rows
         ]
-        return [_fault(SET_BACK, body, stamps, text, f"time_steps: {steps_at(stamps, rows, by)}")]
-    return [_fault(SET_BACK, body, stamps, text, "time: log")] if counter or len(back) > 1 else []
+        return SET_BACK, text, f"time_steps: {steps_at(stamps, rows, by)}"
+    return SET_BACK, text, "time: log"
 
 
 def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[Fault]:
@@ -335,15 +302,8 @@ def _of_difference(
         levels = [float(np.median(part)) * 1e-9 for part in np.split(off, steps + 1)]
         rows = [_leap(stamps, log_ns, at[k : k + 2]) for k in steps]
         told = f"time_shift: {levels[0]:.3f}, " if abs(levels[0]) > 1e-9 * APART_NS else ""
-        return [
-            _fault(
-                SET_BACK,
-                name,
-                stamps,
-                text,
-                f"{told}time_steps: {steps_at(stamps, rows, np.diff(levels))}",
-            )
-        ]
+        remedy = f"{told}time_steps: {steps_at(stamps, rows, np.diff(levels))}"
+        return [Fault.of(SET_BACK, name, stamps, text, remedy=remedy)]
     if drifts:
         shift = 1e-9 * level - slope * (float(np.median(at)) - float(at[0]))
         text = (
@@ -351,7 +311,7 @@ def _of_difference(
             f" by {1e3 * abs(slope):.3f} ms a second"
         )
         told = f"time_shift: {shift:.3f}, " if abs(shift) > 1e-9 * SAME_NS else ""
-        return [_fault("drift", name, stamps, text, f"{told}time_drift: {slope:.6f}")]
+        return [Fault.of("drift", name, stamps, text, remedy=f"{told}time_drift: {slope:.6f}")]
     if abs(level) <= APART_NS:
         return []
     hours = (
@@ -371,7 +331,7 @@ def _of_difference(
         f"stamps are {1e-9 * abs(level):.3f} s {side} those of the {reference}, by when both were"
         f" recorded: {kind}"
     )
-    return [_fault("clock", name, stamps, text, f"time_shift: {1e-9 * level:.3f}")]
+    return [Fault.of("clock", name, stamps, text, remedy=f"time_shift: {1e-9 * level:.3f}")]
 
 
 def _leap(stamps: np.ndarray, log_ns: np.ndarray, around: np.ndarray) -> int:
@@ -424,19 +384,6 @@ def _slope(at: np.ndarray, values: np.ndarray) -> float:
     return float(np.median((values[later] - values[earlier]) / (at[later] - at[earlier])))
 
 
-def _fault(
-    kind: str,
-    body: str,
-    stamps: np.ndarray,
-    text: str,
-    remedy: str,
-    count: int | None = None,
-    repaired: bool = False,
-) -> Fault:
-    count = len(stamps) if count is None else count
-    return Fault(kind, body, int(stamps.min()), int(stamps.max()), count, text, repaired, remedy)
-
-
 # rates
 
 
@@ -463,8 +410,7 @@ def rate_of(time: np.ndarray) -> Rate | None:
     """How often samples come at times (n,) [s], in ascending order; None of too few. It counts
     steps, and no frames between them.
     """
-    steps = np.diff(time)
-    steps = steps[steps < PAUSE]
+    steps = _without_pauses(time)
     if len(steps) < LEAST - 1 or steps.sum() <= 0.0:
         return None
     mean, median = float(np.mean(steps)), float(np.median(steps))
@@ -483,17 +429,14 @@ def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
     rate = rate_of((stamps - stamps[:1]) * 1e-9)
     if rate is None or not rate.is_bunched:
         return None
+    steps = 1e-9 * np.diff(stamps)
+    within = float(np.median(steps[steps < 0.5 * rate.interval])) * (rate.count - 1)
     text = (
-        f"stamps come in bursts, {rate.count} within {1e3 * _within(stamps, rate):.1f} ms every"
+        f"stamps come in bursts, {rate.count} within {1e3 * within:.1f} ms every"
         f" {1e3 * rate.interval:.0f} ms: of receipt, and not of the frames, of which there are"
         f" {1.0 / rate.period:.1f} a second"
     )
-    return rate, [_fault(BURSTS, body, stamps, text, "time: regular")]
-
-
-def _within(stamps: np.ndarray, rate: Rate) -> float:
-    steps = 1e-9 * np.diff(stamps)
-    return float(np.median(steps[steps < 0.5 * rate.interval])) * (rate.count - 1)
+    return rate, [Fault.of(BURSTS, body, stamps, text, remedy="time: regular")]
 
 
 def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
@@ -505,7 +448,7 @@ def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
     the earliest ones of a stretch say where its frames are.
 
     * times: stamps of the samples [ns].
-    * log_ns: when they were recorded (n,) [ns], None where nobody kept that.
+    * log_ns: when they were recorded (n,) [ns], None where that was not kept.
     """
     ruler = _ruler(times, log_ns)
     order = np.maximum.accumulate(ruler)
@@ -551,8 +494,7 @@ def _ruler(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
 
 def _unsteadiness(time: np.ndarray) -> float:
     """By which share the usual step of times (n,) [s] differs from the mean one."""
-    steps = np.diff(time)
-    steps = steps[(steps < PAUSE)]
+    steps = _without_pauses(time)
     return (
         abs(1.0 - float(np.median(steps) / np.mean(steps)))
         if len(steps) and np.mean(steps) > 0.0
@@ -560,10 +502,15 @@ def _unsteadiness(time: np.ndarray) -> float:
     )
 
 
+def _without_pauses(time: np.ndarray) -> np.ndarray:
+    """Steps between times (n,) [s], but for those over a pause."""
+    steps = np.diff(time)
+    return steps[steps < PAUSE]
+
+
 def _is_steady(time: np.ndarray) -> bool:
     """Whether most steps of times (n,) [s] are the usual one."""
-    steps = np.diff(time)
-    steps = steps[steps < PAUSE]
+    steps = _without_pauses(time)
     median = float(np.median(steps))
     return float(np.mean(np.abs(steps - median) < 0.3 * median)) > 0.8
 

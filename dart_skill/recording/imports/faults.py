@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MOST_OF_A_KIND = 4
-"""So many faults of one kind and body have a line of their own."""
+"""Most faults of one kind and body that have a line of their own."""
 GAP, NOTE, BAG, BACKWARDS = "gap", "note", "bag", "backwards"
 UNSTAMPED, UNIT, SET_BACK, BURSTS = "unstamped", "unit", "set_back", "bursts"
 TIMELESS = (UNSTAMPED, UNIT, SET_BACK, BURSTS)
@@ -48,6 +48,27 @@ class Fault:
     message: str
     repaired: bool
     remedy: str = ""
+
+    @classmethod
+    def of(
+        cls,
+        kind: str,
+        body: str,
+        stamps: np.ndarray,
+        message: str,
+        repaired: bool = False,
+        remedy: str = "",
+        count: int | None = None,
+    ) -> Fault:
+        """A fault of some samples.
+
+        * kind, body, message, repaired, remedy: as of the class.
+        * stamps: of the samples that are concerned (n,) [ns].
+        * count: of samples, if not n.
+        """
+        first, last = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
+        count = len(stamps) if count is None else count
+        return cls(kind, body, first, last, count, message, repaired, remedy)
 
     @property
     def is_information(self) -> bool:

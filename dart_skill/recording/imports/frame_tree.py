@@ -25,7 +25,7 @@ from dart_skill.common.quaternions import (
     to_vectors,
     unit,
 )
-from dart_skill.recording.bags import BagReader, deserialize, typestore
+from dart_skill.recording.bags import BagReader, deserialize
 
 LONGEST_GAP_NS = NS_PER_S
 """Longest time between two messages that a transform is interpolated over [ns]."""
@@ -133,7 +133,7 @@ def read_frame_tree(path: Path) -> FrameTree:
     BagError.
     """
     told: defaultdict[tuple[str, str], list[tuple[int, int, Any]]] = defaultdict(list)
-    with BagReader(path, typestore) as bag:
+    with BagReader(path) as bag:
         topics = [
             name
             for name, one in bag.topics.items()

@@ -33,7 +33,7 @@ AT_ONCE_NS = 250_000_000
 SILENCE_NS = 1_000_000_000
 """A voice that is silent for longer may have been replaced by another one [ns]."""
 OFTEN = 10
-"""So many leaps away and back are no accident."""
+"""Fewest leaps away and back that tell of a second publisher."""
 STRETCH_NS = 500_000_000
 """Speeds are not taken over a longer silence [ns]."""
 MOVES = 0.01
@@ -62,7 +62,7 @@ class States:
 
     * stamp_ns, log_ns: (n,) [ns].
     * position, velocity: (n, 7) [rad], [rad/s], in the senses and from the zeros that were
-      recorded; nan where nobody said it.
+      recorded; nan where they were not recorded.
     * names: of the joints; may be empty.
     * faults: what else was on the topic, and what is wrong.
     """
@@ -73,6 +73,12 @@ class States:
     velocity: np.ndarray
     names: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
+
+    @classmethod
+    def none(cls, names: tuple[str, ...]) -> States:
+        """No rows."""
+        stamps, rows = np.empty(0, np.int64), np.empty((0, N_JOINTS))
+        return cls(stamps, stamps, rows, rows, names)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -111,13 +117,6 @@ class _Voice:
     def __len__(self) -> int:
         return len(self.index)
 
-    def take(self, kept: np.ndarray) -> _Voice:
-        columns = {
-            name: getattr(self, name)[kept]
-            for name in ("index", "stamp_ns", "log_ns", "position", "velocity")
-        }
-        return replace(self, **columns)
-
     def __str__(self) -> str:
         names = f"{_listed(self.names)}" if self.names else "no joint by name"
         speeds = "" if self.n_velocities else ", no velocities"
@@ -147,13 +146,7 @@ def read_states(
     """
     voices = _voices(messages, types, decode, stamp_of, ANGLE_UNITS[where.angle])
     if not voices:
-        return States(
-            np.empty(0, np.int64),
-            np.empty(0, np.int64),
-            np.empty((0, N_JOINTS)),
-            np.empty((0, N_JOINTS)),
-            where.names,
-        )
+        return States.none(where.names)
     asked = [
         one for one in voices if where.frame in ("", one.frame) and where.listed in ((), one.names)
     ]
@@ -369,7 +362,7 @@ def _rows(
                     rows,
                     faults=(
                         *rows.faults,
-                        _note(rows, len(rows), f"from here on they are called {_listed(names)}"),
+                        _note(rows, f"from here on they are called {_listed(names)}"),
                     ),
                 )
             parts.append(rows)
@@ -415,7 +408,6 @@ def _row_states(voice: _Voice, names: tuple[str, ...]) -> States:
             faults=(
                 _note(
                     states,
-                    len(states),
                     "no names were recorded: they are taken to be in the arm's order",
                 ),
             ),
@@ -521,15 +513,7 @@ def _silenced(rows: States, voice: str) -> Fault:
     value = np.round(rows.position[0], 3).tolist()
     said = "zeros" if not rows.position[0].any() else f"always {value}"
     text = f"{voice} say {said} while the others move: another publisher's, left out"
-    return Fault(
-        "other_publisher",
-        JOINTS,
-        int(rows.stamp_ns[0]),
-        int(rows.stamp_ns[-1]),
-        len(rows),
-        text,
-        True,
-    )
+    return Fault.of("other_publisher", JOINTS, rows.stamp_ns, text, True)
 
 
 def _contradiction(
@@ -573,15 +557,8 @@ def _joined(voices: list[_Voice], names: tuple[str, ...]) -> States:
         if joints:
             parts.append((joints, voice, [voice.names.index(names[k]) for k in joints]))
     covered = {k for joints, _, _ in parts for k in joints}
-    empty = States(
-        np.empty(0, np.int64),
-        np.empty(0, np.int64),
-        np.empty((0, N_JOINTS)),
-        np.empty((0, N_JOINTS)),
-        names,
-    )
     if len(covered) < N_JOINTS:
-        return empty
+        return States.none(names)
     base = max(parts, key=lambda part: len(part[1]))[1]
     position, velocity = np.full((2, len(base), N_JOINTS), np.nan)
     for k in range(N_JOINTS):
@@ -599,7 +576,7 @@ def _joined(voices: list[_Voice], names: tuple[str, ...]) -> States:
         f"{', '.join(others)} come in messages of their own: taken at the instants of the others,"
         " on straight lines between two of them"
     )
-    return replace(states, faults=(_note(states, len(states), text),))
+    return replace(states, faults=(_note(states, text),))
 
 
 def _between(at: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -653,7 +630,7 @@ def _numbered(states: States) -> States:
         f"{len(gone)} states lack the position of a joint (not a number, or nobody said it):"
         " left out"
     )
-    fault = Fault("not_finite", JOINTS, int(gone[0]), int(gone[-1]), len(gone), text, True)
+    fault = Fault.of("not_finite", JOINTS, gone, text, True)
     return replace(states.take(known), faults=(*states.faults, fault))
 
 
@@ -684,31 +661,21 @@ def _of_others(
             useless["has no names"] += len(voice)
     if foreign and namings[0]:
         text = f"besides the arm's there are {_listed(list(foreign))}: not looked at"
-        notes.append(_note(states, max(foreign.values()), text))
+        notes.append(_note(states, text, max(foreign.values())))
     if not any("messages of their own" in fault.message for fault in states.faults):
-        notes += [_note(states, n, f"{n} messages left out: {why}") for why, n in useless.items()]
+        notes += [_note(states, f"{n} messages left out: {why}", n) for why, n in useless.items()]
     if namings[0] and namings[0] != joint_names():
         notes.append(
             _note(
                 states,
-                len(states),
                 f"the joints of the arm are taken to be {_listed(namings[0])}, in this order",
             )
         )
     return notes
 
 
-def _note(states: States, count: int, text: str) -> Fault:
-    stamps = states.stamp_ns
-    return Fault(
-        NOTE,
-        JOINTS,
-        int(stamps[0]) if len(stamps) else 0,
-        int(stamps[-1]) if len(stamps) else 0,
-        count,
-        text,
-        True,
-    )
+def _note(states: States, text: str, count: int | None = None) -> Fault:
+    return Fault.of(NOTE, JOINTS, states.stamp_ns, text, True, count=count)
 
 
 # velocities
@@ -738,15 +705,9 @@ def _with_speeds(
     )
     if zero.any():
         text = f"velocities are zero for {int(zero.sum())} joints that move: taken as missing"
-    fault = Fault(
-        NOTE,
-        JOINTS,
-        int(stamps[0]),
-        int(stamps[-1]),
-        int(missing.any(axis=1).sum()),
-        f"{text}; from the positions instead",
-        True,
-    )
+    count = int(missing.any(axis=1).sum())
+    text += "; from the positions instead"
+    fault = Fault.of(NOTE, JOINTS, stamps, text, True, count=count)
     return np.where(missing, _speeds(stamps, position), velocity), [fault]
 
 

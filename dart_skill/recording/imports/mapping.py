@@ -256,6 +256,12 @@ class RecordingMapping:
     optional: tuple[str, ...] = ()
 
     @property
+    def signals(self) -> dict[str, SignalSource]:
+        """Sources of joint states and commands by their names, of those that there are."""
+        sources = {name: getattr(self, name) for name in ("joints", "teacher", "command")}
+        return {name: where for name, where in sources.items() if where is not None}
+
+    @property
     def is_own(self) -> bool:
         """Whether everything is where our own recorder writes it."""
         return self.bodies == OWN.bodies and self.joints == OWN.joints
@@ -316,20 +322,13 @@ def with_remedies(mapping: RecordingMapping, faults: Iterable[Fault]) -> Recordi
     """A mapping with what mends faults of stamps. faults: as a recording has them that was read
     with it. mapping: the one without.
     """
-    bodies, signals = (
-        dict(mapping.bodies),
-        {name: getattr(mapping, name) for name in ("joints", "teacher", "command")},
-    )
+    bodies: dict[str, Any] = dict(mapping.bodies)
+    signals: dict[str, Any] = dict(mapping.signals)
     for fault in faults:
-        group: dict[str, Any] = bodies if fault.body in bodies else signals
-        if fault.remedy and group.get(fault.body) is not None:
-            where = group[fault.body]
-            group[fault.body] = replace(
-                where,
-                clock=_clock(
-                    _Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body), where.clock
-                ),
-            )
+        group = bodies if fault.body in bodies else signals
+        if fault.remedy and (where := group.get(fault.body)):
+            remedy = _Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body)
+            group[fault.body] = replace(where, clock=_clock(remedy, where.clock))
     return replace(mapping, bodies=bodies, **signals)
 
 
@@ -345,7 +344,7 @@ class _Section:
         self._asked: list[str] = []
 
     def has(self, key: str) -> bool:
-        """Whether a key is there that nobody has asked for yet."""
+        """Whether a key is there that was not taken yet."""
         return key in self._left
 
     def take(self, key: str, default: Any, check: Callable[[Any], bool], what: str) -> Any:
@@ -386,7 +385,7 @@ class _Section:
         return tuple(float(x) for x in self.take(key, default, check, f"a list of {size} numbers"))
 
     def nothing_else(self) -> None:
-        """MappingError if there are keys that nobody asked for."""
+        """MappingError if there are keys that were not taken."""
         if self._left:
             raise MappingError(
                 f"{self.place}: unknown key '{next(iter(self._left))}'; known are"
@@ -456,10 +455,7 @@ def mapping_text(mapping: RecordingMapping) -> str:
     """
     content: dict[str, Any] = {"frame": mapping.frame}
     content |= {role: _pose_keys(where) for role, where in mapping.bodies.items()}
-    for name in ("joints", "teacher", "command"):
-        where = getattr(mapping, name)
-        if where is not None:
-            content[name] = _signal_keys(where)
+    content |= {name: _signal_keys(where) for name, where in mapping.signals.items()}
     return yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140
     )
@@ -471,15 +467,8 @@ def clocks_of(mapping: RecordingMapping) -> dict[str, dict[str, Any]]:
 
     * mapping: says it.
     """
-    sources = {
-        **mapping.bodies,
-        **{name: getattr(mapping, name) for name in ("joints", "teacher", "command")},
-    }
-    return {
-        name: keys
-        for name, where in sources.items()
-        if where is not None and (keys := _clock_keys(where.clock))
-    }
+    sources: dict[str, PoseSource | SignalSource] = {**mapping.bodies, **mapping.signals}
+    return {name: keys for name, where in sources.items() if (keys := _clock_keys(where.clock))}
 
 
 def _pose_keys(where: PoseSource) -> dict[str, Any]:
@@ -696,16 +685,12 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
         )
     offset = _rigid(section, "offset", RigidTransform())
     section.nothing_else()
-    _check_clock(section, own.clock, "topic" in where)
-    return replace(own, **where, offset=offset)
-
-
-def _check_clock(section: _Section, clock: Clock, is_topic: bool) -> None:
-    if clock.source == "log" and not is_topic:
+    if own.clock.source == "log" and "topic" not in where:
         raise MappingError(
             f"{section.place}: time is log, but only messages of a bag have a log time: give time:"
             " stamp here"
         )
+    return replace(own, **where, offset=offset)
 
 
 def _one_of(section: _Section, *kinds: str) -> str:

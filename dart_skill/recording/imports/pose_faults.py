@@ -18,35 +18,42 @@ import numpy as np
 from dart_skill.common.constants import GRAVITY
 from dart_skill.recording.imports.clocks import PAUSE, bunched, rate_of
 from dart_skill.recording.imports.faults import BACKWARDS, GAP, Fault, spans
-from dart_skill.recording.imports.orientation_leaps import find_leaps
-from dart_skill.recording.imports.pose_stream import PoseStream
+from dart_skill.recording.imports.pose_stream import PoseStream, find_leaps
 
-LATEST = 0.5  # a message that comes later than this is not sorted in [s]
-LEAST_RUN = 20  # samples from which the frame rate is found
-STRAY_RMS, STRAY_MAX = (
-    0.02,
-    0.1,
-)  # of stamps about a regular grid, in periods, beyond which they jitter
-# of a period that a stamp may lie before the earliest ones without being the late stamp of the
-# frame before
+LATEST = 0.5
+"""Longest delay of a message that is sorted in [s]."""
+LEAST_RUN = 20
+"""Fewest samples from which the frame rate is found."""
+STRAY_RMS = 0.02
+"""Root mean square of stamps about a regular grid beyond which they jitter [periods]."""
+STRAY_MAX = 0.1
+"""Largest deviation of a stamp from a regular grid of stamps that do not jitter [periods]."""
 EARLY = 0.05
-# deviation of stamps, in periods, up to which a late frame is not taken for a missing one
+"""How far a stamp may lie before the earliest ones without being the late stamp of the frame
+before [periods].
+"""
 TELLING_FRAMES = 0.15
-LEAST_COHERENCE = (
-    0.35  # of stamps with a grid, 1 for no jitter, beyond which there is a frame rate at all
-)
-# time over which a camera's clock and the computer's run alike to a small part of a period [s]
+"""Deviation of stamps up to which a late frame is not taken for a missing one [periods]."""
+LEAST_COHERENCE = 0.35
+"""Least coherence of stamps with a grid, 1 for no jitter, that makes a frame rate."""
 CHUNK = 10.0
-FARTHEST_JUMP, LARGEST_TURN = (
-    0.01,
-    0.1,
-)  # smaller deviations of a lone sample are no outliers [m], [rad]
-JUMP = 6.0  # ... and neither are those of fewer usual steps
-CLOSE = 0.02  # of bodies so close to each other nobody can tell which is which [m]
-FASTEST = 8.0  # a path with faster steps is broken [m/s]
-NEAR_GRAVITY = 2.5  # what drag may make of the acceleration of a body in free flight [m/s^2]
-FLYING_FRAMES = 9  # over which a free flight is recognised
-SURE_FRAMES = 5  # of free flight by which one body must surpass the other to be told from it
+"""Time over which a camera's clock and the computer's run alike to a small part of a period [s]."""
+FARTHEST_JUMP = 0.01
+"""Deviation up to which a lone sample is no outlier [m]."""
+LARGEST_TURN = 0.1
+"""The same of an orientation [rad]."""
+JUMP = 6.0
+"""The same in usual steps."""
+CLOSE = 0.02
+"""Distance of bodies up to which they cannot be told apart [m]."""
+FASTEST = 8.0
+"""Largest speed on a path that is not broken [m/s]."""
+NEAR_GRAVITY = 2.5
+"""Largest acceleration that drag may add to that of a body in free flight [m/s^2]."""
+FLYING_FRAMES = 9
+"""Frames over which a free flight is recognised."""
+SURE_FRAMES = 5
+"""Frames of free flight by which one body must surpass the other to be told from it."""
 
 
 def repair(streams: Mapping[str, PoseStream]) -> tuple[dict[str, PoseStream], list[Fault]]:
@@ -450,7 +457,7 @@ class _Span:
     def parts(
         self, stamps: np.ndarray, piece: np.ndarray, margin: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Which samples of a stream belong to it, and of which nobody can tell."""
+        """Samples of a stream that belong to it, and samples that may belong to it."""
         inside = (stamps >= self.start - margin) & (stamps <= self.stop + margin)
         rows = np.flatnonzero(inside)
         if np.isnan(self.before):

@@ -54,9 +54,9 @@ OTHERS = {
 }
 """What to do with files that are no text, by their first bytes."""
 SAMPLE = 65_536
-"""So many bytes at the beginning tell encoding and delimiter."""
+"""Size of the beginning that tells encoding and delimiter [bytes]."""
 LAST_LINES = 10
-"""So many lines at the end of the sample tell the delimiter: those before them may be a header."""
+"""Number of lines at the end of the sample that tell the delimiter; a header may precede them."""
 LATEST_NS = 2**62
 """Later than any time of a recording [ns]."""
 SCALES = {unit: int(scale) for unit, scale in TIME_UNITS.items()}
@@ -103,8 +103,8 @@ class TextFile:
         """An error that names the file, and the line of a row."""
         return ValueError(f"{self.path}{'' if row is None else f', line {row.number}'}: {text}")
 
-    def rows(self) -> Iterator[Row]:
-        """The rows, in order."""
+    def rows(self, after: int = 0) -> Iterator[Row]:
+        """The rows below a line, in order. after: number of the line."""
         try:
             with io.TextIOWrapper(
                 open_file(self.path), self._encoding, errors="replace"
@@ -113,7 +113,8 @@ class TextFile:
                 yield from (
                     Row(number, cells)
                     for number, cells in numbered
-                    if any(map(str.strip, cells[:1])) or any(map(str.strip, cells))
+                    if number > after
+                    and (any(map(str.strip, cells[:1])) or any(map(str.strip, cells)))
                 )
         except csv.Error as error:
             raise self.error(f"no CSV file: {error}") from error
@@ -273,6 +274,14 @@ class TextFile:
                 Row(number, []),
             )
         return time
+
+
+def number_told(text: str) -> float | None:
+    """The number that a cell holds, with a decimal point or comma; None if it holds none."""
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return None
 
 
 def nanoseconds(text: str, unit: str = "s") -> int:

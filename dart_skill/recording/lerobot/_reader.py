@@ -240,13 +240,8 @@ def _counted(columns: dict[str, np.ndarray], file: Path, n: int) -> dict[str, np
 
 def _array(column: Any) -> np.ndarray:
     """(n, k) of lists, (n,) of numbers."""
-    types = optional("pyarrow").types
     column = column.combine_chunks()
-    if (
-        types.is_list(column.type)
-        or types.is_large_list(column.type)
-        or types.is_fixed_size_list(column.type)
-    ):
+    if "list" in str(column.type):
         return np.array(column.flatten().to_numpy(zero_copy_only=False), dtype=float).reshape(
             len(column), -1
         )

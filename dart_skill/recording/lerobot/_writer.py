@@ -1,4 +1,4 @@
-"""Episodes into a folder that `lerobot` loads."""
+"""Episodes into a folder that `lerobot` loads, with videos as MP4 files of H.264, written with PyAV."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,16 @@ from dart_skill.common.checks import floats
 from dart_skill.common.extras import need, optional
 from dart_skill.recording.lerobot import _format as format_
 from dart_skill.recording.lerobot._format import Camera, Feature
+
+CODEC = "libx264"
+"""How videos are encoded: every browser plays them."""
+PIXELS = "yuv420p"
+KEY_FRAMES = 2
+"""Frames from one key frame to the next: training asks for frames in any order."""
+MOST_SAMPLES = 100
+"""Pictures of an episode that statistics are taken of."""
+EVERY = 4
+"""Step between the pixels that statistics are taken of."""
 
 
 class DatasetWriter:
@@ -47,18 +58,14 @@ class DatasetWriter:
         )
         self._robot_type = robot_type
         self.path.mkdir(parents=True)
+        self.n_frames = 0
         self._tasks: dict[str, int] = {}
         self._rows: list[dict[str, Any]] = []
         self._all: dict[str, list[np.ndarray]] = {}
-        self._n_frames = 0
         self._data, self._videos = (
             _DataFiles(self.path, self.features),
-            {one.key: _video(self.path, one, fps) for one in self.cameras},
+            {one.key: VideoFile(self.path, one, fps) for one in self.cameras},
         )
-
-    @property
-    def n_frames(self) -> int:
-        return self._n_frames
 
     def add(
         self,
@@ -79,34 +86,21 @@ class DatasetWriter:
         columns["timestamp"] = (np.arange(n) / self.fps).astype(np.float32)
         columns["frame_index"] = np.arange(n)
         columns["episode_index"] = np.full(n, episode)
-        columns["index"] = self._n_frames + np.arange(n)
+        columns["index"] = self.n_frames + np.arange(n)
         columns["task_index"] = np.full(n, number)
         row: dict[str, Any] = {"episode_index": episode, "tasks": [task], "length": n}
         row |= {f"data/{name}": value for name, value in self._data.write(columns, n).items()}
-        row |= {"dataset_from_index": self._n_frames, "dataset_to_index": self._n_frames + n}
+        row |= {"dataset_from_index": self.n_frames, "dataset_to_index": self.n_frames + n}
         for key, values in columns.items():
-            self._keep(row, key, values.reshape(n, -1))
+            self._all.setdefault(key, []).append(values.reshape(n, -1))
+            row |= _statistics_keys(key, format_.statistics(values.reshape(n, -1)))
         for camera in self.cameras:
             row |= self._videos[camera.key].write((pictures or {})[camera.key], n)
-            for name, value in self._videos[camera.key].statistics().items():
-                row[f"stats/{camera.key}/{name}"] = value.tolist()
-        self._rows.append(
-            {
-                **row,
-                **{
-                    f"meta/episodes/{name}": value
-                    for name, value in format_.chunk_and_file(0).items()
-                },
-            }
-        )
-        self._n_frames += n
-
-    def _keep(self, row: dict[str, Any], key: str, values: np.ndarray) -> None:
-        self._all.setdefault(key, []).append(values)
-        row |= {
-            f"stats/{key}/{name}": value.tolist()
-            for name, value in format_.statistics(values).items()
-        }
+            row |= _statistics_keys(camera.key, self._videos[camera.key].statistics())
+        where = format_.chunk_and_file(0)
+        row |= {f"meta/episodes/{name}": value for name, value in where.items()}
+        self._rows.append(row)
+        self.n_frames += n
 
     def close(self) -> None:
         """Write what is about all episodes; ValueError without any."""
@@ -141,7 +135,9 @@ class DatasetWriter:
 
     def _info(self) -> dict[str, Any]:
         features = {one.key: format_.described(one) for one in self.features}
-        features |= {key: video.described() for key, video in self._videos.items()}
+        features |= {
+            one.key: format_.described_video(one, self.fps, "h264", PIXELS) for one in self.cameras
+        }
         features |= {
             key: {"dtype": dtype, "shape": [1], "names": None}
             for key, dtype in format_.COUNTED.items()
@@ -151,7 +147,7 @@ class DatasetWriter:
             "fps": self.fps,
             "features": features,
             "total_episodes": len(self._rows),
-            "total_frames": self._n_frames,
+            "total_frames": self.n_frames,
             "total_tasks": len(self._tasks),
             "chunks_size": format_.CHUNK_SIZE,
             "data_files_size_in_mb": format_.DATA_MB,
@@ -215,11 +211,88 @@ class _DataFiles:
             self._writer = None
 
 
-def _video(path: Path, camera: Camera, fps: int) -> Any:
-    """Writes the pictures of a camera; PyAV is imported only where there is one."""
-    from dart_skill.recording.lerobot._video import VideoFile
+class VideoFile:
+    """videos/ of a camera: episodes one after the other in a file, and a new file where the last
+    one is full.
+    """
 
-    return VideoFile(path, camera, fps)
+    def __init__(self, path: Path, camera: Camera, fps: int):
+        self._path, self._camera, self._fps = path, camera, fps
+        self._number, self._n_frames = -1, 0
+        self._container: Any = None
+        self._stream: Any = None
+        self._sampled: list[tuple[np.ndarray, int]] = []
+
+    def write(self, pictures: Iterable[np.ndarray], n: int) -> dict[str, Any]:
+        """n pictures; where they are. ValueError for another number of them, or another size."""
+        if self._container is None or self._file().stat().st_size > format_.VIDEO_MB * 2**20:
+            self._open()
+        begin, samples = self._n_frames, []
+        for k, picture in enumerate(pictures):
+            if (
+                picture.shape != (self._camera.height, self._camera.width, 3)
+                or picture.dtype != np.uint8
+            ):
+                raise ValueError(
+                    f"{self._camera.key}: picture {k} is {picture.shape} {picture.dtype}"
+                )
+            self._encode(picture)
+            if k % max(1, n // MOST_SAMPLES) == 0:
+                samples.append(picture[::EVERY, ::EVERY].reshape(-1, 3))
+        if self._n_frames - begin != n:
+            raise ValueError(
+                f"{self._camera.key}: {self._n_frames - begin} pictures for {n} frames"
+            )
+        self._sampled.append((np.concatenate(samples) / 255.0, len(samples)))
+        where = {
+            **format_.chunk_and_file(self._number),
+            "from_timestamp": begin / self._fps,
+            "to_timestamp": self._n_frames / self._fps,
+        }
+        return {f"videos/{self._camera.key}/{name}": value for name, value in where.items()}
+
+    def statistics(self, of_all: bool = False) -> dict[str, np.ndarray]:
+        """Statistics of the colours of the last episode, or of all: (3, 1, 1) from 0 to 1; the
+        count is of pictures.
+        """
+        chosen = self._sampled if of_all else self._sampled[-1:]
+        found = format_.statistics(np.concatenate([colours for colours, _ in chosen]))
+        shaped = {name: value.reshape(3, 1, 1) for name, value in found.items() if name != "count"}
+        return {**shaped, "count": np.array([sum(count for _, count in chosen)])}
+
+    def close(self) -> None:
+        if self._container is not None:
+            self._container.mux(self._stream.encode())
+            self._container.close()
+            self._container = None
+
+    def _file(self) -> Path:
+        return self._path / format_.VIDEO.format(
+            video_key=self._camera.key, **format_.chunk_and_file(self._number)
+        )
+
+    def _open(self) -> None:
+        self.close()
+        self._number, self._n_frames = self._number + 1, 0
+        self._file().parent.mkdir(parents=True, exist_ok=True)
+        self._container = optional("av").open(str(self._file()), "w")
+        self._stream = self._container.add_stream(
+            CODEC, rate=self._fps, options={"g": str(KEY_FRAMES), "crf": "23", "bf": "0"}
+        )
+        self._stream.codec_context.time_base = Fraction(1, self._fps)
+        self._stream.width, self._stream.height, self._stream.pix_fmt = (
+            self._camera.width,
+            self._camera.height,
+            PIXELS,
+        )
+
+    def _encode(self, picture: np.ndarray) -> None:
+        frame = optional("av").VideoFrame.from_ndarray(
+            np.ascontiguousarray(picture), format="rgb24"
+        )
+        frame.pts, frame.time_base = self._n_frames, self._stream.codec_context.time_base
+        self._container.mux(self._stream.encode(frame))
+        self._n_frames += 1
 
 
 def _n_frames(frames: Mapping[str, np.ndarray], features: Sequence[Feature]) -> int:
@@ -241,6 +314,10 @@ def _n_frames(frames: Mapping[str, np.ndarray], features: Sequence[Feature]) -> 
                 f"{one.key} is not finite in all frames: lerobot takes statistics of it"
             )
     return n
+
+
+def _statistics_keys(key: str, found: Mapping[str, np.ndarray]) -> dict[str, list]:
+    return {f"stats/{key}/{name}": value.tolist() for name, value in found.items()}
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

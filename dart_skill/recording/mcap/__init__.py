@@ -5,7 +5,6 @@ little.
 from typing import TYPE_CHECKING
 
 from dart_skill.common.lazy import on_first_use
-from dart_skill.recording.mcap._mapped import crc_of, give_back, mapped
 from dart_skill.recording.mcap.reader import (
     AT_ONCE,
     END_OF_TIME,
@@ -17,12 +16,13 @@ from dart_skill.recording.mcap.reader import (
 )
 from dart_skill.recording.mcap.records import (
     Chunk,
-    ChunkPlace,
-    ChunkTable,
     DamagedError,
     Message,
     Summary,
+    crc_of,
     data_end_before,
+    give_back,
+    mapped,
     messages_of,
     parse_header,
     read_summary,
@@ -52,8 +52,6 @@ __all__ = [
     "END_OF_TIME",
     "BagMessage",
     "Chunk",
-    "ChunkPlace",
-    "ChunkTable",
     "Damage",
     "DamagedError",
     "LARGEST_UNPACKED",

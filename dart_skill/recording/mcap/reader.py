@@ -16,17 +16,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, McapRecord, Metadata
+from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata
 
 from dart_skill.common.files import open_file
-from dart_skill.recording.mcap._mapped import mapped
 from dart_skill.recording.mcap.records import (
     MAGIC,
     RECORD,
-    ChunkTable,
     DamagedError,
     Summary,
     defines_all,
+    mapped,
     message_index,
     messages_of,
     parse,
@@ -76,7 +75,7 @@ class Part(NamedTuple):
 class McapInput:
     """A whole MCAP file, open for reading. Raises DamagedError for what is no whole file.
 
-    header: its first record.
+    library: what wrote the file.
     schemas, channels: by number.
     counts: messages by the number of their channel.
     message_count: of all channels.
@@ -90,11 +89,11 @@ class McapInput:
 
     def __init__(self, path: Path):
         self.path = path
-        self._chunks: ChunkTable | None = None  # what is known of all messages
+        self._chunks: list[ChunkIndex] | None = None  # where all messages are
         self._stream = open_file(path)
         try:
             with mapped(path) as data:
-                self.header, _ = parse_header(data)
+                self.library = parse_header(data)[0].library
                 summary = read_summary(data)
                 if summary is not None and is_complete(summary) and not _holds_more(data, summary):
                     self._take(summary)
@@ -113,11 +112,6 @@ class McapInput:
     def is_counted(self) -> bool:
         """Whether the file itself tells how many messages are in it, and where they are."""
         return self._chunks is not None
-
-    @property
-    def library(self) -> str:
-        """What wrote the file."""
-        return self.header.library
 
     def type_name(self, channel: Channel) -> str:
         """Message type of a channel; empty if the file does not tell it."""
@@ -141,23 +135,22 @@ class McapInput:
         start_ns, stop_ns: log times from the first to before the second.
         """
         if self._chunks is None:
-            return [
-                Part(
-                    self.start_ns,
-                    self.end_ns,
-                    lambda: self._found_messages(wanted, start_ns, stop_ns),
-                )
-            ]
+            read = partial(self._found_messages, wanted, start_ns, stop_ns)
+            return [Part(self.start_ns, self.end_ns, read)]
         return [
             Part(
                 chunk.message_start_time,
                 chunk.message_end_time,
-                partial(self._chunk_messages, index, wanted, start_ns, stop_ns),
+                partial(
+                    self._of_chunk,
+                    index,
+                    partial(_messages_in, wanted=wanted, start_ns=start_ns, stop_ns=stop_ns),
+                ),
             )
             for index, chunk in enumerate(self._chunks)
             if start_ns <= chunk.message_end_time
             and chunk.message_start_time < stop_ns
-            and not wanted.keys().isdisjoint(chunk.channels)
+            and not wanted.keys().isdisjoint(chunk.message_index_offsets)
         ]
 
     def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -202,7 +195,11 @@ class McapInput:
         wanted: numbers of channels.
         """
         places = {
-            number: [k for k, chunk in enumerate(self._chunks or ()) if number in chunk.channels]
+            number: [
+                k
+                for k, chunk in enumerate(self._chunks or ())
+                if number in chunk.message_index_offsets
+            ]
             for number in wanted
         }
         told: dict[int, list[int]] = {}
@@ -274,13 +271,6 @@ class McapInput:
         )
         self.message_count = sum(self.counts.values())
         self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)
-
-    def _chunk_messages(
-        self, index: int, wanted: dict, start_ns: int, stop_ns: int
-    ) -> list[BagMessage]:
-        return self._of_chunk(
-            index, lambda raw, most: _messages_in(raw, most, wanted, start_ns, stop_ns)
-        )
 
     def _of_chunk(self, index: int, read: Callable[[bytes, int], T]) -> T:
         """What is read of a chunk; DamagedError. read: takes its unpacked records, and how many
@@ -408,7 +398,8 @@ def is_complete(summary: Summary) -> bool:
     ):
         return False
     indexed = sum(
-        (chunk.message_index_length - 15 * len(chunk.channels)) // 16 for chunk in summary.chunks
+        (chunk.message_index_length - 15 * len(chunk.message_index_offsets)) // 16
+        for chunk in summary.chunks
     )
     lists = statistics.metadata_count == len(
         summary.metadata

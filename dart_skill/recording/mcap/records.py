@@ -7,11 +7,13 @@ ignored. A record that is too short, and whatever else is wrong, is a `DamagedEr
 
 from __future__ import annotations
 
+import mmap
 import struct
-from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple
 from zlib import crc32
 
@@ -34,7 +36,7 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader
 
-from dart_skill.recording.mcap._mapped import crc_of
+from dart_skill.common.files import open_file
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
@@ -51,10 +53,11 @@ PIECE = 64
 [bytes].
 """
 USUAL_RECORDS = 10_000
-"""A chunk may have so many records; of more, each takes at least a byte of the compressed chunk.
-"""
+"""Number of records that any chunk may have; a larger number needs a compressed byte for each."""
 MOST_UNKNOWN = 64
 """At the end of a record, of fields that are not known here, where it is searched [bytes]."""
+READ_AT_ONCE = 2**24
+"""Part of a file that stays in memory while the file is gone through [bytes]."""
 _UNREADABLE = (
     ValueError,
     struct.error,
@@ -155,62 +158,6 @@ class Chunk:
         return bytes(self.records) if not self.compression else b""
 
 
-class ChunkPlace(NamedTuple):
-    """What is kept of the index of a chunk, under the names of the MCAP specification.
-
-    * message_start_time, message_end_time: log times of its first and last message [ns].
-    * chunk_start_offset, chunk_length: where it begins, and its length [bytes].
-    * message_index_length: of the indexes behind it [bytes].
-    * compressed_size, uncompressed_size: of its records [bytes].
-    * compression: "zstd", "lz4" or "".
-    * channels: numbers of those that have messages in it.
-    """
-
-    message_start_time: int
-    message_end_time: int
-    chunk_start_offset: int
-    chunk_length: int
-    message_index_length: int
-    compressed_size: int
-    uncompressed_size: int
-    compression: str
-    channels: frozenset[int]
-
-
-class ChunkTable:
-    """The places of a file's chunks, in 64 bytes each: a day's recording has a hundred thousand.
-
-    * places: that it holds at first.
-    """
-
-    def __init__(self, places: Iterable[ChunkPlace] = ()):
-        self._numbers = array(
-            "Q"
-        )  # eight for each chunk, of which the last is the number of its kind
-        self._kinds: dict[tuple[str, frozenset[int]], int] = {}
-        self._kind_of: list[tuple[str, frozenset[int]]] = []
-        for place in places:
-            self.append(place)
-
-    def append(self, place: ChunkPlace) -> None:
-        """Add a place at the end."""
-        kind = (place.compression, place.channels)
-        number = self._kinds.setdefault(kind, len(self._kinds))
-        if number == len(self._kind_of):
-            self._kind_of.append(kind)
-        self._numbers.extend((*place[:7], number))
-
-    def __len__(self) -> int:
-        return len(self._numbers) // 8
-
-    def __getitem__(self, index: int) -> ChunkPlace:
-        *numbers, kind = self._numbers[8 * index : 8 * index + 8]
-        return ChunkPlace._make((*numbers, *self._kind_of[kind]))
-
-    def __iter__(self) -> Iterator[ChunkPlace]:
-        return map(self.__getitem__, range(len(self)))
-
-
 @dataclass(frozen=True)
 class Summary:
     """The summary of a file.
@@ -218,7 +165,7 @@ class Summary:
     * start: its place in the file.
     * has_crc: whether a CRC vouches for it.
     * schemas, channels: by number.
-    * chunks, attachments, metadata: their indexes.
+    * chunks, attachments, metadata: where they are.
     * statistics: None if it has none.
     """
 
@@ -226,10 +173,51 @@ class Summary:
     has_crc: bool = False
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
-    chunks: ChunkTable = field(default_factory=ChunkTable)
+    chunks: list[ChunkIndex] = field(default_factory=list)
     attachments: list[AttachmentIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     statistics: Statistics | None = None
+
+
+@contextmanager
+def mapped(path: Path) -> Iterator[memoryview]:
+    """The bytes of a file of any size, read as they are needed."""
+    if path.stat().st_size == 0:
+        yield memoryview(b"")
+        return
+    with open_file(path) as stream:
+        content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    view = memoryview(content)
+    try:
+        yield view
+    finally:
+        view.release()
+        with suppress(BufferError):  # an exception on its way out may still hold a part of it
+            content.close()
+
+
+def give_back(data: memoryview, held: int, place: int) -> int:
+    """Free the memory of a file's bytes once many were read; returns where those begin that are
+    still held.
+
+    * data: the bytes of `mapped`; what is freed is read again where it is needed again.
+    * held: the same, as it was returned the last time.
+    * place: up to which bytes were read.
+    """
+    if place - held < READ_AT_ONCE:
+        return held
+    if isinstance(data.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        data.obj.madvise(mmap.MADV_DONTNEED)
+    return place
+
+
+def crc_of(data: memoryview, end: int) -> int:
+    """CRC of a file's bytes before an end, of which few are in memory at a time."""
+    crc = held = 0
+    for begin in range(0, end, READ_AT_ONCE):
+        stop = min(begin + READ_AT_ONCE, end)
+        crc, held = crc32(data[begin:stop], crc), give_back(data, held, stop)
+    return crc
 
 
 def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> McapRecord:
@@ -245,7 +233,7 @@ def parse_with_length(
     opcode: int, content: bytes | memoryview, check_crc: bool = True
 ) -> tuple[McapRecord, int]:
     """The same, and how many bytes of the content its fields take; what follows them belongs to
-    fields that nobody knows here.
+    fields that are not known here.
     """
     data = bytes(content)
     try:
@@ -391,33 +379,20 @@ def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
         != footer.summary_crc
     ):
         raise DamagedError("the summary's CRC does not fit its content")
-    chunks, found = ChunkTable(), []
-    for record in _summary_records(data, footer.summary_start):
-        if isinstance(record, ChunkIndex):
-            chunks.append(_place_of(record))
-        else:
-            found.append(record)
-    statistics = [record for record in found if isinstance(record, Statistics)]
+    found = list(_summary_records(data, footer.summary_start))
+
+    def of_kind(kind: type) -> list[Any]:
+        return [record for record in found if isinstance(record, kind)]
+
     return Summary(
         footer.summary_start,
         bool(footer.summary_crc),
-        {record.id: record for record in found if isinstance(record, Schema)},
-        {record.id: record for record in found if isinstance(record, Channel)},
-        chunks,
-        [record for record in found if isinstance(record, AttachmentIndex)],
-        [record for record in found if isinstance(record, MetadataIndex)],
-        statistics[-1] if statistics else None,
-    )
-
-
-def chunk_indexes(data: memoryview, summary: Summary) -> Iterator[ChunkIndex]:
-    """The indexes of chunks as they stand in the summary of a file's bytes, one by one;
-    DamagedError. data: the bytes.
-    """
-    return (
-        record
-        for record in _summary_records(data, summary.start)
-        if isinstance(record, ChunkIndex)
+        {schema.id: schema for schema in of_kind(Schema)},
+        {channel.id: channel for channel in of_kind(Channel)},
+        of_kind(ChunkIndex),
+        of_kind(AttachmentIndex),
+        of_kind(MetadataIndex),
+        next(iter(of_kind(Statistics)[-1:]), None),
     )
 
 
@@ -434,7 +409,8 @@ def defines_all(summary: Summary) -> bool:
     ):
         return False
     if any(
-        not known >= chunk.channels or (told is None and not chunk.channels)
+        not known >= chunk.message_index_offsets.keys()
+        or (told is None and not chunk.message_index_offsets)
         for chunk in summary.chunks
     ):
         return False
@@ -463,11 +439,6 @@ def _summary_records(data: memoryview, start: int) -> Iterator[McapRecord]:
         yield from StreamReader(BytesIO(data[start:]), skip_magic=True).records
     except _UNREADABLE as error:
         raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
-
-
-def _place_of(index: ChunkIndex) -> ChunkPlace:
-    kept = [getattr(index, name) for name in ChunkPlace._fields[:-1]]
-    return ChunkPlace._make((*kept, frozenset(index.message_index_offsets)))
 
 
 def _footer(data: memoryview) -> Footer:

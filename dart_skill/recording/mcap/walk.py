@@ -12,12 +12,10 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 
-from dart_skill.recording.mcap._mapped import give_back
 from dart_skill.recording.mcap.records import (
     MAGIC,
     MOST_UNKNOWN,
@@ -27,9 +25,9 @@ from dart_skill.recording.mcap.records import (
     DamagedError,
     Message,
     Summary,
-    chunk_indexes,
     data_end_before,
     defines_all,
+    give_back,
     message_index,
     messages_of,
     parse,
@@ -41,10 +39,10 @@ from dart_skill.recording.mcap.records import (
 )
 
 _ANY_RECORD = re.compile(rb"(?=[\x01-\x0f].{5}\x00\x00\x00)", re.DOTALL)
-LARGEST_UNPACKED, USUAL_RATIO = 2**30, 1000
-"""All that is packed in a file may be so many bytes, or so many times as large as the file: more
-is a bomb, which takes hours to read.
-"""
+LARGEST_UNPACKED = 2**30
+"""Size up to which the content of a file may always be unpacked [bytes]."""
+USUAL_RATIO = 1000
+"""Largest ratio of the unpacked content to the file; more is a bomb, which takes hours to read."""
 _ZERO_BLOCK = re.compile(rb"\x00{256,}")
 """No writer compresses to such a one: it is a block that was not stored when the power failed, or
 that a copy left out.
@@ -130,7 +128,7 @@ def walk(
 
     Ends after the footer: what follows it is a damaged place, and another file for `extents`.
     """
-    known, unpacked = _KnownPlaces(data, summary), unpacked or Unpacked()
+    known, unpacked = _known_places(summary), unpacked or Unpacked()
     place, size = (len(MAGIC) if bytes(data[:8]) == MAGIC else 0), len(data)
     if place == 0:
         place = (
@@ -351,27 +349,16 @@ def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
             yield definition
 
 
-class _KnownPlaces:
-    """Where records begin, as the summary says: worked out where there is damage, for they take a
-    tenth of a long bag's memory.
-    """
-
-    def __init__(self, data: memoryview, summary: Summary | None):
-        self._data, self._summary = data, summary
-
-    @cached_property
-    def places(self) -> list[int]:
-        """In order."""
-        if self._summary is None:
-            return []
-        found = {self._summary.start}
-        for chunk in chunk_indexes(self._data, self._summary):
-            begin = chunk.chunk_start_offset
-            found |= {begin, begin + chunk.chunk_length, *chunk.message_index_offsets.values()}
-        found |= {index.offset for index in self._summary.attachments} | {
-            index.offset for index in self._summary.metadata
-        }
-        return sorted(found)
+def _known_places(summary: Summary | None) -> list[int]:
+    """Where records begin, as the summary says, in order."""
+    if summary is None:
+        return []
+    found = {summary.start}
+    for chunk in summary.chunks:
+        begin = chunk.chunk_start_offset
+        found |= {begin, begin + chunk.chunk_length, *chunk.message_index_offsets.values()}
+    found |= {index.offset for index in summary.attachments}
+    return sorted(found | {index.offset for index in summary.metadata})
 
 
 def _record_at(data: memoryview, place: int) -> Record | Damage:
@@ -456,7 +443,7 @@ def _chunk_at(data: memoryview, place: int, reason: str) -> Record | None:
     return Record(place, end, Opcode.CHUNK, data[begin:end], repaired=reason)
 
 
-def _skipped(data: memoryview, damage: Damage, known: _KnownPlaces) -> Damage:
+def _skipped(data: memoryview, damage: Damage, known: list[int]) -> Damage:
     """The damage as far as the next record. A chunk's rest is one only where nothing comes after
     it.
     """
@@ -493,16 +480,14 @@ def _begins(data: memoryview, place: int) -> bool:
     return (0 < opcode <= 0x0F or opcode >= 0x80) and place + RECORD.size + length <= len(data)
 
 
-def _next_record(
-    data: memoryview, place: int, known: _KnownPlaces, before: int | None = None
-) -> int:
+def _next_record(data: memoryview, place: int, known: list[int], before: int | None = None) -> int:
     """Where the next record begins, at or after a place: by the summary, or by its looks; the end
     of the data without one.
 
     before: the search ends there.
     """
-    size, index = len(data) if before is None else before, bisect_right(known.places, place - 1)
-    limit = min(known.places[index], size) if index < len(known.places) else size
+    size, index = len(data) if before is None else before, bisect_right(known, place - 1)
+    limit = min(known[index], size) if index < len(known) else size
     for match in _ANY_RECORD.finditer(data, place, min(len(data), limit + 8)):
         begin = match.start()
         if begin >= limit:

@@ -9,7 +9,14 @@ import yaml
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
-from dart_skill.recording import definition, serialize, typestore
+from dart_skill.recording import (
+    BagWriter,
+    definition,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 
 TYPES = typestore()
 POSE, STRING, START_NS, STEP_NS = (
@@ -72,7 +79,18 @@ def stamps(count=20, start_ns=START_NS, step_ns=STEP_NS):
     return [start_ns + k * step_ns for k in range(count)]
 
 
-def mcap_file(path, channels, messages, profile="ros2", **options):
+def write_bag(path, messages):
+    """A bag of ours with (topic, type, stamp, content or bytes), in order of stamps."""
+    with BagWriter(path) as bag:
+        for topic, name in dict.fromkeys((topic, name) for topic, name, *_ in messages):
+            bag.add_topic(topic, name, definition(TYPES, name), qos_yaml(), type_hash(TYPES, name))
+        for topic, name, stamp, content in sorted(messages, key=lambda item: item[2]):
+            data = content if isinstance(content, bytes) else serialize(TYPES, name, content)
+            bag.write(topic, stamp, stamp, data)
+    return path
+
+
+def mcap_file(path, channels, messages, profile="ros2", library="try", **options):
     """channels: topic, type, and what differs from CDR with a definition (encoding, schema, text,
     metadata).
 
@@ -80,7 +98,7 @@ def mcap_file(path, channels, messages, profile="ros2", **options):
     """
     with open(path, "wb") as stream:
         writer = Writer(stream, **options)
-        writer.start(profile, library="try")
+        writer.start(profile, library=library)
         numbers = []
         for topic, type_name, *rest in channels:
             told = rest[0] if rest else {}

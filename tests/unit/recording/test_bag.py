@@ -13,7 +13,6 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType
-from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -31,6 +30,7 @@ from dart_skill.recording import (
     typestore,
 )
 from dart_skill.recording.bags._metadata import profiles
+from tests.unit.recording.bag_files import mcap_file, write_bag
 
 TOPICS = {
     "/vrpn_mocap/hand/pose": ("geometry_msgs/msg/PoseStamped", qos_yaml("best_effort", depth=5)),
@@ -273,6 +273,7 @@ def test_what_was_written_before_an_exception_is_a_whole_bag(tmp_path, types):
         with BagWriter(tmp_path / "bag") as bag:
             bag.add_topic("/text", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
             bag.write("/text", 5, 5, serialize(types, "std_msgs/msg/String", {"data": "hello"}))
+            assert bag.counts == {"/text": 1}
             raise RuntimeError("power")
     with BagReader(tmp_path / "bag") as reader:
         assert [m.data.data for m in reader.messages()] == ["hello"]
@@ -284,15 +285,6 @@ def test_a_bag_without_messages_is_a_bag(tmp_path, types):
         assert list(reader.messages()) == written == []
         assert (reader.start_ns, reader.end_ns, reader.message_count) == (0, 0, 0)
         assert set(reader.topics) == set(TOPICS)
-
-
-def test_counts_per_topic_are_known_while_writing(tmp_path, types):
-    with BagWriter(tmp_path / "bag") as bag:
-        for name in ("/a", "/b"):
-            bag.add_topic(name, "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
-        bag.write("/a", 1, 1, serialize(types, "std_msgs/msg/String", None))
-        assert bag.counts == {"/a": 1, "/b": 0}
-    bag.close()
 
 
 def test_an_existing_folder_is_refused_and_left_alone(tmp_path):
@@ -392,22 +384,13 @@ def test_missing_bags_and_files_are_named(tmp_path, bag):
 
 
 def test_a_type_that_nobody_defines_can_be_read_raw_only(tmp_path, types):
-    file = tmp_path / "foreign.mcap"
-    with open(file, "wb") as stream:
-        writer = McapWriter(stream)
-        writer.start("ros2")
-        channels = [
-            writer.register_channel(name, "cdr", writer.register_schema(type_name, "", b""))
-            for name, type_name in (
-                ("/point", "lab_msgs/msg/Point"),
-                ("/known", "geometry_msgs/msg/Point"),
-            )
-        ]
-        for channel in channels:
-            writer.add_message(
-                channel, 5, serialize(types, "geometry_msgs/msg/Point", {"x": 3.0}), 5
-            )
-        writer.finish()
+    point = serialize(types, "geometry_msgs/msg/Point", {"x": 3.0})
+    channels = [("/point", "lab_msgs/msg/Point"), ("/known", "geometry_msgs/msg/Point")]
+    file = mcap_file(
+        tmp_path / "foreign.mcap",
+        [(*one, {"schema": "none", "text": ""}) for one in channels],
+        [(0, 5, point), (1, 5, point)],
+    )
     with BagReader(file) as reader:
         assert len(list(reader.messages(decode=False))) == 2
         assert [m.data.x for m in reader.messages("/known")] == [3.0], (
@@ -432,10 +415,9 @@ def test_bags_of_rosbags_are_read(tmp_path, types):
         assert (read.topic, read.stamp_ns, read.data.error) == ("/outcome", 17, 0.25)
 
 
-def test_a_message_that_its_definition_does_not_fit_is_an_error(tmp_path, types):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic("/text", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
-        bag.write("/text", 5, 5, b"\0\1\0\0\xff\xff\0\0abc")
+def test_a_message_that_its_definition_does_not_fit_is_an_error(tmp_path):
+    wrong = b"\0\1\0\0\xff\xff\0\0abc"
+    write_bag(tmp_path / "bag", [("/text", "std_msgs/msg/String", 5, wrong)])
     with (
         BagReader(tmp_path / "bag") as reader,
         pytest.raises(BagError, match="/text: 11 bytes are no std_msgs"),
@@ -619,22 +601,12 @@ def test_any_buffer_of_bytes_is_written_as_it_is_now(tmp_path, types, view):
 
 def write_plain(file, types, stamps, **options):
     """A file of plain `mcap` with strings that say their log time."""
-    with open(file, "wb") as stream:
-        writer = McapWriter(stream, chunk_size=1000, **options)
-        writer.start("")
-        schema = writer.register_schema(
-            "std_msgs/msg/String", "ros2msg", definition(types, "std_msgs/msg/String").encode()
-        )
-        channel = writer.register_channel("/text", "cdr", schema)
-        for stamp in stamps:
-            writer.add_message(
-                channel,
-                int(stamp),
-                serialize(types, "std_msgs/msg/String", {"data": str(stamp)}),
-                int(stamp),
-            )
-        writer.finish()
-    return file
+    messages = [
+        (0, int(stamp), serialize(types, "std_msgs/msg/String", {"data": str(stamp)}))
+        for stamp in stamps
+    ]
+    channels = [("/text", "std_msgs/msg/String")]
+    return mcap_file(file, channels, messages, profile="", chunk_size=1000, **options)
 
 
 @pytest.mark.parametrize(
@@ -697,15 +669,8 @@ def test_sqlite_bags_and_bags_with_compressed_messages_are_read(tmp_path, types)
 
 
 def test_a_topic_that_is_not_cdr_can_be_read_raw_only(tmp_path):
-    file = tmp_path / "json.mcap"
-    with open(file, "wb") as stream:
-        writer = McapWriter(stream)
-        writer.start()
-        channel = writer.register_channel(
-            "/json", "json", writer.register_schema("T", "jsonschema", b"{}")
-        )
-        writer.add_message(channel, 5, b"{}", 5)
-        writer.finish()
+    told = {"encoding": "json", "schema": "jsonschema", "text": "{}"}
+    file = mcap_file(tmp_path / "json.mcap", [("/json", "T", told)], [(0, 5, b"{}")])
     with BagReader(file) as reader:
         assert [m.data for m in reader.messages(decode=False)] == [b"{}"]
         with pytest.raises(BagError, match="/json is encoded as 'json', not as cdr"):
@@ -785,48 +750,26 @@ def test_a_bag_of_two_graphs_is_refused_and_both_are_named(tmp_path):
 
 def _write_empty(path, topics):
     """A bag with a message of only zeros on each topic."""
-    types = typestore()
-    with BagWriter(path) as writer:
-        for ns, (topic, type_name) in enumerate(topics.items(), start=1):
-            writer.add_topic(
-                topic,
-                type_name,
-                definition(types, type_name),
-                qos_yaml(),
-                type_hash(types, type_name),
-            )
-            writer.write(topic, ns, ns, serialize(types, type_name, {}))
+    write_bag(path, [(name, kind, ns, {}) for ns, (name, kind) in enumerate(topics.items(), 1)])
 
 
 # types and profiles
 
 
-def test_bags_that_define_the_same_share_their_types_and_what_they_lack_is_made_when_it_is_needed(
-    tmp_path,
-):
-    types, made = typestore(), []
-
-    def make():
-        made.append(1)
-        return typestore()
-
-    text = definition(types, "std_msgs/msg/String")
-    for name, told in (("first", text), ("second", text), ("bare", "")):
-        with BagWriter(tmp_path / name) as bag:
-            bag.add_topic("/words", "std_msgs/msg/String", told)
-            bag.write("/words", 1, 1, serialize(types, "std_msgs/msg/String", {"data": name}))
-    with BagReader(tmp_path / "first", make) as first, BagReader(tmp_path / "second") as second:
+def test_bags_that_define_the_same_share_their_types(tmp_path):
+    types = typestore()
+    for name in ("first", "second"):
+        write_bag(tmp_path / name, [("/words", "std_msgs/msg/String", 1, {"data": name})])
+    with BagWriter(tmp_path / "bare") as bag:
+        bag.add_topic("/words", "std_msgs/msg/String", "")
+        bag.write("/words", 1, 1, serialize(types, "std_msgs/msg/String", {"data": "bare"}))
+    with BagReader(tmp_path / "first") as first, BagReader(tmp_path / "second") as second:
         assert first.types is second.types and [one.data.data for one in first.messages()] == [
             "first"
         ]
-    assert not made, "the bag defines all of its types"
-    with BagReader(tmp_path / "bare", make) as bare:
-        assert not made, "nobody has asked for them yet"
-        assert [one.data.data for one in bare.messages()] == ["bare"] and len(made) == 1
-    with BagReader(tmp_path / "bare") as bare:
-        assert [one.data.data for one in bare.messages()] == ["bare"], (
-            "a standard type needs no definition"
-        )
+    for given in (None, types):  # a standard type needs no definition
+        with BagReader(tmp_path / "bare", given) as bare:
+            assert [one.data.data for one in bare.messages()] == ["bare"]
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.recording import BagError, BagReader, BagWriter, qos_yaml
-from dart_skill.recording.bags import _inputs, check_bag, recover
-from dart_skill.recording.bags._yaml_text import load
+from dart_skill.recording.bags import _files, check_bag, recover
+from dart_skill.recording.bags._metadata import load
 from dart_skill.recording.mcap import records, walk
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -263,8 +263,8 @@ def test_a_type_that_cannot_be_is_named_and_the_others_are_known(tmp_path):
 
 
 def test_a_compressed_file_that_unpacks_to_far_more_is_not_put_on_the_disk(tmp_path, monkeypatch):
-    monkeypatch.setattr(_inputs, "LARGEST_UNPACKED", LIMIT)
-    monkeypatch.setattr(_inputs, "USUAL_RATIO", 10)
+    monkeypatch.setattr(_files, "LARGEST_UNPACKED", LIMIT)
+    monkeypatch.setattr(_files, "USUAL_RATIO", 10)
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "bag_0.mcap.zstd").write_bytes(PACKED["zstd"])
     (tmp_path / "bag" / "metadata.yaml").write_text(

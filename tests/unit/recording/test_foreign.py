@@ -15,12 +15,8 @@ from scipy.spatial.transform import Rotation
 from dart_skill.recording import (
     BagError,
     BagReader,
-    BagWriter,
-    definition,
-    qos_yaml,
     read_command,
     serialize,
-    type_hash,
     typestore,
 )
 from dart_skill.recording.imports.mapping import OWN, MappingError, load_mapping, parse_mapping
@@ -33,6 +29,7 @@ from dart_skill.recording.imports.pose_stream import (
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from tests.paths import CONFIG
 from tests.recorded_session import header
+from tests.unit.recording.bag_files import write_bag
 
 EXAMPLE = CONFIG / "recordings" / "example.yaml"
 ROLES = ("hand", "ball", "basket")
@@ -120,24 +117,6 @@ def pose_message(kind, stamp_ns, p, q, frame_id, child):
     }[kind]
 
 
-def write_bag(path, types, messages):
-    """A bag of (topic, type name, stamp, content)."""
-    with BagWriter(path) as bag:
-        for topic, type_name in dict.fromkeys(
-            (topic, type_name) for topic, type_name, *_ in messages
-        ):
-            bag.add_topic(
-                topic,
-                type_name,
-                definition(types, type_name),
-                qos_yaml(),
-                type_hash(types, type_name),
-            )
-        for topic, type_name, stamp, content in sorted(messages, key=lambda item: item[2]):
-            bag.write(topic, stamp, stamp, serialize(types, type_name, content))
-    return path
-
-
 def pose_messages(kind, poses, frame_id="map"):
     return [
         (f"/lab/{role}", kind, int(stamp), pose_message(kind, stamp, p, q, frame_id, role))
@@ -158,57 +137,55 @@ KINDS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceS
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_poses_of_every_type_are_read(tmp_path, types, poses, kind):
-    bag = write_bag(tmp_path / "bag", types, pose_messages(kind, poses))
+def test_poses_of_every_type_are_read(tmp_path, poses, kind):
+    bag = write_bag(tmp_path / "bag", pose_messages(kind, poses))
     mapping = {role: {"topic": f"/lab/{role}", "frame": "map", "child": role} for role in ROLES}
     assert_poses(read_recording(bag, parse_mapping(mapping)), poses, within=1e-15)
 
 
-def test_a_ball_that_is_a_point_has_no_orientation(tmp_path, types, poses):
+def test_a_ball_that_is_a_point_has_no_orientation(tmp_path, poses):
     messages = [m for m in pose_messages(KINDS[0], poses) if m[0] != "/lab/ball"]
     messages += [
         m for m in pose_messages("geometry_msgs/msg/PointStamped", poses) if m[0] == "/lab/ball"
     ]
-    recording = read_recording(
-        write_bag(tmp_path / "bag", types, messages), parse_mapping(topics())
-    )
+    recording = read_recording(write_bag(tmp_path / "bag", messages), parse_mapping(topics()))
     np.testing.assert_array_equal(recording.bodies["ball"].position, poses["ball"][0])
     assert not [fault for fault in recording.faults if fault.body == "ball"]
 
 
-def test_y_up_millimetres_and_a_moved_origin_become_ours(tmp_path, types, poses):
+def test_y_up_millimetres_and_a_moved_origin_become_ours(tmp_path, poses):
     lab = {role: to_laboratory(*poses[role]) for role in ROLES}
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], lab))
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], lab))
     mapping = {"axes": {"up": "y", "length": "mm", "transform": TO_WORLD}, **topics()}
     assert_poses(read_recording(bag, parse_mapping(mapping)), poses)
 
 
-def test_a_body_may_have_axes_of_its_own(tmp_path, types, poses):
+def test_a_body_may_have_axes_of_its_own(tmp_path, poses):
     lab = {role: to_laboratory(*poses[role]) if role == "ball" else poses[role] for role in ROLES}
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], lab))
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], lab))
     mapping = topics()
     mapping["ball"] |= {"up": "y", "length": "mm", "transform": TO_WORLD}
     assert_poses(read_recording(bag, parse_mapping(mapping)), poses)
 
 
-def test_an_offset_is_that_of_our_frame_in_the_tracked_body(tmp_path, types, poses):
+def test_an_offset_is_that_of_our_frame_in_the_tracked_body(tmp_path, poses):
     offset = {"position": [0.02, -0.03, 0.1], "quaternion": [0.5, 0.5, 0.5, 0.5]}
     turned = Rotation.from_quat(poses["hand"][1]) * Rotation.from_quat(offset["quaternion"]).inv()
     tracked = poses["hand"][0] - turned.apply(offset["position"]), turned.as_quat()
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], {**poses, "hand": tracked}))
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], {**poses, "hand": tracked}))
     mapping = topics()
     mapping["hand"] |= {"offset": offset}
     assert_poses(read_recording(bag, parse_mapping(mapping)), poses)
 
 
-def test_a_clock_can_be_shifted(tmp_path, types, poses):
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
+def test_a_clock_can_be_shifted(tmp_path, poses):
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses))
     recording = read_recording(bag, parse_mapping({"axes": {"time_shift": -0.25}, **topics()}))
     np.testing.assert_array_equal(recording.bodies["hand"].stamp_ns, STAMPS - 250_000_000)
 
 
-def test_a_basket_that_was_not_tracked_stands_where_the_mapping_says(tmp_path, types, poses):
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
+def test_a_basket_that_was_not_tracked_stands_where_the_mapping_says(tmp_path, poses):
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses))
     recording = read_recording(
         bag, parse_mapping({**topics(), "basket": {"position": [2.0, 0.3, 0.4]}})
     )
@@ -229,22 +206,22 @@ def test_sqlite_bags_are_read(tmp_path, types, poses):
     assert_poses(read_recording(tmp_path / "bag", parse_mapping(topics())), poses, within=1e-15)
 
 
-def test_a_frame_that_is_not_the_named_one_is_an_error(tmp_path, types, poses):
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
+def test_a_frame_that_is_not_the_named_one_is_an_error(tmp_path, poses):
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses))
     with pytest.raises(
         ValueError, match="/lab/hand: all 200 poses of the hand are in 'map', not 'world'"
     ):
         read_recording(bag, parse_mapping(topics(frame="world")))
 
 
-def test_poses_in_several_frames_are_not_mixed(tmp_path, types, poses):
+def test_poses_in_several_frames_are_not_mixed(tmp_path, poses):
     """Two drivers, or one that was set up anew, on one topic: which frame is meant must be said."""
     messages = pose_messages(KINDS[0], poses)
     messages += [
         (topic, kind, stamp + 1, {**content, "header": header(stamp + 1, "camera")})
         for topic, kind, stamp, content in messages[:50]
     ]
-    bag = write_bag(tmp_path / "bag", types, messages)
+    bag = write_bag(tmp_path / "bag", messages)
     with pytest.raises(
         ValueError,
         match=(
@@ -262,19 +239,19 @@ def test_poses_in_several_frames_are_not_mixed(tmp_path, types, poses):
     ]
 
 
-def test_a_missing_topic_is_named_with_those_there_are(tmp_path, types, poses):
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
+def test_a_missing_topic_is_named_with_those_there_are(tmp_path, poses):
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses))
     with pytest.raises(
         BagError, match=r"no topic /vrpn_mocap/hand/pose for 'hand', only \['/lab/ball'"
     ):
         read_recording(bag)
 
 
-def test_a_topic_of_a_wrong_type_is_an_error(tmp_path, types, poses):
+def test_a_topic_of_a_wrong_type_is_an_error(tmp_path, poses):
     messages = pose_messages(KINDS[0], poses) + [
         ("/chat", "std_msgs/msg/String", START_NS, {"data": "hand"})
     ]
-    bag = write_bag(tmp_path / "bag", types, messages)
+    bag = write_bag(tmp_path / "bag", messages)
     with pytest.raises(
         BagError,
         match="/chat has type std_msgs/msg/String; for 'hand' it must be one of PoseStamped",
@@ -289,7 +266,7 @@ def joint_state(stamp, names, position, velocity):
     return {"header": header(stamp), "name": names, "position": position, "velocity": velocity}
 
 
-def test_joints_are_taken_by_their_names(tmp_path, types, poses):
+def test_joints_are_taken_by_their_names(tmp_path, poses):
     names = [f"j{k}" for k in range(1, 8)]
     recorded = ["gripper", *names[::-1]]
     angles = np.linspace(0.0, 1.0, N)[:, None] + np.arange(7)
@@ -302,7 +279,7 @@ def test_joints_are_taken_by_their_names(tmp_path, types, poses):
         )
         for stamp, row in zip(STAMPS, angles, strict=True)
     ]
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + states)
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses) + states)
     joints = read_recording(
         bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints", "names": names}})
     ).joints
@@ -321,7 +298,7 @@ def test_joints_are_taken_by_their_names(tmp_path, types, poses):
         )
 
 
-def test_joints_are_counted_as_our_arm_counts_them(tmp_path, types, poses):
+def test_joints_are_counted_as_our_arm_counts_them(tmp_path, poses):
     signs, zeros = np.array([1, -1, 1, 1, -1, 1, 1]), 0.1 * np.arange(7)
     angles = np.linspace(0.0, 1.0, N)[:, None] + np.arange(7)
     recorded = np.rad2deg(signs * (angles - zeros))
@@ -334,7 +311,7 @@ def test_joints_are_counted_as_our_arm_counts_them(tmp_path, types, poses):
         )
         for stamp, row in zip(STAMPS, recorded, strict=True)
     ]
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + states)
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses) + states)
     where = {
         "topic": "/lab/joints",
         "angle": "deg",
@@ -349,7 +326,7 @@ def test_joints_are_counted_as_our_arm_counts_them(tmp_path, types, poses):
 @pytest.mark.parametrize(
     "kind", ["std_msgs/msg/Bool", "std_msgs/msg/Empty", "dart_skill_msgs/msg/WamCommand"]
 )
-def test_buttons_of_every_type(tmp_path, types, poses, kind):
+def test_buttons_of_every_type(tmp_path, poses, kind):
     pressed, released = int(STAMPS[50]), int(STAMPS[60])
     grips = ((pressed - 5, 0), (pressed, 2), (released, 1))
     content = {
@@ -365,7 +342,7 @@ def test_buttons_of_every_type(tmp_path, types, poses, kind):
         ],
     }[kind]
     messages = [("/button", kind, stamp, one) for stamp, one in content]
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + messages)
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses) + messages)
     for role, taught in (("teacher", True), ("command", False)):
         recording = read_recording(bag, parse_mapping({**topics(), role: {"topic": "/button"}}))
         assert [(one.stamp_ns, one.taught) for one in recording.openings] == [
@@ -375,7 +352,7 @@ def test_buttons_of_every_type(tmp_path, types, poses, kind):
 
 @pytest.mark.parametrize(("early", "guided"), [(100_000_000, True), (2_000_000_000, False)])
 def test_an_opening_by_the_controller_while_a_person_pushes_is_taught(
-    tmp_path, types, poses, early, guided
+    tmp_path, poses, early, guided
 ):
     opened = int(STAMPS[-1])
     push = {"header": header(opened - early), "wrench": {"force": {"y": 3.0}}}
@@ -383,7 +360,7 @@ def test_an_opening_by_the_controller_while_a_person_pushes_is_taught(
     kind = "dart_skill_msgs/msg/WamCommand"
     messages = [("/push", kind, opened - early, push), ("/push", kind, opened - 1, idle)]
     messages.append(("/arm", kind, opened, {"header": header(opened), "grip": 2}))
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + messages)
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses) + messages)
     recording = read_recording(
         bag,
         parse_mapping({**topics(), "teacher": {"topic": "/push"}, "command": {"topic": "/arm"}}),
@@ -609,7 +586,7 @@ SIGNED_AXES = [
 
 
 @pytest.mark.parametrize("xyz", SIGNED_AXES, ids="".join)
-def test_poses_in_axes_that_point_anywhere_become_ours(tmp_path, types, poses, xyz):
+def test_poses_in_axes_that_point_anywhere_become_ours(tmp_path, poses, xyz):
     """All 24 right-handed axes, in which the body keeps its own, and the 24 left-handed ones, in
     which its z axis is mirrored.
     """
@@ -624,12 +601,12 @@ def test_poses_in_axes_that_point_anywhere_become_ours(tmp_path, types, poses, x
         )
         for role, (p, q) in poses.items()
     }
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], lab))
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], lab))
     assert_poses(read_recording(bag, parse_mapping({"axes": {"xyz": xyz}, **topics()})), poses)
 
 
-def test_a_clock_that_runs_fast_can_be_told(tmp_path, types, poses):
-    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
+def test_a_clock_that_runs_fast_can_be_told(tmp_path, poses):
+    bag = write_bag(tmp_path / "bag", pose_messages(KINDS[0], poses))
     recording = read_recording(
         bag, parse_mapping({"axes": {"time_drift": -1e-3, "time_shift": 1.0}, **topics()})
     )
@@ -800,7 +777,7 @@ def test_our_own_bags_need_no_mapping_and_have_no_fault(own_bag):
             )
 
 
-def test_a_converted_recording_is_a_bag_of_ours(tmp_path, types, poses):
+def test_a_converted_recording_is_a_bag_of_ours(tmp_path, poses):
     lab = {role: to_laboratory(*poses[role]) for role in ROLES}
     messages = pose_messages(KINDS[0], lab)
     ball = [k for k, item in enumerate(messages) if item[0] == "/lab/ball"]
@@ -814,7 +791,7 @@ def test_a_converted_recording_is_a_bag_of_ours(tmp_path, types, poses):
             "teacher": {"topic": "/button"},
         }
     )
-    convert(write_bag(tmp_path / "lab", types, messages), tmp_path / "ours", mapping)
+    convert(write_bag(tmp_path / "lab", messages), tmp_path / "ours", mapping)
     recording = read_recording(tmp_path / "ours")
     np.testing.assert_allclose(recording.bodies["hand"].position, poses["hand"][0], atol=1e-9)
     np.testing.assert_array_equal(
@@ -850,10 +827,8 @@ def test_a_source_that_is_not_there_is_an_error(tmp_path):
         read_recording(tmp_path / "nowhere")
 
 
-def test_a_body_without_a_single_pose_is_named(tmp_path, types, poses):
-    bag = write_bag(
-        tmp_path / "bag", types, pose_messages("geometry_msgs/msg/TransformStamped", poses)
-    )
+def test_a_body_without_a_single_pose_is_named(tmp_path, poses):
+    bag = write_bag(tmp_path / "bag", pose_messages("geometry_msgs/msg/TransformStamped", poses))
     with pytest.raises(ValueError, match="/lab/hand: no pose of the hand: was it tracked"):
         read_recording(bag, parse_mapping(topics(child="glove")))
 

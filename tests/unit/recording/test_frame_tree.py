@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from dart_skill.recording import typestore
 from dart_skill.recording.imports import parse_mapping, read_recording
 from dart_skill.recording.imports.frame_tree import FrameTransform, FrameTree, read_frame_tree
+from tests.unit.recording.bag_files import write_bag
 from tests.unit.recording.test_foreign import (
     KINDS,
     ROLES,
@@ -17,17 +17,11 @@ from tests.unit.recording.test_foreign import (
     pose_messages,
     topics,
     vector,
-    write_bag,
 )
 
 SECOND = 1_000_000_000
 RIG = np.array([0.4, -0.2, 1.1, *Rotation.from_euler("zyx", [0.7, -0.4, 2.0]).as_quat()])
 """Where a rig stands in the world."""
-
-
-@pytest.fixture(scope="module")
-def types():
-    return typestore()
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +110,7 @@ def tf(topic, stamp, parent, child, row):
     return topic, "tf2_msgs/msg/TFMessage", int(stamp), {"transforms": [transform]}
 
 
-def written(path, types, poses, *more, kind=KINDS[0]):
+def written(path, poses, *more, kind=KINDS[0]):
     """A bag of which the hand is told in the rig's frame in the first half, and in the world's in
     the second.
     """
@@ -131,14 +125,13 @@ def written(path, types, poses, *more, kind=KINDS[0]):
         for one in pose_messages(kind, {**poses, "hand": in_rig(*hand)}, "rig")
         if one[0] == "/lab/hand" and one[2] < STAMPS[n]
     ]
-    return write_bag(path, types, [*told, *more])
+    return write_bag(path, [*told, *more])
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_poses_in_two_frames_are_one_path(tmp_path, types, poses, kind):
+def test_poses_in_two_frames_are_one_path(tmp_path, poses, kind):
     bag = written(
         tmp_path / "bag",
-        types,
         poses,
         tf("/tf_static", STAMPS[0] - 5, "/world", "rig", RIG),
         kind=kind,
@@ -156,24 +149,22 @@ def test_poses_in_two_frames_are_one_path(tmp_path, types, poses, kind):
     ]
 
 
-def test_what_tf_does_not_tell_is_left_out(tmp_path, types, poses):
+def test_what_tf_does_not_tell_is_left_out(tmp_path, poses):
     """A rig that moves, and of which /tf tells from the 50th frame on."""
     ends = [
         tf("/tf", STAMPS[k], "world", "rig", RIG + [1e-3 * (k > 50), *np.zeros(6)])
         for k in (50, 120)
     ]
     recording = read_recording(
-        written(tmp_path / "bag", types, poses, *ends), parse_mapping(topics(frame="world"))
+        written(tmp_path / "bag", poses, *ends), parse_mapping(topics(frame="world"))
     )
     assert len(recording.bodies["hand"]) == 150
     told = [fault.message for fault in recording.faults if fault.body == "hand"]
     assert "50 poses in 'rig' are left out, for /tf does not tell where 'world' was then" in told
 
 
-def test_a_frame_of_which_tf_says_nothing_is_left_out(tmp_path, types, poses):
-    bag = written(
-        tmp_path / "bag", types, poses, tf("/tf_static", STAMPS[0], "world", "another", RIG)
-    )
+def test_a_frame_of_which_tf_says_nothing_is_left_out(tmp_path, poses):
+    bag = written(tmp_path / "bag", poses, tf("/tf_static", STAMPS[0], "world", "another", RIG))
     recording = read_recording(bag, parse_mapping(topics(frame="world")))
     assert len(recording.bodies["hand"]) == 100
     assert (
@@ -182,16 +173,14 @@ def test_a_frame_of_which_tf_says_nothing_is_left_out(tmp_path, types, poses):
     )
 
 
-def test_bodies_in_frames_that_differ_are_not_mixed(tmp_path, types, poses):
+def test_bodies_in_frames_that_differ_are_not_mixed(tmp_path, poses):
     """The hand of one camera system and the ball of another: which axes are meant must be said."""
     told = pose_messages(KINDS[0], {**poses, "hand": in_rig(*poses["hand"])}, "world")
     told = [
         (*one[:3], {**one[3], "header": header(one[2], "rig")}) if one[0] == "/lab/hand" else one
         for one in told
     ]
-    bag = write_bag(
-        tmp_path / "bag", types, [*told, tf("/tf_static", STAMPS[0], "world", "rig", RIG)]
-    )
+    bag = write_bag(tmp_path / "bag", [*told, tf("/tf_static", STAMPS[0], "world", "rig", RIG)])
     with pytest.raises(
         ValueError,
         match=r"the hand is told in 'rig' and the ball in 'world'.*ball: \{frame: rig\}",
@@ -207,12 +196,25 @@ def test_bodies_in_frames_that_differ_are_not_mixed(tmp_path, types, poses):
     np.testing.assert_array_equal(hand.position, in_rig(*poses["hand"])[0])
 
 
-def test_what_is_no_transform_is_not_taken_for_one(tmp_path, types):
+def test_frames_are_compared_at_log_times_where_the_mapping_says_so(tmp_path, poses):
+    """Nobody filled in the stamps of the poses, and the rig moves."""
+    frames = {"/lab/hand": "rig"}
+    told = [
+        (*one[:3], {**one[3], "header": header(0, frames.get(one[0], "world"))})
+        for one in pose_messages(KINDS[0], poses, "world")
+    ]
+    moves = [tf("/tf", stamp, "world", "rig", RIG + 1e-9 * stamp) for stamp in STAMPS[::20]]
+    bag = write_bag(tmp_path / "bag", [*told, *moves])
+    with pytest.raises(ValueError, match="the hand is told in 'rig' and the ball in 'world'"):
+        read_recording(bag, parse_mapping(topics(time="log")))
+
+
+def test_what_is_no_transform_is_not_taken_for_one(tmp_path):
     broken = [
         tf("/tf", 10, "world", "rig", np.zeros(7)),
         tf("/tf", 20, "world", "rig", np.full(7, np.nan)),
     ]
-    tree = read_frame_tree(write_bag(tmp_path / "bag", types, broken))
+    tree = read_frame_tree(write_bag(tmp_path / "bag", broken))
     assert not tree.connects("rig", "world")
     with pytest.raises(ValueError, match="no transform leads from 'rig' to 'world'"):
         tree.moved(drawn_rows(0, 2), "rig", "world", np.array([10, 20]))

@@ -11,7 +11,6 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
-from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dart_skill.recording import (
@@ -26,6 +25,7 @@ from dart_skill.recording import (
 )
 from dart_skill.recording.bags import Finding, check_bag, check_file, describe
 from dart_skill.recording.mcap.records import packed
+from tests.unit.recording.bag_files import mcap_file
 
 POSE, STEP_NS, START_NS = "geometry_msgs/msg/PoseStamped", 10_000_000, 10**18
 TYPES = typestore()
@@ -63,17 +63,15 @@ def texts(findings, severity="error"):
 
 def plain(file, messages, definition_text=None, encoding="cdr", type_name=POSE, **options):
     """A file of plain `mcap`; messages: channel (1 or 2), log time, sequence, bytes."""
-    with open(file, "wb") as stream:
-        writer = McapWriter(stream, **options)
-        writer.start("ros2")
-        text = definition(TYPES, POSE) if definition_text is None else definition_text
-        schema = writer.register_schema(type_name, "ros2msg", text.encode()) if type_name else 0
-        for topic in ("/hand", "/ball"):
-            writer.register_channel(topic, encoding, schema)
-        for channel, stamp, sequence, data in messages:
-            writer.add_message(channel, stamp, data, stamp, sequence)
-        writer.finish()
-    return file
+    text = definition(TYPES, POSE) if definition_text is None else definition_text
+    told = {"encoding": encoding, "text": text} | ({} if type_name else {"schema": ""})
+    name = type_name or "none"
+    return mcap_file(
+        file,
+        [("/hand", name, told), ("/ball", name, told)],
+        [(channel - 1, stamp, data, sequence) for channel, stamp, sequence, data in messages],
+        **options,
+    )
 
 
 def patched(file, place, data):

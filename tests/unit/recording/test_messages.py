@@ -23,15 +23,16 @@ def types():
 
 
 def test_every_interface_of_our_package_is_known_and_has_a_hash(types):
-    for file in interface_folder().glob("*/*"):
-        parts = {
-            "msg": [""],
-            "srv": ["_Request", "_Response"],
-            "action": ["_Goal", "_Result", "_Feedback"],
-        }
-        for part in parts[file.parent.name]:
-            name = f"dart_skill_msgs/{file.parent.name}/{file.stem}{part}"
-            assert type_hash(types, name).startswith("RIHS01_"), name
+    parts = {
+        "msg": [""],
+        "srv": ["_Request", "_Response"],
+        "action": ["_Goal", "_Result", "_Feedback"],
+    }
+    for kind, endings in parts.items():
+        for file in interface_folder().glob(f"{kind}/*.{kind}"):
+            for ending in endings:
+                name = f"dart_skill_msgs/{kind}/{file.stem}{ending}"
+                assert type_hash(types, name).startswith("RIHS01_"), name
 
 
 def test_hashes_are_those_of_ros(types):

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
-from mcap.writer import Writer as McapWriter
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer as Ros2Writer
 from rosbags.highlevel import AnyReader
@@ -41,6 +40,7 @@ from dart_skill.recording import (
     typestore,
 )
 from dart_skill.recording.bags import Playback, Selection
+from tests.unit.recording.bag_files import mcap_file
 
 POSE, TEXT, STATE, TF = (
     "geometry_msgs/msg/PoseStamped",
@@ -207,17 +207,14 @@ def by_rosbags(path, plugin):
 
 
 def by_mcap(path, **options):
-    with open(path, "wb") as stream:
-        writer = McapWriter(stream, chunk_size=2000, **options)
-        writer.start("ros2")
-        schema = writer.register_schema(TEXT, "ros2msg", definition(TYPES, TEXT).encode())
-        channels = {
-            topic: writer.register_channel(topic, "cdr", schema) for topic in ("/said", "/heard")
-        }
-        for topic, stamp, data in texts():
-            writer.add_message(channels[topic], stamp, data, stamp)
-        writer.finish()
-    return path
+    topics = ("/said", "/heard")
+    return mcap_file(
+        path,
+        [(topic, TEXT) for topic in topics],
+        [(topics.index(topic), stamp, data) for topic, stamp, data in texts()],
+        chunk_size=2000,
+        **options,
+    )
 
 
 def by_mcap_ros2_support(path):

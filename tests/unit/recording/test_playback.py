@@ -8,13 +8,12 @@ import pytest
 
 from dart_skill.recording import (
     BagReader,
-    BagWriter,
-    definition,
     deserialize,
     serialize,
     types_for,
 )
 from dart_skill.recording.bags import CLOCK_TYPE, Pace, Playback, Selection, clock_message
+from tests.unit.recording.bag_files import write_bag
 
 TEXT = "std_msgs/msg/String"
 SECOND = 1_000_000_000
@@ -23,15 +22,12 @@ SECOND = 1_000_000_000
 @pytest.fixture
 def bag(tmp_path):
     """One message a tenth of a second on /a, one a second on /b, for three seconds from 5 s on."""
-    types = types_for(TEXT)
-    with BagWriter(tmp_path / "bag") as writer:
-        for topic in ("/a", "/b"):
-            writer.add_topic(topic, TEXT, definition(types, TEXT))
-        for k in range(31):
-            ns = 5 * SECOND + k * SECOND // 10
-            writer.write("/a", ns, ns, serialize(types, TEXT, {"data": f"a{k}"}))
-            if k % 10 == 0:
-                writer.write("/b", ns, ns, serialize(types, TEXT, {"data": f"b{k}"}))
+    messages = []
+    for k in range(31):
+        for topic in "ab" if k % 10 == 0 else "a":
+            stamp = 5 * SECOND + k * SECOND // 10
+            messages.append((f"/{topic}", TEXT, stamp, {"data": f"{topic}{k}"}))
+    write_bag(tmp_path / "bag", messages)
     with BagReader(tmp_path / "bag") as reader:
         yield reader
 

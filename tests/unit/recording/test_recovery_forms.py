@@ -19,8 +19,9 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from dart_skill.cli import main
-from dart_skill.recording import BagError, BagReader, definition, serialize, typestore
+from dart_skill.recording import BagError, BagReader, serialize, typestore
 from dart_skill.recording.bags import check_bag, recover
+from tests.unit.recording.bag_files import mcap_file
 from tests.unit.recording.test_recovery import bag_messages, boundaries, messages, record
 
 POINT, TEXT, BYTES = (
@@ -37,28 +38,15 @@ def mcap(path, topics=(("/point", POINT),), n_steps=200, start_ns=START_NS, seed
     """Bytes of a file of the `mcap` package, whose topics have the numbers 1, 2 ... and messages
     that differ.
     """
-    rng = np.random.default_rng(seed)
-    with open(path, "wb") as stream:
-        writer = McapWriter(
-            stream, **{"chunk_size": 3000, "compression": CompressionType.ZSTD} | options
-        )
-        writer.start("ros2", "another")
-        numbers = []
-        for topic, type_name in topics:
-            schema = writer.register_schema(
-                type_name, "ros2msg", definition(TYPES, type_name).encode()
-            )
-            numbers.append(writer.register_channel(topic, "cdr", schema))
-        for step in range(n_steps):
-            which = step % len(topics)
-            type_name, stamp = topics[which][1], start_ns + step * 10**7
-            point = dict(zip("xyz", rng.normal(size=3), strict=True))
-            value = {"point": point} if type_name == POINT else {"data": f"{seed} {step}"}
-            writer.add_message(
-                numbers[which], stamp, serialize(TYPES, type_name, value), stamp, step
-            )
-        writer.finish()
-    return path.read_bytes()
+    rng, written = np.random.default_rng(seed), []
+    for step in range(n_steps):
+        which = step % len(topics)
+        point = dict(zip("xyz", rng.normal(size=3), strict=True))
+        type_name = topics[which][1]
+        value = {"point": point} if type_name == POINT else {"data": f"{seed} {step}"}
+        written.append((which, start_ns + step * 10**7, serialize(TYPES, type_name, value), step))
+    options = {"chunk_size": 3000, "compression": CompressionType.ZSTD} | options
+    return mcap_file(path, topics, written, library="another", **options).read_bytes()
 
 
 def recovered(folder, data, name="damaged_0.mcap"):
@@ -287,13 +275,10 @@ def test_a_definition_that_is_damaged_is_that_which_is_installed(tmp_path):
 
 
 def test_what_is_not_cdr_is_kept_as_it_is_and_told(tmp_path):
-    with open(tmp_path / "json.mcap", "wb") as stream:
-        writer = McapWriter(stream)
-        writer.start("ros1", "another")
-        schema = writer.register_schema("std_msgs/String", "ros1msg", b"string data")
-        channel = writer.register_channel("/chatter", "ros1", schema)
-        writer.add_message(channel, 5, struct.pack("<I", 2) + b"ab", 5)
-        writer.finish()
+    told = {"schema": "ros1msg", "text": "string data", "encoding": "ros1"}
+    data = struct.pack("<I", 2) + b"ab"
+    channels = [("/chatter", "std_msgs/String", told)]
+    mcap_file(tmp_path / "json.mcap", channels, [(0, 5, data)], profile="ros1")
     recovery = recover(tmp_path / "json.mcap", tmp_path / "new")
     assert recovery.is_complete and any("'ros1', not as cdr" in note for note in recovery.notes)
     assert (recovery.path / "new_0.mcap").read_bytes()[17:25] == struct.pack("<I", 4) + b"ros1", (
@@ -312,16 +297,8 @@ def test_a_wrong_profile_of_ros_2_messages_is_mended(tmp_path):
 
 def test_messages_that_were_compressed_one_by_one_are_plain_afterwards(tmp_path):
     data = serialize(TYPES, TEXT, {"data": "a" * 100})
-    with open(tmp_path / "one.mcap", "wb") as stream:
-        writer = McapWriter(stream)
-        writer.start("ros2", "another")
-        channel = writer.register_channel(
-            "/text",
-            "cdr",
-            writer.register_schema(TEXT, "ros2msg", definition(TYPES, TEXT).encode()),
-        )
-        writer.add_message(channel, 5, zstandard.ZstdCompressor().compress(data), 5)
-        writer.finish()
+    packed = zstandard.ZstdCompressor().compress(data)
+    mcap_file(tmp_path / "one.mcap", [("/text", TEXT)], [(0, 5, packed)])
     recovery, kept = recovered(tmp_path, (tmp_path / "one.mcap").read_bytes()[:-10])
     assert [one[4] for one in kept] == [data] and "compressed one by one" in recovery.notes[0]
 

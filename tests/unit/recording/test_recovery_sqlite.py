@@ -430,6 +430,7 @@ def test_however_a_file_is_damaged_recovery_says_why_not_or_makes_a_bag_that_is_
         assert "nothing to recover" in str(error) or "empty" in str(error)
         return
     n_missing = (written - kept).total()
-    assert (kept - written).total() <= (1 if kind == "flip" else 0)
+    may_change = kind in ("flip", "zero", "page")  # no CRC tells what is in a long row
+    assert (kept - written).total() <= may_change
     assert sum(recovery.lost.values()) <= n_missing
-    assert not recovery.is_complete or not n_missing or kind == "flip"
+    assert not recovery.is_complete or not n_missing or may_change

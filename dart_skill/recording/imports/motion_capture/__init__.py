@@ -9,14 +9,14 @@ import numpy as np
 from dart_skill.common.files import open_file
 from dart_skill.recording.imports.mapping import CaptureFile, PoseSource
 from dart_skill.recording.imports.motion_capture._capture import Capture, poses_of
-from dart_skill.recording.imports.motion_capture._markers import read_c3d, read_trc
-from dart_skill.recording.imports.motion_capture._motive import looks_like_motive, read_motive
-from dart_skill.recording.imports.motion_capture._qualisys import (
+from dart_skill.recording.imports.motion_capture._exported_tables import (
     looks_like_qualisys,
+    looks_like_vicon,
     read_qualisys,
+    read_vicon,
 )
-from dart_skill.recording.imports.motion_capture._skeleton import read_bvh
-from dart_skill.recording.imports.motion_capture._vicon import looks_like_vicon, read_vicon
+from dart_skill.recording.imports.motion_capture._motive import looks_like_motive, read_motive
+from dart_skill.recording.imports.motion_capture._open_formats import read_bvh, read_c3d, read_trc
 from dart_skill.recording.imports.pose_stream import Axes
 from dart_skill.recording.imports.text_files import TextFile
 
@@ -85,11 +85,11 @@ def _opened(path: Path, where: CaptureFile, unit: str) -> Capture:
     if lines[0].strip().upper().startswith("HIERARCHY"):
         return read_bvh(path)
     if lines[0].startswith("PathFileType"):
-        return read_trc(file, where, unit)
+        return read_trc(file, unit)
     if looks_like_qualisys(lines):
         return read_qualisys(file, where, unit)
     if looks_like_vicon(lines):
-        return read_vicon(file, where, unit)
+        return read_vicon(file, where)
     if looks_like_motive(lines):
         return read_motive(file, where, unit)
     known = "CSV of Motive, Nexus or Tracker, TSV of QTM, C3D, TRC, BVH"

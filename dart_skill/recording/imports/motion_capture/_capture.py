@@ -8,7 +8,7 @@ mapping says otherwise is an error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from dart_skill.recording.imports.mapping import (
     PoseSource,
 )
 from dart_skill.recording.imports.pose_stream import UP_AXES, Axes
+from dart_skill.recording.imports.text_files import Row, TextFile, Timing
 
 LENGTH_WORDS = {
     "m": ("m", "meter", "meters", "metre", "metres"),
@@ -33,9 +34,9 @@ LENGTH_WORDS = {
 }
 """What programs call each unit of length, in small letters."""
 FEWEST_MARKERS = 3
-"""From so many markers the orientation of a body follows."""
+"""Fewest markers that give the orientation of a body."""
 MOST_NAMES = 40
-"""So many names are listed in an error."""
+"""Most names that are listed in an error."""
 MEASURED = "Marker"
 """The kind of markers that cameras saw; others of the same name are where a program expects them.
 """
@@ -124,6 +125,31 @@ def poses_of(
     return stamps[seen], scale * position[seen], quaternion[seen], axes
 
 
+def marker(name: str, place: int) -> Body:
+    """A marker whose x, y, z stand in three columns, the first of which is this one."""
+    return Body(name, MEASURED, (place, place + 1, place + 2))
+
+
+def capture_of_rows(
+    file: TextFile,
+    rows: Callable[[], Iterable[Row]],
+    timing: Timing,
+    bodies: Sequence[Body],
+    length: str = "",
+    axes: Axes | None = None,
+) -> Capture:
+    """A file of motion capture that is a table. rows: gives those with numbers; timing: how their
+    time is told; the others: as of `Capture`.
+    """
+    return Capture(
+        file.path,
+        tuple(bodies),
+        lambda places: file.read(rows(), timing, places, is_ragged=True),
+        length,
+        axes,
+    )
+
+
 def agreed(capture: Capture, key: str, told: str, said: str, choices: Sequence[str] | dict) -> str:
     """What the file tells, or the mapping says; ValueError if neither does, or they contradict
     each other.
@@ -146,7 +172,7 @@ def agreed(capture: Capture, key: str, told: str, said: str, choices: Sequence[s
 
 
 def agreed_rate(path: Path, told: float, said: float) -> float:
-    """Frames per second [1/s]; ValueError if nobody tells it, or file and mapping contradict each
+    """Frames per second [1/s]; ValueError if neither tells it, or file and mapping contradict each
     other.
 
     * path: of the file.

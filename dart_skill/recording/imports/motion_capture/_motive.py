@@ -9,7 +9,8 @@ body (OptiTrack's documentation, "Data Export: CSV", and the conversions of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 
@@ -20,9 +21,10 @@ from dart_skill.recording.imports.motion_capture._capture import (
     Body,
     Capture,
     agreed_rate,
+    capture_of_rows,
     length_told,
 )
-from dart_skill.recording.imports.text_files import Row, TextFile, Timing
+from dart_skill.recording.imports.text_files import Row, TextFile, Timing, number_told
 
 KEYS = (
     "format version",
@@ -72,11 +74,9 @@ def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
     about = _about(file, head)
     bodies = _bodies(file, head, about, where)
     timing = _timing(file, head, about, where, unit)
-    rows = partial(_from, file, numbers.number)
+    rows = partial(file.rows, numbers.number - 1)
     length = length_told(about.get("length units", ""))
-    return Capture(
-        file.path, bodies, lambda places: file.read(rows(), timing, places, is_ragged=True), length
-    )
+    return capture_of_rows(file, rows, timing, bodies, length)
 
 
 def looks_like_motive(lines: Sequence[str]) -> bool:
@@ -111,10 +111,6 @@ def _head(file: TextFile) -> tuple[list[Row], Row | None]:
         if len(head) > MOST_HEADER_ROWS:
             break
     return head, None
-
-
-def _from(file: TextFile, line: int) -> Iterator[Row]:
-    return (row for row in file.rows() if row.number >= line)
 
 
 def _about(file: TextFile, head: Sequence[Row]) -> dict[str, str]:
@@ -231,16 +227,7 @@ def _refused(body: Body, space: str) -> Body:
             "the file does not say its Coordinate Space: add 'space: global' to the mapping if"
             " bones are in the axes of the world"
         )
-    return Body(
-        body.name,
-        body.kind,
-        body.position,
-        body.rotation,
-        body.turn,
-        body.angle,
-        body.ident,
-        refusal,
-    )
+    return replace(body, refusal=refusal)
 
 
 def _timing(
@@ -257,22 +244,9 @@ def _timing(
         and axes[1].strip().upper() not in tuple("XYZW")
     ):
         return Timing(1, unit)
-    told = next(
-        (
-            float(text)
-            for key in KEYS[4:2:-1]
-            if (text := about.get(key, "").replace(",", ".")) and _is_number(text)
-        ),
-        0.0,
-    )
-    return Timing(0, rate=agreed_rate(file.path, told, where.rate))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return float(text) > 0.0
-    except ValueError:
-        return False
+    told = (number_told(about.get(key, "")) for key in KEYS[4:2:-1])
+    rate = next((number for number in told if number and number > 0.0), 0.0)
+    return Timing(0, rate=agreed_rate(file.path, rate, where.rate))
 
 
 def _old(file: TextFile, head: Sequence[Row]) -> Capture:
@@ -284,19 +258,11 @@ def _old(file: TextFile, head: Sequence[Row]) -> Capture:
     for row in defining:
         if row.cells[0].strip().lower() in ("rigidbody", "trackable") and len(row.cells) > 2:
             names.setdefault(row.cells[2].strip(), row.cells[1].strip())
-    bodies = []
-    for k, (ident, name) in enumerate(names.items()):
-        x = 7 * k
-        bodies.append(
-            Body(
-                name,
-                "Rigid Body",
-                (x, x + 1, x + 2),
-                (x + 3, x + 4, x + 5, x + 6),
-                "quaternion",
-                ident=ident,
-            )
-        )
+    bodies = [
+        Body(name, "Rigid Body", (*xyz,), (*quaternion,), "quaternion", ident=ident)
+        for k, (ident, name) in enumerate(names.items())
+        for xyz, quaternion in [(range(7 * k, 7 * k + 3), range(7 * k + 3, 7 * k + 7))]
+    ]
     if not bodies:
         raise file.error("no rigid bodies are defined above its frames")
     return Capture(file.path, tuple(bodies), partial(_read_old, file, list(names)))
