@@ -28,14 +28,14 @@ from dart_skill.figures._style import (
     unit_along,
     zoomed_inset,
 )
-from dart_skill.session import ThrowResult, footer
+from dart_skill.session import TrialResult, throws_in_a_line
 
 RIM_RADIUS = the_world().basket_radius
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 
 
 def draw_landings(
-    throws: Sequence[ThrowResult],
+    throws: Sequence[TrialResult],
     demonstrated: np.ndarray,
     folder: str | Path,
     rim_radius: float = RIM_RADIUS,
@@ -50,7 +50,7 @@ def draw_landings(
 
 
 def landings_figure(
-    throws: Sequence[ThrowResult],
+    throws: Sequence[TrialResult],
     demonstrated: np.ndarray,
     rim_radius: float = RIM_RADIUS,
     narrow: bool = False,
@@ -80,7 +80,7 @@ def landings_figure(
         return figure
 
 
-def along_across(throw: ThrowResult) -> np.ndarray:
+def along_across(throw: TrialResult) -> np.ndarray:
     """Landing relative to the centre of the rim (2,) [m]: along the throw, + too far, and across
     it, + to the left.
     """
@@ -92,7 +92,7 @@ def along_across(throw: ThrowResult) -> np.ndarray:
 
 
 def _draw_plan(
-    axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarray, radius: float
+    axes: Axes, throws: Sequence[TrialResult], demonstrated: np.ndarray, radius: float
 ) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, centre in enumerate(demonstrated, start=1):
@@ -112,7 +112,7 @@ def _draw_plan(
         basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
         beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
         axes.text(beyond[0], beyond[1], str(number), ha="center", va="center", bbox=HALO, zorder=4)
-    seen = [throw for throw in throws if throw.seen]
+    seen = [throw for throw in throws if throw.landing is not None]
     _draw_points(
         axes, seen, np.array([throw.landing for throw in seen]).reshape(-1, 3)[:, :2], "plan"
     )
@@ -125,8 +125,8 @@ def _draw_plan(
     )
 
 
-def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) -> None:
-    seen = [throw for throw in throws if throw.seen]
+def _draw_misses(axes: Axes, throws: Sequence[TrialResult], radius_cm: float) -> None:
+    seen = [throw for throw in throws if throw.landing is not None]
     places = (
         100.0
         * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)[:, ::-1]
@@ -144,12 +144,12 @@ def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) ->
     axes.set_xlabel("across the throw, + to the right [cm]")
     axes.set_ylabel("along the throw, + too far [cm]")
     axes.set_title(
-        f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{footer(throws)}"
+        f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{throws_in_a_line(throws)}"
     )
 
 
 def _draw_middle(
-    axes: Axes, seen: Sequence[ThrowResult], places: np.ndarray, radius_cm: float
+    axes: Axes, seen: Sequence[TrialResult], places: np.ndarray, radius_cm: float
 ) -> None:
     """Most landings again, larger, where they are a blob: within a quarter of the rim; places (n,
     2) [cm].
@@ -167,9 +167,9 @@ def _draw_middle(
     _draw_points(inset, seen, places, "middle")
 
 
-def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, gid: str) -> None:
+def _draw_points(axes: Axes, throws: Sequence[TrialResult], places: np.ndarray, gid: str) -> None:
     """Landings at places (n, 2), by what became of the ball."""
-    inside = np.array([throw.in_basket for throw in throws], dtype=bool)
+    inside = np.array([throw.success for throw in throws], dtype=bool)
     look: dict[str, Any] = {"linestyle": "none", "zorder": 3}
     ring: dict[str, Any] = {"color": SUCCESS, "markerfacecolor": "white", "markersize": 4.0}
     axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)

@@ -21,7 +21,7 @@ from dart_skill.figures._style import (
     panels,
     save,
 )
-from dart_skill.session import SkillSummary
+from dart_skill.session import TrialResult
 from dart_skill.skills.protocol import HAND, Pose, Skill, TaskDemonstration
 
 SIDE = 0.035
@@ -29,29 +29,35 @@ SIDE = 0.035
 
 
 def draw_trials(
-    summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration], folder: str | Path
+    trials: Sequence[TrialResult],
+    skill: Skill,
+    shown: Sequence[TaskDemonstration],
+    folder: str | Path,
 ) -> list[Path]:
-    """Write the figure; returns the paths. shown: what was learned from."""
+    """Write the figure; returns the paths. trials: in order; shown: what was learned from."""
     with house_style():
-        return save(trials_figure(summary, skill, shown), folder, "trials")
+        return save(trials_figure(trials, skill, shown), folder, "trials")
 
 
 def trials_figure(
-    summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration], narrow: bool = False
+    trials: Sequence[TrialResult],
+    skill: Skill,
+    shown: Sequence[TaskDemonstration],
+    narrow: bool = False,
 ) -> Figure:
     """The figure itself, as `draw_trials` writes it; narrow: its panels stand one below the other.
 
     ValueError where nothing was shown and nothing tried.
     """
-    if not shown and not summary.trials:
+    if not shown and not trials:
         raise ValueError("no demonstrations and no trials: there is nothing to draw")
     with house_style():
         figure, (above, side, errors) = panels(
             [(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)], narrow
         )
-        _draw_above(above, summary, skill, shown)
+        _draw_above(above, trials, skill, shown)
         _draw_side(side, skill, shown)
-        _draw_errors(errors, summary)
+        _draw_errors(errors, trials)
         letter_panels(above, side, errors)
         handles, labels = above.get_legend_handles_labels()
         legend_below(figure, handles, labels, len(labels), narrow)
@@ -72,7 +78,7 @@ def _movements(
 
 
 def _draw_above(
-    axes: Axes, summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration]
+    axes: Axes, trials: Sequence[TrialResult], skill: Skill, shown: Sequence[TaskDemonstration]
 ) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, (one, hand) in enumerate(_movements(skill, shown)):
@@ -89,8 +95,8 @@ def _draw_above(
                 axes, pose, DEMONSTRATION, "" if number else f"{role}, shown", linestyle="--"
             )
     labelled: set[str] = set()
-    for number, trial in enumerate(summary.trials, start=1):
-        done = bool(trial.outcome.success)
+    for number, trial in enumerate(trials, start=1):
+        done = trial.success
         for role, pose in trial.situation.poses.items():
             what = f"{role}, {'done' if done else 'failed'}"
             _draw_body(axes, pose, SUCCESS if done else FAILURE, "" if what in labelled else what)
@@ -128,22 +134,22 @@ def _draw_side(axes: Axes, skill: Skill, shown: Sequence[TaskDemonstration]) -> 
     axes.set(title=f"Height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
 
 
-def _draw_errors(axes: Axes, summary: SkillSummary) -> None:
-    for number, trial in enumerate(summary.trials, start=1):
-        done = bool(trial.outcome.success)
+def _draw_errors(axes: Axes, trials: Sequence[TrialResult]) -> None:
+    for number, trial in enumerate(trials, start=1):
+        done = trial.success
         if trial.error_m is not None:
             axes.bar(number, 1e3 * trial.error_m, color=SUCCESS if done else FAILURE, width=0.7)
         else:
             axes.text(number, 0.0, "?", ha="center", va="bottom", color=FAILURE)
-    errors = [1e3 * trial.error_m for trial in summary.trials if trial.error_m is not None]
+    errors = [1e3 * trial.error_m for trial in trials if trial.error_m is not None]
     if errors and max(errors) > 20.0 * max(np.median(errors), 0.1):
         axes.set_yscale("log")
     axes.set(
-        title=f"{summary.succeeded} of {len(summary.trials)} succeeded",
+        title=f"{sum(one.success for one in trials)} of {len(trials)} succeeded",
         xlabel="trial",
         ylabel="error [mm]",
     )
-    axes.set_xlim(0.4, max(len(summary.trials), 1) + 0.6)  # a mark does not widen it
+    axes.set_xlim(0.4, max(len(trials), 1) + 0.6)  # a mark does not widen it
     axes.xaxis.set_major_locator(
-        MaxNLocator(integer=True, min_n_ticks=1) if summary.trials else NullLocator()
+        MaxNLocator(integer=True, min_n_ticks=1) if trials else NullLocator()
     )

@@ -10,15 +10,8 @@ from dart_skill.cli import main
 from dart_skill.common.fleet import arm_with
 from dart_skill.experiments import arm_darts
 from dart_skill.recording import BagReader
-from dart_skill.session import (
-    Job,
-    darts_demo,
-    learn_skill_from_bag,
-    learn_throws_from_bag,
-    skill_demo,
-    throwing_demo,
-)
-from dart_skill.skills.protocol import load_skill
+from dart_skill.session import Job, demo, learn_skill_from_bag, learn_throws_from_bag
+from dart_skill.skills.protocol import Skill, load_skill
 
 
 @pytest.fixture
@@ -30,13 +23,13 @@ def job(tmp_path):
 @pytest.mark.parametrize("name", ["reach"])
 def test_the_bag_teaches_what_was_learned_to_the_last_bit(name, job):
     said = []
-    summary = skill_demo(job, load_skill(name), said.append)
+    summary = demo(job, load_skill(name), said.append)
     learned, left_out = learn_skill_from_bag(job.bag, load_skill(name))
     assert not left_out and any(f"model {learned.model_id}" in line for line in said)
     assert (
         summary.succeeded == 1
         and summary.layout == "in-process"
-        and summary.real_time_factor > 0.0
+        and summary.trial_real_time_factor > 0.0
     )
     with BagReader(job.bag) as bag:
         assert {"/joint_states", "/wam/command", "/wam/teacher_wrench", "/demonstrations"} < set(
@@ -52,16 +45,16 @@ def test_darts_are_those_of_the_experiment_to_the_last_bit(job):
     """Which are those of the graph (tests/integration/test_darts.py)."""
     skill, job = load_skill("darts"), replace(job, throws=2)
     summary, said = (
-        darts_demo(job, skill, lambda line: None),
+        demo(job, skill, lambda line: None),
         arm_darts.run(0, throws=2, demonstrations=3),
     )
-    assert [(dart.aim, dart.hit, dart.score) for dart in summary.run.darts] == [
+    assert [(dart.aim, dart.hit, dart.score) for dart in summary.darts.darts] == [
         (dart.aim, dart.hit, dart.score) for dart in said.darts
     ]
-    assert [one.outcome.success for one in summary.of.trials] == [
+    assert [one.outcome.success for one in summary.trials] == [
         True,
         True,
-    ] and summary.leg is None
+    ] and summary.darts.leg is None
     practice, left_out = learn_throws_from_bag(job.bag, skill)
     assert len(practice.demonstrations) == 3 and not left_out
 
@@ -69,7 +62,7 @@ def test_darts_are_those_of_the_experiment_to_the_last_bit(job):
 def test_a_parameter_that_no_session_has_is_refused(job):
     assert arm_with("ideal", ["coach.candidates=3"])
     with pytest.raises(ValueError, match="coach, which no session has"):
-        throwing_demo(replace(job, settings=("coach.candidates=3",)), lambda line: None)
+        demo(replace(job, settings=("coach.candidates=3",)), load_skill("throw"), print)
 
 
 def test_what_fails_is_said_in_a_line(tmp_path, capsys):
@@ -89,9 +82,22 @@ def test_what_fails_is_said_in_a_line(tmp_path, capsys):
     assert said[-1].startswith("the demo failed: ") and "coach" in said[-1]
 
 
-def test_a_skill_that_has_no_world_in_process_needs_the_graph(job):
-    class Other(type(load_skill("throw")).__mro__[1]):
-        name = "press"
-
+@pytest.mark.parametrize("differs", [{"world": "kitchen"}, {"reacts": True}])
+def test_a_skill_that_has_no_world_in_process_needs_the_graph(job, differs):
+    skill = type("Press", (Skill,), {"name": "press", **differs})()
     with pytest.raises(ValueError, match="'press' needs the graph"):
-        skill_demo(job, Other(), lambda line: None)
+        demo(job, skill, print)
+    assert not job.bag.exists()
+
+
+def test_most_of_the_lessons_must_succeed(job):
+    """A situation of which a person cannot show anything is given up, and another one is taken."""
+
+    class Refusing(type(load_skill("place"))):
+        def goal(self, situation):
+            raise ValueError("out of reach")
+
+    said = []
+    with pytest.raises(ValueError, match="only 0 of 3 demonstrations succeeded"):
+        demo(job, Refusing.configured(), said.append)
+    assert len(said) == 7 and all(line.endswith("given up: out of reach") for line in said[1:])

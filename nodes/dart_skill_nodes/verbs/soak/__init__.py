@@ -20,7 +20,8 @@ from dart_skill_nodes.comms.system_process import (
     threads_of,
 )
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
-from dart_skill_nodes.verbs._run import carried_out, say, teach
+from dart_skill_nodes.verbs._run import carried_out, say
+from dart_skill_nodes.verbs._trials import teach
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
