@@ -63,7 +63,7 @@ def write_page(
 
 
 def write_report(summary: RunSummary, output: Path, about: About | None = None) -> list[Path]:
-    """Write summary.json, the page and every picture of a run into `output`; returns the paths.
+    """Write JSON, the page and every picture of a run into the folder `output`; returns the paths.
 
     about: what the page says of the run besides.
 
