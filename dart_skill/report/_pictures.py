@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +16,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.figures import (
-    DemonstratedMotion,
-    ExecutedThrow,
     arm_darts_figure,
     demonstrated_motions,
     executed_throw,
@@ -91,14 +89,14 @@ def _pictures_of_throws(run: Run, throws: Throws) -> list[Picture]:
             "synchronisation",
             "Demonstrations before and after synchronisation",
             SYNCHRONISATION,
-            _synchronisation(run, throws),
+            partial(_synchronisation, run, throws),
         ),
         picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, throws)),
         picture(
             "execution",
             "Executed path against attractor",
             EXECUTION,
-            _execution(run.trials, throws),
+            partial(_execution, run.trials, throws),
         ),
     ]
 
@@ -241,16 +239,10 @@ def _landings(run: Run, narrow: bool) -> Figure:
     )
 
 
-def _synchronisation(run: Run, throws: Throws) -> Callable[[bool], Figure]:
-    """Draws it; what is drawn is gathered at the first time, for both forms."""
-
-    @cache
-    def motions() -> list[DemonstratedMotion]:
-        if not any(throw.shows for throw in throws.found):
-            raise ValueError("no demonstration was recorded with its raw poses")
-        return demonstrated_motions(throws.stretches, run.shown)
-
-    return lambda narrow: synchronisation_figure(motions(), narrow)
+def _synchronisation(run: Run, throws: Throws, narrow: bool) -> Figure:
+    if not any(throw.shows for throw in throws.found):
+        raise ValueError("no demonstration was recorded with its raw poses")
+    return synchronisation_figure(demonstrated_motions(throws.stretches, run.shown), narrow)
 
 
 def _gaussians(throws: Throws, narrow: bool) -> Figure:
@@ -259,21 +251,16 @@ def _gaussians(throws: Throws, narrow: bool) -> Figure:
     return gaussians_figure(throws.learned, narrow)
 
 
-def _execution(trials: Sequence[TrialResult], throws: Throws) -> Callable[[bool], Figure]:
-    """Draws it, as `_synchronisation`."""
-
-    @cache
-    def executed() -> ExecutedThrow:
-        if throws.learned is None:
-            raise ValueError("no skill was learned, so nothing was planned")
-        if not len(throws.command_stamps):
-            raise ValueError("the commands of the arm were not recorded")
-        stretches = throws.stretches
-        for one in trials:
-            try:
-                return executed_throw(stretches, throws.learned.plan(one.target))
-            except ValueError:
-                continue  # refused, or stopped
-        raise ValueError("no throw of the arm was recorded")
-
-    return lambda narrow: execution_figure(executed(), narrow=narrow)
+def _execution(trials: Sequence[TrialResult], throws: Throws, narrow: bool) -> Figure:
+    if throws.learned is None:
+        raise ValueError("no skill was learned, so nothing was planned")
+    if not len(throws.command_stamps):
+        raise ValueError("the commands of the arm were not recorded")
+    stretches = throws.stretches
+    for one in trials:
+        try:
+            executed = executed_throw(stretches, throws.learned.plan(one.target))
+        except ValueError:
+            continue  # refused, or stopped
+        return execution_figure(executed, narrow=narrow)
+    raise ValueError("no throw of the arm was recorded")

@@ -5,8 +5,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -236,7 +235,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     wanted = executables(options)
     with (
         Graph(options.output / "logs", namespace=options.namespace) as graph,
-        closed(GraphClient(lambda: dead(graph, tell), name="up")) as client,
+        closing(GraphClient(lambda: dead(graph, tell), name="up")) as client,
     ):
         until = time.monotonic() + ENDING
         while there := client.running(nodes_of(wanted)):
@@ -286,15 +285,6 @@ def dead(graph: Graph, tell) -> str:
         del graph.processes["bag_player"]
         tell("over", node="bag_player", message="the bag was played to its end")
     return graph.dead()
-
-
-@contextmanager
-def closed(client: "GraphClient") -> Iterator["GraphClient"]:
-    """A client that is closed in the end."""
-    try:
-        yield client
-    finally:
-        client.close()
 
 
 def teller(as_json: bool):

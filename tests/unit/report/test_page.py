@@ -16,17 +16,28 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.cli.report import page_beside
+from dart_skill.darts import LegInPlay
 from dart_skill.recording import BagWriter, GraphBag, read_command
-from dart_skill.report import About, Phase, page_of, pictures, play, read_run, write_page
+from dart_skill.report import (
+    About,
+    Movement,
+    Phase,
+    Run,
+    page_of,
+    pictures,
+    play,
+    read_run,
+    write_page,
+)
 from dart_skill.report._curve import WINDOW, compared_figure, curve_figure, running_quartiles
 from dart_skill.report._movements import movements_of
 from dart_skill.report._pictures import embeddable
-from dart_skill.report._replay import gaussians_of, rows_at
+from dart_skill.report._replay import Replay, gaussians_of, rows_at
 from dart_skill.report._run import machine, versions
 from dart_skill.report._throws import numbers_of, result_of
-from dart_skill.session import TrialResult
+from dart_skill.session import Dart, DartsRun, LegSummary, TrialResult
 from dart_skill.skills.learning import component_ellipsoids
-from dart_skill.skills.protocol import Situation, TaskOutcome
+from dart_skill.skills.protocol import Pose, Situation, TaskOutcome, load_skill
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
 
@@ -459,6 +470,59 @@ def test_what_a_world_does_while_nobody_asks_for_anything_is_no_trial(at_rest):
     movements, notes = movements_of(hand, np.empty(0, dtype=np.int64), [], trials, [])
     assert notes == () and [one.name for one in movements] == ["trial 1", "trial 2"]
     assert [one.result for one in movements] == trials
+
+
+NOTHING = (np.empty(0, dtype=np.int64), np.empty((0, 7)))
+DONE = TrialResult(
+    Situation({"holder": Pose(np.array([0.6, 0.1, 1.2]))}), TaskOutcome(True, 0.001)
+)
+JAMMED = TrialResult(DONE.situation, TaskOutcome(False, 0.03, "it <jammed>"))
+
+
+def run_of_skill(name, trials, movements=(), **changes):
+    run = Run(Path("bag"), About(name), load_skill(name), (), {}, NOTHING, movements, trials)
+    return replace(run, **changes)
+
+
+def test_the_page_of_another_skill_tells_its_trials_in_its_unit(monkeypatch):
+    own = [Movement(0, 1, False, f"trial {k}", number=k) for k in (1, 2)]
+    shown = Replay("", [(own[1], 4.25)], 8.0)
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (shown, ""))
+    run = run_of_skill("place", (DONE, JAMMED), tuple(own))
+    text = page_of(run, pictures(run))
+    assert "<b>1/2</b><span>trials succeeded</span>" in text
+    assert "<b>15.5 mm</b><span>median error, quartiles 8.2 and 22.8" in text
+    assert "<b>30.0 mm</b><span>largest error</span>" in text
+    assert "All 2 movements of the arm, 8 s." in text and "</i>holder</li>" in text
+    cells, where = [*filter(None, Document(text).cells)], "holder at 0.60, 0.10, 1.20 m"
+    assert cells[:6] == ["1", "1.0", "done", where, "2", "30.0"]
+    assert cells[6:8] == ["4.2", where]
+    assert '<span class="out">failed</span>' in text and "it &lt;jammed&gt;" in text
+    assert "What was shown, and tried" in text and "<h2>Demonstrations</h2>" in text
+
+
+def test_what_became_of_trials_is_not_in_a_bag():
+    text = page_of(run_of_skill("place", ()), [])
+    assert "What became of trials is not in a bag" in text
+    assert "The bag holds no movement that can be shown." in text
+
+
+def test_the_page_of_darts_has_their_points_and_the_leg(monkeypatch):
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
+    darts = tuple(
+        Dart((0.0, 0.0), (3.0, 4.0), score, ((1.0, 0.0), (0.0, 1.0)), 20.0, 0.0)
+        for score in (0, *[20] * 24, 45)
+    )
+    leg = LegInPlay()
+    thrown = [leg.hit(np.array([0.0, 103.0])), leg.hit(np.zeros(2))]
+    run = DartsRun(0, "in process", (2.4, 0.0, 1.7), (), darts, LegSummary(tuple(thrown), False, 20.0))  # fmt: skip
+    text = page_of(run_of_skill("darts", (), darts=run), [])
+    assert "<b>21.0</b><span>points a dart, the last 25</span>" in text
+    assert "A leg of 501" in text and "not finished after 2 darts" in text
+    cells = [*filter(None, Document(text).cells)]
+    assert cells[:7] == ["1", "501", "T20", "60", "441", "2", "441"]
+    drawn = pictures(run_of_skill("darts", (), darts=run))
+    assert [(one.name, bool(one.svg)) for one in drawn] == [("darts", True)]
 
 
 def test_the_page_lies_beside_the_bag():

@@ -3,14 +3,18 @@ is said.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from dart_skill.cli import main
 from dart_skill.common.fleet import arm_with
+from dart_skill.common.regions import targets_for
 from dart_skill.experiments import arm_darts
 from dart_skill.recording import BagReader
-from dart_skill.session import Job, demo, learn_skill_from_bag, learn_throws_from_bag
+from dart_skill.session import Job, demo, learn_skill_from_bag, learn_throws_from_bag, own_dart
+from dart_skill.skills.observation import Outcome
 from dart_skill.skills.protocol import Skill, load_skill
 
 
@@ -101,3 +105,57 @@ def test_most_of_the_lessons_must_succeed(job):
     with pytest.raises(ValueError, match="only 0 of 3 demonstrations succeeded"):
         demo(job, Refusing.configured(), said.append)
     assert len(said) == 7 and all(line.endswith("given up: out of reach") for line in said[1:])
+
+
+def test_a_skill_is_tried_in_other_situations_than_those_in_which_it_was_shown():
+    place = load_skill("place")
+    lessons, trials = place.situations(3, 2, 2)
+    shown = [next(lessons) for _ in range(3)]
+    rng = np.random.default_rng([3, 7])
+    wanted = [*place.draws(rng, 2), place.draw(rng)]
+    wanted += [place.draw(rng, wide=True) for _ in range(2)]
+    assert [one.to_json() for one in (*shown, *trials)] == [one.to_json() for one in wanted]
+    rng = np.random.default_rng([3, 7])
+    rng.random(1000)
+    [alone] = place.situations(3, 0, 1)[1]
+    assert alone.to_json() == place.draw(rng, wide=True).to_json(), "whatever a model was shown"
+
+
+def test_baskets_are_spread_over_the_region_and_a_lesson_that_fails_goes_on_elsewhere():
+    throw = load_skill("throw")
+    lessons, trials = throw.situations(3, 2, 2)
+    shown = np.array([throw.target(next(lessons)) for _ in range(4)])
+    to_show, to_throw = targets_for(3, 2, 2)
+    np.testing.assert_array_equal(shown[:2], to_show)
+    np.testing.assert_array_equal([throw.target(one) for one in trials], to_throw)
+    assert len(np.unique(shown[:, 0])) == 4
+
+
+class Thrower:
+    """Stands for a session, and for what was learned, whose next dart is refused or not seen."""
+
+    release_shift = 0.0
+
+    def __init__(self, refused):
+        self._refused = refused
+
+    def plan(self, target):
+        return target
+
+    def throw(self, plan):
+        if self._refused:
+            raise ValueError("out of reach")
+        unseen = Outcome(False, np.full(3, np.nan), np.nan, np.nan, False)
+        return SimpleNamespace(outcome=unseen)
+
+
+@pytest.mark.parametrize(
+    ("refused", "note"), [(True, "out of reach"), (False, "nobody saw where the dart went")]
+)
+def test_an_aim_that_is_refused_is_not_tried_again_and_one_that_was_not_seen_is(refused, note):
+    skill, thrower = load_skill("darts"), Thrower(refused)
+    agent, given_up = skill.agent(), []
+    agent.cannot = lambda: given_up.append(agent.aim)
+    dart, hit = own_dart(thrower, thrower, skill, agent)
+    assert hit.place is None and dart.note == note and np.isnan(dart.hit).all()
+    assert len(given_up) == refused
