@@ -8,11 +8,17 @@ import argparse
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import in_namespace
-from dart_skill_nodes.process.discovery import choose_domain, stay_on_this_machine
+from dart_skill_nodes.process.discovery import (
+    choose_domain,
+    has_own_domain,
+    stay_on_this_machine,
+)
+from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,6 +75,30 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
         ):  # a signal that rclpy hears at this very moment has shut it down already
             rclpy.try_shutdown()
     return None
+
+
+def started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "GraphClient":
+    """A client of the graph, which has been started and is ready. Where others may use the ROS
+    domain, nodes of before must be gone first; where nobody does, nodes start while this process
+    imports what a client needs.
+    """
+    with_skill = f" with the skill {skill}" if skill else ""
+    say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}{with_skill}")
+    extra = of_executables(options.layout, options.differs)
+    start = partial(
+        graph.start_all, options.layout, options.seed, options.output / "bag", extra, skill
+    )
+    if alone := has_own_domain():
+        start()
+    import dart_skill.session  # noqa: F401  what the job needs next
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+    client = GraphClient(graph.dead)
+    if not alone:
+        client.wait_until_gone(NODES)
+        start()
+    client.wait_until_ready()
+    return client
 
 
 def on_running_graph(

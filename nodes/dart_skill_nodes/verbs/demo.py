@@ -7,15 +7,13 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.process.discovery import has_own_domain
-from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
-from dart_skill_nodes.verbs._run import carried_out, say
+from dart_skill_nodes.process.graph_processes import Graph
+from dart_skill_nodes.verbs._run import carried_out, say, started
 from dart_skill_nodes.verbs._trials import practise_darts, show_all, try_all
 
 if TYPE_CHECKING:
     from dart_skill.session import RunSummary
     from dart_skill.skills.protocol import Skill
-    from dart_skill_nodes.client.graph_client import GraphClient
 
 COUNTED = 3.0
 """The simulator is waited for so long until it has counted the steps of a short job [s]."""
@@ -26,50 +24,24 @@ def demo(options: argparse.Namespace, skill: "Skill") -> "RunSummary | None":
     return carried_out(partial(_run, skill=skill), options, "the demo")
 
 
-def _started(graph: Graph, options: argparse.Namespace, skill: str) -> "GraphClient":
-    """A client of the graph, which has been started and is ready. Where others may use the ROS
-    domain, nodes of before must be gone first; where nobody does, nodes start while this process
-    imports what a client needs.
-    """
-    extra = of_executables(options.layout, options.differs)
-    start = partial(
-        graph.start_all, options.layout, options.seed, options.output / "bag", extra, skill
-    )
-    if alone := has_own_domain():
-        start()
-    import dart_skill.session  # noqa: F401  the job needs it next
-    from dart_skill_nodes.client.graph_client import GraphClient
-
-    client = GraphClient(graph.dead)
-    if not alone:
-        client.wait_until_gone(NODES)
-        start()
-    client.wait_until_ready()
-    return client
-
-
 def _run(options: argparse.Namespace, skill: "Skill") -> "RunSummary":
     """The job on a graph of its own: lessons and what is learned from them, or a model that was
     learned before, and trials.
     """
     begun, shown, tried = time.monotonic(), options.demonstrations, options.throws
     with Graph(options.output / "logs") as graph:
-        say(
-            f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])} with the skill"
-            f" {skill.name}"
-        )
-        client = _started(graph, options, skill.name)
+        client = started(graph, options, skill.name)
         from dart_skill.session import RunSummary
         from dart_skill.simulation import PlantSettings
 
         ready = client.counted_at if client.simulated_steps else time.monotonic()
         steps, attempts, darts = client.simulated_steps, 0, None
         lessons, situations = skill.situations(options.seed, shown, tried)
-        if options.model is not None:
-            say(f"model {client.load(options.model)}: nobody shows anything")
-        else:
+        if options.model is None:
             attempts = show_all(client, skill, lessons, shown)
             say(client.learn(configuration=options.configuration).message)
+        else:
+            say(f"model {client.load(options.model)}: nobody shows anything")
         if skill.agent() is None:
             trials = try_all(client, skill, situations, tried)
         else:

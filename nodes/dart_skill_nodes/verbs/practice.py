@@ -25,13 +25,14 @@ from dart_skill.cli.run_options import (
 )
 from dart_skill.common.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
+from dart_skill_nodes.process.graph_processes import Graph
 from dart_skill_nodes.verbs._run import (
     PATIENCE,
     carried_out,
     on_running_graph,
     print_result,
     say,
+    started,
 )
 from dart_skill_nodes.verbs._trials import practise, teach
 
@@ -120,9 +121,12 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.running:
         _refuse_what_starts_a_graph(options, parser)
         task, namespace = partial(_practise_there, options=options), options.namespace
-        return print_result(
-            lambda: on_running_graph(_reach_coach, task, namespace), options.json, namespace
-        )
+
+        def practise_there() -> dict:
+            """Once the coach answers."""
+            return on_running_graph(lambda client: client.is_simulated(PATIENCE), task, namespace)
+
+        return print_result(practise_there, options.json, namespace)
     if options.at is not None or options.choose or options.namespace:
         parser.error("--at, --choose and --namespace are for a graph that runs: add --running")
     if options.model is not None and options.demonstrations != parser.get_default(
@@ -134,7 +138,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     check_run(parser, options)
     if (options.output / MODEL).exists():
         parser.error(f"--output {options.output} holds a model already: choose another folder")
-    options.demonstrations = options.demonstrations if options.model is None else 0
+    if options.model is not None:
+        options.demonstrations = 0
     if options.change_after < 0:
         parser.error(f"--change-after is {options.change_after}; it must be at least 0")
     if options.change != "none" and options.change_after >= options.throws:
@@ -182,10 +187,6 @@ def _refuse_what_starts_a_graph(
             )
     if options.throws < 1:
         parser.error(f"--throws is {options.throws}; it must be at least 1")
-
-
-def _reach_coach(client: "GraphClient") -> None:
-    client.is_simulated(PATIENCE)
 
 
 def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
@@ -275,18 +276,16 @@ def run(options: argparse.Namespace) -> dict:
     from dart_skill.session import error_quantile
     from dart_skill.simulation import CHANGES as VALUES
     from dart_skill.skills.protocol import load_skill
-    from dart_skill_nodes.client.graph_client import GraphClient
 
     if options.method:
         options.differs.setdefault("skill_learner", {})["practice_method"] = options.method
-    extra = of_executables(options.layout, options.differs)
     with Graph(options.output / "logs") as graph:
-        say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
-        client = GraphClient(graph.dead)
-        client.wait_until_gone(NODES)
-        graph.start_all(options.layout, options.seed, options.output / "bag", extra)
-        client.wait_until_ready()
-        _begin(client, options)
+        client = started(graph, options)
+        if options.model is None:
+            teach(client, options.seed, options.demonstrations)
+            say(client.learn().message)
+        else:
+            say(f"model {client.load(options.model)}: nobody shows anything")
         skill, results, throws = load_skill(THROW), [], []
         tests, count = [], TESTS if options.tests is None else options.tests
         test = partial(
@@ -332,15 +331,6 @@ def run(options: argparse.Namespace) -> dict:
         "throws": [_as_row(one) for one in throws],
         "tests": tests,
     }
-
-
-def _begin(client: "GraphClient", options: argparse.Namespace) -> None:
-    """Lessons and what is learned from them, or a model from which practice goes on."""
-    if options.model is not None:
-        say(f"model {client.load(options.model)}: nobody shows anything")
-        return
-    teach(client, options.seed, options.demonstrations)
-    say(client.learn().message)
 
 
 def _as_row(one: "TrialResult") -> dict:

@@ -19,8 +19,8 @@ from dart_skill_nodes.comms.system_process import (
     processor_time_of,
     threads_of,
 )
-from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
-from dart_skill_nodes.verbs._run import carried_out, say
+from dart_skill_nodes.process.graph_processes import SIMULATED, Graph
+from dart_skill_nodes.verbs._run import carried_out, say, started
 from dart_skill_nodes.verbs._trials import teach
 
 if TYPE_CHECKING:
@@ -114,18 +114,9 @@ def run(options: argparse.Namespace, samples: list["Sample"]) -> bool:
     """The soak on a graph of its own. samples: gets each when it is taken, as a soak may be
     stopped.
     """
-    from dart_skill_nodes.client.graph_client import GraphClient
 
     with Graph(options.output / "logs") as graph:
-        client = GraphClient(graph.dead)
-        client.wait_until_gone(NODES)
-        graph.start_all(
-            options.layout,
-            options.seed,
-            options.output / "bag",
-            of_executables(options.layout, options.differs),
-        )
-        client.wait_until_ready()
+        client = started(graph, options)
         teach(client, options.seed, DEMONSTRATIONS)
         say(client.learn().message)
         client.set_parameters("wam_simulator", {"speed_factor": options.speed})
