@@ -24,6 +24,7 @@ from dart_skill.cli.run_options import (
     asked,
     check_model,
     check_run,
+    chosen_skill,
     parameter_texts,
 )
 from dart_skill.common.extras import explained, need
@@ -79,12 +80,7 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     _check_model(options, parser)
     in_process = options.layout == IN_PROCESS
     carried_out = _in_process if in_process else _on_graph(parser).demo
-    from dart_skill.skills.protocol import load_skill
-
-    try:
-        skill = load_skill(options.skill)
-    except ValueError as error:
-        parser.error(str(error))
+    skill = chosen_skill(parser, options.skill)
     _check_options_of_skill(options, parser, skill)
     check_run(parser, options)
     if options.model is not None:

@@ -39,7 +39,7 @@ def curve_figure(
     """Error of each throw, and median and quartiles of the last five, or of all; ValueError if no
     landing was seen.
 
-    marks: what happened after so many throws; narrow: for a narrow screen; learned: whether the
+    marks: what happened, by the number of throws before it; narrow: for a narrow screen; learned: whether the
     arm learned from each throw.
     """
     errors = np.array(
@@ -218,7 +218,7 @@ def _draw_rim(axes: Axes, errors: np.ndarray) -> None:
 
 def running_quartiles(errors: np.ndarray, window: int = WINDOW) -> np.ndarray:
     """Quartiles (3, n) of the finite ones of the last `window` errors (n,) at each place; nan
-    before there are so many, or without any.
+    before there are `window` of them, or without any.
     """
     result = np.full((3, len(errors)), np.nan)
     views = (

@@ -85,7 +85,7 @@ def replay_of(run: Run) -> Replay | None:
         label = server.scene.add_label("/movement", "", position=above, anchor="bottom-center")
         serializer = server.get_scene_serializer()
         starts, seconds = [], 0.0
-        with server.atomic():  # or each change wakes a thread that has nobody to send it to
+        with server.atomic():  # or each change wakes a thread that has no client to send it to
             for movement in movements:
                 starts.append((movement, seconds))
                 tell = partial(setattr, label, "text")

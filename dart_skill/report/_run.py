@@ -55,7 +55,7 @@ class About:
     * options: name, value and default of each.
     * parameters: texts of parameter files, by name.
     * configuration: of the skill, "" for the default one.
-    * marks: what happened after so many of the throws that were learned from.
+    * marks: what happened, by the number of throws that were learned from before it.
     * phases: what the throws were for, in order of time; together they are all of them. Empty:
       unknown.
     """

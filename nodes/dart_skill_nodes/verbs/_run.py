@@ -79,7 +79,7 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
 
 def started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "GraphClient":
     """A client of the graph, which has been started and is ready. Where others may use the ROS
-    domain, nodes of before must be gone first; where nobody does, nodes start while this process
+    domain, nodes of before must be gone first; where none does, nodes start while this process
     imports what a client needs.
     """
     with_skill = f" with the skill {skill}" if skill else ""

@@ -14,6 +14,7 @@ from dart_skill.cli.run_options import (
     add_model,
     add_namespace,
     check_model,
+    chosen_skill,
     differences,
     folder,
     output_folder,
@@ -109,7 +110,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         parser.error(
             f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite"
         )
-    _check_skill(options, parser)
+    if options.skill:
+        chosen_skill(parser, options.skill)
     check_model(parser, options)
     options.differs = differences(parser, options)
     options.output = output_folder(parser, options.output)
@@ -131,17 +133,6 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     return 0
 
 
-def _check_skill(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
-    """A usage error for a skill that there is not, before anything is started."""
-    from dart_skill.skills.protocol import load_skill
-
-    if options.skill:
-        try:
-            load_skill(options.skill)
-        except ValueError as error:
-            parser.error(str(error))
-
-
 def _run_already(nodes: set[str]) -> GraphFailure:
     return GraphFailure(
         f"{', '.join(sorted(nodes))} run already: end them, set ROS_DOMAIN_ID to another number,"
@@ -151,7 +142,7 @@ def _run_already(nodes: set[str]) -> GraphFailure:
 
 class Status:
     """What every node last said of itself on /diagnostics; `tell` is called with each change.
-    strangers: nodes of the same names that somebody else started; own: the processes that were
+    strangers: nodes of the same names that were started elsewhere; own: the processes that were
     not.
     """
 
