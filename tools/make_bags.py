@@ -26,7 +26,7 @@ from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from dart_skill.common.regions import targets_for  # noqa: E402
 from dart_skill_nodes.client.failures import GraphFailure  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
-from dart_skill_nodes.verbs._run import teach, throw_all  # noqa: E402
+from dart_skill_nodes.verbs._trials import teach, throw_at  # noqa: E402
 
 SEED, DEMONSTRATIONS, THROWS = 0, 13, 20
 CONFIGURATION = "intervals"
@@ -116,7 +116,7 @@ def make(folder: Path, logs: Path) -> None:
             folder / "throws",
             f"{THROWS} throws of the arm, learned from these demonstrations",
         ):
-            throw_all(client, new)
+            throw_at(client, new)
         client.close()
 
 

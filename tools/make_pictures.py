@@ -34,7 +34,6 @@ from PIL import Image  # noqa: E402
 
 from dart_skill.common.regions import REGION  # noqa: E402
 from dart_skill.report import play, read_run  # noqa: E402
-from dart_skill.skills.learning import component_ellipsoids  # noqa: E402
 from dart_skill.skills.protocol import Situation, load_skill  # noqa: E402
 from dart_skill.view import Scene, open_server  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
@@ -98,18 +97,10 @@ def film_throws(folder: Path) -> Path:
     with Page(folder, f"http://127.0.0.1:{server.get_port()}", few_frames=False):
         film = Film(_wait(lambda: next(iter(server.get_clients().values()), None), "the page"))
         for throw in run.own[:FILMED]:
-            scene.show_gaussians(
-                "gaussians",
-                *map(np.array, zip(*component_ellipsoids(_mixture(run, throw)), strict=True)),
-            )
-            play(scene, film, run.recording, throw, FRAME)
+            play(scene, film, run, throw, FRAME)
     server.stop()
     film.save(DOCS / "throws.webp")
     return DOCS / "throws.webp"
-
-
-def _mixture(run, throw):
-    return run.skill.mixture(throw.demonstration.target)
 
 
 @contextmanager

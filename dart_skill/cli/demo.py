@@ -11,11 +11,9 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import (
@@ -26,6 +24,7 @@ from dart_skill.cli.run_options import (
     asked,
     check_model,
     check_run,
+    chosen_skill,
     parameter_texts,
 )
 from dart_skill.common.extras import explained, need
@@ -33,17 +32,11 @@ from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.report import About
-    from dart_skill.session import DartsSummary, DemoSummary, SkillSummary
+    from dart_skill.session import RunSummary
     from dart_skill.skills.protocol import Skill
 
-DARTS, IN_PROCESS = "darts", "in-process"
-DEMONSTRATIONS, OWN_DARTS = 8, 75
-"""Default numbers of demonstrations of another skill than throwing, and of own darts."""
+IN_PROCESS = "in-process"
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"
-DIFFERS = (
-    "a person and the cameras look at the bodies for another moment than on the graph: trials"
-    " differ from those there"
-)
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -85,17 +78,32 @@ def say(text: str) -> None:
 def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the demo; returns the exit status."""
     _check_model(options, parser)
-    job = _InProcess() if options.layout == IN_PROCESS else _on_graph(parser)
-    if options.skill != THROW:
-        return _demo_of_skill(options, parser, job)
-    _check_run(options, parser)
-    summary = job.carried_out(job.run, options, "the demo")
+    in_process = options.layout == IN_PROCESS
+    carried_out = _in_process if in_process else _on_graph(parser).demo
+    skill = chosen_skill(parser, options.skill)
+    _check_options_of_skill(options, parser, skill)
+    check_run(parser, options)
+    if options.model is not None:
+        options.demonstrations = 0
+    summary = carried_out(options, skill)
     if summary is None:
         return 1
-    from dart_skill.session import table  # not before the nodes start, who are waited for
+    print(json.dumps(summary.to_json(), indent=1) if options.json else summary.table())
+    return _leave_behind(summary, options, parser)
 
-    print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
-    return _leave_behind(summary, options, partial(_throwing_report, summary, options, parser))
+
+def _check_options_of_skill(
+    options: argparse.Namespace, parser: argparse.ArgumentParser, skill: Skill
+) -> None:
+    """A usage error for an option that is not for this skill; its own default numbers."""
+    if options.configuration and not skill.has_configurations:
+        parser.error(
+            "--configuration is for throws: other skills have their settings in a file of"
+            " their own"
+        )
+    for name, number in (("demonstrations", skill.words.lessons), ("throws", skill.words.tries)):
+        if getattr(options, name) == parser.get_default(name):
+            setattr(options, name, number)
 
 
 def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
@@ -112,43 +120,27 @@ def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -
             )
 
 
-def _check_run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
-    """As `check_run`; with a model nothing is shown."""
-    check_run(parser, options)
-    if options.model is not None:
-        options.demonstrations = 0
+def _in_process(options: argparse.Namespace, skill: Skill) -> RunSummary | None:
+    """The demo in this process; None, and a line why, if it failed."""
+    need("pinocchio", "pybullet")
+    from dart_skill.session import Job, demo
 
-
-class _InProcess:
-    """The demo in this process, with the calls of the nodes' module `demo`."""
-
-    def run(self, options: argparse.Namespace) -> DemoSummary:
-        from dart_skill.session import throwing_demo
-
-        return throwing_demo(_job(options), say)
-
-    def run_skill(self, options: argparse.Namespace, skill: Skill) -> SkillSummary:
-        from dart_skill.session import skill_demo
-
-        say(DIFFERS)
-        return skill_demo(_job(options), skill, say)
-
-    def run_darts(self, options: argparse.Namespace, skill: Any) -> DartsSummary:
-        from dart_skill.session import darts_demo
-
-        return darts_demo(_job(options), skill, say)
-
-    @staticmethod
-    def carried_out(job: Callable, options: argparse.Namespace, what: str) -> Any:
-        """job(options); None, and a line why, if it failed."""
-        need("pinocchio", "pybullet")
-        options.output.mkdir(parents=True, exist_ok=True)
-        say(f"seed {options.seed}; {LEFT_OUT}")
-        try:
-            return job(options)
-        except (ValueError, OSError) as error:
-            say(f"{what} failed: {error}")
-        return None
+    options.output.mkdir(parents=True, exist_ok=True)
+    say(f"seed {options.seed}; {LEFT_OUT}")
+    job = Job(
+        options.seed,
+        options.demonstrations,
+        options.throws,
+        options.output / "bag",
+        options.arm,
+        tuple(options.set),
+        options.configuration,
+    )
+    try:
+        return demo(job, skill, say)
+    except (ValueError, OSError) as error:
+        say(f"the demo failed: {error}")
+    return None
 
 
 def _on_graph(parser: argparse.ArgumentParser) -> ModuleType:
@@ -161,74 +153,19 @@ def _on_graph(parser: argparse.ArgumentParser) -> ModuleType:
         ) from error
 
 
-def _job(options: argparse.Namespace) -> Any:
-    from dart_skill.session import Job
-
-    return Job(
-        options.seed,
-        options.demonstrations,
-        options.throws,
-        options.output / "bag",
-        options.arm,
-        tuple(options.set),
-        options.configuration,
-    )
-
-
-def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser, job: Any) -> int:
-    """The demo of another skill than throwing; returns the exit status."""
-    from dart_skill.session import darts_table, skill_table
-    from dart_skill.skills.protocol import load_skill
-
-    if options.configuration and options.skill != DARTS:
-        parser.error(
-            "--configuration is for throws: other skills have their settings in a file of"
-            " their own"
-        )
-    if options.demonstrations == parser.get_default("demonstrations") and options.model is None:
-        options.demonstrations = DEMONSTRATIONS
-    if options.skill == DARTS and options.throws == parser.get_default("throws"):
-        options.throws = OWN_DARTS
-    try:
-        skill = load_skill(options.skill)
-    except ValueError as error:
-        parser.error(str(error))
-    _check_run(options, parser)
-    run = job.run_darts if options.skill == DARTS else job.run_skill
-    summary = job.carried_out(partial(run, skill=skill), options, "the demo")
-    if summary is None:
-        return 1
-    if options.json:
-        print(json.dumps(summary.to_json(), indent=1))
-    elif options.skill == DARTS:
-        print(
-            "\n".join(
-                [
-                    darts_table(summary.run),
-                    *([] if summary.leg is None else [summary.leg.in_words]),
-                ]
-            )
-        )
-    else:
-        print(skill_table(summary))
-    return _leave_behind(summary, options, partial(_skill_report, summary, skill, options, parser))
-
-
 def _leave_behind(
-    summary: DemoSummary | SkillSummary | DartsSummary,
-    options: argparse.Namespace,
-    report: Callable[[], list[Path]],
+    summary: RunSummary, options: argparse.Namespace, parser: argparse.ArgumentParser
 ) -> int:
     """The report of a run, and what to do next; returns the exit status."""
     bag, page = options.output / "bag", options.output / "report.html"
     try:
-        written = report()
-    except (
-        ImportError
-    ) as error:  # the run was made, and its figures can be drawn from the bag later
+        from dart_skill.report import write_report
+
+        written = write_report(summary, options.output, _about(summary, options, parser))
+    except ImportError as error:  # the figures can be drawn from the bag later
         from dart_skill.session import write_summary
 
-        written = [write_summary(summary, options.output)]
+        written = [write_summary(summary.to_json(), options.output)]
         say(
             f"no report and no pictures: {explained(error)}, then dart-skill report"
             f" {shlex.quote(str(options.output))}"
@@ -239,73 +176,32 @@ def _leave_behind(
     if not options.json:
         print(f"\nbag, {', '.join(path.name for path in written)}: {options.output}")
         seen = f"open {shlex.quote(str(page))} in a browser, or " if page.is_file() else ""
-        print(
-            f"next: {seen}dart-skill {'view' if options.skill == THROW else 'bag info'}"
-            f" {shlex.quote(str(bag))}"
-        )
+        print(f"next: {seen}dart-skill view {shlex.quote(str(bag))}")
     return 0
 
 
-def _throwing_report(
-    summary: DemoSummary, options: argparse.Namespace, parser: argparse.ArgumentParser
-) -> list[Path]:
-    from dart_skill.report import write_report
-
-    return write_report(
-        summary, Path(summary.bag), options.output, _about_throws(options, parser, summary)
-    )
-
-
-def _skill_report(
-    summary: SkillSummary | DartsSummary,
-    skill: Skill,
-    options: argparse.Namespace,
-    parser: argparse.ArgumentParser,
-) -> list[Path]:
-    from dart_skill.report import About, write_skill_report
-    from dart_skill.session import DartsSummary
-
-    of = summary.of if isinstance(summary, DartsSummary) else summary
-    facts = {
-        "Seed": str(options.seed),
-        "Guided movements": f"{of.attempts} for {of.demonstrations} demonstrations",
-        "Arm": options.arm,
-        "Layout": options.layout,
-        "Time": f"{of.wall_seconds:.0f} s",
-    }
-    title = (
-        f"{skill.name.capitalize()}: {of.demonstrations} demonstrations, {len(of.trials)} trials"
-    )
-    return write_skill_report(
-        summary,
-        skill,
-        options.output,
-        About(title, facts, asked(parser, options), parameter_texts()),
-    )
-
-
-def _about_throws(
-    options: argparse.Namespace, parser: argparse.ArgumentParser, summary: DemoSummary
+def _about(
+    summary: RunSummary, options: argparse.Namespace, parser: argparse.ArgumentParser
 ) -> About:
+    """What the report says of the run beyond its bag."""
     from dart_skill.report import About, Phase
 
+    skill, trials = summary.skill, len(summary.trials)
+    words, factor = skill.words, summary.trial_real_time_factor
+    pace = "" if factor is None else f"; {words.trials} at {factor:.1f} times real time"
     facts = {
         "Seed": str(options.seed),
-        "Guided throws": f"{summary.attempts} for {summary.demonstrations} demonstrations",
+        "Guided movements": f"{summary.attempts} for {summary.demonstrations} demonstrations",
         "Arm": options.arm,
         "Layout": options.layout,
-        "Time": (
-            f"{summary.wall_seconds:.0f} s; a throw at {summary.throw_real_time_factor:.1f} times"
-            " real time"
-        ),
+        "Time": f"{summary.wall_seconds:.0f} s{pace}",
     }
-    title = f"Demo: {summary.demonstrations} demonstrations, {summary.thrown} throws"
-    phases = (Phase("own throws", summary.thrown),)
     return About(
-        title,
+        f"{skill.name.capitalize()}: {summary.demonstrations} demonstrations, {trials}"
+        f" {words.trials}",
         facts,
         asked(parser, options),
         parameter_texts(),
         options.configuration,
-        phases=phases,
+        phases=(Phase(f"own {words.trials}", trials),),
     )

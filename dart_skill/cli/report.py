@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.printable import printable, tell_bag_faults
 from dart_skill.common.extras import need
-from dart_skill.common.files import new_file
 
 if TYPE_CHECKING:
     from dart_skill.report import Run
@@ -52,96 +51,54 @@ def page_beside(bag: Path) -> Path:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from dart_skill.recording import SKILL, skill_of
     from dart_skill.skills.learning import configuration
 
     need("matplotlib")
     bag = options.bag / "bag" if (options.bag / "bag" / "metadata.yaml").is_file() else options.bag
-    configuration(
-        options.configuration
-    )  # a name that is not known is told before anything is waited for
+    configuration(options.configuration)  # an unknown name is told before anything is waited for
     output = options.output or page_beside(bag)
     if output.exists():
         raise ValueError(f"{output} exists already: name another file with --output")
-    if (name := skill_of(bag)) == SKILL:
-        return _report_of_throws(bag, output, options)
-    return _report_of_skill(bag, name, output, options.json)
+    from dart_skill.recording import skill_of
+    from dart_skill.report import About, read_run, write_page
 
-
-def _report_of_throws(bag: Path, output: Path, options: argparse.Namespace) -> int:
-    """The page of a bag of throws at baskets; returns the exit status."""
-    from dart_skill.report import About, page_of, pictures, read_run
-
-    run = read_run(
-        bag,
-        About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration),
-    )
-    page = page_of(run, pictures(run))
-    output.parent.mkdir(parents=True, exist_ok=True)
-    with new_file(output) as file:
-        file.write(page.encode())
-    print(
-        json.dumps(_as_json(run, output), indent=1)
-        if options.json
-        else printable(_as_text(run, output))
-    )
-    return 0
-
-
-def _report_of_skill(bag: Path, name: str, output: Path, as_json: bool) -> int:
-    """The page of a bag of another skill than throws at baskets."""
-    from dart_skill.report import About, read_skill_run, skill_page_of, skill_pictures
-    from dart_skill.skills.protocol import load_skill
-
-    tell_bag_faults(bag)
-    run = read_skill_run(
-        bag, load_skill(name), About(f"{name.capitalize()}: the bag '{bag.resolve().name}'")
-    )
-    content = skill_page_of(run, skill_pictures(run, None))
-    output.parent.mkdir(parents=True, exist_ok=True)
-    with new_file(output) as file:
-        file.write(content.encode())
-    own = sum(not one.guided for one in run.movements)
-    told = {
-        "skill": name,
-        "bag": os.fspath(run.bag),
-        "report": os.fspath(output),
-        "demonstrations": [one.id for one in run.shown],
-    }
-    lines = [
-        f"{name}: {len(run.shown)} demonstrations, {own} movements of the arm's own",
-        f"report: {output}",
-        f"next: dart-skill view {shlex.quote(str(bag))}",
-    ]
-    print(
-        json.dumps({**told, "own": own, "notes": list(run.notes)}, indent=1)
-        if as_json
-        else "\n".join(lines)
-    )
+    title = f"{skill_of(bag).capitalize()}: the bag '{bag.resolve().name}'"
+    run = read_run(bag, About(title, configuration=options.configuration))
+    if run.throws is None:
+        tell_bag_faults(bag)
+    write_page(run, output)
+    if options.json:
+        print(json.dumps(_as_json(run, output), indent=1))
+    else:
+        print(printable(_as_text(run, output)))
     return 0
 
 
 def _as_json(run: Run, output: Path) -> dict:
+    throws = [one.to_json_of_throw() for one in run.trials] if run.throws else None
     return {
+        "skill": run.skill.name,
         "bag": os.fspath(run.bag),
         "report": os.fspath(output),
         "demonstrations": [one.id for one in run.shown],
-        "throws": [throw.to_json() for throw in run.results],
+        "own": len(run.own),
+        **({} if throws is None else {"throws": throws}),
         "notes": list(run.notes),
     }
 
 
 def _as_text(run: Run, output: Path) -> str:
     from dart_skill.recording.imports import fault_lines
-    from dart_skill.session import footer
+    from dart_skill.session import throws_in_a_line
 
-    lines = fault_lines(
-        fault for fault in run.recording.faults if not (fault.repaired or fault.is_information)
-    )
-    lines += [
-        f"{len(run.shown)} demonstrations, {len(run.results)} throws of the arm:"
-        f" {footer(run.results)}"
-    ]
+    shown = f"{len(run.shown)} demonstrations"
+    if run.throws:
+        faults = (one for one in run.throws.recording.faults if not one.is_information)
+        lines = fault_lines(one for one in faults if not one.repaired)
+        own = f"{len(run.trials)} throws of the arm: {throws_in_a_line(run.trials)}"
+        lines += [f"{shown}, {own}"]
+    else:
+        lines = [f"{run.skill.name}: {shown}, {len(run.own)} movements of the arm's own"]
     lines += [
         f"report: {output}, {output.stat().st_size / 1e6:.1f} MB",
         f"next: dart-skill view {shlex.quote(str(run.bag))}",

@@ -7,8 +7,12 @@ import re
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CONFIGURATIONS
+
+if TYPE_CHECKING:
+    from dart_skill.skills.protocol import Skill
 
 GRAPHS = ("composed", "processes")
 """Layouts of the simulated graph."""
@@ -84,6 +88,16 @@ def check_model(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
         parser.error(
             f"--model {options.model}: there is no such file; 'dart-skill learn BAG' writes one"
         )
+
+
+def chosen_skill(parser: argparse.ArgumentParser, name: str) -> "Skill":
+    """The skill of that name; a usage error lists those that there are."""
+    from dart_skill.skills.protocol import load_skill
+
+    try:
+        return load_skill(name)
+    except ValueError as error:
+        parser.error(str(error))
 
 
 def add_namespace(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -76,6 +76,35 @@ class Situation:
     def moved(self, role: str, pose: Pose) -> Situation:
         """The same situation with one body elsewhere. pose: where it is then."""
         return replace(self, poses={**self.poses, role: pose})
+
+    def in_words(self, roles: Sequence[str] = (), units: Mapping[str, str] | None = None) -> str:
+        """Where bodies are: `holder at 0.61, 0.12, 1.18 m, turned by +23 degrees`, and numbers:
+        `duration 2.4 s`.
+
+        Parameters:
+
+        * roles: of the bodies to name, default all.
+        * units: of the numbers, by name (`Skill.units`).
+        """
+        said = []
+        for role, pose in self.poses.items():
+            if roles and role not in roles:
+                continue
+            x, y, z = pose.position
+            turn = math.degrees(math.atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+            turned = f", turned by {turn:+.0f} degrees" if abs(turn) > 0.5 else ""
+            said.append(f"{role} at {x:.2f}, {y:.2f}, {z:.2f} m{turned}")
+        for name, number in self.numbers.items():
+            said.append(f"{name} {number + 0.0:.3g} {(units or {}).get(name, '')}".rstrip())
+        return "; ".join(said) or "nothing is said of it"
+
+    def to_json(self) -> dict[str, Any]:
+        """Poses of the bodies, and the numbers, by name."""
+        poses = {
+            role: {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
+            for role, pose in self.poses.items()
+        }
+        return {**poses, **self.numbers}
 
 
 def _turn(pose: Pose) -> Any:

@@ -34,7 +34,7 @@ from dart_skill.figures._style import (
     unit_along,
     zoomed_inset,
 )
-from dart_skill.session import SkillSummary, ThrowResult, footer
+from dart_skill.session import TrialResult, throws_in_a_line
 from dart_skill.skills.protocol import HAND, Demonstration, Pose, Skill
 
 RIM_RADIUS = the_world().basket_radius
@@ -42,7 +42,7 @@ HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 
 
 def draw_landings(
-    throws: Sequence[ThrowResult],
+    throws: Sequence[TrialResult],
     demonstrated: np.ndarray,
     folder: str | Path,
     rim_radius: float = RIM_RADIUS,
@@ -57,7 +57,7 @@ def draw_landings(
 
 
 def landings_figure(
-    throws: Sequence[ThrowResult],
+    throws: Sequence[TrialResult],
     demonstrated: np.ndarray,
     rim_radius: float = RIM_RADIUS,
     narrow: bool = False,
@@ -87,7 +87,7 @@ def landings_figure(
         return figure
 
 
-def along_across(throw: ThrowResult) -> np.ndarray:
+def along_across(throw: TrialResult) -> np.ndarray:
     """Landing relative to the centre of the rim (2,) [m]: along the throw, + too far, and across
     it, + to the left.
     """
@@ -99,7 +99,7 @@ def along_across(throw: ThrowResult) -> np.ndarray:
 
 
 def _draw_plan(
-    axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarray, radius: float
+    axes: Axes, throws: Sequence[TrialResult], demonstrated: np.ndarray, radius: float
 ) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, centre in enumerate(demonstrated, start=1):
@@ -119,7 +119,7 @@ def _draw_plan(
         basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
         beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
         axes.text(beyond[0], beyond[1], str(number), ha="center", va="center", bbox=HALO, zorder=4)
-    seen = [throw for throw in throws if throw.seen]
+    seen = [throw for throw in throws if throw.landing is not None]
     _draw_points(
         axes, seen, np.array([throw.landing for throw in seen]).reshape(-1, 3)[:, :2], "plan"
     )
@@ -132,8 +132,8 @@ def _draw_plan(
     )
 
 
-def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) -> None:
-    seen = [throw for throw in throws if throw.seen]
+def _draw_misses(axes: Axes, throws: Sequence[TrialResult], radius_cm: float) -> None:
+    seen = [throw for throw in throws if throw.landing is not None]
     places = (
         100.0
         * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)[:, ::-1]
@@ -151,12 +151,12 @@ def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) ->
     axes.set_xlabel("across the throw, + to the right [cm]")
     axes.set_ylabel("along the throw, + too far [cm]")
     axes.set_title(
-        f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{footer(throws)}"
+        f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{throws_in_a_line(throws)}"
     )
 
 
 def _draw_middle(
-    axes: Axes, seen: Sequence[ThrowResult], places: np.ndarray, radius_cm: float
+    axes: Axes, seen: Sequence[TrialResult], places: np.ndarray, radius_cm: float
 ) -> None:
     """Most landings again, larger, where they are a blob: within a quarter of the rim; places (n,
     2) [cm].
@@ -174,9 +174,9 @@ def _draw_middle(
     _draw_points(inset, seen, places, "middle")
 
 
-def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, gid: str) -> None:
+def _draw_points(axes: Axes, throws: Sequence[TrialResult], places: np.ndarray, gid: str) -> None:
     """Landings at places (n, 2), by what became of the ball."""
-    inside = np.array([throw.in_basket for throw in throws], dtype=bool)
+    inside = np.array([throw.success for throw in throws], dtype=bool)
     look: dict[str, Any] = {"linestyle": "none", "zorder": 3}
     ring: dict[str, Any] = {"color": SUCCESS, "markerfacecolor": "white", "markersize": 4.0}
     axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)
@@ -196,29 +196,35 @@ SIDE = 0.035
 
 
 def draw_trials(
-    summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration], folder: str | Path
+    trials: Sequence[TrialResult],
+    skill: Skill,
+    shown: Sequence[Demonstration],
+    folder: str | Path,
 ) -> list[Path]:
-    """Write the figure; returns the paths. shown: what was learned from."""
+    """Write the figure; returns the paths. trials: in order; shown: what was learned from."""
     with house_style():
-        return save(trials_figure(summary, skill, shown), folder, "trials")
+        return save(trials_figure(trials, skill, shown), folder, "trials")
 
 
 def trials_figure(
-    summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration], narrow: bool = False
+    trials: Sequence[TrialResult],
+    skill: Skill,
+    shown: Sequence[Demonstration],
+    narrow: bool = False,
 ) -> Figure:
     """The figure itself, as `draw_trials` writes it; narrow: its panels stand one below the other.
 
     ValueError where nothing was shown and nothing tried.
     """
-    if not shown and not summary.trials:
+    if not shown and not trials:
         raise ValueError("no demonstrations and no trials: there is nothing to draw")
     with house_style():
         figure, (above, side, errors) = panels(
             [(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)], narrow
         )
-        _draw_above(above, summary, skill, shown)
+        _draw_above(above, trials, skill, shown)
         _draw_side(side, skill, shown)
-        _draw_errors(errors, summary)
+        _draw_errors(errors, trials)
         letter_panels(above, side, errors)
         handles, labels = above.get_legend_handles_labels()
         legend_below(figure, handles, labels, len(labels), narrow)
@@ -239,7 +245,7 @@ def _movements(
 
 
 def _draw_above(
-    axes: Axes, summary: SkillSummary, skill: Skill, shown: Sequence[Demonstration]
+    axes: Axes, trials: Sequence[TrialResult], skill: Skill, shown: Sequence[Demonstration]
 ) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, (one, hand) in enumerate(_movements(skill, shown)):
@@ -256,8 +262,8 @@ def _draw_above(
                 axes, pose, DEMONSTRATION, "" if number else f"{role}, shown", linestyle="--"
             )
     labelled: set[str] = set()
-    for number, trial in enumerate(summary.trials, start=1):
-        done = bool(trial.outcome.success)
+    for number, trial in enumerate(trials, start=1):
+        done = trial.success
         for role, pose in trial.situation.poses.items():
             what = f"{role}, {'done' if done else 'failed'}"
             _draw_body(axes, pose, SUCCESS if done else FAILURE, "" if what in labelled else what)
@@ -295,22 +301,22 @@ def _draw_side(axes: Axes, skill: Skill, shown: Sequence[Demonstration]) -> None
     axes.set(title=f"Height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
 
 
-def _draw_errors(axes: Axes, summary: SkillSummary) -> None:
-    for number, trial in enumerate(summary.trials, start=1):
-        done = bool(trial.outcome.success)
+def _draw_errors(axes: Axes, trials: Sequence[TrialResult]) -> None:
+    for number, trial in enumerate(trials, start=1):
+        done = trial.success
         if trial.error_m is not None:
             axes.bar(number, 1e3 * trial.error_m, color=SUCCESS if done else FAILURE, width=0.7)
         else:
             axes.text(number, 0.0, "?", ha="center", va="bottom", color=FAILURE)
-    errors = [1e3 * trial.error_m for trial in summary.trials if trial.error_m is not None]
+    errors = [1e3 * trial.error_m for trial in trials if trial.error_m is not None]
     if errors and max(errors) > 20.0 * max(np.median(errors), 0.1):
         axes.set_yscale("log")
     axes.set(
-        title=f"{summary.succeeded} of {len(summary.trials)} succeeded",
+        title=f"{sum(one.success for one in trials)} of {len(trials)} succeeded",
         xlabel="trial",
         ylabel="error [mm]",
     )
-    axes.set_xlim(0.4, max(len(summary.trials), 1) + 0.6)  # a mark does not widen it
+    axes.set_xlim(0.4, max(len(trials), 1) + 0.6)  # a mark does not widen it
     axes.xaxis.set_major_locator(
-        MaxNLocator(integer=True, min_n_ticks=1) if summary.trials else NullLocator()
+        MaxNLocator(integer=True, min_n_ticks=1) if trials else NullLocator()
     )

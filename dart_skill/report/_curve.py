@@ -24,14 +24,14 @@ from dart_skill.figures import (
     letter_panels,
     panels,
 )
-from dart_skill.session import ThrowResult
+from dart_skill.session import TrialResult
 
 WINDOW = 5
 """Throws of a running median and its quartiles."""
 
 
 def curve_figure(
-    throws: Sequence[ThrowResult],
+    throws: Sequence[TrialResult],
     narrow: bool = False,
     marks: Mapping[int, str] | None = None,
     learned: bool = False,
@@ -39,7 +39,7 @@ def curve_figure(
     """Error of each throw, and median and quartiles of the last five, or of all; ValueError if no
     landing was seen.
 
-    marks: what happened after so many throws; narrow: for a narrow screen; learned: whether the
+    marks: what happened, by the number of throws before it; narrow: for a narrow screen; learned: whether the
     arm learned from each throw.
     """
     errors = np.array(
@@ -70,7 +70,7 @@ def curve_figure(
                 linewidth=1.8,
                 label=f"median of the last {WINDOW} throws",
             )
-        _draw_throws(axes, numbers, errors, np.array([throw.in_basket for throw in throws]))
+        _draw_throws(axes, numbers, errors, np.array([throw.success for throw in throws]))
         _draw_rim(axes, errors)
         axes.set(
             xlabel="throw",
@@ -96,7 +96,7 @@ def curve_figure(
 
 
 def compared_figure(
-    tests: Sequence[tuple[str, Sequence[ThrowResult]]], narrow: bool = False
+    tests: Sequence[tuple[str, Sequence[TrialResult]]], narrow: bool = False
 ) -> Figure:
     """Errors at the same baskets in each test, basket by basket, and all of them together;
     ValueError for less than two tests.
@@ -114,7 +114,7 @@ def compared_figure(
             for _, throws in tests
         ]
     )
-    inside = np.array([[one.in_basket for one in throws] for _, throws in tests])
+    inside = np.array([[one.success for one in throws] for _, throws in tests])
     if not np.isfinite(errors).any():
         raise ValueError("no landing was seen: there is no error to draw")
     with house_style():
@@ -170,7 +170,7 @@ def _draw_pairs(axes: Axes, names: Sequence[str], errors: np.ndarray, inside: np
 
 def _draw_by_basket(
     axes: Axes,
-    tests: Sequence[tuple[str, Sequence[ThrowResult]]],
+    tests: Sequence[tuple[str, Sequence[TrialResult]]],
     errors: np.ndarray,
     inside: np.ndarray,
 ) -> None:
@@ -218,7 +218,7 @@ def _draw_rim(axes: Axes, errors: np.ndarray) -> None:
 
 def running_quartiles(errors: np.ndarray, window: int = WINDOW) -> np.ndarray:
     """Quartiles (3, n) of the finite ones of the last `window` errors (n,) at each place; nan
-    before there are so many, or without any.
+    before there are `window` of them, or without any.
     """
     result = np.full((3, len(errors)), np.nan)
     views = (

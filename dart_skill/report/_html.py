@@ -1,5 +1,5 @@
-"""What pages of a report are made of: one HTML file that stands alone and asks nobody for
-anything.
+"""What pages of a report are made of: one HTML file that stands alone and fetches
+nothing.
 """
 
 from __future__ import annotations

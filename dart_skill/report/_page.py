@@ -1,15 +1,19 @@
 """One HTML page of a run that stands alone: text, tables, figures and replay in one file, which
-asks nobody for anything.
+fetches nothing; and what a run leaves behind.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dart_skill.common import palette
 from dart_skill.common.extras import remedy
+from dart_skill.common.files import new_file
 from dart_skill.report._html import (
     HANDLING,
     colour_key,
@@ -23,20 +27,52 @@ from dart_skill.report._html import (
     table_of,
     what_was_run,
 )
-from dart_skill.report._pictures import Picture
-from dart_skill.report._replay import Replay
-from dart_skill.report._replay_of_run import replay_of
-from dart_skill.report._run import Run, result_of
-from dart_skill.session import ThrowResult
+from dart_skill.report._pictures import Picture, pictures, save_pictures
+from dart_skill.report._replay import Replay, in_replay, replay_of
+from dart_skill.report._run import About, Run, read_run
+from dart_skill.session import RunSummary, TrialResult, write_summary
+from dart_skill.skills.protocol import HAND
 from dart_skill.view import ViewUnavailable
 
-SHOWN = {
-    "ball": palette.BALL,
-    "basket": palette.BASKET,
-    "way of the hand": palette.HAND,
-    "demonstrations": palette.DEMONSTRATION,
-} | {"Gaussians": palette.GAUSSIAN}
-"""What is seen in the replay."""
+PAGE = "report.html"
+"""Name of the page of a run."""
+LAST = 25
+"""Darts whose mean score stands at the top of the page."""
+NO_REPLAY = "The bag holds no movement that can be shown."
+SEEN = "Arm as its joints were measured; bodies as the cameras saw them."
+GAUSSIANS = (
+    " The Gaussians are those of the skill that the demonstrations taught, for the basket that is"
+    " shown, two standard deviations wide. What became of a throw is told when the ball is down."
+)
+
+
+def write_page(
+    run: Run, output: str | os.PathLike, figures: str | os.PathLike | None = None
+) -> list[Path]:
+    """Write the page of a run to the file `output`; returns the paths of everything that was
+    written, the page first.
+
+    figures: a folder that gets every figure as SVG and PNG, too.
+    """
+    output, drawn = Path(output), pictures(run)
+    content = page_of(run, drawn).encode()
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with new_file(output, replace=True) as file:
+        file.write(content)
+    return [output, *(save_pictures(drawn, figures) if figures is not None else [])]
+
+
+def write_report(summary: RunSummary, output: Path, about: About | None = None) -> list[Path]:
+    """Write JSON, the page and every picture of a run into the folder `output`; returns the paths.
+
+    about: what the page says of the run besides.
+
+    A throw is learned again from the bag: the same demonstrations give the same plans to the last
+    bit.
+    """
+    written = write_summary(summary.to_json(), output)
+    run = read_run(summary.bag, about, summary.trials, summary.darts)
+    return [written, *write_page(run, Path(output) / PAGE, output)]
 
 
 def page_of(run: Run, drawn: Sequence[Picture]) -> str:
@@ -48,9 +84,10 @@ def page_of(run: Run, drawn: Sequence[Picture]) -> str:
         _numbers(run),
         _replay_section(run, replay, why),
         *(figure(picture) for picture in drawn),
-        _throws_section(run, replay if run.own else None),
-        _demonstrations_section(run, replay if not run.own else None),
-        what_was_run(run.about, _skill_facts(run), run.notes),
+        _leg_section(run),
+        _trials_section(run, replay),
+        _guided_section(run, replay),
+        what_was_run(run.about, {"Skill": _skill_fact(run)}, run.notes),
     ]
     return page(run.about.title, sections)
 
@@ -61,29 +98,29 @@ def page_of(run: Run, drawn: Sequence[Picture]) -> str:
 def _numbers(run: Run) -> str:
     """The few numbers that matter, large."""
     shown = [(f"{len(run.shown)}", "demonstrations")]
-    shown += _of_practice(run) if run.practised else _of_throws(run.results)
+    shown += _of_practice(run) if run.practised else _of_trials(run)
+    if run.darts is not None:
+        score = np.mean([dart.score for dart in run.darts.darts[-LAST:]])
+        shown.append((f"{score:.1f}", f"points a dart, the last {LAST}"))
     if "Seed" in run.about.facts:
         shown.append((escaped(run.about.facts["Seed"]), "seed"))
     return large(shown)
 
 
-def _of_throws(throws: Sequence[ThrowResult]) -> list[tuple[str, str]]:
-    """Numbers of throws that have one purpose."""
-    inside, errors, shown = sum(throw.in_basket for throw in throws), _errors(throws), []
-    if throws:
-        shown.append((f"{inside}/{len(throws)}", "own throws in the basket"))
+def _of_trials(run: Run) -> list[tuple[str, str]]:
+    """Numbers of trials that have one purpose."""
+    if not run.trials:
+        return []
+    words, done = run.skill.words, sum(one.success for one in run.trials)
+    what = f"own {words.trials} {words.done}" if run.throws else f"{words.trials} succeeded"
+    shown = [(f"{done}/{len(run.trials)}", what)]
+    errors, unit = _errors(run, run.trials), words.unit[0]
     if len(errors):
         low, middle, high = np.percentile(errors, [25, 50, 75])
-        shown.append(
-            (
-                f"{middle:.1f} cm",
-                (
-                    f"median landing error, quartiles {low:.1f} and {high:.1f},"
-                    f" n&nbsp;=&nbsp;{len(errors)}"
-                ),
-            )
-        )
-        shown.append((f"{errors.max():.1f} cm", "largest landing error"))
+        kind = "landing error" if run.throws else "error"
+        spread = f"quartiles {low:.1f} and {high:.1f}, n&nbsp;=&nbsp;{len(errors)}"
+        shown.append((f"{middle:.1f} {unit}", f"median {kind}, {spread}"))
+        shown.append((f"{errors.max():.1f} {unit}", f"largest {kind}"))
     return shown
 
 
@@ -93,23 +130,21 @@ def _of_practice(run: Run) -> list[tuple[str, str]]:
     """
     shown = []
     for phase, throws in run.tests:
-        inside, errors = sum(throw.in_basket for throw in throws), _errors(throws)
+        errors = _errors(run, throws)
         error = f"{np.median(errors):.2f} cm" if len(errors) else "not seen"
         most = f", largest {errors.max():.1f}" if len(errors) else ""
-        shown.append(
-            (
-                error,
-                (
-                    f"{escaped(phase.name)}: median landing error at {len(throws)} fixed"
-                    f" baskets{most}; {inside} in"
-                ),
-            )
+        what = (
+            f"{escaped(phase.name)}: median landing error at {len(throws)} fixed baskets{most};"
+            f" {sum(one.success for one in throws)} in"
         )
+        shown.append((error, what))
     return [*shown, (f"{len(run.practised)}", "own throws learned from, elsewhere")]
 
 
-def _errors(throws: Iterable[ThrowResult]) -> np.ndarray:
-    return 100.0 * np.array([throw.error_m for throw in throws if throw.seen])
+def _errors(run: Run, trials: Iterable[TrialResult]) -> np.ndarray:
+    """Errors that were seen, in the unit of the skill."""
+    errors = [one.error_m for one in trials if one.error_m is not None]
+    return run.skill.words.unit[1] * np.array(errors)
 
 
 # the replay
@@ -119,140 +154,153 @@ def _replay(run: Run) -> tuple[Replay | None, str]:
     """The replay, or why there is none."""
     try:
         replay = replay_of(run)
-        return replay, "" if replay else "The bag holds no throw that can be shown."
+        return replay, "" if replay else NO_REPLAY
     except ViewUnavailable:
-        return (
-            None,
-            (
-                f"The replay needs the package viser, which was not there: {remedy('viser')}, then"
-                " dart-skill report BAG."
-            ),
+        return None, (
+            f"The replay needs the package viser, which was not there: {remedy('viser')}, then"
+            " dart-skill report BAG."
         )
 
 
 def _replay_section(run: Run, replay: Replay | None, why: str) -> str:
     if replay is None:
-        return f'<h2>Replay</h2><p class="quiet">{escaped(why)}</p>'
-    kind, throws = ("throws of the arm", run.own) if run.own else ("guided throws", run.guided)
-    some = (
-        f"The first {len(replay.starts)} of {len(throws)}"
-        if len(replay.starts) < len(throws)
-        else f"All {len(throws)}"
-    )
+        return f"<h2>Replay</h2>{quiet(escaped(why))}"
+    movements, what = run.own or run.guided, "throws" if run.throws else "movements"
+    kind = f"{what} of the arm" if run.own else f"guided {what}"
+    first, every = len(in_replay(run)), len(movements)
+    some = f"The first {first} of {every}" if first < every else f"All {every}"
+    body, *others = run.skill.bodies or ("",)
+    colours = {
+        body: palette.BALL,
+        **dict.fromkeys(others, palette.BASKET),
+        f"way of the {HAND}": palette.HAND,
+        "demonstrations": palette.DEMONSTRATION,
+        **({"Gaussians": palette.GAUSSIAN} if run.throws else {}),
+    }
     return (
         f"<h2>Replay</h2><p>{some} {kind}, {replay.seconds:.0f} s. {HANDLING} The tables say when"
-        " each throw"
-        f" begins.</p>{embedded('Replay of the throws in three dimensions', replay.html)}{colour_key(SHOWN)}<p"
-        ' class="quiet">Arm as its joints were measured; ball, basket and hand as the cameras'
-        " saw them. The Gaussians are those of the skill that the demonstrations taught, for the"
-        " basket that is shown, two standard deviations wide. What became of a throw is told when"
-        " the ball is down.</p>"
+        f" each begins.</p>{embedded('Replay in three dimensions', replay.html)}"
+        f"{colour_key(colours)}{quiet(SEEN + (GAUSSIANS if run.throws else ''))}"
     )
 
 
 # figures and tables
 
 
-def _throws_section(run: Run, replay: Replay | None) -> str:
-    begun = (
-        {
-            number: f"{replay.starts[k]:.1f}"
-            for k, number in run.numbers.items()
-            if k in replay.starts
-        }
-        if replay
-        else {}
-    )
+def _leg_section(run: Run) -> str:
+    leg = None if run.darts is None else run.darts.leg
+    if leg is None:
+        return ""
     rows = [
-        [str(number), purpose, *_result_cells(throw), begun.get(number, "")]
-        for number, (purpose, throw) in enumerate(
-            zip(run.purposes, run.results, strict=True), start=1
-        )
+        [str(number), str(dart.before), escaped(dart.hit), str(dart.points), str(dart.after)]
+        for number, dart in enumerate(leg.darts, start=1)
     ]
-    table = table_of(
-        [_HEAD[0], "purpose", *_HEAD[1:], "replay [s]"],
-        rows,
-        [one_line(throw.message) for throw in run.results],
-    )
-    return (
-        "<h2>Throws of the"
-        f" arm</h2>{table if rows else quiet('The arm made no throws of its own.')}"
-    )
+    notes = ["bust" if dart.bust else "" for dart in leg.darts]
+    table = table_of(["dart", "left before", "hit", "points", "left after"], rows, notes)
+    return f"<h2>A leg of 501</h2><p>{escaped(leg.in_words)}.</p>{table}"
 
 
-def _demonstrations_section(run: Run, replay: Replay | None) -> str:
-    rows, notes = [], []
-    for number, throw in enumerate(run.guided):
-        if throw.demonstration is None:
-            continue
-        start = f"{replay.starts[number]:.1f}" if replay and number in replay.starts else ""
-        rows.append([escaped(throw.demonstration.id), *_result_cells(result_of(throw)), start])
-        notes.append(one_line(throw.reason or ("" if throw.shows else "a miss: no demonstration")))
-    if rows:
-        return f"<h2>Guided throws</h2>{table_of([*_HEAD, 'replay [s]'], rows, notes)}"
-    rows = [[escaped(one.id), *_target_cells(one.target.tolist())] for one in run.shown]
+def _trials_section(run: Run, replay: Replay | None) -> str:
+    title = f"<h2>{run.skill.words.trials.capitalize()} of the arm</h2>"
+    if not run.trials:
+        said = (
+            "The arm made no throws of its own."
+            if run.throws
+            else "What became of trials is not in a bag: the folder of a run has it (summary.json)."
+        )
+        return title + quiet(said)
+    numbered = list(enumerate(run.trials, start=1))
+    rows = [
+        [
+            str(number),
+            purpose,
+            *_result_cells(run, one),
+            replay.begun(number) if replay else "",
+            "" if run.throws else escaped(run.skill.in_words(one.situation)),
+        ]
+        for (number, one), purpose in zip(numbered, run.purposes, strict=True)
+    ]
+    head = ["", "purpose", *_result_head(run), "replay [s]", "situation"]
+    notes = [one_line(one.message if run.throws else one.why) for one in run.trials]
+    return title + table_of(head, rows, notes)
+
+
+def _guided_section(run: Run, replay: Replay | None) -> str:
+    """What was guided, with its result where that is known; else the demonstrations."""
+    judged = [(one, one.result) for one in run.guided if one.result is not None]
+    if judged:
+        begun = {} if replay is None else {one.name: f"{at:.1f}" for one, at in replay.starts}
+        rows = [
+            [escaped(one.name), *_result_cells(run, result), begun.get(one.name, "")]
+            for one, result in judged
+        ]
+        table = table_of(
+            ["", *_result_head(run), "replay [s]"], rows, [one_line(one.note) for one, _ in judged]
+        )
+        return f"<h2>Guided {run.skill.words.trials}</h2>{table}"
+    rows, head = [], ["", *TARGET] if run.throws else ["", "duration [s]", "situation"]
+    for one in run.shown:
+        if run.throws:
+            rows.append([escaped(one.id), *_target_cells(one.target)])
+        else:
+            start, stop = run.skill.cut(one)
+            situation = escaped(_situation(run, one, start))
+            rows.append([escaped(one.id), f"{stop - start:.1f}", situation])
     table = (
-        table_of(_HEAD[:6], rows, [""] * len(rows))
-        if rows
-        else quiet("There are none in this bag.")
+        table_of(head, rows, [""] * len(rows)) if rows else quiet("There are none in this bag.")
     )
     return f"<h2>Demonstrations</h2>{table}"
 
 
-_HEAD = [
-    "",
-    "target x [m]",
-    "y [m]",
-    "z [m]",
-    "distance [m]",
-    "azimuth [°]",
-    "landing x [m]",
-    "y [m]",
-    "error [cm]",
-    "result",
-]
+def _situation(run: Run, one: Any, start: float) -> str:
+    try:
+        situation = run.skill.situation(one, start)
+    except ValueError as error:
+        return str(error)
+    return situation.in_words(run.skill.bodies, run.skill.units)
 
 
-def _target_cells(target: Sequence[float]) -> list[str]:
-    x, y, z = target
-    cells = [
-        f"{x:.3f}",
-        f"{y:.3f}",
-        f"{z:.3f}",
-        f"{np.hypot(x, y):.2f}",
-        f"{np.degrees(np.arctan2(y, x)):+.1f}",
-    ]
-    return [_minus(cell) for cell in cells]
+TARGET = ["target x [m]", "y [m]", "z [m]", "distance [m]", "azimuth [°]"]
+"""Head of the columns of a basket."""
 
 
-def _result_cells(throw: ThrowResult) -> list[str]:
+def _result_head(run: Run) -> list[str]:
+    if run.throws:
+        return [*TARGET, "landing x [m]", "y [m]", "error [cm]", "result"]
+    return [f"error [{run.skill.words.unit[0]}]", "result"]
+
+
+def _result_cells(run: Run, one: TrialResult) -> list[str]:
+    words = run.skill.words
+    error = "-" if one.error_m is None else f"{words.unit[1] * one.error_m:.1f}"
+    done, failed = words.result
+    result = done if one.success else f'<span class="out">{failed}</span>'
+    if not run.throws:
+        return [error, result]
     landing = (
-        [_minus(f"{value:.3f}") for value in throw.landing[:2]]
-        if throw.landing is not None
+        [_minus(f"{value:.3f}") for value in one.landing[:2]]
+        if one.landing is not None
         else ["not seen", "-"]
     )
-    error = "-" if throw.error_m is None else f"{100 * throw.error_m:.1f}"
-    return [
-        *_target_cells(throw.target),
-        *landing,
-        error,
-        "in" if throw.in_basket else '<span class="out">out</span>',
-    ]
+    return [*_target_cells(one.target), *landing, error, result]
+
+
+def _target_cells(target: np.ndarray) -> list[str]:
+    x, y, z = target
+    cells = [*(f"{value:.3f}" for value in (x, y, z)), f"{np.hypot(x, y):.2f}"]
+    return [_minus(cell) for cell in [*cells, f"{np.degrees(np.arctan2(y, x)):+.1f}"]]
 
 
 def _minus(number: str) -> str:
     return number.replace("-", "\N{MINUS SIGN}")
 
 
-def _skill_facts(run: Run) -> dict[str, str]:
-    skill = run.skill
-    if skill is None:
-        return {}
-    c, n = skill.configuration, len(skill.throws)
-    text = f"configuration '{c.name}', {c.components} components, n = {n} demonstrations"
-    return {
-        "Skill": (
-            f"{text}, the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to; model"
-            f" {skill.model_id}"
-        )
-    }
+def _skill_fact(run: Run) -> str:
+    learned = None if run.throws is None else run.throws.learned
+    if learned is None:
+        return run.skill.name
+    c, n = learned.configuration, len(learned.throws)
+    return (
+        f"configuration '{c.name}', {c.components} components, n = {n} demonstrations, the hand"
+        f" opens {1e3 * learned.hand_delay:.0f} ms after it is told to; model {learned.model_id}"
+    )

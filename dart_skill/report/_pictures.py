@@ -6,17 +6,17 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.figures import (
-    DemonstratedMotion,
-    ExecutedThrow,
+    arm_darts_figure,
     demonstrated_motions,
     executed_throw,
     execution_figure,
@@ -26,17 +26,24 @@ from dart_skill.figures import (
     save,
     svg_text,
     synchronisation_figure,
+    trials_figure,
 )
 from dart_skill.report._curve import compared_figure, curve_figure
 from dart_skill.report._run import Run
+from dart_skill.session import TrialResult
+
+if TYPE_CHECKING:
+    from dart_skill.report._throws import Throws
 
 FONTS = "'DejaVu Sans', Verdana, Arial, sans-serif"
 
 
 @dataclass(frozen=True)
 class Picture:
-    """svg: text of an SVG file, "" if it could not be drawn; caption then says why. narrow: the
-    same for a narrow screen.
+    """A figure of the page.
+
+    * svg: text of an SVG file, "" if it could not be drawn; caption then says why.
+    * narrow: the same for a narrow screen.
     """
 
     name: str
@@ -66,6 +73,15 @@ class Picture:
 
 def pictures(run: Run) -> list[Picture]:
     """Every figure of a run, in the order of the page."""
+    if run.throws is not None:
+        return _pictures_of_throws(run, run.throws)
+    if run.darts is not None:
+        return [picture("darts", "Darts", DARTS, partial(arm_darts_figure, run.darts))]
+    draw = partial(trials_figure, run.trials, run.skill, run.shown)
+    return [picture("trials", "What was shown, and tried", TRIALS, draw)]
+
+
+def _pictures_of_throws(run: Run, throws: Throws) -> list[Picture]:
     return [
         *_errors(run),
         picture("landings", *_landings_words(run), partial(_landings, run)),
@@ -73,13 +89,25 @@ def pictures(run: Run) -> list[Picture]:
             "synchronisation",
             "Demonstrations before and after synchronisation",
             SYNCHRONISATION,
-            _synchronisation(run),
+            partial(_synchronisation, run, throws),
         ),
-        picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run)),
-        picture("execution", "Executed path against attractor", EXECUTION, _execution(run)),
+        picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, throws)),
+        picture(
+            "execution",
+            "Executed path against attractor",
+            EXECUTION,
+            partial(_execution, run.trials, throws),
+        ),
     ]
 
 
+TRIALS = (
+    "(a) From above: ways of the hand that were shown, where bodies stood then (dashed), and where"
+    " it was tried. (b) The same ways from the side. (c) The error of each trial."
+)
+DARTS = (
+    "Spread, aim and score over the own throws, and where they hit, all as the cameras saw them."
+)
 ERROR = (
     "Landing error: horizontal distance from where the ball crossed the plane of the rim to the"
     " centre of the rim."
@@ -115,18 +143,16 @@ EXECUTION = (
 
 
 def save_pictures(drawn: Iterable[Picture], folder: str | os.PathLike) -> list[Path]:
-    """Write NAME.svg and NAME.png of every picture that there is into a folder; returns their
-    paths.
+    """Write NAME.svg and NAME.png of every picture that could be drawn into a folder; returns
+    their paths.
     """
-    return [path for picture in drawn for path in save_picture(picture, folder)]
-
-
-def save_picture(picture: Picture, folder: str | os.PathLike) -> list[Path]:
-    """The same of one; no paths if it could not be drawn."""
-    if picture.figure is None:
-        return []
     with house_style():
-        return save(picture.figure, os.fspath(folder), picture.name, picture.svg)
+        return [
+            path
+            for one in drawn
+            if one.figure is not None
+            for path in save(one.figure, os.fspath(folder), one.name, one.svg)
+        ]
 
 
 def embeddable(svg: str, prefix: str) -> str:
@@ -164,7 +190,7 @@ def _errors(run: Run) -> list[Picture]:
                 "curve",
                 "Landing error, throw by throw",
                 _curve_caption(run),
-                partial(curve_figure, run.results),
+                partial(curve_figure, run.trials),
             )
         ]
     tests = [(phase.name, results) for phase, results in run.tests]
@@ -205,47 +231,36 @@ def _landings_words(run: Run) -> tuple[str, str]:
 
 
 def _landings(run: Run, narrow: bool) -> Figure:
-    if not run.results:
+    if not run.trials:
         raise ValueError("the arm made no throws of its own")
-    shown = run.tests[-1][1] if run.tests else run.results
+    shown = run.tests[-1][1] if run.tests else run.trials
     return landings_figure(
         shown, np.array([one.target for one in run.shown]).reshape(-1, 3), narrow=narrow
     )
 
 
-def _synchronisation(run: Run) -> Callable[[bool], Figure]:
-    """Draws it; what is drawn is gathered at the first time, for both forms."""
-
-    @cache
-    def motions() -> list[DemonstratedMotion]:
-        if not any(throw.shows for throw in run.guided):
-            raise ValueError("no demonstration was recorded with its raw poses")
-        return demonstrated_motions(run.recordings, run.shown)
-
-    return lambda narrow: synchronisation_figure(motions(), narrow)
+def _synchronisation(run: Run, throws: Throws, narrow: bool) -> Figure:
+    if not any(throw.shows for throw in throws.found):
+        raise ValueError("no demonstration was recorded with its raw poses")
+    return synchronisation_figure(demonstrated_motions(throws.stretches, run.shown), narrow)
 
 
-def _gaussians(run: Run, narrow: bool) -> Figure:
-    if run.skill is None:
+def _gaussians(throws: Throws, narrow: bool) -> Figure:
+    if throws.learned is None:
         raise ValueError("no skill was learned")
-    return gaussians_figure(run.skill, narrow)
+    return gaussians_figure(throws.learned, narrow)
 
 
-def _execution(run: Run) -> Callable[[bool], Figure]:
-    """Draws it, as `_synchronisation`."""
-
-    @cache
-    def executed() -> ExecutedThrow:
-        if run.skill is None:
-            raise ValueError("no skill was learned, so nothing was planned")
-        if not len(run.command_stamps):
-            raise ValueError("the commands of the arm were not recorded")
-        recordings = run.recordings
-        for result in run.results:
-            try:
-                return executed_throw(recordings, run.skill.plan(np.array(result.target)))
-            except ValueError:
-                continue  # refused, or stopped
-        raise ValueError("no throw of the arm was recorded")
-
-    return lambda narrow: execution_figure(executed(), narrow=narrow)
+def _execution(trials: Sequence[TrialResult], throws: Throws, narrow: bool) -> Figure:
+    if throws.learned is None:
+        raise ValueError("no skill was learned, so nothing was planned")
+    if not len(throws.command_stamps):
+        raise ValueError("the commands of the arm were not recorded")
+    stretches = throws.stretches
+    for one in trials:
+        try:
+            executed = executed_throw(stretches, throws.learned.plan(one.target))
+        except ValueError:
+            continue  # refused, or stopped
+        return execution_figure(executed, narrow=narrow)
+    raise ValueError("no throw of the arm was recorded")

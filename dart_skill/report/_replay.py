@@ -1,198 +1,194 @@
-"""A replay of throws in three dimensions that needs no server: a viser scene with a timeline, as
+"""A replay of a run in three dimensions that needs no server: a viser scene with a timeline, as
 one HTML text.
 
-Every throw begins with the arm at the start of its motion and ends when the ball has been watched;
-the next one follows.
+The arm's own movements follow one another; without any, the guided ones.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill.recording import Demonstration
-from dart_skill.recording.imports import PoseStream, ThrowRecording
-from dart_skill.skills.observation import FoundThrow
+from dart_skill.report._run import Movement, Run
+from dart_skill.skills.learning import component_ellipsoids
+from dart_skill.skills.protocol import HAND
 
 if TYPE_CHECKING:
     from dart_skill.view import Scene
 
 FRAME = 0.04
 """Time of a picture of the replay [s]."""
-LEAD, FOLLOWED, PAUSE = 0.2, 0.9, 0.6
-"""Shown before the motion starts and after the hand was told to open, and the time that the last
-picture of a throw stands [s].
-"""
-MOST_THROWS = 60
+PAUSE = 0.6
+"""The last picture of a movement stands so long [s]."""
+LONGEST = 12.0
+"""Longest movement in the replay; of a longer one its end is shown [s]."""
+MOST_MOVEMENTS = 60
 """More of them make the page large; 10 kB each."""
-EYE, LOOK_AT, ABOVE = (1.9, -4.6, 2.0), (1.1, 0.0, 1.15), (0.0, 0.0, 2.45)
-"""Where the page looks from and to at first, and where it says which throw is shown [m]."""
-Ellipsoid = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Centre (3,), quaternion (4,) and diameters (3,), as `component_ellipsoids` gives them."""
+EYE, LOOK_AT = (1.9, -4.6, 2.0), (1.1, 0.0, 1.15)
+"""Where the page looks from and to at first, where there are baskets [m]."""
+ABOVE_BASKETS = (0.0, 0.0, 2.45)
+"""There it says which throw at a basket is shown [m]."""
+ABOVE = (0.0, 0.0, 0.6)
+"""There it says which movement is shown, from where the page looks to at first [m]."""
 LOST = 50_000_000
 """A sample further away than this from an instant does not stand for it [ns]."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """html: a page of its own; starts: when each throw begins on its timeline [s], by index of the
-    throw; seconds: its length.
+    """A page of its own.
+
+    * html: its text.
+    * starts: when each movement begins on its timeline [s].
+    * seconds: its length.
     """
 
     html: str
-    starts: dict[int, float]
+    starts: list[tuple[Movement, float]]
     seconds: float
 
+    def begun(self, number: int) -> str:
+        """When a trial begins, in words; empty if it is not shown."""
+        return next(
+            (f"{at:.1f}" for one, at in self.starts if number and one.number == number), ""
+        )
 
-def make_replay(
-    recording: ThrowRecording,
-    throws: Sequence[FoundThrow],
-    shown: Sequence[Demonstration],
-    gaussians: Mapping[int, Sequence[Ellipsoid]] | None = None,
-    names: Mapping[int, str] | None = None,
-) -> Replay:
-    """The first throws of a recording, the arm where it was recorded, with the demonstrations that
-    taught it.
 
-    names: what throws are called, by their index; "throw 1", "throw 2", ... by default. gaussians:
-    those that are shown with throws, by their index. ViewUnavailable without viser.
-    """
+def in_replay(run: Run) -> list[Movement]:
+    """The first of the arm's own movements; without any, of the guided ones."""
+    return (run.own or run.guided)[:MOST_MOVEMENTS]
+
+
+def replay_of(run: Run) -> Replay | None:
+    """The replay of a run, None if there is no movement to show. ViewUnavailable without viser."""
     from dart_skill.view import Scene, open_server
 
+    movements = in_replay(run)
+    if not movements:
+        return None
     server = open_server()
     try:
-        scene = Scene(server)
-        server.initial_camera.position, server.initial_camera.look_at = EYE, LOOK_AT
-        scene.show_demonstrations(shown)
-        label = server.scene.add_label("/throw", "", position=ABOVE, anchor="bottom-center")
+        if run.throws is None:
+            scene = Scene(server, skill=run.skill)
+            scene.show_ways([one.hand_position for one in run.shown], np.empty((0, 3)))
+            above = scene.first_sight[1] + ABOVE
+        else:
+            scene, above = Scene(server), np.array(ABOVE_BASKETS)
+            server.initial_camera.position, server.initial_camera.look_at = EYE, LOOK_AT
+            scene.show_demonstrations(run.shown)
+        label = server.scene.add_label("/movement", "", position=above, anchor="bottom-center")
         serializer = server.get_scene_serializer()
-        starts: dict[int, float] = {}
-        seconds = 0.0
-        with server.atomic():  # or each change wakes a thread that has nobody to send it to
-            for number in in_replay(throws):
-                throw = throws[number]
-                starts[number] = seconds
-                label.text = name = (names or {}).get(number, f"throw {number + 1}")
-                _show_gaussians(scene, (gaussians or {}).get(number, ()))
-                result = in_a_line(name, throw)
-                seconds += play(
-                    scene,
-                    serializer,
-                    recording,
-                    throw,
-                    when_down=partial(setattr, label, "text", result),
-                )
+        starts, seconds = [], 0.0
+        with server.atomic():  # or each change wakes a thread that has no client to send it to
+            for movement in movements:
+                starts.append((movement, seconds))
+                tell = partial(setattr, label, "text")
+                seconds += play(scene, serializer, run, movement, tell=tell)
         return Replay(serializer.as_html(), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped
             server.stop()
 
 
-def in_replay(throws: Sequence[FoundThrow]) -> list[int]:
-    """Indices of the throws that are shown: the first of those that were cut."""
-    return [number for number, throw in enumerate(throws) if throw.demonstration is not None][
-        :MOST_THROWS
-    ]
+def gaussians_of(run: Run, movement: Movement) -> Sequence[tuple[np.ndarray, ...]]:
+    """Gaussians of the learned throw for the basket of a movement; none for other skills, or where
+    it knows nothing of the basket.
+    """
+    if run.throws is None or run.throws.learned is None or movement.result is None:
+        return ()
+    try:
+        return component_ellipsoids(run.throws.learned.mixture(movement.result.target))
+    except ValueError:
+        return ()
 
 
-def _show_gaussians(scene: Scene, ellipsoids: Sequence[Ellipsoid]) -> None:
-    """Instead of those that were shown."""
-    if ellipsoids:
-        scene.show_gaussians("gaussians", *map(np.array, zip(*ellipsoids, strict=True)))
-    else:
-        scene.hide_gaussians(scene.gaussian_colours)
-
-
-def in_a_line(name: str, throw: FoundThrow) -> str:
-    """Which throw it is and how it ended."""
-    outcome = throw.outcome
-    assert outcome is not None  # a throw that was cut was judged
-    error = (
-        f", {100 * outcome.landing_error:.1f} cm from the centre" if outcome.landing_seen else ""
+def result_in_words(run: Run, movement: Movement) -> str:
+    """Which movement it is and how it ended."""
+    result, words = movement.result, run.skill.words
+    if result is None:
+        return movement.name
+    unit, scale = words.unit
+    off = (
+        words.unseen
+        if result.error_m is None
+        else f"{scale * result.error_m:.1f} {unit} {words.off}"
     )
-    return f"{name}: {'in' if outcome.in_basket else 'out'}{error}"
+    return f"{movement.name}: {words.result[not result.success]}, {off}"
 
 
 def play(
     scene: Scene,
     timeline: Any,
-    recording: ThrowRecording,
-    throw: FoundThrow,
+    run: Run,
+    movement: Movement,
     frame: float = FRAME,
-    when_down: Callable[[], None] = lambda: None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> float:
-    """Show a throw that was cut out, picture after picture, `frame` apart [s]; how long it takes
-    [s].
+    """Show a movement, picture after picture, `frame` apart [s]; how long it takes [s].
 
-    timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's
-    serialiser, or of a camera. when_down: called once, before the first picture in which the ball
-    is down; at the end of a throw whose landing nobody saw. recording: of the throw; scene: that
-    shows it.
+    Parameters:
+
+    * scene: that shows it.
+    * timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's
+      serialiser, or of a camera.
+    * run: of the movement.
+    * movement: that is shown.
+    * tell: called with what the movement is, and with its result as soon as it is known; at the
+      end where that comes later.
     """
-    one = throw.demonstration
-    assert one is not None  # only what was cut can be shown
-    first = one.stamp_ns + round(1e9 * (one.motion_start - LEAD))
-    frames = np.arange(first, throw.stamp_ns + round(1e9 * FOLLOWED), round(1e9 * frame))
-    scene.move_basket(one.target)
-    for path in ("ball", "hand"):
-        scene.clear_path(path)
-    hand, ball = recording.bodies["hand"], recording.bodies["ball"]
-    where = {"hand": rows_at(hand.stamp_ns, frames), "ball": rows_at(ball.stamp_ns, frames)}
-    joints = recording.joints
-    at_joints = np.full(len(frames), -1) if joints is None else rows_at(joints.stamp_ns, frames)
-    down = int(np.searchsorted(frames, _down_ns(throw, frames)))
+    first = max(movement.since, movement.until - round(LONGEST * 1e9))
+    frames = np.arange(first, movement.until, round(1e9 * frame))
+    where = {role: rows_at(stamps, frames) for role, (stamps, _) in run.poses.items()}
+    at_joints = rows_at(run.joints[0], frames)
+    drawn = (run.skill.moves, HAND)
+    for role in drawn:
+        scene.clear_path(role)
+    if run.throws is not None and movement.result is not None:
+        scene.move_basket(movement.result.target)
+    if ellipsoids := gaussians_of(run, movement):
+        scene.show_gaussians("gaussians", *map(np.array, zip(*ellipsoids, strict=True)))
+    else:
+        scene.hide_gaussians(scene.gaussian_colours)
+    known = int(np.searchsorted(frames, movement.known))
+    tell(movement.name)
     for k in range(len(frames)):
-        if k == down:
-            when_down()
-        if joints is not None and at_joints[k] >= 0:
-            scene.move_arm(joints.position[at_joints[k]])
-        _move_bodies(
-            scene,
-            hand,
-            ball,
-            where["hand"][k],
-            where["ball"][k],
-            with_path=frames[k] >= throw.stamp_ns - 400_000_000,
-        )
+        if k == known:
+            tell(result_in_words(run, movement))
+        if at_joints[k] >= 0:
+            scene.move_arm(run.joints[1][at_joints[k]])
+        for role, rows in where.items():
+            if rows[k] >= 0:
+                pose = run.poses[role][1][rows[k]]
+                _move(scene, run, role, pose)
+                if role in drawn and frames[k] >= movement.drawn:
+                    scene.extend_path(role, pose[None, :3])
         timeline.insert_sleep(frame)
-    if down >= len(frames):
-        when_down()
+    if known >= len(frames):
+        tell(result_in_words(run, movement))
     timeline.insert_sleep(PAUSE)
     return len(frames) * frame + PAUSE
 
 
-def _down_ns(throw: FoundThrow, frames: np.ndarray) -> int:
-    """When the ball came down, as a stamp [ns]; after the last of the frames (n,) [ns] if nobody
-    saw it.
-    """
-    outcome = throw.outcome
-    if outcome is None or not outcome.landing_seen:
-        return int(frames[-1]) + 1
-    return throw.stamp_ns + round(1e9 * outcome.landing_time)
-
-
-def _move_bodies(
-    scene: Scene, hand: PoseStream, ball: PoseStream, at_hand: int, at_ball: int, with_path: bool
-) -> None:
-    if at_hand >= 0:
-        scene.move_hand(hand.position[at_hand], hand.quaternion[at_hand])
-        if with_path:
-            scene.extend_path("hand", hand.position[at_hand][None])
-    if at_ball >= 0:
-        scene.move_ball(ball.position[at_ball])
-        if with_path:
-            scene.extend_path("ball", ball.position[at_ball][None])
+def _move(scene: Scene, run: Run, role: str, pose: np.ndarray) -> None:
+    if role == HAND:
+        scene.move_hand(pose[:3], pose[3:])
+    elif run.throws is None:
+        scene.move_body(role, pose[:3], pose[3:])
+    else:
+        scene.move_ball(pose[:3])
 
 
 def rows_at(stamps: np.ndarray, instants: np.ndarray) -> np.ndarray:
     """Index (m,) of the last of stamps (n,) [ns] at each instant, -1 where that is long ago or
     there is none.
     """
+    if not len(stamps):
+        return np.full(len(instants), -1)
     rows = np.searchsorted(stamps, instants, side="right") - 1
     return np.where((rows >= 0) & (instants - stamps[np.maximum(rows, 0)] < LOST), rows, -1)

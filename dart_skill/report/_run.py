@@ -1,5 +1,5 @@
-"""What a report tells, gathered from a bag: throws that were guided, throws of the arm's own, the
-skill, and what was run.
+"""What a report tells, gathered from a bag: what was guided, what the arm did by itself, and what
+was run.
 """
 
 from __future__ import annotations
@@ -7,33 +7,28 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dart_skill.figures import SAME_BASKET, HandRecording
-from dart_skill.recording import (
-    SKILL,
-    BagError,
-    Demonstration,
-    GraphBag,
-    read_demonstrations,
-    skill_of,
-)
-from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
-from dart_skill.session import ThrowResult, find_throws
-from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, ThrowingSkill, learn_throwing
-from dart_skill.skills.learning import configuration as configuration_of
-from dart_skill.skills.observation import FoundThrow, worlds
+from dart_skill.recording import GraphBag, skill_of
+from dart_skill.session import DartsRun, TrialResult
+from dart_skill.skills.protocol import Skill, load_skill
+
+if TYPE_CHECKING:
+    from dart_skill.report._throws import Throws
 
 PACKAGES = ("dart_skill", "numpy", "scipy", "matplotlib", "viser")
 """Whose versions a report states."""
 MOST_TEXT = 100_000
 """Characters of an attached parameter file that are shown."""
+
+
+Stamped = tuple[np.ndarray, np.ndarray]
+"""Stamps (n,) [ns], and a row of numbers for each (n, d)."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +48,19 @@ class Phase:
 
 @dataclass(frozen=True)
 class About:
-    """What somebody knows of a run beyond its bag.
+    """What is known of a run beyond its bag.
 
     * title: of the page.
     * facts: name and text, in order.
     * options: name, value and default of each.
     * parameters: texts of parameter files, by name.
     * configuration: of the skill, "" for the default one.
-    * marks: what happened after so many of the throws that were learned from.
+    * marks: what happened, by the number of throws that were learned from before it.
     * phases: what the throws were for, in order of time; together they are all of them. Empty:
-      nobody knows.
+      unknown.
     """
 
-    title: str = "Throws of a bag"
+    title: str = "A bag"
     facts: Mapping[str, str] = field(default_factory=dict)
     options: Sequence[tuple[str, Any, Any]] = ()
     parameters: Mapping[str, str] = field(default_factory=dict)
@@ -79,68 +74,79 @@ class About:
         return [option for option in self.options if option[1] != option[2]]
 
 
+@dataclass(frozen=True)
+class Movement:
+    """What was done between two resets of the world.
+
+    * since, until: first and last stamp that is shown [ns].
+    * guided: by a person.
+    * name: of the demonstration that it became, or of the arm's own, such as "trial 1".
+    * result: what became of it, if that is known.
+    * number: of the trial that it is, from 1; 0 if it is none, or unknown.
+    * known: from when on the result is told [ns].
+    * drawn: from when on the ways of hand and body are drawn [ns].
+    * note: why it is no demonstration.
+    """
+
+    since: int
+    until: int
+    guided: bool
+    name: str
+    result: TrialResult | None = None
+    number: int = 0
+    known: int = 0
+    drawn: int = 0
+    note: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """Everything that the page is made of.
 
     * bag: that was read.
     * about: what is known of the run beyond it.
-    * recording: the raw streams.
-    * guided, own: throws that were found in them, in order of time.
-    * results: one for each throw of the arm's own.
+    * skill: of the run.
     * shown: the demonstrations.
-    * skill: learned from them, None if there are too few.
-    * command_stamps: of the controller's commands (n,) [ns].
+    * poses: of hand and bodies by role, position and quaternion (n, 7).
+    * joints: angles of the arm (n, 7) [rad].
+    * movements: in order of time.
+    * trials: the arm's own; empty where only the bag is known, and it does not tell.
     * notes: what is missing, and why.
+    * throws: what is known of throws at baskets besides, None for other skills.
+    * darts: aims and points of darts, and the leg that was played; None for other skills.
     """
 
     bag: Path
     about: About
-    recording: ThrowRecording
-    guided: tuple[FoundThrow, ...]
-    own: tuple[FoundThrow, ...]
-    results: tuple[ThrowResult, ...]
-    shown: tuple[Demonstration, ...]
-    skill: ThrowingSkill | None
-    command_stamps: np.ndarray
+    skill: Skill
+    shown: tuple[Any, ...]
+    poses: dict[str, Stamped]
+    joints: Stamped
+    movements: tuple[Movement, ...]
+    trials: tuple[TrialResult, ...]
     notes: tuple[str, ...] = ()
+    throws: Throws | None = None
+    darts: DartsRun | None = None
 
     @property
-    def numbers(self) -> dict[int, int]:
-        """Number of the result, from 1 on, of each throw of the arm in the recording, by its index
-        in `own`.
+    def own(self) -> list[Movement]:
+        """The arm's own movements."""
+        return [one for one in self.movements if not one.guided]
 
-        Both are in order of time; a throw that never came about is a result only.
+    @property
+    def guided(self) -> list[Movement]:
+        """The movements that a person guided."""
+        return [one for one in self.movements if one.guided]
+
+    @property
+    def phases(self) -> list[tuple[Phase, tuple[TrialResult, ...]]]:
+        """What the trials were for, and the results of each purpose; one without a name where it
+        is unknown.
         """
-        found, numbers = 0, {}
-        cut = [
-            (k, throw.demonstration.target)
-            for k, throw in enumerate(self.own)
-            if throw.demonstration is not None
-        ]
-        for number, result in enumerate(self.results, start=1):
-            if (
-                found < len(cut)
-                and np.linalg.norm(np.subtract(cut[found][1], result.target)) < SAME_BASKET
-            ):
-                numbers[cut[found][0]] = number
-                found += 1
-        return numbers
+        return by_phase(self.about.phases, self.trials)
 
     @property
-    def phases(self) -> list[tuple[Phase, tuple[ThrowResult, ...]]]:
-        """What the throws of the arm were for, and the results of each purpose; one without a name
-        where nobody knows.
-        """
-        phases = self.about.phases or (Phase("", len(self.results)),)
-        ends = np.cumsum([phase.throws for phase in phases])
-        return [
-            (phase, self.results[end - phase.throws : end])
-            for phase, end in zip(phases, ends, strict=True)
-        ]
-
-    @property
-    def tests(self) -> list[tuple[Phase, tuple[ThrowResult, ...]]]:
+    def tests(self) -> list[tuple[Phase, tuple[TrialResult, ...]]]:
         """The phases at the same baskets each, from which nothing was learned; none where nothing
         was practised.
         """
@@ -149,99 +155,67 @@ class Run:
 
     @property
     def purposes(self) -> list[str]:
-        """What each throw of the arm was for; empty where all were for the same."""
-        if len(self.phases) < 2:
-            return [""] * len(self.results)
-        return [phase.name for phase, results in self.phases for _ in results]
+        """What each trial was for; empty where all were for the same."""
+        return purposes_of(self.about.phases, self.trials)
 
     @property
-    def practised(self) -> tuple[ThrowResult, ...]:
-        """The throws from which the arm learned, in order of time."""
+    def practised(self) -> tuple[TrialResult, ...]:
+        """The trials from which the arm learned, in order of time."""
         return tuple(
             result for phase, results in self.phases if phase.learned_from for result in results
         )
 
-    @property
-    def recordings(self) -> list[HandRecording]:
-        """The stretches between two resets of the world, as the figures want them."""
-        return [
-            _stretch(self, since, until)
-            for since, until in worlds([self.recording.bodies["hand"].stamp_ns])
-        ]
+
+def by_phase(
+    phases: Sequence[Phase], trials: Sequence[TrialResult]
+) -> list[tuple[Phase, tuple[TrialResult, ...]]]:
+    """The trials of each phase; all in one without a name where there is none. ValueError if the
+    phases do not add up to all trials.
+    """
+    phases = phases or (Phase("", len(trials)),)
+    if sum(phase.throws for phase in phases) != len(trials):
+        raise ValueError(
+            f"phases {phases} of {len(trials)} throws: their numbers must add up to all throws"
+        )
+    rest = iter(trials)
+    return [(phase, tuple(next(rest) for _ in range(phase.throws))) for phase in phases]
+
+
+def purposes_of(phases: Sequence[Phase], trials: Sequence[TrialResult]) -> list[str]:
+    """What each trial was for; empty where all were for the same."""
+    if len(phases) < 2:
+        return [""] * len(trials)
+    return [phase.name for phase, results in by_phase(phases, trials) for _ in results]
 
 
 def read_run(
     bag: str | os.PathLike,
     about: About | None = None,
-    results: Sequence[ThrowResult] | None = None,
+    trials: Sequence[TrialResult] | None = None,
+    darts: DartsRun | None = None,
 ) -> Run:
     """Everything that a bag tells of a run; BagError says what is wrong with it.
 
-    about: what is known besides. results: of the arm's throws as they were judged in the run,
-    which has those, too, that came to nothing; by default they are judged again, by what the
-    cameras saw. ValueError if phases do not add up to all throws.
+    Parameters:
+
+    * about: what is known besides.
+    * trials: as they were judged in the run. By default throws at baskets are judged again by what
+      the cameras saw, and of other skills nothing is known.
+    * darts: aims and points of darts, and the leg that was played.
+
+    ValueError if phases do not add up to all trials.
     """
     bag = Path(bag)
-    if (name := skill_of(bag)) != SKILL:
-        raise BagError(f"{bag} is of the skill '{name}': there are reports of throws only")
-    described = describe(bag, about or About())
-    if results is not None:
-        _check_phases(described.phases, len(results))
-    shown = _published(bag)
-    learned = _learned(shown, described.configuration) if shown else None
-    recording = read_recording(bag)
-    throws = find_throws(recording)
-    guided, own = (
-        tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False)
-    )
-    shown = shown or tuple(
-        throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows
-    )
-    judged = (
-        tuple(result_of(throw) for throw in own if throw.demonstration is not None)
-        if results is None
-        else tuple(results)
-    )
-    _check_phases(described.phases, len(judged))
-    skill, notes = learned or _learned(shown, described.configuration)
-    uncut = Counter(throw.reason for throw in throws if throw.demonstration is None)
-    notes += [
-        f"{n} throws could not be cut: {why}" if n > 1 else f"could not be cut: {why}"
-        for why, n in uncut.items()
-    ]
-    return Run(
-        bag,
-        described,
-        recording,
-        guided,
-        own,
-        judged,
-        shown,
-        skill,
-        recording.command_stamps,
-        (*fault_lines(recording.faults), *notes),
-    )
+    skill, described = load_skill(skill_of(bag)), describe(bag, about or About())
+    if trials is not None:
+        by_phase(described.phases, trials)
+    if skill.told_by == "landings":
+        from dart_skill.report._throws import read_throws
 
+        return read_throws(bag, skill, described, trials)
+    from dart_skill.report._movements import read_movements
 
-def _check_phases(phases: Sequence[Phase], n_throws: int) -> None:
-    if phases and sum(phase.throws for phase in phases) != n_throws:
-        raise ValueError(
-            f"phases {phases} of {n_throws} throws: their numbers must add up to all throws"
-        )
-
-
-def result_of(throw: FoundThrow) -> ThrowResult:
-    """How a throw of a recording ended."""
-    one, outcome = throw.demonstration, throw.outcome
-    assert one is not None and outcome is not None  # a throw that was cut was judged
-    landing = _point(outcome.landing) if outcome.landing_seen else None
-    error = float(outcome.landing_error) if outcome.landing_seen else None
-    return ThrowResult(_point(one.target), landing, error, bool(outcome.in_basket), throw.reason)
-
-
-def _point(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
+    return read_movements(bag, skill, described, trials or (), darts)
 
 
 def versions() -> dict[str, str]:
@@ -291,44 +265,3 @@ def describe(bag: Path, about: About) -> About:
         }
     facts, parameters = {**told, **about.facts}, {**files, **about.parameters}
     return replace(about, facts=facts, parameters=parameters)
-
-
-def _published(bag: Path) -> tuple[Demonstration, ...]:
-    """The demonstrations of the topic of that name; none without it."""
-    try:
-        return tuple(read_demonstrations(bag))
-    except BagError:
-        return ()
-
-
-def _learned(shown: Sequence[Demonstration], name: str) -> tuple[ThrowingSkill | None, list[str]]:
-    if len(shown) < LEAST_DEMONSTRATIONS:
-        return None, [f"{len(shown)} demonstrations are too few to learn from: no skill is shown"]
-    try:
-        return learn_throwing(list(shown), configuration_of(name)), []
-    except ValueError as error:
-        return None, [f"no skill is shown: {error}"]
-
-
-def _stretch(run: Run, since: int, until: int) -> HandRecording:
-    bodies, stamps = run.recording.bodies, run.command_stamps
-    parts = {
-        name: (bodies[name].stamp_ns >= since) & (bodies[name].stamp_ns <= until)
-        for name in ("hand", "ball", "basket")
-    }
-    basket = bodies["basket"].position[parts["basket"]]
-    opened = [
-        one.stamp_ns
-        for one in run.recording.openings
-        if since <= one.stamp_ns <= until and not one.taught
-    ]
-    hand, ball = bodies["hand"], bodies["ball"]
-    return HandRecording(
-        hand.stamp_ns[parts["hand"]],
-        hand.position[parts["hand"]],
-        ball.stamp_ns[parts["ball"]],
-        ball.position[parts["ball"]],
-        basket=np.median(basket, axis=0) if len(basket) else np.full(3, np.nan),
-        command_stamps=stamps[(stamps >= since) & (stamps <= until)],
-        opened_ns=opened[0] if opened else None,
-    )

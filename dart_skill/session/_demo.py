@@ -1,30 +1,38 @@
-"""The main job in one process, without ROS: a person shows throws, they are learned, the arm
-throws at new baskets.
+"""The main job in one process, without ROS: a person shows a skill, it is learned, the arm carries
+it out in other situations.
 
-The same lessons, plans and landings as the graph's, to the last bit.
+Lessons, plans and landings of throws are those of the graph, to the last bit.
 """
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dart_skill.common.configuration import node_parameters
-from dart_skill.common.regions import REGION, targets_for
-from dart_skill.common.world import THROW
-from dart_skill.recording import Demonstration
-from dart_skill.session._in_process import Session, Trial
+from dart_skill.darts import ModelBasedAgent, place_of
+from dart_skill.session._bench_and_belt import BeltSession, BenchSession
+from dart_skill.session._darts import DartsRun, Hit, own_dart, play_leg, throw_dart
+from dart_skill.session._in_process import Session
 from dart_skill.session._session_bag import LAYOUT, SessionBag
-from dart_skill.session._summary import DemoSummary, ThrowResult, basket_in_words, throw_in_words
-from dart_skill.skills.learning import changed, configuration
+from dart_skill.session._summary import RunSummary, TrialResult
+from dart_skill.simulation import Board, Swing
+from dart_skill.skills.learning import LearnedSkill, ReactiveSkill, changed, configuration
 from dart_skill.skills.practice import PracticeSettings, PractisingSkill
-from dart_skill.skills.protocol import load_skill
-from dart_skill.skills.throw import Throw
+from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
 
+DIFFERS = (
+    "a person and the cameras look at the bodies for another moment than on the graph: trials"
+    " differ from those there"
+)
+"""What is said of skills at the bench and beside the belt."""
 Say = Callable[[str], None]
 """Takes a line of progress."""
 
@@ -48,116 +56,216 @@ class Job:
     configuration: str = ""
 
 
-def throwing_demo(job: Job, say: Say) -> DemoSummary:
-    """Throws at baskets. ValueError says why the job cannot be done."""
-    begun, skill = time.monotonic(), load_skill(THROW)
-    assert isinstance(skill, Throw)
-    with SessionBag(job.bag, job.seed, skill) as bag:
-        session = Session.on_arm(job.arm, job.seed, job.settings, bag=bag)
-        try:
-            ready, shown = time.monotonic(), Lessons(session, bag, job.demonstrations, say)
-            shown.teach(job.seed)
-            learned = practising(skill, shown.kept, job.configuration, say)
-            threw, before = time.monotonic(), session.steps
-            targets = targets_for(job.seed, job.demonstrations, job.throws)[1]
-            results = [
-                _throw(session, learned, target, f"throw {k}/{len(targets)}", say)
-                for k, target in enumerate(targets, start=1)
+def demo(job: Job, skill: Skill, say: Say) -> RunSummary:
+    """Show a skill, learn it, and try it; ValueError says why the job cannot be done."""
+    begun = time.monotonic()
+    kind = _KINDS.get((skill.world, skill.told_by, skill.reacts))
+    if kind is None:
+        raise ValueError(
+            f"in process there are throw, darts, place and reach: '{skill.name}' needs the graph,"
+            " so leave out --layout in-process"
+        )
+    if kind is _Moving:
+        say(DIFFERS)
+    with ExitStack() as stack:
+        arm = kind(skill, job, stack.enter_context(SessionBag(job.bag, job.seed, skill)))
+        session = stack.enter_context(closing(arm.session))
+        ready = time.monotonic()
+        lessons, situations = skill.situations(job.seed, job.demonstrations, job.throws)
+        shown, attempts = _show_all(arm, lessons, job, say)
+        say(arm.learn(shown, job))
+        tried_at, steps = time.monotonic(), session.steps
+        darts = None
+        agent = skill.agent()
+        if agent is not None:
+            assert isinstance(arm, _Throwing)  # an agent aims what is thrown
+            trials, darts = arm.practise_darts(agent, job, say)
+        else:
+            trials = [
+                _tried(arm, one, f"{skill.name} {number}/{job.throws}", say)
+                for number, one in enumerate(situations, start=1)
             ]
-        finally:
-            session.close()
-    done, step = time.monotonic(), session.plant.settings.step
-    return DemoSummary(
+        done = time.monotonic()
+    step = session.plant.settings.step
+    return RunSummary(
+        skill=skill,
         seed=job.seed,
         bag=str(job.bag),
         demonstrations=job.demonstrations,
-        throws=tuple(results),
-        wall_seconds=done - begun,
-        real_time_factor=session.steps * step / (done - ready),
-        throw_real_time_factor=(session.steps - before) * step / (done - threw),
-        attempts=shown.attempts,
+        attempts=attempts,
+        trials=tuple(trials),
+        wall_seconds=time.monotonic() - begun,
         layout=LAYOUT,
+        real_time_factor=session.steps * step / (done - ready),
+        trial_real_time_factor=(session.steps - steps) * step / (done - tried_at),
+        darts=darts,
     )
 
 
-class Lessons:
-    """Lessons of throwing until so many succeeded. kept: what they show; attempts: guided throws
-    that they took.
-    """
-
-    def __init__(self, session: Session, bag: SessionBag, wanted: int, say: Say):
-        self._session, self._bag, self._wanted, self._say = session, bag, wanted, say
-        self._most = int(node_parameters("teacher.yaml", "teacher")["max_attempts"])
-        self.kept: list[Demonstration] = []
-        self.attempts = 0
-
-    def teach(self, seed: int) -> None:
-        """At baskets of a seed; at new ones for those that failed."""
-        targets = targets_for(seed, self._wanted, 0)[0]
-        spare = iter(REGION.spread(self._wanted, np.random.default_rng([seed, 3])))
-        for lesson in range(2 * self._wanted):
-            target = targets[lesson] if lesson < self._wanted else next(spare)
-            self.show(target, basket_in_words(target))
-            if len(self.kept) == self._wanted and lesson >= self._wanted - 1:
-                return
-        raise self.too_few
-
-    @property
-    def too_few(self) -> ValueError:
-        """What to say when nobody could show as many."""
-        return ValueError(f"only {len(self.kept)} of {self._wanted} demonstrations succeeded")
-
-    def show(self, target: np.ndarray, where: str) -> None:
-        """One lesson; a person whom it does not succeed goes on elsewhere."""
-        trials: list[Trial] = []
-        try:
-            trials = self._session.teach(target, self._most)
-            why = "" if trials[-1].outcome.in_basket else "missed"
-        except ValueError as error:
-            why = str(error)
-        self.attempts += max(1, len(trials))
-        if not why:
-            self.kept.append(trials[-1].demonstration)
-            self._bag.keep_throw(trials[-1].demonstration, self._session.plant.state.stamp_ns)
-        how = f"given up: {why}" if why else f"in after {len(trials)}"
-        self._say(f"demonstration {len(self.kept)}/{self._wanted}: {where}: {how}")
-
-
-def practising(skill: Throw, shown: list[Demonstration], name: str, say: Say) -> PractisingSkill:
-    """A skill of throwing that was shown, as the learner node learns it with the parameters of
-    config/.
-    """
-    p = node_parameters("skill_learner.yaml", "skill_learner")
-    chosen = skill.configured_for(changed(configuration(name or p["configuration"]), p)[0])
-    method, memory = (
-        p["practice_method"],
-        PracticeSettings(p["practice_capacity"], p["practice_forget"]),
-    )
-    steady_every = 0 if method == "none" else skill.steady_every
-    learned = PractisingSkill(
-        shown, chosen, method, memory, skill.correction, steady_every=steady_every
-    )
-    delay = f"the hand opens {1e3 * learned.skill.hand_delay:.0f} ms after it is told to"
-    say(f"learned from {len(shown)} demonstrations with '{chosen.name}'; {delay}")
-    return learned
-
-
-def _throw(
-    session: Session, learned: PractisingSkill, target: np.ndarray, what: str, say: Say
-) -> ThrowResult:
-    x, y, z = target.tolist()
-    try:
-        trial = session.throw(learned.plan(target))
-    except ValueError as failure:
-        result, became = (
-            ThrowResult((x, y, z), None, None, False, str(failure)),
-            f"no throw: {failure}",
+def _show_all(
+    arm: _Throwing | _Moving, lessons: Iterator[Situation], job: Job, say: Say
+) -> tuple[list[Any], int]:
+    """What was shown, elsewhere for what failed, and how many attempts that took."""
+    kept: list[Any] = []
+    attempts, wanted, skill = 0, job.demonstrations, arm.skill
+    for _ in range(2 * wanted):
+        situation = next(lessons)
+        lesson = arm.show(situation)
+        attempts += lesson.attempts
+        if not lesson.why:
+            kept.append(lesson.shown)
+        how = (
+            f"given up: {lesson.why}"
+            if lesson.why
+            else f"{skill.words.lesson} after {lesson.attempts}"
         )
-    else:
-        outcome = trial.outcome
-        landing = tuple(outcome.landing.tolist()) if outcome.landing_seen else None
-        error_m = float(outcome.landing_error) if outcome.landing_seen else None
-        result = ThrowResult((x, y, z), landing, error_m, bool(outcome.in_basket), trial.message)
-        became = throw_in_words(result.in_basket, error_m, trial.message)
-    say(f"{what}: {basket_in_words(target)}: {became}")
+        say(f"demonstration {len(kept)}/{wanted}: {skill.in_words(situation)}: {how}")
+        if len(kept) == wanted:
+            return kept, attempts
+    raise ValueError(f"only {len(kept)} of {wanted} demonstrations succeeded")
+
+
+def _tried(arm: _Throwing | _Moving, situation: Situation, what: str, say: Say) -> TrialResult:
+    try:
+        result = arm.attempt(situation)
+        became = result.in_words(arm.skill.words)
+    except ValueError as error:
+        outcome = TaskOutcome(False, math.nan, str(error))
+        result = TrialResult(situation, outcome, str(error))
+        became = f"no {arm.skill.words.trials.removesuffix('s')}: {error}"
+    say(f"{what}: {arm.skill.in_words(situation)}: {became}")
     return result
+
+
+@dataclass(frozen=True)
+class _Lesson:
+    """One lesson.
+
+    * attempts: guided movements that it took.
+    * shown: the demonstration, None if it failed.
+    * why: it failed, empty for one that succeeded.
+    """
+
+    attempts: int
+    shown: Any = None
+    why: str = ""
+
+
+class _Throwing:
+    """Balls and baskets, or darts and a board."""
+
+    def __init__(self, skill: Any, job: Job, bag: SessionBag):
+        self.skill, self._bag = skill, bag
+        board = Board(skill.middle) if skill.world == "board" else None
+        swing = None if skill.cocked is None else Swing(skill.cocked)
+        self.session = Session.on_arm(
+            job.arm, job.seed, job.settings, board=board, swing=swing, bag=bag
+        )
+        self._attempts = int(node_parameters("teacher.yaml", "teacher")["max_attempts"])
+
+    def show(self, situation: Situation) -> _Lesson:
+        """A person shows it at one target until it succeeds, or they give up."""
+        try:
+            trials = self.session.teach(self.skill.target(situation), self._attempts)
+        except ValueError as error:
+            return _Lesson(1, why=str(error))
+        if not trials[-1].outcome.in_basket:
+            return _Lesson(len(trials), why="missed")
+        shown = trials[-1].demonstration
+        self._bag.keep_throw(shown, self.session.plant.state.stamp_ns)
+        return _Lesson(len(trials), shown)
+
+    def learn(self, shown: list[Any], job: Job) -> str:
+        """Learn it as the learner node does with the parameters of config/; what there is to say
+        of the skill.
+        """
+        skill, p = self.skill, node_parameters("skill_learner.yaml", "skill_learner")
+        named = configuration(job.configuration or p["configuration"])
+        chosen, method = skill.configured_for(changed(named, p)[0]), p["practice_method"]
+        self._learned = PractisingSkill(
+            shown,
+            chosen,
+            method,
+            PracticeSettings(p["practice_capacity"], p["practice_forget"]),
+            skill.correction,
+            steady_every=0 if method == "none" else skill.steady_every,
+        )
+        return (
+            f"learned from {len(shown)} demonstrations with '{chosen.name}'; the hand opens"
+            f" {1e3 * self._learned.skill.hand_delay:.0f} ms after it is told to"
+        )
+
+    def attempt(self, situation: Situation) -> TrialResult:
+        """The arm throws; ValueError says why that cannot be."""
+        target = self.skill.target(situation)
+        trial = self.session.throw(self._learned.plan(target))
+        seen = trial.outcome
+        landing, error = (seen.landing, seen.landing_error) if seen.landing_seen else (None, None)
+        return TrialResult.of_throw(target, landing, error, seen.in_basket, trial.message)
+
+    def practise_darts(
+        self, agent: ModelBasedAgent, job: Job, say: Say
+    ) -> tuple[list[TrialResult], DartsRun]:
+        """Own darts where the own spread scores most, and a leg of 501."""
+        skill = self.skill
+        darts, trials = [], []
+        for number in range(1, job.throws + 1):
+            dart, hit = own_dart(self.session, self._learned, skill, agent)
+            off = (
+                "not seen"
+                if hit.place is None
+                else f"{np.linalg.norm(np.subtract(dart.hit, dart.aim)):.0f} mm off,"
+                f" {dart.score} points"
+            )
+            say(f"dart {number} at {place_of(np.array(dart.aim))}: {off} {hit.note}".rstrip())
+            darts.append(dart)
+            trials.append(TrialResult(skill.aimed(np.array(dart.aim)), hit.outcome, dart.note))
+
+        def throw(aim: np.ndarray) -> Hit:
+            return throw_dart(self.session, self._learned, skill, aim)
+
+        leg = play_leg(agent, throw, say)
+        return trials, DartsRun(job.seed, "in process", skill.middle, (), tuple(darts), leg)
+
+
+class _Moving:
+    """Skills at the bench or beside the belt."""
+
+    def __init__(self, skill: Skill, job: Job, bag: SessionBag):
+        self.skill, self._bag = skill, bag
+        kind = BeltSession if skill.reacts else BenchSession
+        self.session = kind(skill, job.seed, arm=job.arm, settings=job.settings, bag=bag)
+
+    def show(self, situation: Situation) -> _Lesson:
+        """A person shows it once."""
+        try:
+            trial = self.session.show(situation)
+        except ValueError as error:
+            return _Lesson(1, why=str(error))
+        if not trial.outcome.success:
+            return _Lesson(1, why=trial.outcome.reason)
+        stamp_ns = self.session.plant.state_stamp_ns
+        return _Lesson(1, self._bag.keep_movement(trial.seen, stamp_ns))
+
+    def learn(self, shown: list[Any], job: Job) -> str:
+        """Learn it; what there is to say of the model."""
+        kind = ReactiveSkill if self.skill.reacts else LearnedSkill
+        self._learned: Any = kind(self.skill, shown)
+        return (
+            f"learned '{self.skill.name}' from {len(shown)} demonstrations: model"
+            f" {self._learned.model_id}"
+        )
+
+    def attempt(self, situation: Situation) -> TrialResult:
+        """The arm does it; ValueError says why that cannot be."""
+        trial = self.session.attempt(self._learned, situation)
+        return TrialResult(situation, trial.outcome, trial.message)
+
+
+_KINDS: dict[tuple[str, str, bool], type[_Throwing] | type[_Moving]] = {
+    ("basket", "landings", False): _Throwing,
+    ("board", "darts", False): _Throwing,
+    ("bench", "trials", False): _Moving,
+    ("belt", "trials", True): _Moving,
+}
+"""What the demo can do without nodes: world of a skill, how it is told, whether it reacts."""

@@ -3,6 +3,7 @@ in one process to the last bit.
 """
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,10 +19,10 @@ from dart_skill.arm import same_plan
 from dart_skill.cli import main
 from dart_skill.darts import as_target, name_at
 from dart_skill.experiments.studies import arm_darts
-from dart_skill.session import learn_skill
+from dart_skill.session import learn_skill, play_leg
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.verbs._darts_run import play_leg, practise_darts
+from dart_skill_nodes.verbs._trials import own_darts, throw_dart
 from tests.integration.conftest import graphs
 from tests.paths import CONFIG
 
@@ -92,7 +93,7 @@ def graph(ros, tmp_path_factory, skill):
     folder = tmp_path_factory.mktemp("darts")
     with graphs(folder) as make:
         made = taught(make, skill, "composed")
-        made.darts = practise_darts(made.client, skill, THROWS)
+        made.result, made.darts, made.agent = own_darts(made.client, skill, THROWS)
         made.bag = folder / "bag_1"
         yield made
 
@@ -101,17 +102,17 @@ def test_nodes_throw_the_darts_that_one_process_throws_to_the_last_bit(graph, in
     names = ("aim", "hit", "score", "covariance")
     found, expected = (
         [[getattr(dart, name) for name in names] for dart in darts]
-        for darts in (graph.darts.darts, in_process.darts)
+        for darts in (graph.darts, in_process.darts)
     )
     assert found == expected
     np.testing.assert_array_equal(
-        [dart.expected for dart in graph.darts.darts], [dart.expected for dart in in_process.darts]
+        [dart.expected for dart in graph.darts], [dart.expected for dart in in_process.darts]
     )
-    assert graph.darts.result.learned == THROWS
+    assert graph.result.learned == THROWS
 
 
 def test_the_aim_follows_the_spread_and_the_coach_says_so_when_it_jumps(graph):
-    darts = graph.darts.darts
+    darts = graph.darts
     assert [name_at(dart.aim) for dart in darts[:UNKNOWN]] == ["DB"] * UNKNOWN, (
         "nothing is known of the spread yet"
     )
@@ -183,8 +184,8 @@ def test_a_board_stays_where_it_hangs(graph):
 
 
 def test_a_leg_is_played_with_the_spread_that_is_known(graph, skill, monkeypatch):
-    monkeypatch.setattr("dart_skill.session._darts_demo.MOST_DARTS", 2)
-    leg = play_leg(graph.client, skill, graph.darts.agent)
+    monkeypatch.setattr("dart_skill.session._darts.MOST_DARTS", 2)
+    leg = play_leg(graph.agent, partial(throw_dart, graph.client, skill), print)
     assert [dart.before for dart in leg.darts] == [
         501,
         501 - leg.darts[0].points,

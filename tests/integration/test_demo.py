@@ -95,7 +95,7 @@ def test_the_report_tells_of_this_run(small_demo):
     page = (folder / "report.html").read_text(encoding="utf-8")
     summary = json.loads((folder / "summary.json").read_text())
     assert (
-        f"Demo: {SHOWN} demonstrations, 2 throws" in page
+        f"Throw: {SHOWN} demonstrations, 2 throws" in page
         and "--seed 1 (default 0)" in page
         and "--arm fleet:3 (default ideal)" in page
     )

@@ -8,7 +8,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from dart_skill_msgs.action import Practice
+from dart_skill_msgs.action import Execute, Practice
 from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import Plan
 
@@ -18,8 +18,10 @@ from dart_skill.common.world import ROLES
 from dart_skill.session import Session
 from dart_skill.skills.learning import load_model
 from dart_skill.skills.practice import PractisingSkill, practised_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs import practice
+from dart_skill_nodes.verbs._trials import try_all
 from tests.integration.conftest import graphs, plan_request, teach_and_learn
 
 SEED, SHOWN = 4, 2
@@ -357,3 +359,31 @@ def test_on_a_running_graph_there_are_tests_only_if_somebody_asks_for_them(chose
         )
         assert coach.asked == wanted and told["thrown"] == 4
         assert ("at the same 2 baskets" in told["text"]) == bool(tests)
+
+
+@pytest.mark.parametrize(
+    ("name", "looks"), [("throw", False), ("darts", False), ("place", True), ("reach", True)]
+)
+def test_a_trial_is_planned_for_what_the_cameras_see_where_it_depends_on_bodies(
+    name, looks, capsys
+):
+    """A basket is where it was put, and a board hangs where it hangs."""
+    asked, skill = [], load_skill(name)
+
+    class Graph:
+        def execute(self, situation, look):
+            asked.append(look)
+            outcome = conversions.unseen_outcome_msg(situation, name, "world")
+            return Execute.Result(
+                code=Execute.Goal.OUTCOME_REFUSED,
+                message="nothing is learned yet",
+                outcome=outcome,
+            )
+
+    results = try_all(Graph(), skill, skill.situations(0, 0, 2)[1], 2)
+    assert (
+        asked == [looks] * 2 and [one.message for one in results] == ["nothing is learned yet"] * 2
+    )
+    said = capsys.readouterr().err.splitlines()
+    assert said[1].startswith(f"{name} 2/2: ") and "nothing is learned yet" in said[1]
+    assert ": no t" in said[1], "no throw, no trial"

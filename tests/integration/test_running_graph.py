@@ -21,7 +21,7 @@ from dart_skill.common.regions import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
-from dart_skill_nodes.verbs._run import throw_all
+from dart_skill_nodes.verbs._trials import throw_at
 from tests.integration.conftest import (
     Diagnoses,
     Joints,
@@ -164,8 +164,8 @@ def test_before_anything_is_learned_throws_and_practice_say_so(graph):
 
 def test_a_throw_that_was_refused_is_told_as_none(graph, capsys):
     """It was called out, with a landing that was not seen."""
-    [result] = throw_all(graph[1], [TARGET])
-    assert "no throw: nothing is learned yet" in capsys.readouterr().err and not result.in_basket
+    [result] = throw_at(graph[1], [TARGET])
+    assert "no throw: nothing is learned yet" in capsys.readouterr().err and not result.success
 
 
 def test_the_simulated_arm_changes_with_the_next_reset(graph):

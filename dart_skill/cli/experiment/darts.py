@@ -63,7 +63,6 @@ def _arm_darts(options: argparse.Namespace) -> int:
         return _over_seeds(options)
     from dart_skill.experiments.studies import arm_darts
     from dart_skill.figures import draw_arm_darts
-    from dart_skill.session import darts_json, darts_table
     from dart_skill.simulation import Board
 
     distance, height = _board(options.board)
@@ -77,15 +76,14 @@ def _arm_darts(options: argparse.Namespace) -> int:
         )
     paths = [] if options.output is None else draw_arm_darts(run, options.output)
     if options.json:
-        print(json.dumps({**darts_json(run), "figure": [str(path) for path in paths]}, indent=1))
+        print(json.dumps({**run.to_json(), "figure": [str(path) for path in paths]}, indent=1))
     else:
-        print("\n".join([darts_table(run), *(f"figure: {path}" for path in paths)]))
+        print("\n".join([run.table(), *(f"figure: {path}" for path in paths)]))
     return 0
 
 
 def _over_seeds(options: argparse.Namespace) -> int:
     from dart_skill.experiments.studies import arm_darts
-    from dart_skill.session import darts_json
 
     if options.seeds < 1 or options.board != DEFAULT_BOARD or options.output is not None:
         raise ValueError(
@@ -95,7 +93,7 @@ def _over_seeds(options: argparse.Namespace) -> int:
     how = (options.throws, options.demonstrations, options.practice, options.configuration)
     runs = arm_darts.over_seeds(range(options.seeds), options.jobs, *how)
     print(
-        json.dumps([darts_json(one) for one in runs], indent=1)
+        json.dumps([one.to_json() for one in runs], indent=1)
         if options.json
         else arm_darts.table_of_seeds(runs)
     )

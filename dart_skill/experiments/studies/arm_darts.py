@@ -19,19 +19,9 @@ import numpy as np
 
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.surface import BOARD_DIAMETER
-from dart_skill.darts import ModelBasedAgent
 from dart_skill.experiments.parallel import all_of
 from dart_skill.recording import Demonstration
-from dart_skill.session import (
-    BLOCK,
-    Dart,
-    DartsRun,
-    Session,
-    after_the_throw,
-    as_pair,
-    before_the_throw,
-    throw_dart,
-)
+from dart_skill.session import BLOCK, Dart, DartsRun, Session, own_dart
 from dart_skill.simulation import Board, PlantSettings, Swing
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.learning import configuration
@@ -122,13 +112,17 @@ def run(
         )
         agent, darts = game.agent(), []
         for n in range(throws):
-            darts.append(_throw(session, skill, agent, game))
+            darts.append(own_dart(session, skill, game, agent)[0])
             if each is not None:
                 each(n, darts[-1])
     finally:
         session.close()
     return DartsRun(
-        seed, practice, board.position, tuple(as_pair(miss) for miss in misses), tuple(darts)
+        seed,
+        practice,
+        board.position,
+        tuple((float(x), float(y)) for x, y in misses),
+        tuple(darts),
     )
 
 
@@ -206,17 +200,3 @@ def _on_the_board(run: DartsRun) -> str:
         np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in run.darts
     )  # what was not seen is nan, and not on it
     return f"{on} of {len(run.darts)}"
-
-
-def _throw(session: Session, skill: PractisingSkill, agent: ModelBasedAgent, game: Darts) -> Dart:
-    """Throw one dart where the agent aims; the agent and the skill learn from it."""
-    dart = before_the_throw(agent, skill.release_shift)
-    try:
-        hit = throw_dart(session, skill, game, agent.aim)
-    except ValueError as error:
-        agent.cannot()
-        return replace(dart, note=str(error))
-    if hit.place is None:
-        return replace(dart, note=hit.note)
-    agent.tell(hit.place)
-    return after_the_throw(dart, hit.place, hit.note)

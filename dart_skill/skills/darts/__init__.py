@@ -7,7 +7,7 @@ to where the delay of the hand matters least.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ from dart_skill.common.world import the_world
 from dart_skill.darts import place_of, score
 from dart_skill.skills.learning import SkillConfiguration
 from dart_skill.skills.practice import CorrectionSettings
-from dart_skill.skills.protocol import Situation, SkillSettings, SkillWords, Solid
+from dart_skill.skills.protocol import Situation, Skill, SkillSettings, SkillWords, Solid
 from dart_skill.skills.throw import Throw
 
 if TYPE_CHECKING:
@@ -120,6 +120,7 @@ class Darts(Throw):
     numbers = AIM
     units = MappingProxyType(dict.fromkeys(AIM, "m"))
     settings_type = DartsSettings
+    told_by = "darts"
     settings: DartsSettings
 
     def __init__(self, settings: SkillSettings | None = None):
@@ -138,7 +139,7 @@ class Darts(Throw):
 
     @property
     def words(self) -> SkillWords:
-        return replace(super().words, lessons=8, unit=("mm", 1000.0))
+        return replace(super().words, lessons=8, tries=75, unit=("mm", 1000.0))
 
     @property
     def situated(self) -> tuple[str, ...]:
@@ -257,3 +258,13 @@ class Darts(Throw):
         """
         hit = self.face.on_board(landing)
         return int(score(hit)), place_of(hit)
+
+    def situations(
+        self, seed: int, shown: int, tried: int
+    ) -> tuple[Iterator[Situation], Iterator[Situation]]:
+        """Points of the board, drawn. shown, tried: how many are needed."""
+        return Skill.situations(self, seed, shown, tried)
+
+    def in_words(self, situation: Situation) -> str:
+        """How far the aim is to the right of the bull, and how far above it."""
+        return Skill.in_words(self, situation)

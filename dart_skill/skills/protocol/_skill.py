@@ -5,11 +5,11 @@ same for all skills.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from dart_skill.skills.observation import SensorLog
 from dart_skill.skills.protocol._settings import SkillSettings
 from dart_skill.skills.protocol._solid import Solid
 from dart_skill.skills.protocol._words import SkillWords
+
+if TYPE_CHECKING:
+    from dart_skill.darts import ModelBasedAgent
 
 K = TypeVar("K", bound="Skill")
 RUN_UP_NS = 1_000_000_000
@@ -99,6 +102,8 @@ class Skill:
       ~/stop.
     * has_configurations: whether its model can be chosen among those of config/configurations.
     * settings_type: class of its settings.
+    * told_by: how a summary, a table and a page tell of its trials: "trials" (error and result of
+      each), "landings" (where what was thrown came down too) or "darts" (aims and points).
 
     Attribute: settings, as they were given, or the defaults.
     """
@@ -120,6 +125,7 @@ class Skill:
     cuts_itself = False
     has_configurations = False
     settings_type: type[SkillSettings] = SkillSettings
+    told_by = "trials"
 
     def __init__(self, settings: SkillSettings | None = None):
         self.settings = settings or self.settings_type()
@@ -429,3 +435,45 @@ class Skill:
             return situation
         pose = situation.pose(self.corrects)
         return situation.moved(self.corrects, pose.place(Pose(-offset)))
+
+    def agent(self) -> ModelBasedAgent | None:
+        """What chooses the aim of each trial (6.1). Default: None, situations are drawn."""
+        return None
+
+    def situations(
+        self, seed: int, shown: int, tried: int
+    ) -> tuple[Iterator[Situation], Iterator[Situation]]:
+        """Situations of a seed in which the skill is shown, and then others in which it is tried.
+
+        Parameters:
+
+        * shown, tried: how many are needed. More to be shown follow, for lessons that fail.
+
+        Default: both are drawn from one stream of random numbers, so that the second depend on how
+        many of the first were taken. Where none is shown they are others than those of a lesson.
+        """
+        rng = np.random.default_rng([seed, 7])
+
+        def lessons() -> Iterator[Situation]:
+            yield from self.draws(rng, shown)
+            while True:
+                yield self.draw(rng)
+
+        def trials() -> Iterator[Situation]:
+            if not shown:
+                rng.random(1000)
+            for _ in range(tried):
+                yield self.draw(rng, wide=True)
+
+        return lessons(), trials()
+
+    def in_words(self, situation: Situation) -> str:
+        """A situation in words. Default: each body and each number."""
+        return situation.in_words(units=self.units)
+
+    @property
+    def looks(self) -> bool:
+        """Whether a trial in simulation is planned for what the cameras see, and not for where the
+        bodies were put. Default: where it depends on them.
+        """
+        return self.reacts or bool(self.situated)

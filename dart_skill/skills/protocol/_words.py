@@ -13,10 +13,12 @@ class SkillWords:
     * shown: what demonstrations are.
     * begin, show: what a person does who guides the arm, before the movement and with it.
     * do: the button that has the skill carried out once; trials: what that is called, many.
-    * lessons: demonstrations that are asked for at first.
+    * lessons, tries: demonstrations, and trials, that are asked for at first.
     * done, failed: a trial that succeeded, and one that did not.
     * off, unseen: what stands behind an error, and in its place.
     * outcome: what nobody knows without cameras.
+    * result: a trial that succeeded, and one that did not, in a word each.
+    * lesson: a lesson that succeeded, in a word.
     * unit: of errors, its name and how many are a metre.
     """
 
@@ -35,3 +37,6 @@ class SkillWords:
     unseen: str = "not seen"
     outcome: str = "what becomes of it"
     unit: tuple[str, float] = ("mm", 1000.0)
+    result: tuple[str, str] = ("done", "failed")
+    lesson: str = "shown"
+    tries: int = 10

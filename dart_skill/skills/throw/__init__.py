@@ -8,13 +8,14 @@ thrown at what (`game`), and where a situation says that it shall go (`target`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dart_skill.arm import Speed
-from dart_skill.common.regions import REGION, Region
+from dart_skill.common.regions import REGION, Region, targets_for
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
 from dart_skill.movement import VelocityThreshold
@@ -64,6 +65,7 @@ class Throw(Skill):
     has_configurations = True
     rim_radius = the_world().basket_radius
     region = REGION
+    told_by = "landings"
     cocked: tuple[float, float, float] | None = None
     """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing
     for baskets.
@@ -94,6 +96,8 @@ class Throw(Skill):
             unseen="landing not seen",
             outcome=f"where the {thrown} goes",
             unit=("cm", 100.0),
+            result=("in", "out"),
+            lesson="in",
         )
 
     @property
@@ -271,6 +275,27 @@ class Throw(Skill):
             _why(outcome, aimed_at),
             np.asarray(outcome.landing, dtype=float) - target,
         )
+
+    def situations(
+        self, seed: int, shown: int, tried: int
+    ) -> tuple[Iterator[Situation], Iterator[Situation]]:
+        """Baskets spread over the region, each for one lesson or one throw.
+
+        shown, tried: how many are needed.
+        """
+        to_show, to_try = targets_for(seed, shown, tried)
+        spare = REGION.spread(shown, np.random.default_rng([seed, 3]))
+        return map(self.at, chain(to_show, spare)), map(self.at, to_try)
+
+    def in_words(self, situation: Situation) -> str:
+        """Distance and azimuth of the basket."""
+        x, y, _ = self.target(situation)
+        return f"basket at {np.hypot(x, y):.2f} m, {np.degrees(np.arctan2(y, x)):+.0f} degrees"
+
+    @property
+    def looks(self) -> bool:
+        """A throw is planned for where the basket was put."""
+        return False
 
 
 def _why(outcome: Outcome, aimed_at: str) -> str:

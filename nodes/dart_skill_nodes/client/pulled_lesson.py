@@ -1,4 +1,4 @@
-"""A lesson that somebody gives on the page with the mouse: from the ball that is dragged to
+"""A lesson that a person gives on the page with the mouse: from the ball that is dragged to
 /teacher/pointer, and what became of it.
 """
 
@@ -19,10 +19,10 @@ from dart_skill_nodes.client.viewer_jobs import ViewerJobs
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import pause, start
 
-LOOKS, LONGEST = 30, 120.0
-"""Times that the learner is asked for the newest demonstration, and the longest that it may take
-to compare all [s, wall clock].
-"""
+LOOKS = 30
+"""Times that the learner is asked for the newest demonstration."""
+LONGEST = 120.0
+"""The longest that the learner may take to compare all demonstrations [s, wall clock]."""
 HELD = "held"
 """Phase of a lesson from when on the hand may be pulled."""
 
@@ -31,7 +31,7 @@ class PulledLesson:
     """Obeys what the page asks of a hand that is held, and shows how far it is to go.
 
     jobs: which of them is under way; hand, panel: of the page; skill: that is shown; quick: called
-    with whether somebody holds the hand, who wants to see at once what it does.
+    with whether a person holds the hand, who wants to see at once what it does.
     """
 
     def __init__(

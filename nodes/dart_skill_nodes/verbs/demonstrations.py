@@ -100,12 +100,11 @@ def _listed(client: "GraphClient", compare: bool) -> dict:
 
 def _where(situation) -> dict:
     """Place of the basket of a throw; of another skill the places of all bodies."""
-    from dart_skill.session import situation_json
     from dart_skill_nodes.comms import conversions
 
     if list(situation.bodies) == [conversions.BASKET]:
         return {"target": conversions.target_of(situation).tolist()}
-    return {"situation": situation_json(conversions.situation(situation))}
+    return {"situation": conversions.situation(situation).to_json()}
 
 
 def _line(row: dict) -> str:

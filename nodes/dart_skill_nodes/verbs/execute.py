@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_model, add_namespace, check_model
 from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
-from dart_skill_nodes.verbs._skill_run import drawn, execute_all
+from dart_skill_nodes.verbs._trials import try_all
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -54,17 +54,15 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:
     from dart_skill.skills.protocol import load_skill
 
-    skill, rng = load_skill(client.skill(PATIENCE)), drawn(options.seed)
+    skill = load_skill(client.skill(PATIENCE))
     if options.model:
         client.load(options.model)
-    rng.random(1000)  # other situations than those in which it was shown
-    trials = execute_all(client, skill, options.count, rng)
-    done = sum(bool(one.outcome.success) for one in trials)
-    ran = all(not one.message for one in trials)
-    text = f"{skill.name}: {done} of {len(trials)} succeeded"
+    _, situations = skill.situations(options.seed, 0, options.count)
+    trials = try_all(client, skill, situations, options.count)
+    done = sum(one.success for one in trials)
     return {
-        "text": text,
+        "text": f"{skill.name}: {done} of {len(trials)} succeeded",
         "trials": [one.to_json() for one in trials],
-        "ok": ran,
+        "ok": all(not one.message for one in trials),
         "next": "dart-skill execute --count 10",
     }

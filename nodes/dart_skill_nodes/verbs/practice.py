@@ -23,26 +23,25 @@ from dart_skill.cli.run_options import (
     check_run,
     parameter_texts,
 )
-from dart_skill.common.files import new_file
 from dart_skill.common.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
+from dart_skill_nodes.process.graph_processes import Graph
 from dart_skill_nodes.verbs._run import (
     PATIENCE,
     carried_out,
     on_running_graph,
     print_result,
     say,
-    teach,
-    tell_practice,
+    started,
 )
-from dart_skill_nodes.verbs._skill_run import practise
+from dart_skill_nodes.verbs._trials import practise, teach
 
 if TYPE_CHECKING:
     import numpy as np
 
     from dart_skill.report import Phase
-    from dart_skill.session import ThrowResult
+    from dart_skill.session import TrialResult
+    from dart_skill.skills.protocol import Skill
     from dart_skill_nodes.client.graph_client import GraphClient
 
 BLOCK = 5
@@ -122,9 +121,12 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.running:
         _refuse_what_starts_a_graph(options, parser)
         task, namespace = partial(_practise_there, options=options), options.namespace
-        return print_result(
-            lambda: on_running_graph(_reach_coach, task, namespace), options.json, namespace
-        )
+
+        def practise_there() -> dict:
+            """Once the coach answers."""
+            return on_running_graph(lambda client: client.is_simulated(PATIENCE), task, namespace)
+
+        return print_result(practise_there, options.json, namespace)
     if options.at is not None or options.choose or options.namespace:
         parser.error("--at, --choose and --namespace are for a graph that runs: add --running")
     if options.model is not None and options.demonstrations != parser.get_default(
@@ -136,7 +138,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     check_run(parser, options)
     if (options.output / MODEL).exists():
         parser.error(f"--output {options.output} holds a model already: choose another folder")
-    options.demonstrations = options.demonstrations if options.model is None else 0
+    if options.model is not None:
+        options.demonstrations = 0
     if options.change_after < 0:
         parser.error(f"--change-after is {options.change_after}; it must be at least 0")
     if options.change != "none" and options.change_after >= options.throws:
@@ -186,38 +189,30 @@ def _refuse_what_starts_a_graph(
         parser.error(f"--throws is {options.throws}; it must be at least 1")
 
 
-def _reach_coach(client: "GraphClient") -> None:
-    client.is_simulated(PATIENCE)
-
-
 def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
     """Own throws on a graph that runs, each of which is learned from, between two tests if they
     were asked for.
     """
-    if (skill := client.skill(PATIENCE)) != THROW:
-        if options.model is not None:
-            client.load(options.model)
-        return _practise_skill(client, options, skill)
+    from dart_skill.skills.protocol import load_skill
+
+    skill = load_skill(client.skill(PATIENCE))
     if options.model is not None:
         say(f"model {client.load(options.model)}: practice goes on with it")
-    wanted = (
+    if skill.told_by != "landings":
+        return _practise_skill(client, options, skill)
+    where = (
         {}
         if options.choose
         else {"follow_basket": True}
         if options.at is None
         else {"targets": [options.at]}
     )
-    where = wanted if not options.choose else {"targets": _test_baskets(0, options.tests or 0)}
-    tests = [_test(client, BEFORE, 0, options.tests, where)] if options.tests else []
-    messages: dict[int, str] = {}
-    result = client.practise(
-        options.throws, **wanted, on_feedback=partial(tell_practice, before=0, messages=messages)
-    )
-    throws = [
-        _as_row(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)
-    ]
+    fixed = where if not options.choose else {"targets": _test_baskets(0, options.tests or 0)}
+    tests = [_test(client, BEFORE, 0, options.tests, fixed)] if options.tests else []
+    result, made = practise(client, skill, options.throws, **where)
+    throws = [_as_row(one) for one in made]
     if tests and result.success:
-        tests.append(_test(client, AFTER, len(throws), options.tests, where))
+        tests.append(_test(client, AFTER, len(throws), options.tests, fixed))
     told = {
         "thrown": int(result.executed),
         "learned": int(result.learned),
@@ -241,31 +236,28 @@ def _test(client: "GraphClient", when: str, after: int, throws: int, where: dict
     """Throws from which nothing is learned. where: targets, or that they follow the basket; after:
     own throws practised before them.
     """
+    from dart_skill.skills.protocol import load_skill
+
     say(f"test {when}: {throws} throws, from which nothing is learned")
-    messages: dict[int, str] = {}
-    tell = partial(tell_practice, before=0, messages=messages, what="test throw")
-    result = client.practise(throws, **where, only_throw=True, on_feedback=tell)
-    if len(result.outcomes) < throws:
+    result, made = practise(
+        client, load_skill(THROW), throws, "test throw", **where, only_throw=True
+    )
+    if len(made) < throws:
         raise GraphFailure(
-            f"the test {when} ended after {len(result.outcomes)} of {throws} throws:"
-            f" {result.message}"
+            f"the test {when} ended after {len(made)} of {throws} throws: {result.message}"
         )
-    rows = [
-        _as_row(outcome, messages.get(k, "").removeprefix("executed"))
-        for k, outcome in enumerate(result.outcomes, start=1)
-    ]
-    return {"when": when, "after_throws": after, "throws": rows}
+    return {"when": when, "after_throws": after, "throws": [_as_row(one) for one in made]}
 
 
-def _practise_skill(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
+def _practise_skill(client: "GraphClient", options: argparse.Namespace, skill: "Skill") -> dict:
     """Own trials of another skill, where the coach lets it be tried."""
     if options.at is not None or options.tests:
         name = "tests" if options.at is None else "at"
         raise ValueError(
-            f"--{name} is for throws: the graph practises '{skill}', whose situations the coach"
+            f"--{name} is for throws: the graph practises '{skill.name}', whose situations the coach"
             " draws"
         )
-    result, trials = practise(client, options.throws)
+    result, trials = practise(client, skill, options.throws)
     told = {
         "executed": int(result.executed),
         "learned": int(result.learned),
@@ -281,19 +273,20 @@ def _practise_skill(client: "GraphClient", options: argparse.Namespace, skill: s
 
 def run(options: argparse.Namespace) -> dict:
     """The whole job on a graph of its own."""
+    from dart_skill.session import error_quantile
     from dart_skill.simulation import CHANGES as VALUES
-    from dart_skill_nodes.client.graph_client import GraphClient
+    from dart_skill.skills.protocol import load_skill
 
     if options.method:
         options.differs.setdefault("skill_learner", {})["practice_method"] = options.method
-    extra = of_executables(options.layout, options.differs)
     with Graph(options.output / "logs") as graph:
-        say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
-        client = GraphClient(graph.dead)
-        client.wait_until_gone(NODES)
-        graph.start_all(options.layout, options.seed, options.output / "bag", extra)
-        client.wait_until_ready()
-        _begin(client, options)
+        client = started(graph, options)
+        if options.model is None:
+            teach(client, options.seed, options.demonstrations)
+            say(client.learn().message)
+        else:
+            say(f"model {client.load(options.model)}: nobody shows anything")
+        skill, results, throws = load_skill(THROW), [], []
         tests, count = [], TESTS if options.tests is None else options.tests
         test = partial(
             _test, client, throws=count, where={"targets": _test_baskets(options.seed, count)}
@@ -306,82 +299,57 @@ def run(options: argparse.Namespace) -> dict:
             if options.change == "none"
             else [options.change_after, options.throws - options.change_after]
         )
-        results, messages = [], {}
-        for block, throws in enumerate(blocks):
+        for block, wanted in enumerate(blocks):
             if block:
                 client.set_parameters("wam_simulator", VALUES[options.change])
                 say(f"from now on: {options.change}")
                 tests += [test(CHANGED, options.change_after)] if count else []
-            if throws:
-                before = sum(len(result.outcomes) for result in results)
-                results.append(
-                    client.practise(
-                        throws,
-                        on_feedback=partial(tell_practice, before=before, messages=messages),
-                    )
-                )
+            if wanted:
+                result, made = practise(client, skill, wanted, before=len(throws))
+                results.append(result)
+                throws += made
         took = time.monotonic() - begun
         tests += [test(AFTER, options.throws)] if count else []
         client.save(options.output / MODEL)
         client.close()
-    outcomes = [outcome for result in results for outcome in result.outcomes]
-    throws = [
-        _as_row(outcome, messages.get(number, ""))
-        for number, outcome in enumerate(outcomes, start=1)
-    ]
     return {
-        **_of_any_skill(throws), "wall_seconds": round(took, 1),
-        "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.executed for result in results),
-        "learned": sum(result.learned for result in results), "change": options.change, "change_after": options.change_after,
-        "seconds": round(took, 1), "message": results[-1].message, "bag": str(options.output / "bag"), "throws": throws,
-        "tests": tests,
-    }  # fmt: skip
-
-
-def _begin(client: "GraphClient", options: argparse.Namespace) -> None:
-    """Lessons and what is learned from them, or a model from which practice goes on."""
-    if options.model is not None:
-        say(f"model {client.load(options.model)}: nobody shows anything")
-        return
-    teach(client, options.seed, options.demonstrations)
-    say(client.learn().message)
-
-
-def _of_any_skill(throws: list[dict]) -> dict:
-    """What the summary of a run has, whatever the skill."""
-    from dart_skill.session import error_quantile
-
-    results = _results(throws)
-    counts = {
         "skill": THROW,
-        "tried": len(results),
-        "succeeded": sum(one.in_basket for one in results),
+        "tried": len(throws),
+        "succeeded": sum(one.success for one in throws),
+        "median_error_m": error_quantile(throws, 0.5),
+        "trials": [one.to_json() for one in throws],
+        "wall_seconds": round(took, 1),
+        "seed": options.seed,
+        "demonstrations": options.demonstrations,
+        "thrown": sum(result.executed for result in results),
+        "learned": sum(result.learned for result in results),
+        "change": options.change,
+        "change_after": options.change_after,
+        "seconds": round(took, 1),
+        "message": results[-1].message,
+        "bag": str(options.output / "bag"),
+        "throws": [_as_row(one) for one in throws],
+        "tests": tests,
     }
+
+
+def _as_row(one: "TrialResult") -> dict:
+    """A throw as the summary has it."""
     return {
-        **counts,
-        "median_error_m": error_quantile(results, 0.5),
-        "trials": [one.as_trial() for one in results],
+        "target_m": one.target.tolist(),
+        "landing_m": None if one.landing is None else list(one.landing),
+        "error_m": one.error_m,
+        "in_basket": one.success,
+        "message": one.message,
     }
 
 
-def _results(throws: list[dict]) -> "list[ThrowResult]":
-    from dart_skill.session import ThrowResult
+def _result(row: dict) -> "TrialResult":
+    """The throw of a row."""
+    from dart_skill.session import TrialResult
 
     names = ("target_m", "landing_m", "error_m", "in_basket", "message")
-    return [ThrowResult(*(row[name] for name in names)) for row in throws]
-
-
-def _as_row(outcome, message: str) -> dict:
-    from dart_skill_nodes.comms import conversions
-
-    seen = bool(outcome.seen)
-    return {
-        "target_m": conversions.target_of(outcome.situation).tolist(),
-        "landing_m": conversions.seen_at(outcome, conversions.LANDING).tolist() if seen else None,
-        "error_m": float(outcome.error) if seen else None,
-        "in_basket": bool(outcome.success),
-        "message": message,
-    }
+    return TrialResult.of_throw(*(row[name] for name in names))
 
 
 def table(summary: dict) -> str:
@@ -463,10 +431,10 @@ def phases_of(summary: dict) -> "list[tuple[Phase, list[dict]]]":
 
 def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tuple]) -> None:
     """summary.json, and the page beside it."""
-    from dart_skill.report import PAGE, About, write_page
+    from dart_skill.report import PAGE, About, read_run, write_page
+    from dart_skill.session import write_summary
 
-    with new_file(options.output / "summary.json", replace=True) as file:
-        file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())
+    write_summary(summary, options.output)
     changed = options.change != "none"
     begun = (
         f"{options.demonstrations} demonstrations"
@@ -497,9 +465,5 @@ def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tup
         marks=marks,
         phases=tuple(phase for phase, _ in phases),
     )
-    write_page(
-        summary["bag"],
-        options.output / PAGE,
-        about,
-        _results([row for _, rows in phases for row in rows]),
-    )
+    trials = [_result(row) for _, rows in phases for row in rows]
+    write_page(read_run(summary["bag"], about, trials), options.output / PAGE)

@@ -4,21 +4,14 @@ import argparse
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_namespace
-from dart_skill.common.world import THROW
-from dart_skill_nodes.verbs._run import (
-    PATIENCE,
-    baskets,
-    on_running_graph,
-    place,
-    print_result,
-    say,
-    teach_by_hand,
-)
-from dart_skill_nodes.verbs._skill_run import drawn, show_all
+from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, say
+from dart_skill_nodes.verbs._trials import how_it_went, show_all, teach_by_hand
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from dart_skill.skills.protocol import Skill
+    from dart_skill.skills.throw import Throw
     from dart_skill_nodes.client.graph_client import GraphClient
 
 
@@ -43,28 +36,32 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             client.wait_until_ready(PATIENCE)
 
     def run() -> dict:
+        from dart_skill.skills.protocol import load_skill
+
         targets = baskets(options, stream=1)
 
         def task(client: "GraphClient") -> dict:
-            skill = client.skill(PATIENCE)
+            skill = load_skill(client.skill(PATIENCE))
             if not options.simulated:
                 return _teach_by_hand(client, options, skill)
-            return _teach(client, targets) if skill == THROW else _show(client, options, skill)
+            if skill.told_by == "landings":
+                return _teach(client, skill, targets)
+            return _show(client, options, skill)
 
         return on_running_graph(wait, task, options.namespace)
 
     return print_result(run, options.json, options.namespace)
 
 
-def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict:
-    """Lessons in another skill than throwing."""
-    from dart_skill.skills.protocol import load_skill
-
+def _show(client: "GraphClient", options: argparse.Namespace, skill: "Skill") -> dict:
+    """Lessons in another skill than throwing at baskets."""
     if options.at is not None:
         raise ValueError(
-            f"--at is for throws: the graph teaches '{name}', whose situations are drawn (--seed)"
+            f"--at is for throws: the graph teaches '{skill.name}', whose situations are drawn"
+            " (--seed)"
         )
-    attempts = show_all(client, load_skill(name), options.count, drawn(options.seed))
+    lessons, _ = skill.situations(options.seed, options.count, 0)
+    attempts = show_all(client, skill, lessons, options.count)
     text = f"{options.count} of {options.count} movements shown, in {attempts} attempts"
     return {
         "text": text,
@@ -75,17 +72,14 @@ def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict
     }
 
 
-def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
-    from dart_skill.skills.protocol import load_skill
-
+def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: "Skill") -> dict:
     if options.at is not None:
         raise ValueError(
             "--at puts a simulated basket there: put the real one where you like, and leave"
             " this out"
         )
-    words = load_skill(skill).words
-    shown = teach_by_hand(client, options.count, words)
-    text = f"{shown} of {options.count} {words.trials} shown"
+    shown = teach_by_hand(client, options.count, skill.words)
+    text = f"{shown} of {options.count} {skill.words.trials} shown"
     return {
         "text": text,
         "shown": shown,
@@ -94,12 +88,12 @@ def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: st
     }
 
 
-def _teach(client: "GraphClient", targets: "np.ndarray") -> dict:
+def _teach(client: "GraphClient", skill: "Throw", targets: "np.ndarray") -> dict:
+    """One lesson at each basket."""
     lessons = []
     for target in targets:
         result = client.teach(target)
-        how = f"in after {result.attempts}" if result.success else f"given up: {result.message}"
-        say(f"{place(target)}: {how}")
+        say(f"{skill.in_words(skill.at(target))}: {how_it_went(skill, result)}")
         lessons.append(
             {
                 "target": target.tolist(),
@@ -108,8 +102,9 @@ def _teach(client: "GraphClient", targets: "np.ndarray") -> dict:
             }
         )
     shown = sum(lesson["success"] for lesson in lessons)
-    text, then = (
-        f"{shown} of {len(lessons)} throws shown",
-        "dart-skill learn" if shown else "dart-skill status",
-    )
-    return {"text": text, "lessons": lessons, "ok": shown == len(lessons), "next": then}
+    return {
+        "text": f"{shown} of {len(lessons)} throws shown",
+        "lessons": lessons,
+        "ok": shown == len(lessons),
+        "next": "dart-skill learn" if shown else "dart-skill status",
+    }

@@ -3,24 +3,19 @@ person who puts the ball into the hand.
 """
 
 import argparse
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_model, add_namespace, check_model
 from dart_skill.common.world import THROW
-from dart_skill_nodes.verbs._run import (
-    PATIENCE,
-    baskets,
-    on_running_graph,
-    print_result,
-    throw_all,
-    throw_with_person,
-)
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.comms.names import full_name
+from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result
+from dart_skill_nodes.verbs._trials import practise, throw_at
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from dart_skill.session import ThrowResult
+    from dart_skill.session import TrialResult
     from dart_skill_nodes.client.graph_client import GraphClient
 
 
@@ -66,27 +61,43 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 
 def _throw(client: "GraphClient", targets: "np.ndarray", simulated: bool, places: bool) -> dict:
-    """places: somebody said where the baskets are; else a real arm throws where the cameras see
-    one.
+    """places: whether the options say where the baskets are; else a real arm throws where the
+    cameras see one.
     """
-    results = (
-        throw_all(client, targets)
-        if simulated
-        else throw_with_person(client, targets if places else None)
-    )
-    hits = sum(result.in_basket for result in results)
-    throws = [asdict(result) for result in results]
+    if simulated:
+        results = throw_at(client, targets)
+    else:
+        results = _throw_with_person(client, targets if places else None)
+    hits = sum(result.success for result in results)
     thrown = all(not result.message for result in results)
-    text = f"{hits} of {len(results)} in the basket"
     return {
-        "text": text,
-        "throws": throws,
+        "text": f"{hits} of {len(results)} in the basket",
+        "throws": [_row(result) for result in results],
         "ok": thrown,
         "next": "dart-skill throw --count 10" if thrown else _remedy(results),
     }
 
 
-def _remedy(results: "list[ThrowResult]") -> str:
+def _row(result: "TrialResult") -> dict:
+    row = result.to_json_of_throw()
+    return {**row, "in_basket": row.pop("in")}
+
+
+def _throw_with_person(client: "GraphClient", targets: "np.ndarray | None") -> "list[TrialResult]":
+    """One throw at each basket, or without any at the one that the cameras see; a person is told
+    when to put the ball into the hand.
+    """
+    from dart_skill.skills.protocol import load_skill
+
+    where = {"follow_basket": True} if targets is None else {"targets": targets}
+    trials = 1 if targets is None else 0
+    result, made = practise(client, load_skill(THROW), trials, **where, only_throw=True)
+    if len(made) < (1 if targets is None else len(targets)):
+        raise GraphFailure(f"{full_name(client.node, 'practice')}: {result.message}")
+    return made
+
+
+def _remedy(results: "list[TrialResult]") -> str:
     """What to type next, where not every throw was made."""
     unlearned = any("nothing is learned yet" in result.message for result in results)
     return "dart-skill learn" if unlearned else "dart-skill status"

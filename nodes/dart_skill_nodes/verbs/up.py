@@ -5,8 +5,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from dart_skill.cli.run_options import (
     add_model,
     add_namespace,
     check_model,
+    chosen_skill,
     differences,
     folder,
     output_folder,
@@ -110,7 +110,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         parser.error(
             f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite"
         )
-    _check_skill(options, parser)
+    if options.skill:
+        chosen_skill(parser, options.skill)
     check_model(parser, options)
     options.differs = differences(parser, options)
     options.output = output_folder(parser, options.output)
@@ -130,17 +131,6 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     finally:
         rclpy.try_shutdown()
     return 0
-
-
-def _check_skill(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
-    """A usage error for a skill that there is not, before anything is started."""
-    from dart_skill.skills.protocol import load_skill
-
-    if options.skill:
-        try:
-            load_skill(options.skill)
-        except ValueError as error:
-            parser.error(str(error))
 
 
 def _run_already(nodes: set[str]) -> GraphFailure:
@@ -236,7 +226,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     wanted = executables(options)
     with (
         Graph(options.output / "logs", namespace=options.namespace) as graph,
-        closed(GraphClient(lambda: dead(graph, tell), name="up")) as client,
+        closing(GraphClient(lambda: dead(graph, tell), name="up")) as client,
     ):
         until = time.monotonic() + ENDING
         while there := client.running(nodes_of(wanted)):
@@ -286,15 +276,6 @@ def dead(graph: Graph, tell) -> str:
         del graph.processes["bag_player"]
         tell("over", node="bag_player", message="the bag was played to its end")
     return graph.dead()
-
-
-@contextmanager
-def closed(client: "GraphClient") -> Iterator["GraphClient"]:
-    """A client that is closed in the end."""
-    try:
-        yield client
-    finally:
-        client.close()
 
 
 def teller(as_json: bool):

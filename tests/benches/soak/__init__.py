@@ -14,8 +14,9 @@ from dart_skill.cli.run_options import add_arm, differences, folder, output_fold
 from dart_skill.common.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import COMMANDS
-from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
-from dart_skill_nodes.verbs._run import carried_out, say, teach
+from dart_skill_nodes.process.graph_processes import SIMULATED, Graph
+from dart_skill_nodes.verbs._run import carried_out, say, started
+from dart_skill_nodes.verbs._trials import teach
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -108,18 +109,9 @@ def run(options: argparse.Namespace, samples: list["Sample"]) -> bool:
     """The soak on a graph of its own. samples: gets each when it is taken, as a soak may be
     stopped.
     """
-    from dart_skill_nodes.client.graph_client import GraphClient
 
     with Graph(options.output / "logs") as graph:
-        client = GraphClient(graph.dead)
-        client.wait_until_gone(NODES)
-        graph.start_all(
-            options.layout,
-            options.seed,
-            options.output / "bag",
-            of_executables(options.layout, options.differs),
-        )
-        client.wait_until_ready()
+        client = started(graph, options)
         teach(client, options.seed, DEMONSTRATIONS)
         say(client.learn().message)
         client.set_parameters("wam_simulator", {"speed_factor": options.speed})

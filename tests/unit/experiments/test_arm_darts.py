@@ -15,7 +15,7 @@ from dart_skill.common.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, 
 from dart_skill.darts import as_target, score
 from dart_skill.experiments.studies.arm_darts import darts_session, run, teach
 from dart_skill.figures import arm_darts_figure, draw_arm_darts, running
-from dart_skill.session import Dart, DartsRun, darts_table, summarise
+from dart_skill.session import Dart, DartsRun
 from dart_skill.simulation import Board, Teacher
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.learning import (
@@ -461,14 +461,14 @@ def faked():
 
 
 def test_blocks_say_what_the_darts_say(faked):
-    first, second, last = summarise(faked)
+    first, second, last = faked.blocks()
     miss = np.array([np.subtract(d.hit, d.aim) for d in faked.darts[:25]])
     assert (first["sd_across_mm"], first["sd_up_mm"]) == pytest.approx(tuple(miss.std(0)))
     assert first["bias_up_mm"] == pytest.approx(miss[:, 1].mean())
     assert first["aims"] == ["T20"] and first["expected_score"] == 30.0
     assert second["sd_up_mm"] < first["sd_up_mm"] and second["release_shift_ms"] == -5.0
     assert (last["first"], last["last"], last["unseen"]) == (51, 61, 1)
-    assert "throw 61: lost" in darts_table(faked) and darts_table(faked).count("T20") == 3
+    assert "throw 61: lost" in faked.table() and faked.table().count("T20") == 3
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from dart_skill.figures import (
     frame_views,
 )
 from dart_skill.figures._landings import along_across
-from dart_skill.session import ThrowResult
+from dart_skill.session import TrialResult
 from dart_skill.skills.learning import configuration, learn_throwing
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -389,10 +389,12 @@ def at(distance, degrees, along=0.0, across=0.0, inside=True):
     forward = np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
     target = distance * forward
     landing = target + along * forward + across * np.array([-forward[1], forward[0]])
-    return ThrowResult((*target, 0.4), (*landing, 0.4), float(np.hypot(along, across)), inside)
+    return TrialResult.of_throw(
+        (*target, 0.4), (*landing, 0.4), float(np.hypot(along, across)), inside
+    )
 
 
-UNSEEN = ThrowResult((1.6, 0.2, 0.4), None, None, False)
+UNSEEN = TrialResult.of_throw((1.6, 0.2, 0.4), None, None, False)
 THROWS = (
     at(1.7, 30, 0.02, -0.01),
     at(2.3, -40, 0.0, 0.01),

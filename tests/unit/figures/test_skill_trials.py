@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dart_skill.figures import draw_trials, svg_text, trials_figure
-from dart_skill.session import SkillResult, SkillSummary
+from dart_skill.session import TrialResult
 from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
 from tests.unit.skills.task_demonstrations import body_at, draw_body, show
 
@@ -25,15 +25,14 @@ def shown(n=3):
     return found
 
 
-def summary(*outcomes):
-    trials = tuple(
-        SkillResult(Situation({"pot": body_at(0.6, 0.1 * k, 0.2 * k)}), one)
+def trials(*outcomes):
+    return tuple(
+        TrialResult(Situation({"pot": body_at(0.6, 0.1 * k, 0.2 * k)}), one)
         for k, one in enumerate(outcomes)
     )
-    return SkillSummary("put", 0, "bag", 3, 3, trials, 1.0)
 
 
-RUN = summary(
+TRIED = trials(
     TaskOutcome(True, 0.001),
     TaskOutcome(False, 0.012, "it jammed"),
     TaskOutcome(False, np.nan, "not seen"),
@@ -41,7 +40,7 @@ RUN = summary(
 
 
 def test_every_trial_is_numbered_at_its_place_and_as_high_as_its_error(tmp_path):
-    figure = trials_figure(RUN, Put(), shown())
+    figure = trials_figure(TRIED, Put(), shown())
     above, _, errors = figure.axes
     places = {text.get_text(): text.get_position() for text in above.texts}
     assert {name: places[name] for name in "123"} == {
@@ -55,42 +54,42 @@ def test_every_trial_is_numbered_at_its_place_and_as_high_as_its_error(tmp_path)
     ] == ["?"]
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend == ["arm", "hand, shown", "pot, shown", "pot, done", "pot, failed"]
-    assert [path.name for path in draw_trials(RUN, Put(), shown(), tmp_path)] == [
+    assert [path.name for path in draw_trials(TRIED, Put(), shown(), tmp_path)] == [
         "trials.svg",
         "trials.png",
     ]
 
 
 def test_the_same_run_gives_the_same_bytes():
-    assert svg_text(trials_figure(RUN, Put(), shown())) == svg_text(
-        trials_figure(RUN, Put(), shown())
+    assert svg_text(trials_figure(TRIED, Put(), shown())) == svg_text(
+        trials_figure(TRIED, Put(), shown())
     )
 
 
 def test_errors_of_very_different_size_are_drawn_on_a_scale_that_shows_both():
     figure = trials_figure(
-        summary(*[TaskOutcome(True, 0.001)] * 3, TaskOutcome(False, 1.2, "lost")), Put(), shown()
+        trials(*[TaskOutcome(True, 0.001)] * 3, TaskOutcome(False, 1.2, "lost")), Put(), shown()
     )
     assert figure.axes[2].get_yscale() == "log"
 
 
 def test_what_was_not_shown_and_not_tried_is_refused():
     with pytest.raises(ValueError, match="nothing to draw"):
-        trials_figure(summary(), Put(), [])
+        trials_figure(trials(), Put(), [])
     assert (
-        trials_figure(summary(), Put(), shown()).axes[2].get_title(loc="left")
+        trials_figure(trials(), Put(), shown()).axes[2].get_title(loc="left")
         == "(c) 0 of 0 succeeded"
     )
 
 
 def test_a_trial_whose_error_nobody_knows_has_its_mark_in_the_panel():
-    errors = trials_figure(RUN, Put(), shown()).axes[2]
+    errors = trials_figure(TRIED, Put(), shown()).axes[2]
     left, right = errors.get_xlim()
     assert all(left < text.get_position()[0] < right for text in errors.texts)
 
 
 @pytest.mark.parametrize("n", [0, 1, 3])
 def test_trials_are_counted_in_whole_numbers(n):
-    errors = trials_figure(summary(*[TaskOutcome(True, 0.001)] * n), Put(), shown()).axes[2]
+    errors = trials_figure(trials(*[TaskOutcome(True, 0.001)] * n), Put(), shown()).axes[2]
     low, high = errors.get_xlim()
     assert [tick for tick in errors.get_xticks() if low <= tick <= high] == list(range(1, n + 1))

@@ -16,16 +16,28 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.cli.report import page_beside
+from dart_skill.darts import LegInPlay
 from dart_skill.recording import BagWriter, GraphBag, read_command
-from dart_skill.report import About, Phase, page_of, pictures, play, read_run, write_page
+from dart_skill.report import (
+    About,
+    Movement,
+    Phase,
+    Run,
+    page_of,
+    pictures,
+    play,
+    read_run,
+    write_page,
+)
 from dart_skill.report._curve import WINDOW, compared_figure, curve_figure, running_quartiles
+from dart_skill.report._movements import movements_of
 from dart_skill.report._pictures import embeddable
-from dart_skill.report._replay_of_run import replay_of
-from dart_skill.report._run import machine, result_of, versions
-from dart_skill.report._skill_run import _movements
-from dart_skill.session import SkillResult, ThrowResult
+from dart_skill.report._replay import Replay, gaussians_of, rows_at
+from dart_skill.report._run import machine, versions
+from dart_skill.report._throws import numbers_of, result_of
+from dart_skill.session import Dart, DartsRun, LegSummary, TrialResult
 from dart_skill.skills.learning import component_ellipsoids
-from dart_skill.skills.protocol import Situation, TaskOutcome
+from dart_skill.skills.protocol import Pose, Situation, TaskOutcome, load_skill
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
 
@@ -103,8 +115,8 @@ def test_the_same_run_gives_the_same_bytes():
 
 def test_every_throw_is_on_the_page_with_target_landing_error_and_result():
     run, cells = run_of("throws"), Document(page_text("throws")).cells
-    assert len(run.results) == 20 and len(run.shown) == 13
-    for throw in run.results:
+    assert len(run.trials) == 20 and len(run.shown) == 13
+    for throw in run.trials:
         row = [f"{throw.target[0]:.3f}", f"{throw.landing[0]:.3f}", f"{100 * throw.error_m:.1f}"]
         assert all(number.replace("-", "\N{MINUS SIGN}") in cells for number in row), row
 
@@ -116,7 +128,7 @@ def test_what_was_run_is_told_and_escaped():
     assert "x: 1 &lt; 2" in text and "wam_simulator.yaml" in text
     for package, version in versions().items():
         assert f"{package} {version}" in text
-    assert run_of("throws").skill.model_id in text
+    assert run_of("throws").throws.learned.model_id in text
 
 
 def test_the_machine_is_told_without_its_name():
@@ -166,9 +178,9 @@ def practised_run():
 def test_practice_is_judged_by_its_tests_and_not_by_the_throws_that_were_learned_from(monkeypatch):
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
     run = practised_run()
-    assert run.practised == run.results[5:15] and [results for _, results in run.tests] == [
-        run.results[:5],
-        run.results[15:],
+    assert run.practised == run.trials[5:15] and [results for _, results in run.tests] == [
+        run.trials[:5],
+        run.trials[15:],
     ]
     drawn = pictures(run)
     assert [picture.name for picture in drawn[:3]] == ["tests", "curve", "landings"]
@@ -177,8 +189,8 @@ def test_practice_is_judged_by_its_tests_and_not_by_the_throws_that_were_learned
     )
     text = page_of(run, drawn)
     for name, throws in (
-        ("before practice", run.results[:5]),
-        ("after practice", run.results[15:]),
+        ("before practice", run.trials[:5]),
+        ("after practice", run.trials[15:]),
     ):
         median = 100 * np.median([throw.error_m for throw in throws])
         assert (
@@ -200,7 +212,7 @@ def test_a_learning_curve_is_shown_only_where_something_was_learned():
         "curve"
     ] == "Landing error, throw by throw" and "Learning curve" not in page_text("throws")
     labels = [
-        text.get_text() for text in curve_figure(run_of("throws").results).legends[0].get_texts()
+        text.get_text() for text in curve_figure(run_of("throws").trials).legends[0].get_texts()
     ]
     assert labels == [
         "quartiles",
@@ -209,18 +221,18 @@ def test_a_learning_curve_is_shown_only_where_something_was_learned():
     ], "no running median of throws whose order means nothing"
     learned = [
         text.get_text()
-        for text in curve_figure(run_of("throws").results, learned=True).legends[0].get_texts()
+        for text in curve_figure(run_of("throws").trials, learned=True).legends[0].get_texts()
     ]
     assert f"median of the last {WINDOW} throws" in learned
 
 
 def test_phases_that_are_not_all_throws_are_an_error():
     with pytest.raises(ValueError, match="must add up to all throws"):
-        read_run(BAGS / "throws", About(phases=PHASES[:2]), run_of("throws").results)
+        read_run(BAGS / "throws", About(phases=PHASES[:2]), run_of("throws").trials)
 
 
 def test_tests_are_compared_basket_by_basket():
-    before, after = run_of("throws").results[:5], run_of("throws").results[15:]
+    before, after = run_of("throws").trials[:5], run_of("throws").trials[15:]
     axes = compared_figure([("before", before), ("after", after)]).axes
     assert [text.get_text() for text in axes[0].get_xticklabels()] == ["before", "after"]
     medians = [
@@ -240,52 +252,71 @@ class Stage:
     """Stands for a scene and its timeline: remembers where the ball was when something was told."""
 
     def __init__(self):
-        self.ball, self.told = [], []
+        self.ball, self.ways, self.told = [], [], []
 
     def move_ball(self, position):
         self.ball.append(position)
 
-    def when_down(self):
-        self.told.append(len(self.ball))
+    def extend_path(self, name, points):
+        self.ways.append((name, len(self.ball)))
+
+    def tell(self, text):
+        self.told.append((len(self.ball), text))
 
     def __getattr__(self, name):
         return lambda *_: None
 
 
-def test_what_became_of_a_throw_is_told_when_the_ball_is_down():
-    run = run_of("throws")
-    for throw in run.own[:3]:
-        stage = Stage()
-        play(stage, stage, run.recording, throw, when_down=stage.when_down)
-        assert len(stage.told) == 1, "once"
-        heights, rim = np.array(stage.ball)[:, 2], throw.demonstration.target[2]
-        assert heights[: stage.told[0]].min() > rim, "not while it flies"
-        assert heights[stage.told[0]] < rim + 0.06, (
-            "in the picture in which it passes the rim: a sample is at most 10 ms older"
-        )
-    unseen = replace(throw, outcome=replace(throw.outcome, landing_seen=False))
+def played(movement):
+    """A stage on which a movement of the throws was shown."""
+    stage, run = Stage(), run_of("throws")
+    seconds = play(stage, stage, run, movement, tell=stage.tell)
+    assert seconds == pytest.approx(len(stage.ball) * 0.04 + 0.6, abs=0.2)
+    return stage
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_what_became_of_a_throw_is_told_when_the_ball_is_down(number):
+    throw = run_of("throws").own[number]
+    stage = played(throw)
+    (at_first, name), (down, result) = stage.told
+    assert (at_first, name) == (0, throw.name) and result.startswith(f"{throw.name}: in, ")
+    assert result.endswith(f"{100 * throw.result.error_m:.1f} cm from the middle")
+    heights, rim = np.array(stage.ball)[:, 2], throw.result.target[2]
+    assert heights[:down].min() > rim, "not while it flies"
+    assert heights[down] < rim + 0.06, "in the picture in which it passes the rim, or 10 ms later"
+    ways = {name for name, _ in stage.ways}
+    assert ways == {"ball", "hand"} and min(at for _, at in stage.ways) > 5, "not from the start"
+
+
+def test_a_throw_whose_landing_was_not_seen_is_told_when_all_is_over():
+    throw = run_of("throws").own[0]
+    stage = played(replace(throw, known=throw.until))
+    assert [at for at, _ in stage.told] == [0, len(stage.ball)]
+
+
+def test_a_movement_that_is_long_is_shown_from_its_end():
+    """A sample stands for an instant shortly after it only, and none where there are none."""
+    throw = run_of("throws").own[0]
     stage = Stage()
-    play(stage, stage, run.recording, unseen, when_down=stage.when_down)
-    assert stage.told == [len(stage.ball)], "nobody saw it: when all is over"
-
-
-def test_each_throw_is_shown_with_the_gaussians_for_its_own_basket(monkeypatch):
-    run, asked = run_of("throws"), []
-    monkeypatch.setattr(
-        "dart_skill.report._replay_of_run.make_replay", lambda *arguments: asked.extend(arguments)
+    seconds = play(
+        stage, stage, run_of("throws"), replace(throw, since=throw.since - 60_000_000_000)
     )
-    replay_of(replace(run, own=run.own[:2]))
-    recording, throws, shown, gaussians, names = asked
-    assert (recording, throws, shown) == (run.recording, run.own[:2], run.shown)
-    assert names == {0: "throw 1", 1: "throw 2"}
-    for k, throw in enumerate(throws):
-        for one, other in zip(
-            gaussians[k],
-            component_ellipsoids(run.skill.mixture(throw.demonstration.target)),
-            strict=True,
-        ):
-            for value, wanted in zip(one, other, strict=True):
-                np.testing.assert_array_equal(value, wanted)
+    assert seconds == pytest.approx(12.6)
+    stamps, instants = np.array([0, 10_000_000]), np.array([-1, 5_000_000, 59_000_000, 70_000_000])
+    np.testing.assert_array_equal(rows_at(stamps, instants), [-1, 0, 1, -1])
+    np.testing.assert_array_equal(rows_at(stamps[:0], instants), [-1] * 4)
+
+
+def test_each_throw_is_shown_with_the_gaussians_for_its_own_basket():
+    run = run_of("throws")
+    assert [one.name for one in run.own[:2]] == ["throw 1", "throw 2"]
+    for throw in run.own[:2]:
+        wanted = component_ellipsoids(run.throws.learned.mixture(throw.result.target))
+        for one, other in zip(gaussians_of(run, throw), wanted, strict=True):
+            for value, expected in zip(one, other, strict=True):
+                np.testing.assert_array_equal(value, expected)
+    assert gaussians_of(replace(run, throws=replace(run.throws, learned=None)), throw) == ()
 
 
 def test_an_element_keeps_what_it_draws():
@@ -301,7 +332,7 @@ def test_an_element_keeps_what_it_draws():
 
 def test_a_bag_of_guided_throws_shows_these_and_says_what_it_has_not():
     run, text = run_of("demonstrations"), page_text("demonstrations")
-    assert not run.own and len(run.shown) == 13 == sum(throw.shows for throw in run.guided)
+    assert not run.own and len(run.shown) == 13 == sum(one.result.success for one in run.guided)
     missing = {
         picture.name: picture.caption for picture in drawn_of("demonstrations") if not picture.svg
     }
@@ -309,7 +340,7 @@ def test_a_bag_of_guided_throws_shows_these_and_says_what_it_has_not():
         text.startswith("Not drawn: ") for text in missing.values()
     )
     assert "All 13 guided throws" in text and "The arm made no throws of its own." in text
-    assert [throw.demonstration.id in text for throw in run.guided].count(True) == 13
+    assert all(one.name in text for one in run.guided) and len(run.guided) == 13
 
 
 def test_without_viser_the_page_says_what_to_install(monkeypatch):
@@ -327,11 +358,11 @@ def test_without_viser_the_page_says_what_to_install(monkeypatch):
 
 def test_throws_that_never_came_about_have_a_row_and_no_place_in_the_replay():
     run = run_of("throws")
-    refused = ThrowResult((2.0, 0.0, 0.4), None, None, False, "refused: out of reach")
-    other = replace(run, results=(refused, *run.results[:2], refused, *run.results[2:]))
-    assert list(other.numbers.values()) == [2, 3, *range(5, 23)] and list(other.numbers) == list(
-        range(20)
-    )
+    refused = TrialResult.of_throw((2.0, 0.0, 0.4), None, None, False, "refused: out of reach")
+    results = (refused, *run.trials[:2], refused, *run.trials[2:])
+    found = [throw for throw in run.throws.found if not throw.taught]
+    assert numbers_of(found, results) == [2, 3, *range(5, 23)]
+    assert numbers_of(found, results[:3]) == [2, 3, *[0] * 18]
 
 
 def test_commands_are_read_once_and_their_stamps_are_those_of_the_bag():
@@ -339,17 +370,20 @@ def test_commands_are_read_once_and_their_stamps_are_those_of_the_bag():
         stamps = [
             read_command(one.data)[0] for one in bag.messages(["/wam/command"], decode=False)
         ]
-    np.testing.assert_array_equal(run_of("throws").command_stamps, np.unique(stamps))
+    np.testing.assert_array_equal(run_of("throws").throws.command_stamps, np.unique(stamps))
     assert len(stamps) > 10_000
 
 
 def test_results_of_the_bag_are_those_of_the_cameras():
     run = run_of("throws")
-    assert [result_of(throw) for throw in run.own] == list(run.results)
-    errors = [
-        np.linalg.norm(np.subtract(throw.landing[:2], throw.target[:2])) for throw in run.results
+    found = [result_of(throw) for throw in run.throws.found if not throw.taught]
+    assert [one.to_json_of_throw() for one in found] == [
+        one.to_json_of_throw() for one in run.trials
     ]
-    np.testing.assert_allclose(errors, [throw.error_m for throw in run.results], atol=1e-3)
+    errors = [
+        np.linalg.norm(np.subtract(throw.landing[:2], throw.target[:2])) for throw in run.trials
+    ]
+    np.testing.assert_allclose(errors, [throw.error_m for throw in run.trials], atol=1e-3)
 
 
 def test_running_quartiles_are_those_of_the_last_throws_that_were_seen():
@@ -363,10 +397,10 @@ def test_running_quartiles_are_those_of_the_last_throws_that_were_seen():
 
 
 def test_a_curve_needs_a_landing_and_marks_what_happened():
-    unseen = ThrowResult((2.0, 0.0, 0.4), None, None, False)
+    unseen = TrialResult.of_throw((2.0, 0.0, 0.4), None, None, False)
     with pytest.raises(ValueError, match="no landing was seen"):
         curve_figure([unseen])
-    axes = curve_figure([unseen, *run_of("throws").results], marks={5: "base_turned"}).axes[0]
+    axes = curve_figure([unseen, *run_of("throws").trials], marks={5: "base_turned"}).axes[0]
     assert "base turned" in [
         text.get_text() for text in axes.texts
     ] and "n = 21 throws, 20 landings seen" in axes.get_title(loc="left")
@@ -376,14 +410,9 @@ def test_a_curve_needs_a_landing_and_marks_what_happened():
 
 
 def test_figures_are_written_beside_the_page(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "dart_skill.report._writing.read_run",
-        lambda bag, about, results: replace(run_of("throws"), results=results),
-    )
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
-    written = write_page(
-        BAGS / "throws", tmp_path / "new" / "page.html", results=[], figures=tmp_path / "new"
-    )
+    folder = tmp_path / "new"
+    written = write_page(replace(run_of("throws"), trials=()), folder / "page.html", folder)
     assert {path.name for path in written} == {
         "page.html",
         "gaussians.svg",
@@ -435,12 +464,65 @@ def test_what_a_world_does_while_nobody_asks_for_anything_is_no_trial(at_rest):
     places[moves, 0] += 0.3 * (stamps[moves] % 3.0)
     hand = (np.round(1e9 * stamps).astype(np.int64), places)
     trials = [
-        SkillResult(Situation({}), TaskOutcome(True, 0.001)),
-        SkillResult(Situation({}), TaskOutcome(False, 0.03)),
+        TrialResult(Situation({}), TaskOutcome(True, 0.001)),
+        TrialResult(Situation({}), TaskOutcome(False, 0.03)),
     ]
-    movements, notes = _movements(hand, np.empty(0, dtype=np.int64), [], trials, [])
+    movements, notes = movements_of(hand, np.empty(0, dtype=np.int64), [], trials, [])
     assert notes == () and [one.name for one in movements] == ["trial 1", "trial 2"]
     assert [one.result for one in movements] == trials
+
+
+NOTHING = (np.empty(0, dtype=np.int64), np.empty((0, 7)))
+DONE = TrialResult(
+    Situation({"holder": Pose(np.array([0.6, 0.1, 1.2]))}), TaskOutcome(True, 0.001)
+)
+JAMMED = TrialResult(DONE.situation, TaskOutcome(False, 0.03, "it <jammed>"))
+
+
+def run_of_skill(name, trials, movements=(), **changes):
+    run = Run(Path("bag"), About(name), load_skill(name), (), {}, NOTHING, movements, trials)
+    return replace(run, **changes)
+
+
+def test_the_page_of_another_skill_tells_its_trials_in_its_unit(monkeypatch):
+    own = [Movement(0, 1, False, f"trial {k}", number=k) for k in (1, 2)]
+    shown = Replay("", [(own[1], 4.25)], 8.0)
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (shown, ""))
+    run = run_of_skill("place", (DONE, JAMMED), tuple(own))
+    text = page_of(run, pictures(run))
+    assert "<b>1/2</b><span>trials succeeded</span>" in text
+    assert "<b>15.5 mm</b><span>median error, quartiles 8.2 and 22.8" in text
+    assert "<b>30.0 mm</b><span>largest error</span>" in text
+    assert "All 2 movements of the arm, 8 s." in text and "</i>holder</li>" in text
+    cells, where = [*filter(None, Document(text).cells)], "holder at 0.60, 0.10, 1.20 m"
+    assert cells[:6] == ["1", "1.0", "done", where, "2", "30.0"]
+    assert cells[6:8] == ["4.2", where]
+    assert '<span class="out">failed</span>' in text and "it &lt;jammed&gt;" in text
+    assert "What was shown, and tried" in text and "<h2>Demonstrations</h2>" in text
+
+
+def test_what_became_of_trials_is_not_in_a_bag():
+    text = page_of(run_of_skill("place", ()), [])
+    assert "What became of trials is not in a bag" in text
+    assert "The bag holds no movement that can be shown." in text
+
+
+def test_the_page_of_darts_has_their_points_and_the_leg(monkeypatch):
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
+    darts = tuple(
+        Dart((0.0, 0.0), (3.0, 4.0), score, ((1.0, 0.0), (0.0, 1.0)), 20.0, 0.0)
+        for score in (0, *[20] * 24, 45)
+    )
+    leg = LegInPlay()
+    thrown = [leg.hit(np.array([0.0, 103.0])), leg.hit(np.zeros(2))]
+    run = DartsRun(0, "in process", (2.4, 0.0, 1.7), (), darts, LegSummary(tuple(thrown), False, 20.0))  # fmt: skip
+    text = page_of(run_of_skill("darts", (), darts=run), [])
+    assert "<b>21.0</b><span>points a dart, the last 25</span>" in text
+    assert "A leg of 501" in text and "not finished after 2 darts" in text
+    cells = [*filter(None, Document(text).cells)]
+    assert cells[:7] == ["1", "501", "T20", "60", "441", "2", "441"]
+    drawn = pictures(run_of_skill("darts", (), darts=run))
+    assert [(one.name, bool(one.svg)) for one in drawn] == [("darts", True)]
 
 
 def test_the_page_lies_beside_the_bag():
@@ -453,9 +535,9 @@ def test_the_page_lies_beside_the_bag():
 
 def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatch):
     monkeypatch.setattr("dart_skill.report.read_run", lambda bag, about: run_of("demonstrations"))
-    monkeypatch.setattr("dart_skill.report.pictures", lambda run: [])
+    monkeypatch.setattr("dart_skill.report._page.pictures", lambda run: [])
     monkeypatch.setattr(
-        "dart_skill.report.page_of", lambda run, drawn: "<html>" + "\ud800"
+        "dart_skill.report._page.page_of", lambda run, drawn: "<html>" + "\ud800"
     )  # no text that a file takes
     assert (
         main(["report", str(BAGS / "demonstrations"), "--output", str(tmp_path / "page.html")])
@@ -467,7 +549,7 @@ def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatc
 def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("dart_skill.report.read_run", lambda *_: run_of("demonstrations"))
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
-    monkeypatch.setattr("dart_skill.report.pictures", lambda run: drawn_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report._page.pictures", lambda run: drawn_of("demonstrations"))
     page = tmp_path / "page.html"
     assert main(["report", str(BAGS / "demonstrations"), "--output", str(page), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)

@@ -88,7 +88,7 @@ def test_poses_come_as_late_as_the_cameras_deliver_them(taught):
         ages.append((session.plant.state_stamp_ns - newest) * 1e-9)
 
     session.execute(guide, BELT, look)
-    assert min(ages) >= session._capture.config.latency and np.median(ages) < 0.02
+    assert min(ages) >= session.capture.config.latency and np.median(ages) < 0.02
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.arm import Grip
+from dart_skill.arm import Command, Grip
 from dart_skill.experiments.studies.place import Placed, run_seed, table, teach
 from dart_skill.session import BenchSession
 from dart_skill.simulation import PlantSettings, make_world
@@ -77,6 +77,18 @@ def test_the_part_and_the_holder_on_the_bench_are_those_of_the_settings():
         floor.lengths[0] == pytest.approx(bench.size[0] + 2.0 * (bench.clearance + bench.wall))
         and walls[0].lengths[2] == bench.depth
     )
+
+
+@pytest.mark.parametrize("message", ["", "the fingers do not answer"])
+def test_a_movement_that_takes_too_long_is_given_up_with_what_the_commander_says(
+    taught, monkeypatch, message
+):
+    session, *_ = taught
+    monkeypatch.setattr(session, "longest", 0.1)
+    monkeypatch.setattr(session.commander, "message", message)
+    monkeypatch.setattr(session.commander, "step", lambda state: Command(state.stamp_ns))
+    with pytest.raises(ValueError, match=f"look is not over after 0 s: {message or 'holding'}"):
+        session.situation(session.skill.draw(np.random.default_rng(0)).pose("holder"))
 
 
 def test_a_world_without_what_a_skill_says_of_it_names_it():

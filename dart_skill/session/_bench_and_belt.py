@@ -1,0 +1,383 @@
+"""Skills at a workbench and beside a belt in one process, without ROS: shown, carried out and
+judged by what the cameras see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dart_skill.arm import (
+    ArmModel,
+    ArmState,
+    Command,
+    Commander,
+    CommanderSettings,
+    Grip,
+    Mode,
+    MotionPlan,
+)
+from dart_skill.recording import WORDS
+from dart_skill.session._in_process import RESTING
+from dart_skill.session._session_bag import SessionBag
+from dart_skill.session._step_loop import Push, Sees, StepLoop, no_push, parameters_of_arm
+from dart_skill.simulation import (
+    Belt,
+    Bench,
+    Carrier,
+    Conveyor,
+    MotionCapture,
+    Person,
+    Plant,
+    PlantSettings,
+    Reacher,
+    Sample,
+    Workbench,
+)
+from dart_skill.skills.execution import HandSeen, MovingBody, ReactiveGuide
+from dart_skill.skills.observation import ThrowLog
+from dart_skill.skills.protocol import (
+    HAND,
+    Demonstration,
+    Event,
+    Pose,
+    Situation,
+    Skill,
+    TaskOutcome,
+    Track,
+)
+
+if TYPE_CHECKING:
+    from dart_skill.skills.learning import LearnedSkill, ReactiveSkill
+
+WATCHED = 0.5
+"""The bodies are watched for so long after a movement at the bench [s]."""
+LOOKED = 0.5
+"""The cup is looked at for so long before the arm begins [s]."""
+GLANCED = 0.2
+"""The cup is looked at for so long before a person begins [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SkillTrial:
+    """One movement.
+
+    * seen: what was seen of it.
+    * outcome: what the skill says came of it.
+    * message: why it was stopped, empty if it was not.
+    """
+
+    seen: Demonstration
+    outcome: TaskOutcome
+    message: str = ""
+
+
+class _SkillSession(StepLoop):
+    """What sessions of bench and belt have in common: the movement as a demonstration, judged by
+    the skill.
+
+    * skill: that is taught; its bodies are those of the world.
+    * plant: the world.
+    * of: from the name of a node to its parameters.
+    * seed: of the cameras.
+    * bag: that everything is written into, None for none.
+    """
+
+    def __init__(
+        self, skill: Skill, plant: Plant, of: Callable, seed: int, bag: SessionBag | None
+    ):
+        cameras = MotionCapture({**of("mock_optitrack"), "bodies": (HAND, *skill.bodies)}, seed)
+        commander = Commander(
+            CommanderSettings.from_parameters(of("commander")), plant.description
+        )
+        super().__init__(plant, commander, cameras, bag, ThrowLog())
+        self.skill = skill
+
+    def _watch_anew(self) -> None:
+        super()._watch_anew()
+        self._seen: dict[str, list] = {}
+        self._told: list[Event] = []
+
+    def _begin(self) -> None:
+        """The world is reset, the arm held, and nothing seen yet."""
+        if self.commander.stopped_by:
+            self.commander.reset()
+        self.plant.reset()
+        self._watch_anew()
+        self._answer(self.plant.arm_state, no_push)
+
+    def _run(
+        self, what: str, push: Push, over: Callable[[], bool], watch: float = WATCHED
+    ) -> None:
+        """Step until a movement is over, and then watch on; ValueError if it takes too long."""
+        try:
+            self._step_until(push, over, lambda: self.plant.state_stamp_ns + round(watch * 1e9))
+        except TimeoutError:
+            raise ValueError(
+                f"{what} is not over after {self.longest:.0f} s:"
+                f" {self.commander.message or self.commander.mode.value}"
+            ) from None
+
+    def _hear(self, command: Command) -> None:
+        """Note what a command says to the fingers when it changes: a commander repeats it with
+        every command.
+        """
+        told = self._told
+        if command.grip != Grip.UNSPECIFIED and (not told or told[-1].grip != command.grip):
+            told.append(Event(WORDS[command.grip], command.stamp_ns * 1e-9))
+
+    def _take(self, sample: Sample) -> None:
+        row = (sample.stamp_ns * 1e-9, sample.position, sample.quaternion)
+        self._seen.setdefault(sample.name, []).append(row)
+        if self._sees is not None:
+            self._sees.see(sample.name, sample.stamp_ns, sample.position, sample.quaternion)
+
+    def _tracks(self) -> dict[str, Track]:
+        """What the cameras have delivered by now, by body."""
+        self._deliver()
+        return {
+            name: Track(*(np.array(part) for part in zip(*rows, strict=True)))
+            for name, rows in self._seen.items()
+        }
+
+    def _trial(self, kind: str) -> SkillTrial:
+        rows, stamps = np.array(self._log.joints.rows), np.array(self._log.joints.stamps) * 1e-9
+        tracks, told = self._tracks(), tuple(self._told)
+        if self._bag is not None:
+            self._bag.end_of_movement()
+        name = f"{kind}_{self.plant.state.episode}"
+        seen = Demonstration(
+            id=name,
+            tracks=tracks,
+            skill=self.skill.name,
+            joint_time=stamps,
+            joint_position=rows[:, :7],
+            joint_velocity=rows[:, 7:],
+            events=told,
+        )
+        begin = told[0].time if told else float(seen.hand_time[0])
+        outcome = self.skill.judge(seen, self.skill.situation(seen, begin))
+        return SkillTrial(seen, outcome, self.commander.message)
+
+
+class BenchSession(_SkillSession):
+    """Simulator, motion capture, a person and the commander at a workbench, stepped together.
+
+    * skill: that is taught; its bodies are those of the bench.
+    * seed: int, default 0. Everything random comes from it.
+    * bench: what stands on the table, default what the skill's settings say of it.
+    * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as
+      NODE.PARAMETER=VALUE.
+    * bag: that everything is written into, default None.
+    """
+
+    plant: Workbench
+
+    def __init__(
+        self,
+        skill: Skill,
+        seed: int = 0,
+        bench: Bench | None = None,
+        arm: str = "ideal",
+        settings: Iterable[str] = (),
+        bag: SessionBag | None = None,
+    ):
+        of = parameters_of_arm(arm, settings)
+        plant = Workbench(
+            bench or Bench(**skill.world_settings),
+            PlantSettings.from_parameters(of("wam_simulator")),
+            seed,
+        )
+        super().__init__(skill, plant, of, seed, bag)
+        self.carrier = Carrier(seed, person=Person.from_parameters(of("teacher")))
+
+    def show(self, situation: Situation) -> SkillTrial:
+        """A person shows the movement once in a situation."""
+        return self.teach(situation.pose("holder"))
+
+    def attempt(self, learned: LearnedSkill, situation: Situation) -> SkillTrial:
+        """Carry out what was learned in a situation, for what the cameras see of it."""
+        return self.execute(learned.plan(self.situation(situation.pose("holder"))))
+
+    def teach(self, holder: Pose, goal: Pose | None = None) -> SkillTrial:
+        """A person shows the movement once; goal: where they want the part, in the frame of the
+        holder, by default where the skill wants it (`Skill.goal`).
+        """
+        there = (
+            self.skill.goal(Situation({"holder": holder})) if goal is None else holder.place(goal)
+        )
+        self._stand(holder)
+        self.commander.release_arm(True)
+        part = self.plant.bodies["part"]
+        self.carrier.begin(self.plant.arm_state, part, (there.position, there.quaternion))
+        self._run(
+            "demonstration",
+            lambda: self.carrier.step(self.plant.arm_state),
+            lambda: self.carrier.done(self.plant.arm_state),
+        )
+        trial = self._trial("demonstration")
+        self.commander.release_arm(False)
+        return trial
+
+    def situation(self, holder: Pose) -> Situation:
+        """What the cameras see when the holder was put to a pose, and the part to its place."""
+        self._stand(holder)
+        self._run("look", no_push, lambda: True)
+        tracks = self._tracks()
+        now = float(tracks[HAND].time[-1])
+        return Situation({role: tracks[role].pose_at(now) for role in self.skill.bodies})
+
+    def execute(self, plan: MotionPlan) -> SkillTrial:
+        """Carry out a plan for the situation that was seen last."""
+        self._watch_anew()
+        self.commander.execute(plan)
+        self._run(
+            plan.what,
+            no_push,
+            lambda: not self.commander.executing and self.commander.mode in RESTING,
+        )
+        return self._trial("trial")
+
+    def _stand(self, holder: Pose) -> None:
+        self.plant.stand((holder.position, holder.quaternion))
+        self._begin()
+
+
+class BeltSession(_SkillSession):
+    """Simulator, motion capture, a person and the commander beside a belt, stepped together; poses
+    reach a guide as late as the cameras deliver them.
+
+    * skill: that is taught; its body is the cup.
+    * seed: int, default 0. Everything random comes from it.
+    * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as
+      NODE.PARAMETER=VALUE.
+    * bag: that everything is written into, default None.
+    """
+
+    plant: Conveyor
+
+    def __init__(
+        self,
+        skill: Skill,
+        seed: int = 0,
+        arm: str = "ideal",
+        settings: Iterable[str] = (),
+        bag: SessionBag | None = None,
+    ):
+        of = parameters_of_arm(arm, settings)
+        plant = Conveyor(PlantSettings.from_parameters(of("wam_simulator")), seed)
+        super().__init__(skill, plant, of, seed, bag)
+        self.person = ReachingPerson(seed, Person.from_parameters(of("teacher")), skill.moves)
+
+    def show(self, situation: Situation) -> SkillTrial:
+        """A person shows the movement once in a situation."""
+        return self.teach(_belt(situation))
+
+    def attempt(self, learned: ReactiveSkill, situation: Situation) -> SkillTrial:
+        """Carry out what was learned in a situation."""
+        return self.execute(learned.guide(), _belt(situation))
+
+    def teach(self, belt: Belt) -> SkillTrial:
+        """A person shows the movement once, with a cup on a belt."""
+        person = self.person
+        person.forget()
+        self._start(belt, person)
+
+        def look() -> None:
+            person.look(self.plant.arm_state)
+
+        self._run("look", look, lambda: True, watch=GLANCED)
+        self.commander.release_arm(True)
+        person.begin(self.plant.arm_state)
+        self._run(
+            "demonstration",
+            lambda: person.step(self.plant.arm_state),
+            lambda: person.done(self.plant.arm_state),
+            watch=0.0,
+        )
+        trial = self._trial("demonstration")
+        self._sees = None
+        self.commander.release_arm(False)
+        return trial
+
+    def execute(self, guide: ReactiveGuide, belt: Belt, push: Push = no_push) -> SkillTrial:
+        """Carry out a movement with a cup on a belt; push: what is done to the arm meanwhile.
+        guide: of the hand.
+        """
+        self._start(belt, guide)
+        try:
+            self._run("look", no_push, lambda: True, watch=LOOKED)
+            self.commander.follow(guide)
+            self._run(
+                guide.what,
+                push,
+                lambda: self.commander.mode == Mode.HOLDING and not self.commander.executing,
+                watch=0.0,
+            )
+        finally:
+            self._sees = None
+        return self._trial("trial")
+
+    def _start(self, belt: Belt, sees: Sees) -> None:
+        self.plant.run(belt)
+        self._begin()
+        self._sees = sees
+
+
+def _belt(situation: Situation) -> Belt:
+    cup = situation.pose("cup")
+    return Belt.of((cup.position, cup.quaternion), situation.numbers)
+
+
+class ReachingPerson:
+    """A person who shows how to reach into a cup: their hands, and what they see of cup and hand,
+    as well as the cameras do, and as late.
+
+    Tell what is seen by `see`; `begin`, then `step` once per state until `done`.
+
+    * seed: of what differs from one time to the next. person: how firmly they push.
+    * cup: role of the body into which they reach.
+    """
+
+    def __init__(self, seed: int, person: Person | None = None, cup: str = "cup"):
+        self._reacher, self._model = Reacher(seed, person=person), ArmModel()
+        self._body = cup
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is seen yet: the world was reset."""
+        self._cup, self._hand = MovingBody(self._body), HandSeen(HAND)
+
+    def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """A pose of a body: (3,) [m], (4,)."""
+        if body == HAND:
+            self._hand.see(stamp_ns, position)
+        elif body == self._body:
+            self._cup.see(stamp_ns, position, quaternion)
+
+    def look(self, state: ArmState) -> None:
+        """Compare what is seen of the hand with where the arm takes it to be, once per state, from
+        before the beginning.
+        """
+        hand = self._model.hand_state(state.position, state.velocity).position
+        self._beside = self._hand.beside(state.stamp_ns, hand)
+
+    def begin(self, state: ArmState) -> None:
+        """Begin where the hand is now; ValueError if no cup was seen."""
+        if self._cup.newest_ns is None:
+            raise ValueError(f"the {self._body} was not seen: is it tracked and published?")
+        self._reacher.begin(state)
+
+    def step(self, state: ArmState) -> Command:
+        """The push that answers a state."""
+        self.look(state)
+        cup = self._cup.at(state.stamp_ns)
+        self._reacher.watch(state, cup.position, cup.velocity, self._beside)
+        return self._reacher.step(state)
+
+    def done(self, state: ArmState) -> bool:
+        """Whether the hand has been in the cup for long enough."""
+        return self._reacher.done(state)
