@@ -8,10 +8,9 @@ import re
 import sys
 from pathlib import Path
 
-from docutils.nodes import SkipNode, inline
+from docutils.nodes import SkipNode
 from docutils.utils.math import latex2mathml
 from sphinx.addnodes import pending_xref
-from sphinx.domains.python import PyXRefRole
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -23,7 +22,15 @@ release = re.search(
 )[1]
 
 PROSE_ONLY = tags.has("prose")  # noqa: F821  `tags` is Sphinx's
-FROM_CODE = [] if PROSE_ONLY else ["sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
+FROM_CODE = (
+    []
+    if PROSE_ONLY
+    else [
+        "sphinx.ext.autodoc",
+        "sphinx.ext.napoleon",
+        "sphinx_gallery.gen_gallery",
+    ]
+)
 extensions = ["myst_parser", "sphinx_rtd_theme", *FROM_CODE]
 exclude_patterns = ["examples/*", *(["api/*", "gallery/*"] if PROSE_ONLY else [])]
 suppress_warnings = (
@@ -35,14 +42,13 @@ myst_enable_extensions = ["dollarmath"]
 myst_dmath_allow_space = False
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}
-autodoc_typehints = "none"  # the fields have them
+autodoc_typehints = "signature"
+napoleon_google_docstring = False  # the docstrings are numpydoc's
+napoleon_use_rtype = False
 autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
 
 sys.path.insert(0, str(ROOT))  # the examples use the library of this checkout
-if not PROSE_ONLY:
-    sys.path.insert(0, str(ROOT / "docs" / "_ext"))
-    import fields  # noqa: E402
 sphinx_gallery_conf = {
     "examples_dirs": "examples",
     "gallery_dirs": "gallery",
@@ -66,12 +72,35 @@ html_show_sphinx = False
 linkcheck_ignore = [r"http://(127\.0\.0\.1|localhost):\d+"]  # the viewer's page, while it runs
 
 
+SECTION = re.compile(r"^-{3,}$")
+CODE = re.compile(r"`+([^`]+)`+")
+
+
+def plain(text: str) -> str:
+    """Text in which nothing is markup but `names` in backticks, which become literals."""
+    parts = CODE.split(text)
+    parts[::2] = [re.sub(r"([\\*|_])", r"\\\1", part) for part in parts[::2]]
+    return "".join(f"``{part}``" if i % 2 else part for i, part in enumerate(parts))
+
+
 def show_as_written(app, what, name, obj, options, lines: list[str]) -> None:
-    """Docstrings here are text, not reStructuredText; what they say of parameters, results and
-    errors becomes fields.
+    """Docstrings are text, not reStructuredText, but for the sections of numpydoc: a star is a
+    star, and what is indented in the prose, as an equation or a table, stands as it is.
     """
-    has_fields = what in ("function", "method", "class", "property")
-    lines[:] = fields.as_rest(lines, fields.documented(obj) if has_fields else None)
+    rules = [number for number, line in enumerate(lines) if SECTION.match(line)]
+    first = rules[0] - 1 if rules else len(lines)
+    shown: list[str] = []
+    in_item = False
+    for number, line in enumerate(lines):
+        in_item = line.startswith("* ") or (in_item and line.startswith(" "))
+        if in_item:
+            shown.append(line[:2] + plain(line[2:]))
+        elif number < first and line.startswith(" "):
+            begins = not lines[number - 1].startswith(" ")
+            shown += ["", "::", "", f"   {line}"] if begins else [f"   {line}"]
+        else:
+            shown.append(line if SECTION.match(line) else plain(line))
+    lines[:] = shown
 
 
 def show_what_has_no_page_as_text(app, doctree) -> None:
@@ -107,7 +136,5 @@ def setup(app) -> None:
     app.add_html_math_renderer("mathml", (_inline_equation, None), (_block_equation, None))
     app.connect("doctree-read", show_what_has_no_page_as_text)
     if not PROSE_ONLY:
-        app.connect("autodoc-process-docstring", show_as_written)
-        app.add_role_to_domain(
-            "py", "kind", PyXRefRole(innernodeclass=inline)
-        )  # of types: a link, where there is a page, and no code
+        # before napoleon, which makes fields of the sections
+        app.connect("autodoc-process-docstring", show_as_written, priority=400)

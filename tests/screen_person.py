@@ -11,8 +11,8 @@ from rclpy.qos import qos_profile_sensor_data
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import SetBool, Trigger
 
+from dart_skill.common.situation import Pose
 from dart_skill.common.world import pose_topic
-from dart_skill.skills.protocol import Pose
 from dart_skill.view._holding_controls import TURN_BY
 from dart_skill_nodes.comms import conversions
 from tests.integration.browser import project

@@ -33,8 +33,9 @@ import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 from PIL import Image  # noqa: E402
 
 from dart_skill.common.regions import REGION  # noqa: E402
+from dart_skill.common.situation import Situation  # noqa: E402
 from dart_skill.report import play, read_run  # noqa: E402
-from dart_skill.skills.protocol import Situation, load_skill  # noqa: E402
+from dart_skill.skills.protocol import load_skill  # noqa: E402
 from dart_skill.view import Scene, open_server  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
 from tests.integration.browser import Page  # noqa: E402

@@ -30,10 +30,15 @@ class Actuation:
     zero at the no-load speed and turns into braking beyond it. J2 and J3, and J5 and J6, share two
     motors each, so their limits depend on both speeds.
 
-    * description: of the arm.
-    * friction_scale, motor_scale: factors on the joint friction, and on what the motors can do.
-    * stiction: what static friction is more than Coulomb friction, as a share of it; it falls with
-      the speed (Stribeck).
+    Parameters
+    ----------
+    description
+        Of the arm.
+    friction_scale, motor_scale
+        Factors on the joint friction, and on what the motors can do.
+    stiction
+        What static friction is more than Coulomb friction, as a share of it; it falls with the
+        speed (Stribeck).
     """
 
     def __init__(
@@ -115,9 +120,13 @@ class Actuation:
     ) -> np.ndarray:
         """Joint acceleration (7,) over one step with friction, which never turns a motion round.
 
-        inertia (7, 7), torque (7,) net of gravity and Coriolis terms. Coulomb friction enters as
-        the damping that has its value at the speed reached, c / max(|v|, STICTION_SPEED): implicit
-        Euler, one fixed-point correction.
+        Parameters
+        ----------
+        inertia : (7, 7)
+        torque : (7,)
+            Net of gravity and Coriolis terms. Coulomb friction enters as the damping that has its
+            value at the speed reached, c / max(|v|, STICTION_SPEED): implicit Euler, one
+            fixed-point correction.
         """
         result = np.empty(N_JOINTS)
         reached, system, momentum = result, self._system, self._momentum

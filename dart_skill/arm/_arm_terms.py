@@ -25,23 +25,40 @@ ELBOW = 4
 
 class ArmTerms:
     """Kinematics and dynamics of the arm in the state that was taken last. The dynamics are
-    computed when they are asked for.
+    computed
+    when they are asked for.
 
-    * pinocchio: the module.
-    * model: Pinocchio's, of the arm.
-    * hand: Pinocchio's placement of the hand on the last joint.
-    * reflected: inertia of the rotors (7, 7) [kg m^2].
+    , which the next state overwrites:
 
-    Attributes, which the next state overwrites:
+    Parameters
+    ----------
+    pinocchio
+        The module.
+    model
+        Pinocchio's, of the arm.
+    hand
+        Pinocchio's placement of the hand on the last joint.
+    reflected
+        Inertia of the rotors (7, 7) [kg m^2].
 
-    * q, qd: angles and speeds of the joints (7,) [rad], [rad/s]; are_finite, whether all are.
-    * position, rotation: of the hand (3,) [m] and (3, 3).
-    * jacobian, velocity: of the hand (6, 7) and (6,), linear over angular [m/s, rad/s].
-    * hand_speed, elbow_speed: [m/s].
-    * gravity: torque that holds the arm (7,) [N m], after `find_gravity`.
-    * inertia: with that of the rotors (7, 7) [kg m^2], after `find_inertia`.
-    * coriolis: torque of Coriolis and centrifugal terms (7,) [N m], after `find_coriolis`.
-    * drift: acceleration of the hand at zero joint acceleration (6,), after `find_coriolis`.
+    Attributes
+    ----------
+    q, qd
+        Angles and speeds of the joints (7,) [rad], [rad/s]; are_finite, whether all are.
+    position, rotation
+        Of the hand (3,) [m] and (3, 3).
+    jacobian, velocity
+        Of the hand (6, 7) and (6,), linear over angular [m/s, rad/s].
+    hand_speed, elbow_speed
+        [m/s].
+    gravity
+        Torque that holds the arm (7,) [N m], after `find_gravity`.
+    inertia
+        With that of the rotors (7, 7) [kg m^2], after `find_inertia`.
+    coriolis
+        Torque of Coriolis and centrifugal terms (7,) [N m], after `find_coriolis`.
+    drift
+        Acceleration of the hand at zero joint acceleration (6,), after `find_coriolis`.
     """
 
     def __init__(self, pinocchio: ModuleType, model: Any, hand: Any, reflected: np.ndarray):
@@ -94,9 +111,13 @@ class ArmTerms:
 
     def take(self, q: np.ndarray, qd: np.ndarray | None) -> None:
         """From now on all is about the state of angles q (7,) [rad] and speeds qd (7,) [rad/s].
-        ValueError for other shapes.
 
         Without speeds, what depends on them is left out.
+
+        Raises
+        ------
+        ValueError
+            For other shapes.
         """
         if q.shape[0] != self.q.shape[0] or (qd is not None and qd.shape[0] != self.q.shape[0]):
             speeds = "none" if qd is None else qd.shape[0]

@@ -25,9 +25,14 @@ class Speed(IntEnum):
 class ArmState:
     """What the arm's own sensors tell at one instant.
 
-    * stamp_ns: int [ns].
-    * position: joint angles (7,) [rad].
-    * velocity: joint velocities (7,) [rad/s].
+    Parameters
+    ----------
+    stamp_ns
+        Int [ns].
+    position
+        Joint angles (7,) [rad].
+    velocity
+        Joint velocities (7,) [rad/s].
     """
 
     stamp_ns: int
@@ -39,11 +44,18 @@ class ArmState:
 class Command:
     """An answer to a state. The arm adds gravity compensation by itself.
 
-    * stamp_ns: of the state [ns].
-    * wrench: (6,), force [N] and moment [N m] at the hand frame's origin, world axes.
-    * joint_torque: (7,), is added to J' wrench [N m].
-    * grip: what the hand shall do.
-    * speed: the level that it may move with.
+    Parameters
+    ----------
+    stamp_ns
+        Of the state [ns].
+    wrench
+        (6,), force [N] and moment [N m] at the hand frame's origin, world axes.
+    joint_torque
+        (7,), is added to J' wrench [N m].
+    grip
+        What the hand shall do.
+    speed
+        The level that it may move with.
     """
 
     stamp_ns: int
@@ -63,7 +75,10 @@ class HeldCommand:
     """The newest command of one sender, for an arm that does not wait for an answer to each of its
     states.
 
-    * longest: age beyond which a command does not hold any more [s].
+    Parameters
+    ----------
+    longest
+        Age beyond which a command does not hold any more [s].
     """
 
     def __init__(self, longest: float):
@@ -78,14 +93,25 @@ class HeldCommand:
     def is_for(self, stamp_ns: int) -> bool:
         """Whether the newest command answers a state.
 
-        * stamp_ns: int of the state [ns].
+        Parameters
+        ----------
+        stamp_ns
+            Int of the state [ns].
         """
         return self._newest is not None and self._newest.stamp_ns >= stamp_ns
 
     def take(self, command: Command) -> None:
-        """The next one has come; ValueError if it answers a state before that of the newest.
+        """The next one has come.
 
-        * command: of this sender.
+        Parameters
+        ----------
+        command
+            Of this sender.
+
+        Raises
+        ------
+        ValueError
+            If it answers a state before that of the newest.
         """
         if self._newest is not None and command.stamp_ns < self._newest.stamp_ns:
             newest = self._newest.stamp_ns
@@ -103,7 +129,10 @@ class HeldCommand:
         """The newest command as the answer to a state; None if there is none that is young enough.
         Each grip is said once.
 
-        * stamp_ns: int of the state [ns].
+        Parameters
+        ----------
+        stamp_ns
+            Int of the state [ns].
         """
         told = self._told
         self._told = Grip.UNSPECIFIED

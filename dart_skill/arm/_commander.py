@@ -85,25 +85,32 @@ class CommanderSettings:
     """Gains and limits; each is a parameter of the commander node, and its value stands in
     config/commander.yaml.
 
-    * tracking_stiffness, tracking_damping: pull towards the predicted motion on top of the
-      attractor's, per unit mass [1/s^2], [1/s].
-    * tracking_stiffness_rotation, tracking_damping_rotation: the same for orientation [1/s^2],
-      [1/s].
-    * tracking: what keeps the arm on the motion that (7.19) predicts: "joints", a servo of the
-      joints, the motion's torques fed forward; "hand", a second pull of the hand; "none", the law
-      alone.
-    * friction_compensation: share of the identified joint friction, 0 to 1.
-    * approach_speed: fastest joint on the way to the start of a throw [rad/s].
-    * settle_speed, settle_time: the arm rests below this joint speed [rad/s], for so long before a
-      throw [s].
-    * settle_limit: the throw begins even if the arm does not rest for so long [s].
-    * farthest_error: distance of the hand from the plan at which a throw is stopped [m].
-    * longest_gap: between two states of the arm; after a longer one the arm is held where it is
-      found [s].
-    * follow_time: the hand stays on the plan so long after the release [s]. Then joint damping
-      brings the arm to rest: the plan beyond is of no use to the ball, and leads through the
-      stretched arm.
-    * limits: of the arm, from config/limits.yaml.
+    Parameters
+    ----------
+    tracking_stiffness, tracking_damping
+        Pull towards the predicted motion on top of the attractor's, per unit mass [1/s^2], [1/s].
+    tracking_stiffness_rotation, tracking_damping_rotation
+        The same for orientation [1/s^2], [1/s].
+    tracking
+        What keeps the arm on the motion that (7.19) predicts: "joints", a servo of the joints, the
+        motion's torques fed forward; "hand", a second pull of the hand; "none", the law alone.
+    friction_compensation
+        Share of the identified joint friction, 0 to 1.
+    approach_speed
+        Fastest joint on the way to the start of a throw [rad/s].
+    settle_speed, settle_time
+        The arm rests below this joint speed [rad/s], for so long before a throw [s].
+    settle_limit
+        The throw begins even if the arm does not rest for so long [s].
+    farthest_error
+        Distance of the hand from the plan at which a throw is stopped [m].
+    longest_gap
+        Between two states of the arm; after a longer one the arm is held where it is found [s].
+    follow_time
+        The hand stays on the plan so long after the release [s]. Then joint damping brings the arm
+        to rest: the plan beyond is of no use to the ball, and leads through the stretched arm.
+    limits
+        Of the arm, from config/limits.yaml.
     """
 
     tracking: str
@@ -133,8 +140,12 @@ class CommanderSettings:
 
     @classmethod
     def configured(cls, **changes: float | str) -> "CommanderSettings":
-        """Settings of config/commander.yaml and limits.yaml, some of them changed; KeyError names
-        what is no setting.
+        """Settings of config/commander.yaml and limits.yaml, some of them changed.
+
+        Raises
+        ------
+        KeyError
+            Names what is no setting.
         """
         if unknown := set(changes) - {
             f.name for kind in (cls, SafetyLimits) for f in fields(kind) if f.name != "limits"
@@ -150,10 +161,15 @@ class PlanRefused(ValueError):
 class Commander:
     """Answers every state of the arm with one command.
 
-    * settings: gains, limits and times; None: those of `CommanderSettings`.
-    * description: the arm; None: the WAM.
-    * measured: registration of cameras and arm as it was measured before; None: that of a plan is
-      believed.
+    Parameters
+    ----------
+    settings
+        Gains, limits and times; None: those of `CommanderSettings`.
+    description
+        The arm; None: the WAM.
+    measured
+        Registration of cameras and arm as it was measured before; None: that of a plan is
+        believed.
     """
 
     _guide: Guide  # of the last motion: only its modes ask for it
@@ -215,8 +231,17 @@ class Commander:
         return self._requested is not None or self._mode in UNDER_WAY
 
     def execute(self, plan: MotionPlan) -> None:
-        """Begin a planned motion with the next state; PlanRefused if a limit forbids it. plan: of
-        the hand.
+        """Begin a planned motion with the next state.
+
+        Parameters
+        ----------
+        plan
+            Of the hand.
+
+        Raises
+        ------
+        PlanRefused
+            If a limit forbids it.
         """
         self._check_ready()
         plan = registered(plan, self._measured).as_the_arm_has_it()
@@ -224,8 +249,13 @@ class Commander:
         self._request(PlanGuide(plan, self.settings.follow_time))
 
     def follow(self, guide: Guide) -> None:
-        """Begin a motion with the next state, in which a guide says at every state what the
-        hand shall do. guide: who says it.
+        """Begin a motion with the next state, in which a guide says at every state what the hand
+        shall do.
+
+        Parameters
+        ----------
+        guide
+            Who says it.
         """
         self._check_ready()
         check_range("the start posture", guide.start_posture, self._lower, self._upper)
@@ -235,9 +265,19 @@ class Commander:
         self, own: Registration, position: np.ndarray, quaternion: np.ndarray
     ) -> Registration:
         """The registration that counts for a motion whose hand starts there (3,), (4,), as the
-        cameras see it; PlanRefused if none.
+        cameras see it.
 
-        own: the guide's registration; position, quaternion: of the hand.
+        Parameters
+        ----------
+        own
+            The guide's registration.
+        position, quaternion
+            Of the hand.
+
+        Raises
+        ------
+        PlanRefused
+            If none.
         """
         return agreed(own, self._measured, position[None], quaternion[None])
 
@@ -301,7 +341,10 @@ class Commander:
         """Move to a posture (7,) [rad] from the next state on, and hold it: how long it takes from
         this state [s].
 
-        PlanRefused where the arm is not held, or the posture is outside the joints' range.
+        Raises
+        ------
+        PlanRefused
+            Where the arm is not held, or the posture is outside the joints' range.
         """
         self._check_ready()
         posture = np.asarray(posture, dtype=float)
@@ -317,7 +360,15 @@ class Commander:
     def release_arm(self, free: bool) -> None:
         """Leave the arm to gravity compensation alone, or hold it again where it is.
 
-        free: whether to leave it. PlanRefused while it moves.
+        Parameters
+        ----------
+        free
+            Whether to leave it.
+
+        Raises
+        ------
+        PlanRefused
+            While it moves.
         """
         if self.executing or self.moving:
             raise PlanRefused(
@@ -335,15 +386,23 @@ class Commander:
 
     def stop(self, reason: str, until_reset: bool = False) -> None:
         """Bring the arm to a damped stop and hold it; `reason` is kept as the message.
-        until_reset: nothing moves it before `reset`.
+
+        Parameters
+        ----------
+        until_reset
+            Nothing moves it before `reset`.
         """
         self.stopped_by = self.stopped_by or (reason if until_reset else "")
         self.message, self._requested, self._requested_move = reason, None, None
         self._mode, self._entered_ns, self._braking = Mode.STOPPING, None, None
 
     def reset(self) -> None:
-        """An arm that was stopped, by a person or by a limit, may move again; PlanRefused while it
-        still comes to rest.
+        """An arm that was stopped, by a person or by a limit, may move again.
+
+        Raises
+        ------
+        PlanRefused
+            While it still comes to rest.
         """
         if self._mode == Mode.STOPPING:
             raise PlanRefused(
@@ -353,7 +412,13 @@ class Commander:
         self._safety.reset()
 
     def step(self, state: ArmState) -> Command:
-        """The command that answers `state`. ValueError for a state that is not finite."""
+        """The command that answers `state`.
+
+        Raises
+        ------
+        ValueError
+            For a state that is not finite.
+        """
         terms = self._model.at(state.position, state.velocity)
         if not terms.are_finite:
             raise ValueError(
@@ -633,11 +698,20 @@ def registered(plan: MotionPlan, measured: Registration | None) -> MotionPlan:
 def agreed(
     own: Registration, measured: Registration | None, position: np.ndarray, quaternion: np.ndarray
 ) -> Registration:
-    """The measured registration if a plan has none of its own, else that; PlanRefused if they
-    contradict each other.
+    """The measured registration if a plan has none of its own, else that.
 
     Demonstrations without joint states teach no registration, and one of before the cameras were
-    moved is wrong. position, quaternion: of the hand as the cameras shall see it (n, 3), (n, 4).
+    moved is wrong.
+
+    Parameters
+    ----------
+    position, quaternion
+        Of the hand as the cameras shall see it (n, 3), (n, 4).
+
+    Raises
+    ------
+    PlanRefused
+        If they contradict each other.
     """
     if measured is None:
         return own

@@ -20,9 +20,14 @@ from dart_skill.common.world import World, the_world
 class Inertial:
     """Inertial parameters of a link, in the link's frame.
 
-    * mass: [kg].
-    * centre: (3,) [m], the centre of mass.
-    * inertia: (3, 3) [kg m^2], about the centre of mass.
+    Parameters
+    ----------
+    mass
+        [kg].
+    centre
+        (3,) [m], the centre of mass.
+    inertia
+        (3, 3) [kg m^2], about the centre of mass.
     """
 
     mass: float
@@ -34,13 +39,22 @@ class Inertial:
 class Joint:
     """A revolute joint as URDF has it; it turns about the z axis of its own frame.
 
-    * name, parent, child: names of the joint and of the links that it connects.
-    * xyz: origin in the frame of the parent (3,) [m].
-    * roll: turn of the frame about the parent's x axis [rad].
-    * lower, upper: ends of its range [rad].
-    * peak_torque: of motor and transmission [N m].
-    * no_load_speed: at the full voltage of the bus [rad/s].
-    * coulomb_friction, viscous_friction: [N m] and [N m s/rad].
+    Parameters
+    ----------
+    name, parent, child
+        Names of the joint and of the links that it connects.
+    xyz
+        Origin in the frame of the parent (3,) [m].
+    roll
+        Turn of the frame about the parent's x axis [rad].
+    lower, upper
+        Ends of its range [rad].
+    peak_torque
+        Of motor and transmission [N m].
+    no_load_speed
+        At the full voltage of the bus [rad/s].
+    coulomb_friction, viscous_friction
+        [N m] and [N m s/rad].
     """
 
     name: str
@@ -70,10 +84,16 @@ class Capsule:
 class Hand:
     """The BarrettHand, closed on a ball, as one body in the frame bhand_base.
 
-    * inertial: its mass, centre of mass and inertia.
-    * palm_height: of the palm above the mounting face [m].
-    * palm_radius: of the palm [m].
-    * ball_centre: of a held ball (3,) [m].
+    Parameters
+    ----------
+    inertial
+        Its mass, centre of mass and inertia.
+    palm_height
+        Of the palm above the mounting face [m].
+    palm_radius
+        Of the palm [m].
+    ball_centre
+        Of a held ball (3,) [m].
     """
 
     inertial: Inertial
@@ -86,12 +106,20 @@ class Hand:
 class Motors:
     """Motors and transmission; one row or entry for each motor.
 
-    * joint_to_motor: (7, 7), motor angle = joint_to_motor @ joint angle.
-    * rotor_inertia: (7,) [kg m^2].
-    * torque_constant: (7,) [N m/A].
-    * resistance: (7,) [ohm].
-    * no_load_speed: (7,) at the voltage of the bus [rad/s].
-    * bus_voltage: [V].
+    Parameters
+    ----------
+    joint_to_motor
+        (7, 7), motor angle = joint_to_motor @ joint angle.
+    rotor_inertia
+        (7,) [kg m^2].
+    torque_constant
+        (7,) [N m/A].
+    resistance
+        (7,) [ohm].
+    no_load_speed
+        (7,) at the voltage of the bus [rad/s].
+    bus_voltage
+        [V].
     """
 
     joint_to_motor: np.ndarray
@@ -116,11 +144,18 @@ class Motors:
 class HeldBall:
     """The ball, or what else is in the hand.
 
-    * mass: [kg].
-    * diameter: [m].
-    * restitution: share of its speed that is left after it bounced.
-    * drag_coefficient: of a sphere, without a unit.
-    * inertia: about any axis through its centre [kg m^2].
+    Parameters
+    ----------
+    mass
+        [kg].
+    diameter
+        [m].
+    restitution
+        Share of its speed that is left after it bounced.
+    drag_coefficient
+        Of a sphere, without a unit.
+    inertia
+        About any axis through its centre [kg m^2].
     """
 
     mass: float
@@ -149,19 +184,32 @@ class HeldBall:
 class WamDescription:
     """All of config/wam.yaml, and the ball of config/world.yaml.
 
-    * mount_height: of the base above the floor [m].
-    * shoulder_height: of the shoulder above the base [m].
-    * gravity: [m/s^2].
-    * dh: (7, 3) of Denavit and Hartenberg: alpha [rad], a [m], d [m].
-    * joints: the seven joints, from the base to the hand.
-    * tool_plate: (3,) origin of the mounting face in the frame of the last link [m].
-    * links_urdf, links_dh: the links, in the frames of the URDF and in those of Denavit and
-      Hartenberg.
-    * hand: the hand with a ball in it.
-    * motors: motors and transmission.
-    * ball: the ball that is thrown.
-    * capsules: shapes of the links that are seen, collide and hide what is behind them.
-    * home: joint angles of the home pose (7,) [rad].
+    Parameters
+    ----------
+    mount_height
+        Of the base above the floor [m].
+    shoulder_height
+        Of the shoulder above the base [m].
+    gravity
+        [m/s^2].
+    dh
+        (7, 3) of Denavit and Hartenberg: alpha [rad], a [m], d [m].
+    joints
+        The seven joints, from the base to the hand.
+    tool_plate
+        (3,) origin of the mounting face in the frame of the last link [m].
+    links_urdf, links_dh
+        The links, in the frames of the URDF and in those of Denavit and Hartenberg.
+    hand
+        The hand with a ball in it.
+    motors
+        Motors and transmission.
+    ball
+        The ball that is thrown.
+    capsules
+        Shapes of the links that are seen, collide and hide what is behind them.
+    home
+        Joint angles of the home pose (7,) [rad].
     """
 
     mount_height: float
@@ -197,7 +245,10 @@ def with_box(
     """The arm with a solid box as what its hand may hold: mass [kg], edges (3,) [m], its centre in
     the frame of the hand (3,) [m].
 
-    size: its edges.
+    Parameters
+    ----------
+    size
+        Its edges.
     """
     square = np.square(size)
     inertia = mass / 12.0 * (square.sum() - square)
@@ -228,7 +279,13 @@ def wam_description() -> WamDescription:
 
 
 def parse_description(content: dict) -> WamDescription:
-    """The description from the nested dictionaries of a wam.yaml; KeyError names what is missing."""
+    """The description from the nested dictionaries of a wam.yaml.
+
+    Raises
+    ------
+    KeyError
+        Names what is missing.
+    """
     links = content["links"]
     return WamDescription(
         mount_height=content["mount_height"],

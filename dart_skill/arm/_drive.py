@@ -21,7 +21,11 @@ from dart_skill.common.small_matrices import factor_into, solve_into
 
 def turn(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad].
-    ValueError for other shapes.
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     if (
         target.shape[0] != 3
@@ -49,13 +53,22 @@ def pull(
     damping: np.ndarray,
 ) -> np.ndarray:
     """Acceleration (6,) of a hand that spring and damper pull to a pose with a velocity, linear
-    over angular: k (y - x) + d (v_y - v).
+    over
+    angular: k (y - x) + d (v_y - v).
 
-    * position, rotation, velocity: y and v_y, (3,) [m], (3, 3) and (6,) [m/s, rad/s].
-    * hand_position, hand_rotation, hand_velocity: x and v, the same of the hand.
-    * stiffness, damping: k (6,) [1/s^2] and d (6,) [1/s].
+    Parameters
+    ----------
+    position, rotation, velocity
+        y and v_y, (3,) [m], (3, 3) and (6,) [m/s, rad/s].
+    hand_position, hand_rotation, hand_velocity
+        x and v, the same of the hand.
+    stiffness, damping
+        k (6,) [1/s^2] and d (6,) [1/s].
 
-    ValueError for other shapes.
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     _check_pull(position, rotation, velocity, stiffness, damping)
     _check_pull(hand_position, hand_rotation, hand_velocity, stiffness, damping)
@@ -165,12 +178,20 @@ def _product(target: np.ndarray, i: int, rotation: np.ndarray, j: int) -> float:
 class Drive:
     """Wrench and joint torques for a wanted acceleration of the hand.
 
-    * lengths: metres that a metre, or a radian, of each direction counts for (6,).
-    * coulomb, viscous: joint friction that is compensated (7,) [N m], [N m s/rad].
-    * weak: torque (7,) [N m] that tells in which direction the friction of a joint at rest acts.
-    * slow: speed that tells it [rad/s].
-    * null_stiffness, null_damping: hold the posture in the arm's free motion [1/s^2], [1/s].
-    * least_mobility: a direction that is less mobile is left to the posture gradually [1/kg].
+    Parameters
+    ----------
+    lengths
+        Metres that a metre, or a radian, of each direction counts for (6,).
+    coulomb, viscous
+        Joint friction that is compensated (7,) [N m], [N m s/rad].
+    weak
+        Torque (7,) [N m] that tells in which direction the friction of a joint at rest acts.
+    slow
+        Speed that tells it [rad/s].
+    null_stiffness, null_damping
+        Hold the posture in the arm's free motion [1/s^2], [1/s].
+    least_mobility
+        A direction that is less mobile is left to the posture gradually [1/kg].
     """
 
     def __init__(
@@ -239,8 +260,12 @@ class Drive:
     def act(
         self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Wrench (6,) and joint torque (7,) that accelerate the hand of the arm in its state;
-        posture (7,) in the null space.
+        """Wrench (6,) and joint torque (7,) that accelerate the hand of the arm in its state.
+
+        Parameters
+        ----------
+        posture : (7,)
+            In the null space.
         """
         self._shape(terms, acceleration, posture)
         wrench, result = np.empty(6), np.empty(N_JOINTS)
@@ -364,8 +389,12 @@ class Drive:
 class JointSpring:
     """Spring and damper of each joint.
 
-    * stiffness, damping: (7,) [N m/rad], [N m s/rad].
-    * limit: of the torque (7,) [N m].
+    Parameters
+    ----------
+    stiffness, damping
+        (7,) [N m/rad], [N m s/rad].
+    limit
+        Of the torque (7,) [N m].
     """
 
     def __init__(self, stiffness: np.ndarray, damping: np.ndarray, limit: np.ndarray):
@@ -374,8 +403,12 @@ class JointSpring:
     def torque(
         self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray
     ) -> np.ndarray:
-        """Torque (7,) [N m] from angles and speeds towards others, (7,) each. ValueError for a
-        posture of another shape.
+        """Torque (7,) [N m] from angles and speeds towards others, (7,) each.
+
+        Raises
+        ------
+        ValueError
+            For a posture of another shape.
         """
         if q_wanted.shape[0] != self._limit.shape[0]:
             raise ValueError(
@@ -408,13 +441,21 @@ class JointSpring:
         shortest: float,
     ) -> np.ndarray:
         """Torque (7,) [N m], within twice the limits, of a motion that dies away exponentially,
-        and of the pull to it.
+        and
+        of the pull to it.
 
-        * q, qd: angles and speeds (7,).
-        * start, speed: those at the beginning (7,).
-        * needed: torque (7,) that would take away the speed in 1 s [N m].
-        * time: since the beginning [s].
-        * shortest: time constant [s]; where the torques do not suffice it is longer.
+        Parameters
+        ----------
+        q, qd
+            Angles and speeds (7,).
+        start, speed
+            Those at the beginning (7,).
+        needed
+            Torque (7,) that would take away the speed in 1 s [N m].
+        time
+            Since the beginning [s].
+        shortest
+            Time constant [s]; where the torques do not suffice it is longer.
         """
         result, longest = np.empty(N_JOINTS), shortest
         torque = result
@@ -448,7 +489,11 @@ def coasted(
 
 def with_swing(posture: np.ndarray, q: np.ndarray) -> np.ndarray:
     """A posture (7,) in which the joints that swing, J2, J4 and J6, are where they are in q (7,).
-    ValueError for other shapes.
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     if posture.shape[0] != q.shape[0]:
         raise ValueError(
@@ -477,9 +522,13 @@ def least_jerk(
     start: np.ndarray, end: np.ndarray, duration: float, time: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity and acceleration (n,) at a time [s] of the motion of least jerk from
-    start to end (n,) of a duration [s].
+    start
+    to end (n,) of a duration [s].
 
-    ValueError unless both have as many numbers.
+    Raises
+    ------
+    ValueError
+        Unless both have as many numbers.
     """
     if end.shape[0] != start.shape[0]:
         raise ValueError(f"a motion from {np.shape(start)} to {np.shape(end)} numbers is none")

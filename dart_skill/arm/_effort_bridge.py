@@ -40,17 +40,26 @@ class BridgeSettings:
     """Limits and times; each is a parameter of the node effort_bridge, and its value stands in
     config/effort_bridge.yaml.
 
-    * frame_id: axes of the wrenches.
-    * gravity_compensation: whether the torque that holds arm and hand is added; False: the effort
-      controller's hardware adds it.
-    * torque_limit: of each joint, gravity included (7,) [N m].
-    * torque_rate: fastest change of each (7,) [N m/s].
-    * damping: of a joint that is stopped (7,) [N m s/rad].
-    * damping_limit: strongest damping torque (7,) [N m].
-    * command_timeout, state_timeout: the arm is stopped when commands, or states, were silent for
-      longer [s].
-    * limits: of speed, range and workspace, of config/limits.yaml; the bridge is the arm's own
-      safety module, and patient as one.
+    Parameters
+    ----------
+    frame_id
+        Axes of the wrenches.
+    gravity_compensation
+        Whether the torque that holds arm and hand is added; False: the effort controller's
+        hardware adds it.
+    torque_limit
+        Of each joint, gravity included (7,) [N m].
+    torque_rate
+        Fastest change of each (7,) [N m/s].
+    damping
+        Of a joint that is stopped (7,) [N m s/rad].
+    damping_limit
+        Strongest damping torque (7,) [N m].
+    command_timeout, state_timeout
+        The arm is stopped when commands, or states, were silent for longer [s].
+    limits
+        Of speed, range and workspace, of config/limits.yaml; the bridge is the arm's own safety
+        module, and patient as one.
     """
 
     frame_id: str
@@ -82,10 +91,12 @@ class BridgeSettings:
 class EffortBridge:
     """Answers states of the arm with efforts. Times `now` are of a clock that never jumps [s].
 
-    Attributes:
-
-    * phase, message: what it does, and why it was stopped or waits.
-    * clipped: how many efforts were cut to the limit of a joint.
+    Attributes
+    ----------
+    phase, message
+        What it does, and why it was stopped or waits.
+    clipped
+        How many efforts were cut to the limit of a joint.
     """
 
     def __init__(self, settings: BridgeSettings, description: WamDescription | None = None):
@@ -101,8 +112,12 @@ class EffortBridge:
         self._step = 0.0
 
     def on_publishers(self, count: int) -> None:
-        """How many publish commands now: none is a silent commander, two are a fault. count: their
-        number.
+        """How many publish commands now: none is a silent commander, two are a fault.
+
+        Parameters
+        ----------
+        count
+            Their number.
         """
         self._publishers = count
         if count > 1 and self.phase is BridgePhase.ACTIVE:
@@ -110,9 +125,13 @@ class EffortBridge:
 
     def on_command(self, command: Command, frame_id: str, now: float) -> bool | None:
         """Take a command; whether the hand shall open (True) or close (False) now, None if nothing
-        is said of it anew.
+        is
+        said of it anew.
 
-        frame_id: of its wrench.
+        Parameters
+        ----------
+        frame_id
+            Of its wrench.
         """
         if self.phase is BridgePhase.STOPPED:
             return None

@@ -33,15 +33,24 @@ EARLY = 1e-9
 class Guidance(NamedTuple):
     """What the hand shall do now.
 
-    * time: on the clock of the guide [s].
-    * reference, gains: where the hand is pulled, and how strongly.
-    * grip: what the fingers are told, again and again.
-    * carries: whether the hand holds something.
-    * off: how far the hand is from where it must be [m]; 0 where it may be anywhere.
-    * over: there is nothing to follow any more, and the arm is braked.
-    * fault: why the motion cannot go on; empty if it can.
-    * posture: joint angles (7,) that the arm's free motion aims at [rad]; None: those of the
-      start.
+    Parameters
+    ----------
+    time
+        On the clock of the guide [s].
+    reference, gains
+        Where the hand is pulled, and how strongly.
+    grip
+        What the fingers are told, again and again.
+    carries
+        Whether the hand holds something.
+    off
+        How far the hand is from where it must be [m]; 0 where it may be anywhere.
+    over
+        There is nothing to follow any more, and the arm is braked.
+    fault
+        Why the motion cannot go on; empty if it can.
+    posture
+        Joint angles (7,) that the arm's free motion aims at [rad]; None: those of the start.
     """
 
     time: float
@@ -58,8 +67,14 @@ class Guidance(NamedTuple):
 class Guide(Protocol):
     """Guides the hand through one motion.
 
-    what: the motion in a word; start_posture: joint angles before it (7,) [rad]; speed: level of
-    speed that it needs.
+    Attributes
+    ----------
+    what
+        The motion in a word.
+    start_posture
+        Joint angles before it (7,) [rad].
+    speed
+        Level of speed that it needs.
     """
 
     what: str
@@ -67,19 +82,27 @@ class Guide(Protocol):
     speed: Speed
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
-        """What a hand in this state shall do, so long after the motion began [s]; stamp_ns: of the
-        state [ns].
+        """What a hand in this state shall do, so long after the motion began [s].
 
-        time: on the guide's clock.
+        Parameters
+        ----------
+        stamp_ns
+            Of the state [ns].
+        time
+            On the guide's clock.
         """
         ...
 
 
 class PlanGuide:
     """Guides through a plan; where the plan has a pace, the state of the hand drives its clock,
-    else time does.
+    else
+    time does.
 
-    * follow_time: the path is followed for so long after the plan's end [s].
+    Parameters
+    ----------
+    follow_time
+        The path is followed for so long after the plan's end [s].
     """
 
     def __init__(self, plan: MotionPlan, follow_time: float):
@@ -125,13 +148,18 @@ class PlanGuide:
 
 class Fingers:
     """What the fingers do on the clock of a guide, and where that clock waits for a hand that is
-    held back.
-
-    * carries: whether the hand holds something at the start.
-    * events: when the fingers are told something.
+    held
+    back.
 
     Attribute: fault, why the motion was given up, once the hand was held back for too long; empty
     until then.
+
+    Parameters
+    ----------
+    carries
+        Whether the hand holds something at the start.
+    events
+        When the fingers are told something.
     """
 
     def __init__(self, events: Sequence[GripEvent], carries: bool):
@@ -154,7 +182,10 @@ class Fingers:
         """Where the clock gets in a step [s] that would lead it from now to later [s]: not past an
         event while the hand is held back.
 
-        rate: of the clock, 1 as shown.
+        Parameters
+        ----------
+        rate
+            Of the clock, 1 as shown.
         """
         if rate >= AS_SHOWN:
             self._slow = 0.0
@@ -259,7 +290,11 @@ class References:
 
     def posture_at(self, time: float) -> np.ndarray | None:
         """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say.
-        time: on the clock of the plan [s].
+
+        Parameters
+        ----------
+        time
+            On the clock of the plan [s].
         """
         if self._posture is None:
             return None

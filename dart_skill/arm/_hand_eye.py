@@ -38,12 +38,19 @@ LEAST_ROWS = 4
 class PositionFit:
     """What explains the positions of the hand.
 
-    * scale: length that the cameras tell, of one metre.
-    * world: orthogonal matrix (3, 3) from the axes of the arm to those of the cameras; its
-      determinant is -1 where these are mirrored.
-    * shift: (3,) origin of the arm in the world of the cameras, in the length of the cameras.
-    * lever: (3,) tracked body in the frame of the hand [m].
-    * residual: (n,) what is left of each position [m].
+    Parameters
+    ----------
+    scale
+        Length that the cameras tell, of one metre.
+    world
+        Orthogonal matrix (3, 3) from the axes of the arm to those of the cameras; its determinant
+        is -1 where these are mirrored.
+    shift
+        (3,) origin of the arm in the world of the cameras, in the length of the cameras.
+    lever
+        (3,) tracked body in the frame of the hand [m].
+    residual
+        (n,) what is left of each position [m].
     """
 
     scale: float
@@ -62,9 +69,14 @@ class PositionFit:
 class OrientationFit:
     """What explains the orientations of the hand.
 
-    * world: rotation (3, 3) from the axes of the arm to those of the cameras.
-    * hand: rotation (3, 3) of the tracked body in the frame of the hand.
-    * residual: (n,) angles of what is left of each orientation [rad].
+    Parameters
+    ----------
+    world
+        Rotation (3, 3) from the axes of the arm to those of the cameras.
+    hand
+        Rotation (3, 3) of the tracked body in the frame of the hand.
+    residual
+        (n,) angles of what is left of each orientation [rad].
     """
 
     world: np.ndarray
@@ -90,9 +102,14 @@ def fit_positions(
     """The fit of positions (n, 3) that cameras saw to places (n, 3) [m] and rotations (n, 3, 3) of
     the hand by the arm.
 
-    * seen: in any length.
-    * place, rotation: by the arm's kinematics.
-    * may_mirror: whether a world that is mirrored will do.
+    Parameters
+    ----------
+    seen
+        In any length.
+    place, rotation
+        By the arm's kinematics.
+    may_mirror
+        Whether a world that is mirrored will do.
     """
     scale, world, shift = (part[0] for part in similarity(seen, place[None], may_mirror))
     fit = _position_fit(seen, place, rotation, float(scale), world, shift, np.zeros(3))
@@ -151,14 +168,20 @@ def similarity(
     seen: np.ndarray, bodies: np.ndarray, may_mirror: bool = True
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scales (m,), orthogonal matrices (m, 3, 3) and shifts (m, 3) that take each of m sets of
-    points to the same points (n, 3).
+    points
+    to the same points (n, 3).
 
     Least squares by Umeyama, "Least-squares estimation of transformation parameters between two
     point patterns", 1991.
 
-    * seen: (n, 3) points.
-    * bodies: (m, n, 3) sets of points.
-    * may_mirror: whether a matrix may have determinant -1.
+    Parameters
+    ----------
+    seen
+        (n, 3) points.
+    bodies
+        (m, n, 3) sets of points.
+    may_mirror
+        Whether a matrix may have determinant -1.
     """
     centre, centres = seen.mean(axis=0), bodies.mean(axis=1)
     around = bodies - centres[:, None]
@@ -181,11 +204,17 @@ def fit_orientations(
     It begins with the closed form of Shah, "Solving the robot-world/hand-eye calibration problem
     using the Kronecker product", 2013.
 
-    * seen: of the tracked body, in the world of the cameras.
-    * rotation: of the hand, by the arm's kinematics.
-    * rounds: in which samples that are not explained lose weight, at most.
-    * starts: beginnings: with all samples, and where that is doubtful with parts of them, which
-      may be free of what is not explained.
+    Parameters
+    ----------
+    seen
+        Of the tracked body, in the world of the cameras.
+    rotation
+        Of the hand, by the arm's kinematics.
+    rounds
+        In which samples that are not explained lose weight, at most.
+    starts
+        Beginnings: with all samples, and where that is doubtful with parts of them, which may be
+        free of what is not explained.
     """
     fit = _orientation_fit(seen, rotation, *_closed_form(seen, rotation))
     if fit.error > DOUBTFUL:

@@ -31,10 +31,14 @@ NO_TORQUE, NO_SPEED, AT_REST = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(
 class Reference:
     """What the hand shall do at one instant, in the axes of the world.
 
-    * attractor_position, attractor_rotation: where the attractor pulls to, (3,) [m] and (3, 3).
-    * position, rotation: where the hand is expected to be, (3,) [m] and (3, 3).
-    * velocity, acceleration: of that motion, (6,) each, linear and angular [m/s, rad/s; m/s^2,
-      rad/s^2].
+    Parameters
+    ----------
+    attractor_position, attractor_rotation
+        Where the attractor pulls to, (3,) [m] and (3, 3).
+    position, rotation
+        Where the hand is expected to be, (3,) [m] and (3, 3).
+    velocity, acceleration
+        Of that motion, (6,) each, linear and angular [m/s, rad/s; m/s^2, rad/s^2].
     """
 
     attractor_position: np.ndarray
@@ -71,14 +75,21 @@ class Impedance:
     """Wrench and joint torques for a wanted acceleration of the hand, by the controller's model of
     the arm.
 
-    * model: of the arm.
-    * friction_compensation: share of the identified joint friction that is fed forward.
-    * null_stiffness, null_damping: hold the posture in the arm's free motion [1/s^2], [1/s].
-    * least_mobility: a direction in which the hand is harder to accelerate than this (a shoulder
-      or a wrist that is straight: axes in line) is left to the posture gradually, the less mobile
-      the more [1/kg].
-    * weak_drive: torque that tells in which direction the friction of a joint at rest acts, in
-      parts of its Coulomb friction.
+    Parameters
+    ----------
+    model
+        Of the arm.
+    friction_compensation
+        Share of the identified joint friction that is fed forward.
+    null_stiffness, null_damping
+        Hold the posture in the arm's free motion [1/s^2], [1/s].
+    least_mobility
+        A direction in which the hand is harder to accelerate than this (a shoulder or a wrist that
+        is straight: axes in line) is left to the posture gradually, the less mobile the more
+        [1/kg].
+    weak_drive
+        Torque that tells in which direction the friction of a joint at rest acts, in parts of its
+        Coulomb friction.
     """
 
     def __init__(
@@ -120,8 +131,14 @@ class Impedance:
         """Acceleration (6,) that (7.19) asks of the hand in a state of the arm, as of
         `attractor_acceleration`.
 
-        reference: what the hand shall do; gains: of the attractor; tracking: of a second pull,
-        towards the motion that (7.19) predicts, or None.
+        Parameters
+        ----------
+        reference
+            What the hand shall do.
+        gains
+            Of the attractor.
+        tracking
+            Of a second pull, towards the motion that (7.19) predicts, or None.
         """
         terms, r, add = self.model.at(q, qd), reference, self._drive.add_pull
         if gains.stiffness.ndim == 2:
@@ -161,15 +178,28 @@ class Impedance:
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same for a state of the model itself, and the joint acceleration (7,) that it then
-        has. Friction is that of joints that move: a joint that shall rest is held by its own.
-        posture: that the arm's free motion aims at (7,) [rad].
+        has.
+        Friction is that of joints that move: a joint that shall rest is held by its own.
+
+        Parameters
+        ----------
+        posture
+            That the arm's free motion aims at (7,) [rad].
         """
         return self._drive.moved(self.model.at(q, qd), acceleration, posture)
 
 
 def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
-    """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,). reference:
-    y; hand: x and v; gains: k and d.
+    """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,).
+
+    Parameters
+    ----------
+    reference
+        y.
+    hand
+        x and v.
+    gains
+        k and d.
     """
     if gains.stiffness.ndim == 2:
         way = reference.attractor_position - hand.position
@@ -273,8 +303,12 @@ def minimum_jerk(
     start: np.ndarray, end: np.ndarray, duration: float, time: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity and acceleration of the rest-to-rest motion of least jerk from start to
-    end (n,) at `time` [s].
+    end
+    (n,) at `time` [s].
 
-    duration: of the whole motion [s].
+    Parameters
+    ----------
+    duration
+        Of the whole motion [s].
     """
     return least_jerk(np.asarray(start, dtype=float), np.asarray(end, dtype=float), duration, time)

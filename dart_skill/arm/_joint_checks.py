@@ -21,8 +21,12 @@ def largest(values: np.ndarray) -> float:
 
 
 def farthest(values: np.ndarray, others: np.ndarray) -> float:
-    """The largest distance between numbers (n,) and others (n,). ValueError if they are not as
-    many.
+    """The largest distance between numbers (n,) and others (n,).
+
+    Raises
+    ------
+    ValueError
+        If they are not as many.
     """
     if values.shape[0] != others.shape[0]:
         raise ValueError(f"{np.shape(values)} numbers are compared with {np.shape(others)}")
@@ -33,7 +37,13 @@ def farthest(values: np.ndarray, others: np.ndarray) -> float:
 
 
 def distance(point: np.ndarray, other: np.ndarray) -> float:
-    """Between two points (3,). ValueError for other shapes."""
+    """Between two points (3,).
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
+    """
     if point.shape[0] != 3 or other.shape[0] != 3:
         raise ValueError(
             f"there is no distance between {np.shape(point)} and {np.shape(other)} numbers: give"
@@ -46,7 +56,10 @@ def distance(point: np.ndarray, other: np.ndarray) -> float:
 class JointRange:
     """Ranges of the joints.
 
-    * lower, upper: ends of each (7,) [rad].
+    Parameters
+    ----------
+    lower, upper
+        Ends of each (7,) [rad].
     """
 
     def __init__(self, lower: np.ndarray, upper: np.ndarray):
@@ -65,9 +78,14 @@ class JointRange:
 class Levels:
     """Limits of joints and hand.
 
-    * strongest: torque of a joint, gravity compensation included (7,) [N m].
-    * lower, upper: ends of the joints' ranges, as far as they are watched (7,) [rad].
-    * low, high: corners of the box in which the hand stays (3,) [m].
+    Parameters
+    ----------
+    strongest
+        Torque of a joint, gravity compensation included (7,) [N m].
+    lower, upper
+        Ends of the joints' ranges, as far as they are watched (7,) [rad].
+    low, high
+        Corners of the box in which the hand stays (3,) [m].
     """
 
     def __init__(
@@ -96,12 +114,21 @@ class Levels:
     ) -> bool:
         """Whether nothing is beyond a limit, and no level beyond a share of it.
 
-        * terms: of the state.
-        * torque: that is asked for (7,) [N m].
-        * fastest_elbow, fastest_hand: levels of the speeds [m/s].
-        * share: of speeds and torques.
+        Parameters
+        ----------
+        terms
+            Of the state.
+        torque
+            That is asked for (7,) [N m].
+        fastest_elbow, fastest_hand
+            Levels of the speeds [m/s].
+        share
+            Of speeds and torques.
 
-        ValueError for a torque of another shape.
+        Raises
+        ------
+        ValueError
+            For a torque of another shape.
         """
         if torque.shape[0] != self._strongest.shape[0]:
             raise ValueError(
@@ -124,11 +151,19 @@ class Levels:
     def share(self, terms: ArmTerms, wrench: np.ndarray, torque: np.ndarray) -> float:
         """What part of a command the limits allow on top of gravity compensation, 1 if all of it.
 
-        * terms: of the state.
-        * wrench: of the hand (6,) [N], [N m].
-        * torque: of the joints, is added (7,) [N m].
+        Parameters
+        ----------
+        terms
+            Of the state.
+        wrench
+            Of the hand (6,) [N], [N m].
+        torque
+            Of the joints, is added (7,) [N m].
 
-        ValueError for other shapes.
+        Raises
+        ------
+        ValueError
+            For other shapes.
         """
         if wrench.shape[0] != 6 or torque.shape[0] != self._strongest.shape[0]:
             raise ValueError(

@@ -31,7 +31,13 @@ class Gains:
 
     @classmethod
     def critical(cls, stiffness: float) -> Gains:
-        """Critically damped. stiffness: of the spring, above 0."""
+        """Critically damped.
+
+        Parameters
+        ----------
+        stiffness
+            Of the spring, above 0.
+        """
         return cls(stiffness, 2.0 * float(np.sqrt(stiffness)))
 
     def __post_init__(self) -> None:
@@ -81,10 +87,16 @@ class GainsOverTime:
 class HandPath:
     """A motion of the hand frame in the world at n instants.
 
-    * time: (n,), from 0, increasing [s].
-    * position: (n, 3) [m].
-    * quaternion: (n, 4), x, y, z, w.
-    * velocity, acceleration: (n, 6), linear over angular, world axes.
+    Parameters
+    ----------
+    time
+        (n,), from 0, increasing [s].
+    position
+        (n, 3) [m].
+    quaternion
+        (n, 4), x, y, z, w.
+    velocity, acceleration
+        (n, 6), linear over angular, world axes.
     """
 
     time: np.ndarray
@@ -121,7 +133,10 @@ class HandPath:
     def as_the_arm_has_it(self, registration: Registration) -> HandPath:
         """This path, which the cameras shall see, as the arm's kinematics has it.
 
-        * registration: of cameras and arm.
+        Parameters
+        ----------
+        registration
+            Of cameras and arm.
         """
         position, quaternion = registration.poses(self.position, self.quaternion)
         arm = rotate(quaternion, np.array(registration.hand_shift))
@@ -163,10 +178,14 @@ nothing.
 class Pace:
     """How the state of the arm drives the clock of a plan (thesis chapter 9).
 
-    * gain (n, 12): at each instant of the path, how far the hand is ahead [s] by its differences
-      from the plan: of position [s/m], orientation as a rotation vector [s/rad], velocity [s^2/m]
-      and angular velocity [s^2/rad].
-    * rule: what comes of it; its rate 1 is the planned pace.
+    Parameters
+    ----------
+    gain : (n, 12)
+        At each instant of the path, how far the hand is ahead [s] by its differences from the
+        plan: of position [s/m], orientation as a rotation vector [s/rad], velocity [s^2/m] and
+        angular velocity [s^2/rad].
+    rule
+        What comes of it; its rate 1 is the planned pace.
     """
 
     gain: np.ndarray
@@ -187,22 +206,35 @@ class Pace:
 class MotionPlan:
     """What the commander carries out.
 
-    * path: the motion of the hand that is expected, at n instants.
-    * attractor_position, attractor_quaternion: (n, 3) [m] and (n, 4); they pull the hand along the
-      path by (7.19).
-    * position_gains, orientation_gains: stiffness and damping of the pull, per unit mass.
-    * start_posture: joint angles before the motion (7,) [rad].
-    * end: until then the hand must be where it is expected [s]. What the path has beyond is
-      followed for a while, then the arm is braked.
-    * what: it is, in a word, for messages.
-    * events: what the fingers do, in order of time.
-    * carries: whether the hand holds something at the start.
-    * speed: level of speed that it needs.
-    * pace: how the state of the arm drives the clock of the plan; None: it goes as fast as time.
-    * registration: of the cameras, in whose world all this is, and the arm, which shall do it;
-      default: the two agree.
-    * posture: joint angles (n, 7) [rad] that the arm's free motion aims at; J2, J4 and J6 are left
-      to the hand. None: those of the start.
+    Parameters
+    ----------
+    path
+        The motion of the hand that is expected, at n instants.
+    attractor_position, attractor_quaternion
+        (n, 3) [m] and (n, 4); they pull the hand along the path by (7.19).
+    position_gains, orientation_gains
+        Stiffness and damping of the pull, per unit mass.
+    start_posture
+        Joint angles before the motion (7,) [rad].
+    end
+        Until then the hand must be where it is expected [s]. What the path has beyond is followed
+        for a while, then the arm is braked.
+    what
+        It is, in a word, for messages.
+    events
+        What the fingers do, in order of time.
+    carries
+        Whether the hand holds something at the start.
+    speed
+        Level of speed that it needs.
+    pace
+        How the state of the arm drives the clock of the plan; None: it goes as fast as time.
+    registration
+        Of the cameras, in whose world all this is, and the arm, which shall do it; default: the
+        two agree.
+    posture
+        Joint angles (n, 7) [rad] that the arm's free motion aims at; J2, J4 and J6 are left to the
+        hand. None: those of the start.
     """
 
     path: HandPath

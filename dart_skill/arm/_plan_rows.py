@@ -11,12 +11,18 @@ class PlanRows:
     """What the hand shall do at n instants: linear between them, a share of the turn from each
     orientation to the next.
 
-    * time: (n,), increasing [s].
-    * linear: (n, 18): position of the attractor and of the hand, velocity (6) and acceleration (6)
-      of the hand.
-    * rotation: of the attractor and of the hand (n, 2, 3, 3).
-    * first, second: what a share s of the way to the next instant adds to a rotation, s first +
-      s^2 second, (n - 1, 2, 3, 3).
+    Parameters
+    ----------
+    time
+        (n,), increasing [s].
+    linear
+        (n, 18): position of the attractor and of the hand, velocity (6) and acceleration (6) of
+        the hand.
+    rotation
+        Of the attractor and of the hand (n, 2, 3, 3).
+    first, second
+        What a share s of the way to the next instant adds to a rotation, s first + s^2 second, (n
+        - 1, 2, 3, 3).
     """
 
     def __init__(

@@ -36,9 +36,14 @@ class Registration:
     The cameras see R = turn R_arm hand_turn and p = turn (p_arm + R_arm hand_shift) + shift where
     the arm's kinematics says R_arm and p_arm. Turns are quaternions.
 
-    * turn, shift: of the arm's base in the world of the cameras, (4,) and (3,) [m].
-    * hand_turn, hand_shift: of the tracked body in the frame of the hand, (4,) and (3,) [m].
-    * delay: of the stamps of the cameras after those of the joints [s].
+    Parameters
+    ----------
+    turn, shift
+        Of the arm's base in the world of the cameras, (4,) and (3,) [m].
+    hand_turn, hand_shift
+        Of the tracked body in the frame of the hand, (4,) and (3,) [m].
+    delay
+        Of the stamps of the cameras after those of the joints [s].
     """
 
     turn: tuple[float, ...] = SAME
@@ -84,8 +89,12 @@ class Registration:
         return matrices(self.back)
 
     def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion:
-        as the cameras see them.
+        """What the arm says of hands that the cameras see at (n, 3), (n, 4).
+
+        Parameters
+        ----------
+        position, quaternion
+            As the cameras see them.
         """
         if self.is_none:
             return position, quaternion
@@ -111,9 +120,13 @@ class Registration:
 class KnownRegistration:
     """A registration that was measured before, and how far it can be off.
 
-    * registration: the measured one.
-    * spread: (13,), standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m],
-      three each, and of the delay [s].
+    Parameters
+    ----------
+    registration
+        The measured one.
+    spread
+        (13,), standard deviations of turn [rad], shift [m], hand_turn [rad], hand_shift [m], three
+        each, and of the delay [s].
     """
 
     registration: Registration
@@ -129,8 +142,17 @@ class KnownRegistration:
 
 
 def save_registration(path: str | Path, fit: RegistrationFit) -> None:
-    """Write a registration to `path`, which must not exist; FileExistsError if it does. fit: what
-    was measured.
+    """Write a registration to `path`, which must not exist.
+
+    Parameters
+    ----------
+    fit
+        What was measured.
+
+    Raises
+    ------
+    FileExistsError
+        If it does.
     """
     found, known = fit.registration, fit.known
     ends = np.cumsum(list(PARTS.values()))[:-1]
@@ -154,7 +176,13 @@ def save_registration(path: str | Path, fit: RegistrationFit) -> None:
 
 
 def load_registration(path: str | Path) -> KnownRegistration:
-    """The registration in a file; ValueError names the file, and what of it is wrong."""
+    """The registration in a file.
+
+    Raises
+    ------
+    ValueError
+        Names the file, and what of it is wrong.
+    """
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         values, spread = (_section(content, name) for name in ("registration", "spread"))

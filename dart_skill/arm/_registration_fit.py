@@ -63,9 +63,14 @@ units as in `USUAL`.
 class Sightings:
     """The hand at k instants, as cameras and arm say.
 
-    * position, quaternion: as the cameras see it, (k, 3) [m] and (k, 4).
-    * arm_position, arm_quaternion: as the arm's kinematics has it, (k, 3) [m] and (k, 4).
-    * arm_velocity: of that, (k, 6), linear over angular [m/s], [rad/s].
+    Parameters
+    ----------
+    position, quaternion
+        As the cameras see it, (k, 3) [m] and (k, 4).
+    arm_position, arm_quaternion
+        As the arm's kinematics has it, (k, 3) [m] and (k, 4).
+    arm_velocity
+        Of that, (k, 6), linear over angular [m/s], [rad/s].
     """
 
     position: np.ndarray
@@ -87,16 +92,26 @@ class Sightings:
         quaternion: np.ndarray,
     ) -> Sightings:
         """Sightings from joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m],
-        (k, 4) that the cameras saw then.
+        (k,
+        4) that the cameras saw then.
 
-        model: of the arm.
+        Parameters
+        ----------
+        model
+            Of the arm.
         """
         place, rotation, velocity = model.hand_states(joints, speeds)
         return cls(position, quaternion, place, of_matrices(rotation), velocity)
 
     @classmethod
     def together(cls, parts: Sequence[Sightings]) -> Sightings:
-        """All sightings of several. parts: the several."""
+        """All sightings of several.
+
+        Parameters
+        ----------
+        parts
+            The several.
+        """
         return cls(*(np.concatenate([getattr(one, f.name) for one in parts]) for f in fields(cls)))
 
 
@@ -104,15 +119,24 @@ class Sightings:
 class RegistrationFit:
     """A registration that was measured, and how good it is.
 
-    * registration: the fitted one; its delay is 0 where the arm rested.
-    * spread: (13,) standard deviations of the unknowns, as in `KnownRegistration`, from what is
-      left and from the postures.
-    * position_error, angle_error: root mean square of what is left [m], [rad].
-    * worst_position, worst_angle: the largest of it [m], [rad].
-    * n_sightings: how many there were.
-    * turned: largest angle between two of the hand's orientations [rad].
-    * condition: of the normal equations in parts of a radian and 0.5 m: large where the postures
-      say nothing of a direction.
+    Parameters
+    ----------
+    registration
+        The fitted one; its delay is 0 where the arm rested.
+    spread
+        (13,) standard deviations of the unknowns, as in `KnownRegistration`, from what is left and
+        from the postures.
+    position_error, angle_error
+        Root mean square of what is left [m], [rad].
+    worst_position, worst_angle
+        The largest of it [m], [rad].
+    n_sightings
+        How many there were.
+    turned
+        Largest angle between two of the hand's orientations [rad].
+    condition
+        Of the normal equations in parts of a radian and 0.5 m: large where the postures say
+        nothing of a direction.
     """
 
     registration: Registration
@@ -137,10 +161,16 @@ def fit_registration(
     seen: Sequence[Sightings], known: KnownRegistration | None = None
 ) -> Registration:
     """The most probable registration: least squares with a prior, by the method of Gauss and
-    Newton on rotation vectors.
+    Newton
+    on rotation vectors.
 
     The prior is a registration that was measured before (`known`), or that of a system that was
-    set up with care (`USUAL`). seen: what cameras and arm say of the hand.
+    set up with care (`USUAL`).
+
+    Parameters
+    ----------
+    seen
+        What cameras and arm say of the hand.
     """
     if not sum(len(one) for one in seen):
         return Registration() if known is None else known.registration
@@ -161,12 +191,21 @@ def fit_registration(
 
 
 def measure_registration(seen: Sightings) -> RegistrationFit:
-    """The registration of sightings (k of them, k >= 3), whatever it is; ValueError for fewer, or
-    for values that are not finite.
+    """The registration of sightings (k of them, k >= 3), whatever it is.
 
     It begins with the turn that fits the axes of the turns between postures best, and goes on with
     Gauss and Newton. Postures that do not determine it give a result with a large `spread` and
-    `condition`. seen: what cameras and arm say of the hand.
+    `condition`.
+
+    Parameters
+    ----------
+    seen
+        What cameras and arm say of the hand.
+
+    Raises
+    ------
+    ValueError
+        For fewer, or for values that are not finite.
     """
     if len(seen) < 3:
         raise ValueError(
@@ -349,10 +388,14 @@ def linearised(
     seen: Sightings, unknown: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What is left of positions (n, 3) and rotations (n, 3), and the first derivatives (n, 3, 13)
-    of both.
+    of
+    both.
 
-    * unknown: (13,), turn, shift, hand_turn, hand_shift, three each, and delay, at which the
-      equations are linear.
+    Parameters
+    ----------
+    unknown
+        (13,), turn, shift, hand_turn, hand_shift, three each, and delay, at which the equations
+        are linear.
     """
     turn, shift, hand_turn, hand_shift = np.split(unknown[:12], 4)
     delay, speeds = unknown[12], seen.arm_velocity

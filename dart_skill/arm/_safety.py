@@ -26,17 +26,28 @@ from dart_skill.common.configuration import limit_parameters
 class SafetyLimits:
     """The entries of config/limits.yaml.
 
-    * careful_elbow, careful_hand: fastest elbow and hand where nothing is thrown [m/s].
-    * fastest_elbow, fastest_hand: the same of a throw, and of an arm that a person guides [m/s].
-    * torque_share: of the peak torque of a joint, gravity compensation included.
-    * joint_margin: to the end of a joint's range, at which a throw is stopped [rad].
-    * joint_overrun: beyond the end of a joint's range [rad].
-    * workspace_low, workspace_high: corners of the box in which the hand stays, in the frame of
-      the world (3,) [m].
-    * strongest_force, strongest_moment: of the commander's wrench, which is cut there [N], [N m].
-    * human_force, human_moment: of a person who guides the arm [N], [N m].
-    * warning_share: of a limit, from which it is warned of.
-    * patience: limits of the arm's own safety module, as shares of these.
+    Parameters
+    ----------
+    careful_elbow, careful_hand
+        Fastest elbow and hand where nothing is thrown [m/s].
+    fastest_elbow, fastest_hand
+        The same of a throw, and of an arm that a person guides [m/s].
+    torque_share
+        Of the peak torque of a joint, gravity compensation included.
+    joint_margin
+        To the end of a joint's range, at which a throw is stopped [rad].
+    joint_overrun
+        Beyond the end of a joint's range [rad].
+    workspace_low, workspace_high
+        Corners of the box in which the hand stays, in the frame of the world (3,) [m].
+    strongest_force, strongest_moment
+        Of the commander's wrench, which is cut there [N], [N m].
+    human_force, human_moment
+        Of a person who guides the arm [N], [N m].
+    warning_share
+        Of a limit, from which it is warned of.
+    patience
+        Limits of the arm's own safety module, as shares of these.
     """
 
     careful_elbow: float
@@ -85,12 +96,17 @@ class SafetyLimits:
 class SafetyModule:
     """Watches speed of elbow and hand, torque, range of the joints and workspace, state by state.
 
-    * limits: of the arm.
-    * description: of the arm, default the WAM.
-    * patience: every limit is multiplied by it, default 1.
-
     Attributes: `warning`, what is near its limit now, and `fault`, what first passed it, which
     stays until `reset`; both empty if none.
+
+    Parameters
+    ----------
+    limits
+        Of the arm.
+    description
+        Of the arm, default the WAM.
+    patience
+        Every limit is multiplied by it, default 1.
     """
 
     def __init__(
@@ -133,8 +149,14 @@ class SafetyModule:
         return self.look_at(self._model.at(position, velocity), torque, speed)
 
     def look_at(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> str:
-        """The same for who has a model of the arm in that state. terms: of the model; torque,
-        speed: as of `look`.
+        """The same for who has a model of the arm in that state.
+
+        Parameters
+        ----------
+        terms
+            Of the model.
+        torque, speed
+            As of `look`.
         """
         if self.fault:
             return self.fault
@@ -186,8 +208,14 @@ class SafetyModule:
         return self.limited_at(self._model.at(position), command)
 
     def limited_at(self, terms: ArmTerms, command: Command) -> Command:
-        """The same for who has a model of the arm at that position. terms: of the model; command:
-        that is weakened.
+        """The same for who has a model of the arm at that position.
+
+        Parameters
+        ----------
+        terms
+            Of the model.
+        command
+            That is weakened.
         """
         share = self._levels.share(terms, command.wrench, command.joint_torque)
         if share >= 1.0:

@@ -25,21 +25,34 @@ from dart_skill.common.constants import N_JOINTS, Grip
 class ThrowPlan:
     """A throw at a target.
 
-    * target: centre of the rim (3,) [m].
-    * aim: the task parameter whose plan lands on the target (3,) [m].
-    * predicted_landing: where the ball is expected to cross the plane of the rim (3,) [m].
-    * path: the motion of the hand that is expected, at n instants.
-    * attractor_position, attractor_quaternion: (n, 3) [m] and (n, 4); they pull the hand along the
-      path by (7.19).
-    * position_gains, orientation_gains: stiffness and damping of the pull, per unit mass.
-    * release: time on the path's clock at which the ball leaves the hand [s].
-    * open_hand: time at which the hand is told to open [s].
-    * start_posture: joint angles before the throw (7,) [rad].
-    * model_id: digest of the model that made the plan, default "".
-    * registration: of the cameras, in whose world all this is, and the arm, which shall do it;
-      default: the two agree.
-    * pace: how the state of the arm drives the clock of the throw; default None: it goes as fast
-      as time.
+    Parameters
+    ----------
+    target
+        Centre of the rim (3,) [m].
+    aim
+        The task parameter whose plan lands on the target (3,) [m].
+    predicted_landing
+        Where the ball is expected to cross the plane of the rim (3,) [m].
+    path
+        The motion of the hand that is expected, at n instants.
+    attractor_position, attractor_quaternion
+        (n, 3) [m] and (n, 4); they pull the hand along the path by (7.19).
+    position_gains, orientation_gains
+        Stiffness and damping of the pull, per unit mass.
+    release
+        Time on the path's clock at which the ball leaves the hand [s].
+    open_hand
+        Time at which the hand is told to open [s].
+    start_posture
+        Joint angles before the throw (7,) [rad].
+    model_id
+        Digest of the model that made the plan, default "".
+    registration
+        Of the cameras, in whose world all this is, and the arm, which shall do it; default: the
+        two agree.
+    pace
+        How the state of the arm drives the clock of the throw; default None: it goes as fast as
+        time.
     """
 
     target: np.ndarray
@@ -85,8 +98,12 @@ class ThrowPlan:
         The hand opens with the first command at or after its time in the plan, so the throw began
         at the stamp of a command. This is only true where time drives the plan.
 
-        * opened_ns: stamp of the command that opened the hand [ns].
-        * commands_ns: (n,) stamps of all commands [ns].
+        Parameters
+        ----------
+        opened_ns
+            Stamp of the command that opened the hand [ns].
+        commands_ns
+            (n,) stamps of all commands [ns].
         """
         latest = opened_ns - round(self.open_hand * 1e9) + 1
         return int(
@@ -121,7 +138,10 @@ class ThrowPlan:
 def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
     """Whether two plans are equal bit for bit, but for the name of their model.
 
-    * first, second: the plans.
+    Parameters
+    ----------
+    first, second
+        The plans.
     """
     return all(
         _equal(getattr(first, f.name), getattr(second, f.name))

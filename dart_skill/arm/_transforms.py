@@ -38,9 +38,13 @@ def fixed_transforms(description: WamDescription, world: str = "world") -> list[
 
 def joint_transforms(description: WamDescription, position: np.ndarray) -> list[Transform]:
     """Those of the joints at angles `position` (7,) [rad]: a turn about the parent's x by the
-    joint's roll, then about z by the angle.
+    joint's
+    roll, then about z by the angle.
 
-    ValueError for angles of another number, or not finite.
+    Raises
+    ------
+    ValueError
+        For angles of another number, or not finite.
     """
     position = np.asarray(position, dtype=float)
     if position.shape != (N_JOINTS,) or not np.all(np.isfinite(position)):

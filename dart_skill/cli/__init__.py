@@ -11,7 +11,13 @@ import threading
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Entry point.
+
+    Returns
+    -------
+    int
+        The exit status.
+    """
     if arguments is None:  # this process is the command, and nobody else's
         _seldom_look_for_garbage()
     loads = (

@@ -119,9 +119,9 @@ def _to_bag(
 def _to_csv(
     options: argparse.Namespace, output: Path, mapping: RecordingMapping | None
 ) -> tuple[str, dict]:
-    from dart_skill.recording import skill_of
+    from dart_skill.recording import HAND, skill_of
     from dart_skill.recording.imports import MAPPING, bodies_to_csv, throws_to_csv
-    from dart_skill.skills.protocol import HAND, load_skill
+    from dart_skill.skills.protocol import load_skill
 
     if mapping or (name := skill_of(options.source)) == THROW:
         recording = throws_to_csv(options.source, output, mapping)

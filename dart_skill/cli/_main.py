@@ -33,7 +33,13 @@ COMMANDS = (
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Entry point.
+
+    Returns
+    -------
+    int
+        The exit status.
+    """
     try:
         if _completion.is_asked():
             return _completion.answer(_parser())

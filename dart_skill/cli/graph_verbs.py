@@ -47,7 +47,10 @@ def add_to(commands: argparse._SubParsersAction, name: str, module: str = "") ->
     """Add a verb with its options; where the nodes are not installed, one that takes anything, and
     says so when it runs.
 
-    module: of `dart_skill_nodes.verbs`, if it is not called as the verb is.
+    Parameters
+    ----------
+    module
+        Of `dart_skill_nodes.verbs`, if it is not called as the verb is.
     """
     parser = commands.add_parser(name, help=HELP[name])
     try:
@@ -60,7 +63,13 @@ def add_to(commands: argparse._SubParsersAction, name: str, module: str = "") ->
 
 
 def runner(name: str, parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], int]:
-    """What runs a verb of the nodes with parsed options; returns the exit status."""
+    """What runs a verb of the nodes with parsed options.
+
+    Returns
+    -------
+    collections.abc.Callable[[argparse.Namespace], int]
+        The exit status.
+    """
     return partial(_run, name, parser)
 
 
@@ -69,8 +78,12 @@ def _run(name: str, parser: argparse.ArgumentParser, options: argparse.Namespace
 
 
 def module_of(name: str, parser: argparse.ArgumentParser) -> ModuleType:
-    """The module of a verb; ImportError says what to do where ROS, the nodes or the checkout are
-    not there.
+    """The module of a verb.
+
+    Raises
+    ------
+    ImportError
+        Says what to do where ROS, the nodes or the checkout are not there.
     """
     try:
         module = _module(name)

@@ -10,7 +10,13 @@ AUTO = Path("auto")
 
 
 def add_mapping(parser: argparse.ArgumentParser) -> None:
-    """Add --mapping to the options of a verb. parser: of the verb."""
+    """Add --mapping to the options of a verb.
+
+    Parameters
+    ----------
+    parser
+        Of the verb.
+    """
     text = (
         "names topics, columns, axes, units (config/recordings/example.yaml); auto: is found in"
         " the recording and written to a file"
@@ -22,11 +28,19 @@ def settle_mapping(options: argparse.Namespace, source: Path, name: str) -> None
     """Put the file of a mapping in the place of `auto` among the options; None where the recording
     reads right without one.
 
-    * options: of the verb.
-    * source: the bag.
-    * name: that the file begins with.
+    Parameters
+    ----------
+    options
+        Of the verb.
+    source
+        The bag.
+    name
+        That the file begins with.
 
-    ValueError if there is such a file, or if no mapping mends the recording.
+    Raises
+    ------
+    ValueError
+        If there is such a file, or if no mapping mends the recording.
     """
     if options.mapping != AUTO:
         return

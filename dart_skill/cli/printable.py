@@ -27,7 +27,13 @@ def in_a_line(text: str) -> str:
 
 def tell_bag_faults(bag: Path, mapping: RecordingMapping | None = None) -> None:
     """Say on standard error what a glance at a bag finds, for what becomes no recording with
-    faults of its own. mapping: None for ours.
+    faults
+    of its own.
+
+    Parameters
+    ----------
+    mapping
+        None for ours.
     """
     from dart_skill.recording.imports import OWN, bag_faults, fault_lines
 

@@ -34,8 +34,14 @@ def add_run(
     layouts: Sequence[str] = GRAPHS,
     also: str = "",
 ) -> None:
-    """The options of a run that teaches and throws; layouts: those that it has; also: what there
-    is to say of them.
+    """The options of a run that teaches and throws.
+
+    Parameters
+    ----------
+    layouts
+        Those that it has.
+    also
+        What there is to say of them.
     """
     parser.add_argument(
         "--seed", type=int, default=0, help="everything random comes from it (default 0)"
@@ -70,7 +76,13 @@ def positive(text: str) -> int:
 
 
 def add_configuration(parser: argparse.ArgumentParser, default: str) -> None:
-    """Which of the skill's configurations is learned; default: in words."""
+    """Which of the skill's configurations is learned.
+
+    Parameters
+    ----------
+    default
+        In words.
+    """
     text = f"of the skill: {', '.join(CONFIGURATIONS)} (default: {default})"
     parser.add_argument(
         "--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text
@@ -147,8 +159,12 @@ def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
 
 
 def add_baskets(parser: argparse.ArgumentParser, count: int | None) -> None:
-    """Where baskets are put, one by one or over the region; count: None where a real arm throws at
-    the basket that is seen.
+    """Where baskets are put, one by one or over the region.
+
+    Parameters
+    ----------
+    count
+        None where a real arm throws at the basket that is seen.
     """
     where = parser.add_mutually_exclusive_group()
     where.add_argument(

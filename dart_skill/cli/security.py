@@ -40,7 +40,13 @@ def add_to(commands: argparse._SubParsersAction) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the policy; returns the exit status."""
+    """Write the policy.
+
+    Returns
+    -------
+    int
+        The exit status.
+    """
     from dart_skill.common.permissions import enclave_of, policy, processes
 
     with new_file(options.policy) as stream:

@@ -16,10 +16,17 @@ LARGEST = 2**28
 
 
 def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
-    """Everything in an open archive, once it is known how much that is; ValueError, or what zip
-    and NumPy raise, for what is none.
+    """Everything in an open archive, once it is known how much that is.
 
-    file: open for reading bytes.
+    Parameters
+    ----------
+    file
+        Open for reading bytes.
+
+    Raises
+    ------
+    ValueError
+        Or what zip and NumPy raise, for what is none.
     """
     with zipfile.ZipFile(file) as archive:
         members = archive.infolist()
@@ -37,9 +44,19 @@ def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
 
 
 def write_arrays(file: BinaryIO, content: Mapping[str, Any]) -> None:
-    """Write what `read_arrays` reads, compressed; ValueError for more than it would read.
+    """Write what `read_arrays` reads, compressed.
 
-    file: open for writing bytes; content: arrays by their names.
+    Parameters
+    ----------
+    file
+        Open for writing bytes.
+    content
+        Arrays by their names.
+
+    Raises
+    ------
+    ValueError
+        For more than it would read.
     """
     size = sum(np.asarray(value).nbytes for value in content.values())
     if size > LARGEST:
@@ -51,8 +68,12 @@ def write_arrays(file: BinaryIO, content: Mapping[str, Any]) -> None:
 
 
 def numbered(rows: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
-    """Many of one kind in one archive: each by its number and name. rows: the arrays of each, by
-    their names.
+    """Many of one kind in one archive: each by its number and name.
+
+    Parameters
+    ----------
+    rows
+        The arrays of each, by their names.
     """
     return {
         f"{k:04d}.{name}": np.asarray(value)
@@ -62,8 +83,17 @@ def numbered(rows: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
 
 
 def in_order(content: Mapping[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-    """What `numbered` put together, apart again, in its order. content: that alone; ValueError for
-    a name without a number.
+    """What `numbered` put together, apart again, in its order.
+
+    Parameters
+    ----------
+    content
+        That alone.
+
+    Raises
+    ------
+    ValueError
+        For a name without a number.
     """
     rows: dict[int, dict[str, np.ndarray]] = {}
     for name, value in content.items():

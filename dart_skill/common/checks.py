@@ -25,8 +25,15 @@ def unmasked(value: Any) -> Any:
     """What was given; as floats, with nan in their places, where parts are masked or pandas has no
     values: neither passes for a number.
 
-    value: array, nested lists, Series or DataFrame. TypeError and ValueError for what is masked or
-    missing, but not numeric.
+    Parameters
+    ----------
+    value
+        Array, nested lists, Series or DataFrame.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is masked or missing, but not numeric.
     """
     if type(value) is np.ndarray:
         return value
@@ -52,17 +59,25 @@ def _has_mask(value: Any) -> bool:
 
 
 def floats(value: Any) -> np.ndarray:
-    """An array of floats, which may be `value` itself; nan where it is masked or missing. value:
-    as of `unmasked`, and its errors.
+    """An array of floats, which may be `value` itself; nan where it is masked or missing.
+
+    Parameters
+    ----------
+    value
+        As of `unmasked`, and its errors.
     """
     return np.asarray(unmasked(value), dtype=float)
 
 
 def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarray:
-    """A copy of `value` as an array of floats; ValueError if it is not numeric, not finite, or not
-    of `ndim` dimensions.
+    """A copy of `value` as an array of floats.
 
     What is masked, or missing in a table of pandas, is not finite.
+
+    Raises
+    ------
+    ValueError
+        If it is not numeric, not finite, or not of `ndim` dimensions.
     """
     try:
         array = np.array(unmasked(value), dtype=float)
@@ -99,8 +114,19 @@ def _reshape_hint(array: np.ndarray, ndim: int) -> str:
 def as_samples(value: ArrayLike, name: str, n_dims: int | None = None) -> np.ndarray:
     """Samples (n, d) with n, d >= 1, and d == n_dims where that is given.
 
-    value: what is given; name: of it, for the message of an error; n_dims: None for any.
-    ValueError for what is none.
+    Parameters
+    ----------
+    value
+        What is given.
+    name
+        Of it, for the message of an error.
+    n_dims
+        None for any.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     samples = as_finite(value, name, 2)
     if samples.size == 0:
@@ -111,8 +137,17 @@ def as_samples(value: ArrayLike, name: str, n_dims: int | None = None) -> np.nda
 
 
 def as_learnable(value: ArrayLike, name: str) -> np.ndarray:
-    """Samples (n, d) whose squares do not overflow. value, name: as of `as_samples`. ValueError
-    for what is none.
+    """Samples (n, d) whose squares do not overflow.
+
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     samples = as_samples(value, name)
     # A sum of squares settles it in nearly all cases, in a quarter of the time.
@@ -146,8 +181,19 @@ def require_near(
 
 
 def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndarray:
-    """Vector (length,) of finite numbers. value, name: as of `as_samples`; length: None for any.
-    ValueError for what is none.
+    """Vector (length,) of finite numbers.
+
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+    length
+        None for any.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     vector = as_finite(value, name, 1)
     if length is not None and len(vector) != length:
@@ -156,10 +202,17 @@ def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndar
 
 
 def as_place(value: ArrayLike, name: str) -> np.ndarray:
-    """A place (3,) within `FARTHEST` [m] of the origin in each direction; ValueError for what is
-    no place.
+    """A place (3,) within `FARTHEST` [m] of the origin in each direction.
 
-    value, name: as of `as_samples`.
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+
+    Raises
+    ------
+    ValueError
+        For what is no place.
     """
     place = floats(value)
     if place.shape != (3,) or not bool(
@@ -175,7 +228,17 @@ def as_place(value: ArrayLike, name: str) -> np.ndarray:
 def as_weights(value: ArrayLike | None, n_samples: int, name: str = "weights") -> np.ndarray:
     """Weights (n_samples,), not negative and not all zero; ones when None.
 
-    value, name: as of `as_samples`; n_samples: how many. ValueError for what is none.
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+    n_samples
+        How many.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     if value is None:
         return np.ones(n_samples)
@@ -190,7 +253,18 @@ def as_weights(value: ArrayLike | None, n_samples: int, name: str = "weights") -
 
 
 def as_count(value: int, name: str, minimum: int = 1) -> int:
-    """Integer of at least `minimum`. value, name: as of `as_samples`. ValueError for what is none."""
+    """Integer of at least `minimum`.
+
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
+    """
     try:
         count = operator.index(value)
     except TypeError:
@@ -201,8 +275,17 @@ def as_count(value: int, name: str, minimum: int = 1) -> int:
 
 
 def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = True) -> float:
-    """Finite scalar above `minimum`, or equal to it when not strict. value, name: as of
-    `as_samples`. ValueError for what is none.
+    """Finite scalar above `minimum`, or equal to it when not strict.
+
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     given: Any = value
     number = (
@@ -220,7 +303,17 @@ def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = 
 def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
     """Distinct column indices within range(n_dims); an integer stands for one column.
 
-    value, name: as of `as_samples`; n_dims: number of columns. ValueError for what is none.
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+    n_dims
+        Number of columns.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     dims = np.array(value, ndmin=1)
     if _has_mask(value):
@@ -237,7 +330,15 @@ def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.nd
     """Matrices of the given shape (..., d, d) that are symmetric but for rounding; the rounding is
     removed.
 
-    value, name: as of `as_samples`. ValueError for what is none.
+    Parameters
+    ----------
+    value, name
+        As of `as_samples`.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     matrices = as_finite(value, name)
     if matrices.shape != shape:
@@ -260,8 +361,17 @@ def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.nd
 def check_samples(
     name: str, time: np.ndarray, values: np.ndarray, least: int = 1, width: int = 3
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`time` (n,) and `values` (n, width) as float arrays; ValueError, with `name`, for what is no
-    series. least: number of samples n.
+    """`time` (n,) and `values` (n, width) as float arrays.
+
+    Parameters
+    ----------
+    least
+        Number of samples n.
+
+    Raises
+    ------
+    ValueError
+        With `name`, for what is no series.
     """
     time, values = floats(time), floats(values)
     if time.ndim != 1 or values.shape != (len(time), width):
@@ -288,8 +398,12 @@ def check_samples(
 
 
 def check_unit_quaternions(name: str, quaternion: np.ndarray, n_samples: int) -> np.ndarray:
-    """Quaternions (n_samples, 4), x, y, z, w, normalised; ValueError for a norm off by more than
-    0.001.
+    """Quaternions (n_samples, 4), x, y, z, w, normalised.
+
+    Raises
+    ------
+    ValueError
+        For a norm off by more than 0.001.
     """
     quaternion = floats(quaternion)
     if quaternion.shape != (n_samples, 4):

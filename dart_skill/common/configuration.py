@@ -6,9 +6,13 @@ from pathlib import Path
 
 def config_path(name: str) -> Path:
     """Path of a file of config/: in $DART_SKILL_CONFIG, in a wheel, beside the library in a
-    checkout, or in a package's share folder.
+    checkout,
+    or in a package's share folder.
 
-    FileNotFoundError if it is nowhere.
+    Raises
+    ------
+    FileNotFoundError
+        If it is nowhere.
     """
     folders = _folders()
     for folder in folders:
@@ -51,7 +55,10 @@ def node_parameters(name: str, node: str) -> dict:
     """Parameters of one node from a ROS parameter file of config/, without ROS; those of world and
     limits that it does not set, too.
 
-    KeyError if the file has no section of the node.
+    Raises
+    ------
+    KeyError
+        If the file has no section of the node.
     """
     content = load_yaml(name)
     if node not in content:

@@ -32,7 +32,13 @@ def remedy(module: str) -> str:
 
 def explained(error: ImportError) -> str:
     """An import that failed, in a line: what is missing, and what brings it, where that is an
-    extra of ours. error: of the import.
+    extra
+    of ours.
+
+    Parameters
+    ----------
+    error
+        Of the import.
     """
     module = (error.name or "").split(".")[0]
     missing = isinstance(error, ModuleNotFoundError) and module in EXTRA_OF
@@ -51,8 +57,12 @@ def need(*modules: str) -> None:
 
 
 def optional(module: str) -> ModuleType:
-    """A module of a package that is in an extra; ModuleNotFoundError, as of an import, if it is
-    not there.
+    """A module of a package that is in an extra.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        As of an import, if it is not there.
     """
     return importlib.import_module(module)
 

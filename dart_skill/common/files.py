@@ -30,7 +30,13 @@ def require_file(path: str | os.PathLike) -> None:
 
 
 def open_file(path: str | os.PathLike) -> BinaryIO:
-    """A regular file, open for reading; NoFile for anything else, which is not waited for."""
+    """A regular file, open for reading.
+
+    Raises
+    ------
+    NoFile
+        For anything else, which is not waited for.
+    """
     descriptor = os.open(
         _checked(path), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
     )
@@ -47,8 +53,16 @@ def new_file(path: str | os.PathLike, replace: bool = False) -> Iterator[BinaryI
     """A file to write, which is there whole and on the disk when the block ends, and not at all if
     the block or the disk fails.
 
-    replace: instead of one that is there already; else FileExistsError. It is written beside its
-    place, and renamed. OSError with its name where the disk is full.
+    Parameters
+    ----------
+    replace
+        Instead of one that is there already; else FileExistsError. It is written beside its place,
+        and renamed.
+
+    Raises
+    ------
+    OSError
+        With its name where the disk is full.
     """
     place = Path(os.path.realpath(_checked(path)))
     if not replace and place.exists():

@@ -18,7 +18,12 @@ Arm = dict[str, dict[str, Any]]
 
 def arm_named(name: str) -> Arm:
     """An arm of config/fleet.yaml: one of its names, or fleet:SEED for the one that this seed
-    draws. ValueError names what there is.
+    draws.
+
+    Raises
+    ------
+    ValueError
+        Names what there is.
     """
     content = load_yaml("fleet.yaml")
     family, _, seed = name.partition(":")
@@ -34,7 +39,11 @@ def arm_named(name: str) -> Arm:
 
 def arm_with(name: str, settings: Iterable[str]) -> Arm:
     """An arm as `arm_named` gives it, with further parameters, each as NODE.PARAMETER=VALUE.
-    ValueError names what does not exist.
+
+    Raises
+    ------
+    ValueError
+        Names what does not exist.
     """
     differs = arm_named(name)
     for text in settings:

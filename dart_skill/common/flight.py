@@ -29,11 +29,18 @@ UP = np.array([0.0, 0.0, 1.0])
 class Ball:
     """A ball, and the air and gravity that it flies in.
 
-    * mass: [kg].
-    * diameter: [m].
-    * drag_coefficient: of a sphere, without a unit.
-    * air_density: [kg/m^3].
-    * gravity: [m/s^2], downwards.
+    Parameters
+    ----------
+    mass
+        [kg].
+    diameter
+        [m].
+    drag_coefficient
+        Of a sphere, without a unit.
+    air_density
+        [kg/m^3].
+    gravity
+        [m/s^2], downwards.
     """
 
     mass: float
@@ -79,9 +86,15 @@ cross-section. The drag of a dart, 0.05 m/s^2, is then a seventh of a tennis bal
 @dataclass(frozen=True)
 class Landing:
     """Where and when balls cross a plane: a horizontal one going down, or a vertical one; nan
-    where they never do.
+    where
+    they never do.
 
-    position (..., 3) [m], velocity (..., 3) [m/s], time (...) [s] after the start of the flight.
+    Parameters
+    ----------
+    position : (..., 3) [m]
+    velocity : (..., 3) [m/s]
+    time : (...) [s]
+        After the start of the flight.
     """
 
     position: np.ndarray
@@ -93,10 +106,16 @@ class Landing:
 class FlightFit:
     """A flight fitted to samples.
 
-    * time: of the state [s].
-    * position, velocity: (3,), the state [m], [m/s].
-    * residuals: (n,), distance of every sample [m].
-    * ball: that flew.
+    Parameters
+    ----------
+    time
+        Of the state [s].
+    position, velocity
+        (3,), the state [m], [m/s].
+    residuals
+        (n,), distance of every sample [m].
+    ball
+        That flew.
     """
 
     time: float
@@ -117,8 +136,12 @@ class FlightFit:
         )
 
     def state_at(self, time: float) -> np.ndarray:
-        """Position and velocity (2, 3) at one absolute time [s]; ValueError for one that is not
-        finite.
+        """Position and velocity (2, 3) at one absolute time [s].
+
+        Raises
+        ------
+        ValueError
+            For one that is not finite.
         """
         if time == self.time:
             return np.stack([self.position, self.velocity])
@@ -149,8 +172,15 @@ def flight(
     """Positions and velocities (n_times, ..., 3) of balls at `times` (n_times,) [s], negative ones
     too.
 
-    position, velocity: (..., 3) at time 0, world frame, Z up. ValueError for times that are not
-    finite.
+    Parameters
+    ----------
+    position, velocity
+        (..., 3) at time 0, world frame, Z up.
+
+    Raises
+    ------
+    ValueError
+        For times that are not finite.
     """
     position, velocity = _states(position, velocity)
     times = np.asarray(times, dtype=float)
@@ -194,8 +224,16 @@ def crossing(
     """Where balls with position, velocity (..., 3) cross the vertical plane normal . p = offset in
     the direction of its normal.
 
-    normal (3,): horizontal unit vector. A ball that is beyond the plane already, or flies away
-    from it, gives nan. ValueError for another normal, or an offset that is not finite.
+    Parameters
+    ----------
+    normal : (3,)
+        Horizontal unit vector. A ball that is beyond the plane already, or flies away from it,
+        gives nan.
+
+    Raises
+    ------
+    ValueError
+        For another normal, or an offset that is not finite.
     """
     position, velocity = _states(position, velocity)
     normal = np.asarray(normal, dtype=float)
@@ -250,9 +288,21 @@ def fit_flight(
 ) -> FlightFit:
     """Least-squares flight through samples with known drag and gravity.
 
-    time (n,) [s], position (n, 3) [m], n >= 3; at: instant of the fitted state, by default the
-    first sample; near: a flight that is like it, which saves time and changes the result by less
-    than a micrometre. ValueError for an instant that is not finite.
+    Parameters
+    ----------
+    time : (n,) [s]
+    position : (n, 3) [m]
+        n >= 3.
+    at
+        Instant of the fitted state, by default the first sample.
+    near
+        A flight that is like it, which saves time and changes the result by less than a
+        micrometre.
+
+    Raises
+    ------
+    ValueError
+        For an instant that is not finite.
     """
     time, position = check_samples("ball", time, position, least=3)
     origin = float(time[0] if at is None else at)
@@ -273,14 +323,21 @@ def fit_flights(
     """Fits w flights to n samples each: positions and velocities (w, 3) at time 0, misfits (w, n)
     [m].
 
-    time (w, n) [s], position (w, n, 3) [m], trusted to be valid; first (w, 2, 3): positions and
-    velocities to begin with; accuracy [m]: a repetition that moves no sample by more is the last.
-
     In vacuum the fit is linear in the state. Drag moves the samples of a known flight by a known
     amount, so that the linear fit is repeated on samples from which the drag of the last flight is
     taken away; each repetition shrinks the error by about k |v| t (a tenth). A single flight,
     which may be long, is fitted with its sensitivity to the state instead, drag included: one or
     two repetitions.
+
+    Parameters
+    ----------
+    time : (w, n) [s]
+    position : (w, n, 3) [m]
+        Trusted to be valid.
+    first : (w, 2, 3)
+        Positions and velocities to begin with.
+    accuracy : [m]
+        A repetition that moves no sample by more is the last.
     """
     state = lines(time, position, ball.gravity) if first is None else first
     if len(time) == 1:
@@ -297,7 +354,11 @@ def may_fly(
     flights in vacuum that fit them best, (w, 2, 3): for all but those that cannot be,
     `fit_flights` may begin with these, as it does by itself.
 
-    time (w, n) [s], position (w, n, 3) [m], trusted to be valid, the first time of each is 0.
+    Parameters
+    ----------
+    time : (w, n) [s]
+    position : (w, n, 3) [m]
+        Trusted to be valid, the first time of each is 0.
     """
     states = lines(time, position, ball.gravity)
     return steps_may_fly(time, position, states, ball.drag, ball.gravity, tolerance), states

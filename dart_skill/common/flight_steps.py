@@ -31,9 +31,14 @@ def fly(
     """Positions and velocities (w, n, 3) of w flights at n times each: as many equal steps as the
     longest of all needs.
 
-    * position, velocity: (w, 3) at time 0 [m], [m/s].
-    * time: (w, n) [s], negative ones too.
-    * drag, gravity: [1/m], [m/s^2].
+    Parameters
+    ----------
+    position, velocity
+        (w, 3) at time 0 [m], [m/s].
+    time
+        (w, n) [s], negative ones too.
+    drag, gravity
+        [1/m], [m/s^2].
     """
     n_flights, n_times = time.shape[0], time.shape[1]
     points, speeds = np.empty((n_flights * n_times, 3)), np.empty((n_flights * n_times, 3))
@@ -53,15 +58,23 @@ def cross(
     gravity: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where balls cross planes against their normal: positions and velocities (n, 3), times (n,);
-    nan for balls that never do.
+    nan
+    for balls that never do.
 
     Newton's iteration on the height above the plane, normal . p - offset.
 
-    * position, velocity: (n, 3) at time 0 [m], [m/s].
-    * time: (n,) at which the iteration begins [s], negative or nan for balls that never cross.
-    * normal: (3,) of all planes, a unit vector.
-    * offset: (n,) of each plane [m].
-    * drag, gravity: [1/m], [m/s^2].
+    Parameters
+    ----------
+    position, velocity
+        (n, 3) at time 0 [m], [m/s].
+    time
+        (n,) at which the iteration begins [s], negative or nan for balls that never cross.
+    normal
+        (3,) of all planes, a unit vector.
+    offset
+        (n,) of each plane [m].
+    drag, gravity
+        [1/m], [m/s^2].
     """
     n, never = position.shape[0], float("nan")
     points, speeds, crossing = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
@@ -99,17 +112,25 @@ def fit(
     accuracy: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """State (2, 3) at time 0 of the flight that fits n samples best, and the distances (n,) of
-    these [m].
+    these
+    [m].
 
     The method of Gauss and Newton with one sensitivity for all repetitions. A change of the state
     by c leaves an error of about k t c^2: where that is small enough, the flight moves as its
     sensitivity says.
 
-    * time: (n,), increasing [s].
-    * position: (n, 3) [m].
-    * first: position and velocity (2, 3) to begin with.
-    * drag, gravity: [1/m], [m/s^2].
-    * accuracy: [m], a repetition that moves no sample by more is the last.
+    Parameters
+    ----------
+    time
+        (n,), increasing [s].
+    position
+        (n, 3) [m].
+    first
+        Position and velocity (2, 3) to begin with.
+    drag, gravity
+        [1/m], [m/s^2].
+    accuracy
+        [m], a repetition that moves no sample by more is the last.
     """
     n = time.shape[0]
     found, distances, change = np.empty((2, 3)), np.empty(n), np.empty(6)
@@ -143,11 +164,17 @@ def fit(
 
 def lines(time: np.ndarray, position: np.ndarray, gravity: float) -> np.ndarray:
     """States (w, 2, 3) at time 0 of the w flights in vacuum that fit n samples each best: lines,
-    but for gravity.
+    but
+    for gravity.
 
-    * time: (w, n) [s].
-    * position: (w, n, 3) [m].
-    * gravity: [m/s^2].
+    Parameters
+    ----------
+    time
+        (w, n) [s].
+    position
+        (w, n, 3) [m].
+    gravity
+        [m/s^2].
     """
     n_flights, n = time.shape[0], time.shape[1]
     states, lifted = np.empty((n_flights, 2, 3)), np.empty((n, 3))
@@ -176,11 +203,18 @@ def may_fly(
     8. The flight in vacuum that fits best is off the samples by no more than that one, root mean
     square: by this and the tolerance. |v| is below the sum of the speeds at both ends.
 
-    * time: (w, n) [s], beginning with 0.
-    * position: (w, n, 3) [m].
-    * states: (w, 2, 3), as of `lines`.
-    * drag, gravity: [1/m], [m/s^2].
-    * tolerance: [m].
+    Parameters
+    ----------
+    time
+        (w, n) [s], beginning with 0.
+    position
+        (w, n, 3) [m].
+    states
+        (w, 2, 3), as of `lines`.
+    drag, gravity
+        [1/m], [m/s^2].
+    tolerance
+        [m].
     """
     n_flights, n = time.shape[0], time.shape[1]
     found = np.zeros(n_flights, dtype=np.uint8)
@@ -214,15 +248,23 @@ def fit_together(
     accuracy: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """States (w, 2, 3) at time 0 of the w flights that fit n samples each best, and the distances
-    (w, n) of these [m].
+    (w,
+    n) of these [m].
 
     Lines are fitted to what the last flights leave of the samples, until they are flat.
 
-    * time: (w, n) [s].
-    * position: (w, n, 3) [m].
-    * first: states (w, 2, 3) to begin with.
-    * drag, gravity: [1/m], [m/s^2].
-    * accuracy: [m], a repetition that moves no sample by more is the last.
+    Parameters
+    ----------
+    time
+        (w, n) [s].
+    position
+        (w, n, 3) [m].
+    first
+        States (w, 2, 3) to begin with.
+    drag, gravity
+        [1/m], [m/s^2].
+    accuracy
+        [m], a repetition that moves no sample by more is the last.
     """
     n_flights, n = time.shape[0], time.shape[1]
     found, distances, change, left = (

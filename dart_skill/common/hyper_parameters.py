@@ -27,15 +27,30 @@ class HyperParameters:
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The hyper-parameters by name, as the constructor takes them.
 
-        * deep: for scikit-learn, which asks with it; nothing here has estimators inside.
+        Parameters
+        ----------
+        deep
+            For scikit-learn, which asks with it; nothing here has estimators inside.
         """
         return {name: getattr(self, name) for name in self._parameters()}
 
     def set_params(self: AnyModel, **params: Any) -> AnyModel:
-        """Change hyper-parameters; returns self. What was fitted with the former ones is
-        forgotten.
+        """Change hyper-parameters. What was fitted with the former ones is forgotten.
 
-        * params: by name, as the constructor takes them. ValueError names one that is none.
+        Parameters
+        ----------
+        params
+            By name, as the constructor takes them.
+
+        Returns
+        -------
+        AnyModel
+            Self.
+
+        Raises
+        ------
+        ValueError
+            Names one that is none.
         """
         known = self.get_params()
         for name in params:

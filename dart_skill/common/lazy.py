@@ -14,8 +14,7 @@ def on_first_use(
     package: str, home: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """A package's `__getattr__` and `__dir__`, which import names from the modules that have them
-    when somebody asks for them; AttributeError, as of any module, for a name that none of them
-    has.
+    when somebody asks for them.
 
     A type checker sees the imports themselves:
 
@@ -24,8 +23,17 @@ def on_first_use(
         else:
             __getattr__, __dir__ = on_first_use(__name__, {"_heavy": "Heavy HeavyResult"})
 
-    * package: its name.
-    * home: for each module of the package the names that it has, with spaces between.
+    Parameters
+    ----------
+    package
+        Its name.
+    home
+        For each module of the package the names that it has, with spaces between.
+
+    Raises
+    ------
+    AttributeError
+        As of any module, for a name that none of them has.
     """
     module_of = {name: module for module, names in home.items() for name in names.split()}
     namespace = vars(sys.modules[package])

@@ -13,17 +13,22 @@ from dart_skill.common.checks import as_number
 @dataclass(frozen=True)
 class PhaseRule:
     """How the state changes the phase: s' = clip(1 + d / T, slowest, fastest), where d [s] is how
-    far the state is ahead of the phase.
+    far
+    the state is ahead of the phase.
 
-    Parameters:
-
-    * slowest: float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated
-      pace.
-    * fastest: float above 1, default 4. Largest rate of the phase.
-    * time_constant: float, default 0.05 [s]. T of the correction.
-    * deviation: float, default 0.05 [s]. w, standard deviation of the phase in the correction.
-    * ignored: float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or
-      leads by that nobody disturbs.
+    Parameters
+    ----------
+    slowest
+        Float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated pace.
+    fastest
+        Float above 1, default 4. Largest rate of the phase.
+    time_constant
+        Float, default 0.05 [s]. T of the correction.
+    deviation
+        Float, default 0.05 [s]. w, standard deviation of the phase in the correction.
+    ignored
+        Float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or leads by
+        that nobody disturbs.
     """
 
     slowest: float = 0.05

@@ -60,18 +60,30 @@ GLOBAL = ("/rosout", "/parameter_events", "/diagnostics", "/tf", "/tf_static")
 def enclave_of(process: str, namespace: str = "") -> str:
     """Path of the enclave of a process, as `--enclave` takes it.
 
-    * process: name of its executable.
-    * namespace: of its graph, as "/arm1"; each graph of a domain has enclaves of its own.
+    Parameters
+    ----------
+    process
+        Name of its executable.
+    namespace
+        Of its graph, as "/arm1"; each graph of a domain has enclaves of its own.
     """
     return f"{ROOT}{namespace}/{process}"
 
 
 def permissions_of(section: str, namespace: str = "") -> dict[str, list[str]]:
-    """Everything that a node of config/permissions.yaml may do, by the keys of `KINDS`; ValueError
-    if it has no section there.
+    """Everything that a node of config/permissions.yaml may do, by the keys of `KINDS`.
 
-    * section: of the file.
-    * namespace: of the graph, as "/arm1".
+    Parameters
+    ----------
+    section
+        Of the file.
+    namespace
+        Of the graph, as "/arm1".
+
+    Raises
+    ------
+    ValueError
+        If it has no section there.
     """
     own = _section(section)
     granted = {kind: [*COMMON.get(kind, ()), *own.get(kind, ())] for kind in KINDS}
@@ -103,7 +115,10 @@ def processes() -> dict[str, list[str]]:
 def policy(namespace: str = "") -> str:
     """The policy as XML, with an enclave for each process.
 
-    * namespace: of the graph, as "/arm1".
+    Parameters
+    ----------
+    namespace
+        Of the graph, as "/arm1".
     """
     root = ElementTree.Element("policy", version="0.2.0")
     inside = ElementTree.SubElement(root, "enclaves")

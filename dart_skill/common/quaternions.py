@@ -28,7 +28,10 @@ NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 def unit(quaternions: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4) with length 1.
 
-    * quaternions: (..., 4), none of them zero.
+    Parameters
+    ----------
+    quaternions
+        (..., 4), none of them zero.
     """
     return quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
 
@@ -37,8 +40,12 @@ def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Hamilton products (..., 4): the rotation by `right`, then by `left`; leading shapes are
     broadcast.
 
-    * left: (..., 4), need not have length 1.
-    * right: (..., 4), likewise.
+    Parameters
+    ----------
+    left
+        (..., 4), need not have length 1.
+    right
+        (..., 4), likewise.
     """
     parts = left[..., :3, None] * (right.take(SHIFTED, axis=-1) * SIGNS)
     return left[..., 3:] * right + parts[..., 0, :] + parts[..., 1, :] + parts[..., 2, :]
@@ -47,8 +54,12 @@ def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by unit quaternions; leading shapes are broadcast.
 
-    * quaternions: (..., 4).
-    * vectors: (..., 3), any unit.
+    Parameters
+    ----------
+    quaternions
+        (..., 4).
+    vectors
+        (..., 3), any unit.
     """
     after, before = quaternions.take(NEXT, axis=-1), quaternions.take(LAST, axis=-1)
     twice = 2.0 * (after * vectors.take(LAST, axis=-1) - before * vectors.take(NEXT, axis=-1))
@@ -65,8 +76,12 @@ def rotate_one(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
     It adds in another order than `rotate`, so the last bits may differ.
 
-    * quaternion: (4,).
-    * vector: (3,), any unit.
+    Parameters
+    ----------
+    quaternion
+        (4,).
+    vector
+        (3,), any unit.
     """
     (x, y, z, w), (a, b, c) = quaternion.tolist(), vector.tolist()
     p, q, r = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c

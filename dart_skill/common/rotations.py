@@ -12,10 +12,19 @@ import numpy as np
 
 
 def least_length(quaternions: np.ndarray, unit: np.ndarray) -> float:
-    """Write quaternions (n, 4) scaled to length 1 (n, 4); returns the least of their lengths.
+    """Write quaternions (n, 4) scaled to length 1 (n, 4)
 
-    * quaternions: (n, 4), n >= 1.
-    * unit: (n, 4), is written.
+    Parameters
+    ----------
+    quaternions
+        (n, 4), n >= 1.
+    unit
+        (n, 4), is written.
+
+    Returns
+    -------
+    float
+        The least of their lengths.
     """
     least = 0.0
     for i in range(quaternions.shape[0]):
@@ -29,10 +38,15 @@ def least_length(quaternions: np.ndarray, unit: np.ndarray) -> float:
 
 def turned(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, 3) turned by unit quaternions (n, 4); one of them may have one row for all rows
-    of the other.
+    of
+    the other.
 
-    * quaternions: (n, 4) or (1, 4).
-    * vectors: (n, 3) or (1, 3).
+    Parameters
+    ----------
+    quaternions
+        (n, 4) or (1, 4).
+    vectors
+        (n, 3) or (1, 3).
     """
     n_quaternions, n_vectors = quaternions.shape[0], vectors.shape[0]
     n = n_vectors if n_quaternions == 1 else n_quaternions
@@ -53,7 +67,10 @@ def hand_angles(quaternions: np.ndarray) -> np.ndarray:
     """Angles alpha, beta, roll (n, 3) [rad] of hand orientations in a task frame (8.4.1), each in
     half a turn to either side of zero.
 
-    * quaternions: (n, 4), of unit length.
+    Parameters
+    ----------
+    quaternions
+        (n, 4), of unit length.
     """
     found = np.empty((quaternions.shape[0], 3))
     angles = found
@@ -81,7 +98,10 @@ def of_hand_angles(angles: np.ndarray) -> np.ndarray:
     """Unit quaternions (n, 4) of angles alpha, beta, roll: neighbours have a non-negative dot
     product.
 
-    * angles: (n, 3) [rad], as of `hand_angles`.
+    Parameters
+    ----------
+    angles
+        (n, 3) [rad], as of `hand_angles`.
     """
     found, half_root = np.empty((angles.shape[0], 4)), math.sqrt(0.5)
     result = found
@@ -115,8 +135,12 @@ def unwrap(angles: np.ndarray, near: float) -> None:
     """Add full turns to angles, so that they have no jumps and the first is within half a turn of
     `near`.
 
-    * angles: (n,) [rad], n >= 1, is written.
-    * near: [rad].
+    Parameters
+    ----------
+    angles
+        (n,) [rad], n >= 1, is written.
+    near
+        [rad].
     """
     half = math.atan2(0.0, -1.0)  # half a turn
     turn = 2.0 * half
@@ -131,7 +155,10 @@ def unwrap(angles: np.ndarray, near: float) -> None:
 def of_matrices(matrices: np.ndarray) -> np.ndarray:
     """Unit quaternions (n, 4) of rotation matrices; the largest of the four numbers is positive.
 
-    * matrices: (n, 3, 3).
+    Parameters
+    ----------
+    matrices
+        (n, 3, 3).
     """
     found = np.empty((matrices.shape[0], 4))
     result = found
@@ -144,8 +171,12 @@ def of_matrices(matrices: np.ndarray) -> np.ndarray:
 def quaternion_into(vector: np.ndarray, quaternion: np.ndarray) -> None:
     """Write the quaternion of a rotation vector.
 
-    * vector: (3,) [rad].
-    * quaternion: (4,), is written.
+    Parameters
+    ----------
+    vector
+        (3,) [rad].
+    quaternion
+        (4,), is written.
     """
     half = 0.5 * math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
     share = 0.5 * math.sin(half) / half if half > 1e-20 else 0.5
@@ -157,8 +188,12 @@ def quaternion_into(vector: np.ndarray, quaternion: np.ndarray) -> None:
 def vector_into(quaternion: np.ndarray, vector: np.ndarray) -> None:
     """Write the rotation vector of a unit quaternion, at most half a turn long.
 
-    * quaternion: (4,).
-    * vector: (3,) [rad], is written.
+    Parameters
+    ----------
+    quaternion
+        (4,).
+    vector
+        (3,) [rad], is written.
     """
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     length = math.sqrt(x * x + y * y + z * z)
@@ -170,8 +205,12 @@ def vector_into(quaternion: np.ndarray, vector: np.ndarray) -> None:
 def product_into(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
     """Write the Hamilton product: the rotation by `right`, then by `left`.
 
-    * left, right: (4,).
-    * result: (4,), is written, and is neither of them.
+    Parameters
+    ----------
+    left, right
+        (4,).
+    result
+        (4,), is written, and is neither of them.
     """
     a, b, c, d = left[0], left[1], left[2], left[3]
     x, y, z, w = right[0], right[1], right[2], right[3]
@@ -184,8 +223,12 @@ def product_into(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> Non
 def matrix_into(quaternion: np.ndarray, matrix: np.ndarray) -> None:
     """Write the rotation matrix of a unit quaternion.
 
-    * quaternion: (4,).
-    * matrix: (3, 3), is written.
+    Parameters
+    ----------
+    quaternion
+        (4,).
+    matrix
+        (3, 3), is written.
     """
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     matrix[0, 0], matrix[1, 1], matrix[2, 2] = (

@@ -15,8 +15,12 @@ from dart_skill.common.constants import UNTURNED
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Pose of a body in the world: position (3,) [m] and quaternion (4,) x, y, z, w; ValueError
-    for one that is none.
+    """Pose of a body in the world: position (3,) [m] and quaternion (4,) x, y, z, w.
+
+    Raises
+    ------
+    ValueError
+        For one that is none.
     """
 
     position: np.ndarray
@@ -41,14 +45,24 @@ class Pose:
         return _turn(self).as_matrix()
 
     def place(self, local: Pose) -> Pose:
-        """What is at a pose in this body's frame, in the world. local: position, or pose, in this
-        frame.
+        """What is at a pose in this body's frame, in the world.
+
+        Parameters
+        ----------
+        local
+            Position, or pose, in this frame.
         """
         turn = _turn(self)
         return Pose(self.position + turn.apply(local.position), (turn * _turn(local)).as_quat())
 
     def sees(self, other: Pose) -> Pose:
-        """Where another body is in the frame of this one. other: its pose."""
+        """Where another body is in the frame of this one.
+
+        Parameters
+        ----------
+        other
+            Its pose.
+        """
         back = _turn(self).inv()
         return Pose(back.apply(other.position - self.position), (back * _turn(other)).as_quat())
 
@@ -57,15 +71,25 @@ class Pose:
 class Situation:
     """What a movement depends on.
 
-    * poses: of bodies by their role.
-    * numbers: whatever else matters, by name.
+    Parameters
+    ----------
+    poses
+        Of bodies by their role.
+    numbers
+        Whatever else matters, by name.
     """
 
     poses: Mapping[str, Pose]
     numbers: Mapping[str, float] = field(default_factory=dict)
 
     def pose(self, role: str) -> Pose:
-        """Pose of a body; ValueError names it if the situation does not say where it is."""
+        """Pose of a body.
+
+        Raises
+        ------
+        ValueError
+            Names it if the situation does not say where it is.
+        """
         if role not in self.poses:
             raise ValueError(
                 f"where is the {role}? The situation says only where"
@@ -74,17 +98,25 @@ class Situation:
         return self.poses[role]
 
     def moved(self, role: str, pose: Pose) -> Situation:
-        """The same situation with one body elsewhere. pose: where it is then."""
+        """The same situation with one body elsewhere.
+
+        Parameters
+        ----------
+        pose
+            Where it is then.
+        """
         return replace(self, poses={**self.poses, role: pose})
 
     def in_words(self, roles: Sequence[str] = (), units: Mapping[str, str] | None = None) -> str:
         """Where bodies are: `holder at 0.61, 0.12, 1.18 m, turned by +23 degrees`, and numbers:
         `duration 2.4 s`.
 
-        Parameters:
-
-        * roles: of the bodies to name, default all.
-        * units: of the numbers, by name (`Skill.units`).
+        Parameters
+        ----------
+        roles
+            Of the bodies to name, default all.
+        units
+            Of the numbers, by name (`Skill.units`).
         """
         said = []
         for role, pose in self.poses.items():

@@ -12,10 +12,17 @@ import numpy as np
 def solve_positive_definite(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """The solution x (n,) of matrix x = right, by Cholesky's factors.
 
-    * matrix: (n, n) symmetric and positive definite; its lower triangle is read.
-    * right: (n,).
+    Parameters
+    ----------
+    matrix
+        (n, n) symmetric and positive definite; its lower triangle is read.
+    right
+        (n,).
 
-    ValueError if the matrix is not positive definite.
+    Raises
+    ------
+    ValueError
+        If the matrix is not positive definite.
     """
     n = len(right)
     lower, solution = np.empty((n, n)), np.empty(n)
@@ -28,11 +35,18 @@ def factor_into(matrix: np.ndarray, lower: np.ndarray) -> None:
     """Write the Cholesky factor L of a matrix L L' (n, n); what is above the diagonal stays as it
     is.
 
-    * matrix: (n, n) symmetric and positive definite; its lower triangle is read, and it may be
-      `lower` itself.
-    * lower: (n, n), is written.
+    Parameters
+    ----------
+    matrix
+        (n, n) symmetric and positive definite; its lower triangle is read, and it may be `lower`
+        itself.
+    lower
+        (n, n), is written.
 
-    ValueError if the matrix is not positive definite.
+    Raises
+    ------
+    ValueError
+        If the matrix is not positive definite.
     """
     n = matrix.shape[0]
     for i in range(n):
@@ -53,9 +67,14 @@ def factor_into(matrix: np.ndarray, lower: np.ndarray) -> None:
 def solve_into(lower: np.ndarray, right: np.ndarray, solution: np.ndarray) -> None:
     """Write the solution x (n,) of L L' x = right.
 
-    * lower: the factor L (n, n).
-    * right: (n,), may be `solution` itself.
-    * solution: (n,), is written.
+    Parameters
+    ----------
+    lower
+        The factor L (n, n).
+    right
+        (n,), may be `solution` itself.
+    solution
+        (n,), is written.
     """
     n = right.shape[0]
     for i in range(n):
@@ -73,8 +92,12 @@ def solve_into(lower: np.ndarray, right: np.ndarray, solution: np.ndarray) -> No
 def invert_into(lower: np.ndarray, inverse: np.ndarray) -> None:
     """Write the inverse of a lower triangle L (n, n), which is one, too.
 
-    * lower: (n, n); what is above the diagonal is not read.
-    * inverse: (n, n), is written, with zeros above the diagonal; not `lower` itself.
+    Parameters
+    ----------
+    lower
+        (n, n); what is above the diagonal is not read.
+    inverse
+        (n, n), is written, with zeros above the diagonal; not `lower` itself.
     """
     n = lower.shape[0]
     for j in range(n):

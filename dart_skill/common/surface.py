@@ -52,7 +52,10 @@ class Rims:
         """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane
         were turned to the target (3,).
 
-        position, velocity: (3,) at the start.
+        Parameters
+        ----------
+        position, velocity
+            (3,) at the start.
         """
         return float(landing(position, velocity, target[2], ball).position[0])
 
@@ -144,7 +147,10 @@ class BoardFace:
     ) -> Landing:
         """Where flights with position, velocity (..., 3) at their start meet the plane.
 
-        target: without effect, since the plane is the board's.
+        Parameters
+        ----------
+        target
+            Without effect, since the plane is the board's.
         """
         return crossing(position, velocity, self.normal, self.distance, ball)
 
@@ -154,7 +160,10 @@ class BoardFace:
         """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane
         were turned to the target (3,).
 
-        position, velocity: (3,) at the start.
+        Parameters
+        ----------
+        position, velocity
+            (3,) at the start.
         """
         aside = np.arctan2(target[1], target[0]) - np.arctan2(self.bull[1], self.bull[0])
         plane = self.distance / float(np.cos(aside))
@@ -173,13 +182,23 @@ class BoardFace:
         return self.distance * self.normal + left + [0.0, 0.0, coordinates[0]]
 
     def miss(self, difference: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """A difference of points (3,) as up and to the left (2,). at: without effect, since the
-        face is a plane.
+        """A difference of points (3,) as up and to the left (2,).
+
+        Parameters
+        ----------
+        at
+            Without effect, since the face is a plane.
         """
         return difference @ self.axes
 
     def offset(self, miss: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The difference (3,) that a miss (2,) is. at: without effect, since the face is a plane."""
+        """The difference (3,) that a miss (2,) is.
+
+        Parameters
+        ----------
+        at
+            Without effect, since the face is a plane.
+        """
         return self.axes @ miss
 
     def seen_from(
@@ -228,8 +247,12 @@ RIMS = Rims()
 class Game:
     """What is thrown, as its flight goes, and where it is judged.
 
-    * projectile: the ball or dart.
-    * surface: where its flight ends.
+    Parameters
+    ----------
+    projectile
+        The ball or dart.
+    surface
+        Where its flight ends.
     """
 
     projectile: Ball

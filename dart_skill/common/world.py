@@ -24,21 +24,37 @@ DEMONSTRATION_TOPIC, MARK_TOPIC = "/demonstrations", "/demonstration_marks"
 class World:
     """The entries of config/world.yaml.
 
-    * skill: its name.
-    * frame_id: frame of all poses.
-    * hand_body, ball_body, basket_body: names of the tracked bodies.
-    * watch_time: how long a flight is watched at most [s].
-    * basket_radius: of its rim [m].
-    * basket_depth: from the rim to the floor of the basket [m].
-    * board_position: of the bull of a dart board that faces the base axis (3,) [m].
-    * near, far, side: the region that baskets stand in: distances straight ahead [m] and largest
-      angle to a side [rad].
-    * rim: height of the rim [m].
-    * ball_mass: [kg].
-    * ball_diameter: [m].
-    * ball_restitution: share of its speed that is left after it bounced.
-    * ball_drag_coefficient: of a sphere, without a unit.
-    * ball_inertia: about any axis through its centre [kg m^2].
+    Parameters
+    ----------
+    skill
+        Its name.
+    frame_id
+        Frame of all poses.
+    hand_body, ball_body, basket_body
+        Names of the tracked bodies.
+    watch_time
+        How long a flight is watched at most [s].
+    basket_radius
+        Of its rim [m].
+    basket_depth
+        From the rim to the floor of the basket [m].
+    board_position
+        Of the bull of a dart board that faces the base axis (3,) [m].
+    near, far, side
+        The region that baskets stand in: distances straight ahead [m] and largest angle to a side
+        [rad].
+    rim
+        Height of the rim [m].
+    ball_mass
+        [kg].
+    ball_diameter
+        [m].
+    ball_restitution
+        Share of its speed that is left after it bounced.
+    ball_drag_coefficient
+        Of a sphere, without a unit.
+    ball_inertia
+        About any axis through its centre [kg m^2].
     """
 
     skill: str
@@ -80,7 +96,13 @@ class World:
 
 @lru_cache(maxsize=1)
 def the_world() -> World:
-    """The world of config/world.yaml; ValueError if an entry is missing, or one is not known."""
+    """The world of config/world.yaml.
+
+    Raises
+    ------
+    ValueError
+        If an entry is missing, or one is not known.
+    """
     entries = _checked(world_parameters())
     return World(**{**entries, "board_position": tuple(entries["board_position"])})
 
@@ -108,12 +130,20 @@ def joint_names() -> tuple[str, ...]:
 @lru_cache(maxsize=64)
 def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[int] | slice:
     """Where the arm's joints are among the names of a joint state, which may have more: indices,
-    or a slice if they are the first in order.
+    or a
+    slice if they are the first in order.
 
-    * names: of the joint state.
-    * wanted: names of the arm's joints, default those of config/wam.yaml.
+    Parameters
+    ----------
+    names
+        Of the joint state.
+    wanted
+        Names of the arm's joints, default those of config/wam.yaml.
 
-    ValueError names the first joint that is missing, or is named twice.
+    Raises
+    ------
+    ValueError
+        Names the first joint that is missing, or is named twice.
     """
     wanted = wanted or joint_names()
     if names[: len(wanted)] == wanted and not set(wanted) & set(names[len(wanted) :]):

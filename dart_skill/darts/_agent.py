@@ -34,11 +34,14 @@ class RecentHits:
 
     A bias counts as spread and is not corrected in the aim: practice removes it.
 
-    Parameters:
-
-    * window: int, number of the last hits that are used.
-    * least: int, number of hits before the first estimate.
-    * every: int, number of hits between two estimates.
+    Parameters
+    ----------
+    window
+        Int, number of the last hits that are used.
+    least
+        Int, number of hits before the first estimate.
+    every
+        Int, number of hits between two estimates.
     """
 
     def __init__(self, window: int, least: int, every: int):
@@ -55,8 +58,12 @@ class RecentHits:
         return float("nan") if self.spread is None else self.spread.sigma
 
     def tell(self, hit: ArrayLike) -> bool:
-        """Learn from the hit (2,) [mm] of the dart that was thrown at the aim chosen last; returns
-        whether there is a new estimate.
+        """Learn from the hit (2,) [mm] of the dart that was thrown at the aim chosen last.
+
+        Returns
+        -------
+        bool
+            Whether there is a new estimate.
         """
         self._hits.append(as_vector(hit, "hit", 2))
         self._aims.append(self._aimed)
@@ -100,10 +107,16 @@ RATE_CHANGES = 0.005
 class PathTable:
     """What scores each aim can bring, by sigma.
 
-    * sigmas: (s,) [mm].
-    * aims: (a, 2) [mm].
-    * likelihood: (a, s, 62), probability of each possible score.
-    * expected: (a, s), expected score.
+    Parameters
+    ----------
+    sigmas
+        (s,) [mm].
+    aims
+        (a, 2) [mm].
+    likelihood
+        (a, s, 62), probability of each possible score.
+    expected
+        (a, s), expected score.
     """
 
     sigmas: np.ndarray
@@ -152,8 +165,12 @@ class SigmaBelief:
         return Spread.isotropic(self.sigma)
 
     def tell(self, score: int | ArrayLike) -> bool:
-        """Learn from the score of the dart that was thrown at the aim chosen last; returns whether
-        the aim must be chosen again.
+        """Learn from the score of the dart that was thrown at the aim chosen last.
+
+        Returns
+        -------
+        bool
+            Whether the aim must be chosen again.
         """
         place = np.flatnonzero(np.asarray(POSSIBLE_SCORES) == score)
         if place.size == 0:
@@ -212,17 +229,21 @@ class ModelBasedAgent:
         agent = ModelBasedAgent()
         agent.tell(score_thrown_at(agent.aim))
 
-    Parameters:
-
-    * learns_from: "scores" or "hits", default "scores". What the agent learns of a dart, and what
-      it estimates: "scores": one sigma that changes from throw to throw, as a probability
-      distribution (a hidden Markov model). The aim has the highest expected score under that
-      distribution. "hits": the most likely covariance of the last hits about their aims. A bias
-      counts as spread. The aim has the highest expected score for that covariance.
-    * window: int, default 50, for "hits". Number of the last hits that are used.
-    * least: int, default 10, for "hits". Number of hits before the first estimate; until then the
-      aim is the bull.
-    * every: int, default 5, for "hits". Number of hits between two estimates.
+    Parameters
+    ----------
+    learns_from
+        "scores" or "hits", default "scores". What the agent learns of a dart, and what it
+        estimates: "scores": one sigma that changes from throw to throw, as a probability
+        distribution (a hidden Markov model). The aim has the highest expected score under that
+        distribution. "hits": the most likely covariance of the last hits about their aims. A bias
+        counts as spread. The aim has the highest expected score for that covariance.
+    window
+        Int, default 50, for "hits". Number of the last hits that are used.
+    least
+        Int, default 10, for "hits". Number of hits before the first estimate; until then the aim
+        is the bull.
+    every
+        Int, default 5, for "hits". Number of hits between two estimates.
     """
 
     def __init__(
@@ -280,8 +301,15 @@ class ModelBasedAgent:
     def tell(self, seen: int | ArrayLike) -> None:
         """Learn from the dart that was thrown at `aim`.
 
-        seen: its score, or its hit (2,) [mm], as `learns_from` says; ValueError for what is
-        impossible.
+        Parameters
+        ----------
+        seen
+            Its score, or its hit (2,) [mm], as `learns_from` says.
+
+        Raises
+        ------
+        ValueError
+            For what is impossible.
         """
         if self._estimate.tell(seen):
             self._best = self._estimate.choose(self._beyond)

@@ -145,7 +145,15 @@ def as_target(value: str | ArrayLike) -> np.ndarray:
     """Point (2,) [mm] of a target: the middle of a bed (T20, D16, DB; S5 is the outer, larger
     single), or a point x, y.
 
-    value: a name or a point (2,) [mm]. ValueError for what is neither.
+    Parameters
+    ----------
+    value
+        A name or a point (2,) [mm].
+
+    Raises
+    ------
+    ValueError
+        For what is neither.
     """
     if not isinstance(value, str):
         point = as_points(value, "aim")

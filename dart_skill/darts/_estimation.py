@@ -57,9 +57,14 @@ line.
 class LikelihoodRatio(NamedTuple):
     """Test of a model against a simpler one.
 
-    * statistic: twice the difference of the log-likelihoods.
-    * degrees_of_freedom: by how many parameters the models differ.
-    * p_value: probability of a statistic at least as large if the simpler model is right.
+    Parameters
+    ----------
+    statistic
+        Twice the difference of the log-likelihoods.
+    degrees_of_freedom
+        By how many parameters the models differ.
+    p_value
+        Probability of a statistic at least as large if the simpler model is right.
     """
 
     statistic: float
@@ -72,11 +77,25 @@ class SpreadEstimate:
     """The most likely spread of a thrower, made by `estimate_from_scores` or
     `estimate_from_points`.
 
-    * spread: Spread, the estimate; sigma [mm]: of it.
-    * log_likelihood: of the throws under it.
-    * model: "isotropic" (one sigma) or "general" (a covariance).
-    * with_bias: whether the mean was estimated; otherwise it is the aim.
-    * throws: the observations; n_throws: number of those that were used.
+    Parameters
+    ----------
+    spread
+        Spread, the estimate.
+    log_likelihood
+        Of the throws under it.
+    model
+        "isotropic" (one sigma) or "general" (a covariance).
+    with_bias
+        Whether the mean was estimated; otherwise it is the aim.
+    throws
+        The observations.
+
+    Attributes
+    ----------
+    sigma : [mm]
+        Of it.
+    n_throws
+        Number of those that were used.
     """
 
     spread: Spread
@@ -104,8 +123,12 @@ class SpreadEstimate:
     def confidence_interval(self, level: float = 0.95) -> tuple[float, float]:
         """Lowest and highest sigma [mm] that the likelihood ratio does not reject at 1 - level.
 
-        An end that the throws do not determine is 0 or inf. ValueError for a level that is not
-        between 0 and 1.
+        An end that the throws do not determine is 0 or inf.
+
+        Raises
+        ------
+        ValueError
+            For a level that is not between 0 and 1.
         """
         if not 0.0 < as_number(level, "level") < 1.0:
             raise ValueError(f"level must lie between 0 and 1, got {level:g}")
@@ -172,17 +195,25 @@ def estimate_from_scores(
 ) -> SpreadEstimate:
     """The spread of a thrower from the scores of n single darts.
 
-    Parameters:
+    Parameters
+    ----------
+    scores : (n,)
+        Numbers (0 is a miss), names of beds where they are known (T20, D10, S5), and x for a dart
+        that bounced out, which is not used.
+    aim
+        Target of all darts, a name or a point (2,) [mm], or a point for each (n, 2); default DB,
+        the double bull.
+    model
+        "isotropic" (one sigma, default) or "general" (a covariance).
+    bias
+        Bool, default False. Whether the mean may differ from the aim.
+    misses
+        "counted" (default), or "unrecorded" if only darts that hit the board are listed.
 
-    * scores (n,): numbers (0 is a miss), names of beds where they are known (T20, D10, S5), and x
-      for a dart that bounced out, which is not used.
-    * aim: target of all darts, a name or a point (2,) [mm], or a point for each (n, 2); default
-      DB, the double bull.
-    * model: "isotropic" (one sigma, default) or "general" (a covariance).
-    * bias: bool, default False. Whether the mean may differ from the aim.
-    * misses: "counted" (default), or "unrecorded" if only darts that hit the board are listed.
-
-    ValueError if all darts missed the board.
+    Raises
+    ------
+    ValueError
+        If all darts missed the board.
     """
     throws = throws_from_scores(scores, aim, misses)
     if all(group.patterns.shape[0] == 1 and group.patterns[0, -1] for group in throws.groups):
@@ -203,14 +234,18 @@ def estimate_from_points(
 ) -> SpreadEstimate:
     """The spread of a thrower from measured impacts.
 
-    Parameters:
-
-    * points (n, 2) [mm]: the impacts.
-    * aim: as in `estimate_from_scores`; if there is one for each dart, first those of the impacts,
-      then those of the misses.
-    * model, bias: as in `estimate_from_scores`.
-    * misses: int, default 0. Number of darts that missed the board and have no impact;
-      "unrecorded" if nobody counted them.
+    Parameters
+    ----------
+    points : (n, 2) [mm]
+        The impacts.
+    aim
+        As in `estimate_from_scores`; if there is one for each dart, first those of the impacts,
+        then those of the misses.
+    model, bias
+        As in `estimate_from_scores`.
+    misses
+        Int, default 0. Number of darts that missed the board and have no impact; "unrecorded" if
+        nobody counted them.
     """
     return _estimate(throws_from_points(points, aim, misses), model, bias)
 

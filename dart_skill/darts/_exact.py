@@ -56,13 +56,21 @@ Piece = tuple[np.ndarray, np.ndarray, int, int, np.ndarray]
 class Boundary:
     """Nodes of all pieces of wire, piece after piece.
 
-    * position (m, 2) [mm].
-    * normal (m, 2) [mm]: normal out of the inner bed, times the quadrature weight.
-    * jump (m, 2): normal times the difference of the scores, inner minus outer.
-    * starts (k,): index of the first node of each piece.
-    * sides (k, 83): +1 for the inner bed of a piece, -1 for the outer one.
-    * ends (k, 2, 2) [mm]: where a piece begins and ends; turn (k,): +1 where its normal is to the
-      right of the way, else -1.
+    Parameters
+    ----------
+    position : (m, 2) [mm]
+    normal : (m, 2) [mm]
+        Normal out of the inner bed, times the quadrature weight.
+    jump : (m, 2)
+        Normal times the difference of the scores, inner minus outer.
+    starts : (k,)
+        Index of the first node of each piece.
+    sides : (k, 83)
+        +1 for the inner bed of a piece, -1 for the outer one.
+    ends : (k, 2, 2) [mm]
+        Where a piece begins and ends.
+    turn : (k,)
+        +1 where its normal is to the right of the way, else -1.
     """
 
     position: np.ndarray
@@ -189,10 +197,14 @@ class BedMoments(NamedTuple):
 
 
 def expected_score(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.ndarray:
-    """Expected score (...) of one dart at aims (..., 2) [mm]; spread: a Spread, sigma [mm] or a
-    covariance (2, 2) [mm^2].
+    """Expected score (...) of one dart at aims (..., 2) [mm].
 
     Absolute error below 1e-9 points.
+
+    Parameters
+    ----------
+    spread
+        A Spread, sigma [mm] or a covariance (2, 2) [mm^2].
     """
     aims, spread = as_points(aims, "aims"), as_spread(spread)
     flat = aims.reshape(-1, 2) + spread.bias
@@ -210,7 +222,10 @@ def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np
     """Probability (..., 83) of each bed (BED_NAMES) for one dart at aims (..., 2) [mm]; absolute
     error below 1e-12.
 
-    spread: as in `expected_score`.
+    Parameters
+    ----------
+    spread
+        As in `expected_score`.
     """
     aims, spread = as_points(aims, "aims"), as_spread(spread)
     flat = aims.reshape(-1, 2) + spread.bias
@@ -231,9 +246,13 @@ def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np
 
 def score_derivatives(aims: ArrayLike, spread: Spread | float | ArrayLike) -> Derivatives:
     """Expected score of aims (n, 2) [mm], with gradient and Hessian with respect to the aim; all
-    are exact to round-off.
+    are
+    exact to round-off.
 
-    spread: as in `expected_score`.
+    Parameters
+    ----------
+    spread
+        As in `expected_score`.
     """
     aims, spread = as_samples(aims, "aims", 2), as_spread(spread)
     boundary = boundary_for(spread.deviations[0])
@@ -261,8 +280,12 @@ def score_derivatives(aims: ArrayLike, spread: Spread | float | ArrayLike) -> De
 
 
 def bed_moments(mean: np.ndarray, covariance: np.ndarray) -> BedMoments:
-    """Moments of N(mean, covariance) restricted to each bed; mean (2,) [mm], covariance (2, 2)
-    [mm^2].
+    """Moments of N(mean, covariance) restricted to each bed.
+
+    Parameters
+    ----------
+    mean : (2,) [mm]
+    covariance : (2, 2) [mm^2]
     """
     spread = Spread(covariance)
     boundary = boundary_for(spread.deviations[0])

@@ -44,8 +44,13 @@ LARGEST_GRID = 4_000_000
 class HeatMap:
     """Expected score on a grid of aims, made by `heat_map`.
 
-    * x (nx,), y (ny,) [mm]: ascending; x to the right, y up.
-    * expected_score (ny, nx) [points].
+    Parameters
+    ----------
+    x : (nx,)
+        Ascending; x to the right, y up.
+    y : (ny,) [mm]
+        Ascending; x to the right, y up.
+    expected_score : (ny, nx) [points]
     """
 
     x: np.ndarray
@@ -77,8 +82,17 @@ def heat_map(
 ) -> HeatMap:
     """Expected score on the grid of multiples of `spacing` [mm] within +- half_width [mm].
 
-    spread: a Spread, a sigma [mm] of at least 1, or a covariance (2, 2) [mm^2]. half_width:
-    default 170, the board. ValueError for too many aims, or a spread too narrow for a grid.
+    Parameters
+    ----------
+    spread
+        A Spread, a sigma [mm] of at least 1, or a covariance (2, 2) [mm^2].
+    half_width
+        Default 170, the board.
+
+    Raises
+    ------
+    ValueError
+        For too many aims, or a spread too narrow for a grid.
     """
     spread, spacing = as_spread(spread), as_number(spacing, "spacing")
     steps = as_number(half_width, "half_width") / spacing + 1e-9

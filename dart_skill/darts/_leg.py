@@ -32,14 +32,22 @@ HIGHEST_START = 1001
 class LegPolicy:
     """Where to aim in each state of a leg, made by `solve_leg`.
 
-    * aims (n, 2) [mm].
-    * expected (start + 1,): expected number of turns (or darts) to the finish from each score at
-      the start of a turn; NaN for 1.
-    * choices: three arrays of indices into aims, with three, two and one darts left: (start + 1,
-      1), (start + 1, 61) and (start + 1, 121). Row: score at the start of the turn; column: points
-      of the turn so far; -1 for impossible states.
-    * spreads, which (n,): the spreads of the thrower, and the index of the spread of each aim.
-    * objective: "turns" or "darts".
+    Parameters
+    ----------
+    aims : (n, 2) [mm]
+    expected : (start + 1,)
+        Expected number of turns (or darts) to the finish from each score at the start of a turn;
+        NaN for 1.
+    choices
+        Three arrays of indices into aims, with three, two and one darts left: (start + 1, 1),
+        (start + 1, 61) and (start + 1, 121). Row: score at the start of the turn; column: points
+        of the turn so far; -1 for impossible states.
+    spreads
+        The spreads of the thrower, and the index of the spread of each aim.
+    which : (n,)
+        The spreads of the thrower, and the index of the spread of each aim.
+    objective
+        "turns" or "darts".
     """
 
     aims: np.ndarray
@@ -58,8 +66,16 @@ class LegPolicy:
     ) -> np.ndarray:
         """Point (2,) [mm] to aim at with this remaining score and number of darts left.
 
-        turn_start: score before the turn, to which a bust returns; default None: remaining, so
-        nothing is scored yet. ValueError for a state that cannot be.
+        Parameters
+        ----------
+        turn_start
+            Score before the turn, to which a bust returns; default None: remaining, so nothing is
+            scored yet.
+
+        Raises
+        ------
+        ValueError
+            For a state that cannot be.
         """
         begun, scored = self.state(remaining, darts_left, turn_start)
         return self.aims[self.choices[3 - darts_left][begun, scored]]
@@ -96,8 +112,12 @@ class LegPolicy:
 class CheckoutTable:
     """Best chances to finish within one, two or three darts, made by `checkout_table`.
 
-    * probability (n, 3): highest probability to finish, from scores 0 to n - 1.
-    * aims (n, 3, 2) [mm]: for the first of these darts.
+    Parameters
+    ----------
+    probability : (n, 3)
+        Highest probability to finish, from scores 0 to n - 1.
+    aims : (n, 3, 2) [mm]
+        For the first of these darts.
     """
 
     probability: np.ndarray
@@ -108,16 +128,23 @@ def solve_leg(
     spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 501, objective: str = "turns"
 ) -> LegPolicy:
     """The policy with the fewest expected turns (or darts) to finish from `start`, double out, for
-    a thrower without opponent.
+    a
+    thrower without opponent.
 
-    Parameters:
+    Parameters
+    ----------
+    spread
+        A Spread, a sigma [mm], a covariance (2, 2) [mm^2], or a SpreadByTarget such as
+        `professional()`.
+    start
+        Int from 2 to 1001, default 501.
+    objective
+        "turns" (default) or "darts".
 
-    * spread: a Spread, a sigma [mm], a covariance (2, 2) [mm^2], or a SpreadByTarget such as
-      `professional()`.
-    * start: int from 2 to 1001, default 501.
-    * objective: "turns" (default) or "darts".
-
-    ValueError for another start or objective.
+    Raises
+    ------
+    ValueError
+        For another start or objective.
     """
     start = as_start(start)
     if objective not in OBJECTIVES:
@@ -136,7 +163,10 @@ def checkout_table(
     """The best chances to finish within the darts of this turn, from scores up to `highest`; a
     failure costs nothing.
 
-    spread: as in `solve_leg`.
+    Parameters
+    ----------
+    spread
+        As in `solve_leg`.
     """
     highest = as_count(highest, "highest", 2)
     thrower = thrower_of(spread)
@@ -181,10 +211,18 @@ PER_TURN = 3
 class LegDart:
     """A dart of a leg.
 
-    * before: what was left before it; after: what is left then, after a bust as much as at the
-      start of the turn.
-    * hit: name of the place that it hit, such as T20, or what became of it.
-    * points: of the dart, whether they count or not; bust: they do not.
+    Parameters
+    ----------
+    before
+        What was left before it.
+    after
+        What is left then, after a bust as much as at the start of the turn.
+    hit
+        Name of the place that it hit, such as T20, or what became of it.
+    points
+        Of the dart, whether they count or not.
+    bust
+        They do not.
     """
 
     before: int
@@ -197,14 +235,21 @@ class LegDart:
 class LegInPlay:
     """501, double out, dart by dart.
 
-    * start: the score at the start, default 501.
+    Parameters
+    ----------
+    start
+        The score at the start, default 501.
 
-    Attributes:
-
-    * darts: that were thrown, in order.
-    * remaining: what is left.
-    * turn_start: what was left when the turn began, to which a bust returns.
-    * darts_left: of the turn.
+    Attributes
+    ----------
+    darts
+        That were thrown, in order.
+    remaining
+        What is left.
+    turn_start
+        What was left when the turn began, to which a bust returns.
+    darts_left
+        Of the turn.
     """
 
     def __init__(self, start: int = 501):
@@ -223,7 +268,13 @@ class LegInPlay:
         return self._thrown(place_of(point), int(BED_SCORES[bed]), bool(BED_IS_DOUBLE[bed]))
 
     def lost(self, why: str) -> LegDart:
-        """A dart that was not seen on the board: it scores nothing. why: what became of it."""
+        """A dart that was not seen on the board: it scores nothing.
+
+        Parameters
+        ----------
+        why
+            What became of it.
+        """
         return self._thrown(why, 0, False)
 
     def _thrown(self, hit: str, points: int, double: bool) -> LegDart:

@@ -60,8 +60,12 @@ def after_dart(remaining: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Everywhere:
-    """In every state every aim may be chosen. results (n, 57): probabilities of the results of a
-    dart at each of n aims.
+    """In every state every aim may be chosen.
+
+    Parameters
+    ----------
+    results : (n, 57)
+        Probabilities of the results of a dart at each of n aims.
     """
 
     def __init__(self, results: np.ndarray):
@@ -95,10 +99,17 @@ class Everywhere:
 
 
 class Nearby:
-    """In each state only some of the aims may be chosen. near (3, start + 1, n): which, by the
-    darts left less one, and what remains.
+    """In each state only some of the aims may be chosen.
 
-    counts (3, start + 1): how many. In each row of means the first so many are different.
+    Parameters
+    ----------
+    near : (3, start + 1, n)
+        Which, by the darts left less one, and what remains.
+
+    Attributes
+    ----------
+    counts : (3, start + 1)
+        How many. In each row of means the first so many are different.
     """
 
     def __init__(self, results: np.ndarray, near: np.ndarray):
@@ -200,10 +211,15 @@ def _padded(mask: np.ndarray) -> np.ndarray:
 
 
 class Costs(NamedTuple):
-    """Costs of a dart and of a turn; share: d, what a turn counts of the one before it.
+    """Costs of a dart and of a turn.
 
     If an opponent finishes in each of his turns with the chance 1 - d, the least cost means the
     highest chance to finish before him.
+
+    Parameters
+    ----------
+    share
+        d, what a turn counts of the one before it.
     """
 
     dart: float
@@ -216,7 +232,17 @@ def solve(
 ) -> Solution:
     """Policy with the least cost from every score up to `start`.
 
-    choice: between which aims; guesses (start + 1,): of V. ValueError if no policy finishes.
+    Parameters
+    ----------
+    choice
+        Between which aims.
+    guesses : (start + 1,)
+        Of V.
+
+    Raises
+    ------
+    ValueError
+        If no policy finishes.
     """
     leg = _Leg(choice, start, costs.dart)
     for score in range(2, start + 1):

@@ -34,10 +34,20 @@ Player = MatchPlayer | Spread | SpreadByTarget | float | ArrayLike
 class MatchSide:
     """One of two players in a leg: the chances to win, and where to aim.
 
-    * player: between which aims; play: "best" or "turns", how they are chosen.
-    * first, second (start + 1, start + 1): chance to win the leg at the start of an own turn and
-      at the start of one of the other player, by what this player has left and by what the other
-      has left; NaN where one of them has 1 left.
+    Parameters
+    ----------
+    player
+        Between which aims.
+    play
+        "best" or "turns", how they are chosen.
+    first
+        Chance to win the leg at the start of an own turn and at the start of one of the other
+        player, by what this player has left and by what the other has left; NaN where one of them
+        has 1 left.
+    second : (start + 1, start + 1)
+        Chance to win the leg at the start of an own turn and at the start of one of the other
+        player, by what this player has left and by what the other has left; NaN where one of them
+        has 1 left.
     """
 
     player: MatchPlayer
@@ -51,8 +61,11 @@ class MatchSide:
         """Point (2,) [mm] to aim at with this remaining score and number of darts left, when the
         other player has `against` left.
 
-        turn_start: score before the turn, to which a bust returns; default None: remaining, so
-        nothing is scored yet.
+        Parameters
+        ----------
+        turn_start
+            Score before the turn, to which a bust returns; default None: remaining, so nothing is
+            scored yet.
         """
         begun, scored = self.player.leg.state(remaining, darts_left, turn_start)
         choices = self.choices(begun, as_remaining(against, self.player.leg.start, "against"))
@@ -115,15 +128,21 @@ def solve_match(
     They throw three darts in turn. Each aims where the chance to win is highest, whatever the
     other does. From 501 this takes 10 to 60 s.
 
-    Parameters:
+    Parameters
+    ----------
+    spread, against
+        Of the two players, "me" and "them": as in `solve_leg`, or what `match_player` made, which
+        saves its time.
+    start
+        Int from 2 to 1001, default 501.
+    plays
+        Of each player "best" (default), which is the best answer to how the other plays, or
+        "turns", the fewest turns on average.
 
-    * spread, against: of the two players, "me" and "them": as in `solve_leg`, or what
-      `match_player` made, which saves its time.
-    * start: int from 2 to 1001, default 501.
-    * plays: of each player "best" (default), which is the best answer to how the other plays, or
-      "turns", the fewest turns on average.
-
-    ValueError for a start or a play that is none, and for a player who never finishes.
+    Raises
+    ------
+    ValueError
+        For a start or a play that is none, and for a player who never finishes.
     """
     start = as_start(start)
     if len(plays) != 2 or any(play not in PLAYS for play in plays):
@@ -164,11 +183,21 @@ def _side(player: MatchPlayer, play: str) -> Side:
 
 class AimsApart(NamedTuple):
     """A score at which the first dart of a turn is aimed at another bed against another score of
-    the other player, made by `aims_apart`.
+    the
+    other player, made by `aims_apart`.
 
-    * remaining: the own score; against: two scores of the other.
-    * aims (2, 2) [mm]: the best ones against these; beds: their names.
-    * losses: of the chance to win, if the other of the two aims is taken.
+    Parameters
+    ----------
+    remaining
+        The own score.
+    against
+        Two scores of the other.
+    aims : (2, 2) [mm]
+        The best ones against these.
+    beds
+        Their names.
+    losses
+        Of the chance to win, if the other of the two aims is taken.
     """
 
     remaining: int
@@ -180,10 +209,18 @@ class AimsApart(NamedTuple):
 
 def aims_apart(side: MatchSide, near: int = 40, far: int = 140) -> AimsApart | None:
     """Where the best aim depends most on what the other player has left, near or far; None if it
-    is in the same bed everywhere.
+    is
+    in the same bed everywhere.
 
-    side: one with the play "best"; a `far` above the start means the start. ValueError for another
-    play.
+    Parameters
+    ----------
+    side
+        One with the play "best"; a `far` above the start means the start.
+
+    Raises
+    ------
+    ValueError
+        For another play.
     """
     start = side.player.leg.start
     against = (
@@ -219,12 +256,20 @@ def _apart(side: MatchSide, remaining: int, against: tuple[int, int]) -> AimsApa
 def match_chance(first: float, second: float, legs: int, begins: str = "me") -> float:
     """The chance to win a match, best of an odd number of legs, which the players begin in turn.
 
-    first, second: chance to win a leg that the player begins, and one that the other begins;
-    begins: the first leg, "me" or "them".
-
     The match is won if all legs were played and more than half of them were won: a sum of two
-    binomial numbers. ValueError for an even number of legs or too many, no chance, or another
-    player.
+    binomial numbers.
+
+    Parameters
+    ----------
+    first, second
+        Chance to win a leg that the player begins, and one that the other begins.
+    begins
+        The first leg, "me" or "them".
+
+    Raises
+    ------
+    ValueError
+        For an even number of legs or too many, no chance, or another player.
     """
     first, second = _as_chance(first, "first"), _as_chance(second, "second")
     legs = as_count(legs, "legs", 1)

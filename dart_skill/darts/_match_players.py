@@ -43,11 +43,18 @@ RESPITE = 4
 class MatchPlayer:
     """How one player can play, made by `match_player`.
 
-    * leg: the policy with the fewest turns on average.
-    * outcomes (start + 1, start + 1): chance of what is left after a turn of that policy, by what
-      was left before.
-    * aims (n, 2) [mm]: between which to choose; which (n,): index of the spread of each.
-    * choice: which of them are good with so many darts left and so much remaining.
+    Parameters
+    ----------
+    leg
+        The policy with the fewest turns on average.
+    outcomes : (start + 1, start + 1)
+        Chance of what is left after a turn of that policy, by what was left before.
+    aims : (n, 2) [mm]
+        Between which to choose.
+    which : (n,)
+        Index of the spread of each.
+    choice
+        Which of them are good with so many darts left and so much remaining.
     """
 
     leg: LegPolicy

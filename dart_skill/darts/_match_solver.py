@@ -66,8 +66,12 @@ class Turns(Protocol):
 
 
 class Side(Protocol):
-    """A player: left (start + 1, start + 1) is L, by the score of the other and by the own one;
-    back (start + 1,): chance that a turn leads back to its beginning, nearly.
+    """A player: left (start + 1, start + 1) is L, by the score of the other and by the own one.
+
+    Attributes
+    ----------
+    back : (start + 1,)
+        Chance that a turn leads back to its beginning, nearly.
     """
 
     left: np.ndarray
@@ -77,8 +81,12 @@ class Side(Protocol):
 
 
 def solve_game(mine: Side, theirs: Side, guess: np.ndarray | None = None) -> None:
-    """Fills `left` of both sides, which may be the same; guess (start + 1, start + 1): of
-    mine.left.
+    """Fills `left` of both sides, which may be the same.
+
+    Parameters
+    ----------
+    guess : (start + 1, start + 1)
+        Of mine.left.
     """
     start = len(mine.left) - 1
     guess = np.zeros_like(mine.left) if guess is None else guess
@@ -124,8 +132,12 @@ def _root(first: Turns, second: Turns, at: np.ndarray, slope: np.ndarray) -> np.
 
 
 class Fixed:
-    """A player who plays by a fixed policy. outcomes (start + 1, start + 1): chances of what is
-    left after a turn, by what was before.
+    """A player who plays by a fixed policy.
+
+    Parameters
+    ----------
+    outcomes : (start + 1, start + 1)
+        Chances of what is left after a turn, by what was before.
     """
 
     def __init__(self, outcomes: np.ndarray):
@@ -156,10 +168,20 @@ class _FixedTurns:
 class Best:
     """A player who chooses the best aim in every state of the game.
 
-    * choice: between which aims; back (start + 1,): as of Side.
-    * safe (2, start + 1, start + 1): W_1 and W_2 of scores from which no dart can bust, by the
-      score of the other and by what remains.
-    * last, second: the last dart of a turn, and the second, from scores from which they may bust.
+    Parameters
+    ----------
+    choice
+        Between which aims.
+    back : (start + 1,)
+        As of Side.
+
+    Attributes
+    ----------
+    safe : (2, start + 1, start + 1)
+        W_1 and W_2 of scores from which no dart can bust, by the score of the other and by what
+        remains.
+    last, second
+        The last dart of a turn, and the second, from scores from which they may bust.
     """
 
     def __init__(self, choice: Nearby, back: np.ndarray):

@@ -61,8 +61,12 @@ class Aim:
 
 
 def best_aim(spread: Spread | float | ArrayLike) -> Aim:
-    """The aim with the highest expected score of one dart; spread: a Spread, a sigma [mm] or a
-    covariance (2, 2) [mm^2].
+    """The aim with the highest expected score of one dart.
+
+    Parameters
+    ----------
+    spread
+        A Spread, a sigma [mm] or a covariance (2, 2) [mm^2].
     """
     spread = as_spread(spread)
     seeds = _seeds(spread)
@@ -70,8 +74,12 @@ def best_aim(spread: Spread | float | ArrayLike) -> Aim:
 
 
 def local_optima(spread: Spread | float | ArrayLike) -> list[Aim]:
-    """All local maxima of the expected score of one dart, the best first, which is `best_aim`;
-    spread: as there.
+    """All local maxima of the expected score of one dart, the best first, which is `best_aim`.
+
+    Parameters
+    ----------
+    spread
+        As there.
     """
     spread = as_spread(spread)
     return _separate(_climb_all(_seeds(spread), spread), spread)
@@ -213,9 +221,14 @@ TIE = 1e-7
 class Jump:
     """A jump of the best aim: below this sigma and above it, two distant aims score the same.
 
-    * sigma: where the best aim jumps [mm].
-    * below: the best aim for a slightly smaller sigma.
-    * above: the best aim for a slightly larger one.
+    Parameters
+    ----------
+    sigma
+        Where the best aim jumps [mm].
+    below
+        The best aim for a slightly smaller sigma.
+    above
+        The best aim for a slightly larger one.
     """
 
     sigma: float
@@ -227,9 +240,14 @@ class Jump:
 class OptimumPath:
     """The best aim over sigma, made by `optimum_path`.
 
-    * sigmas (n,) [mm]: ascending; at a jump sigma occurs twice, with the aims before and after it.
-    * aims (n, 2) [mm], expected_scores (n,).
-    * jumps: in ascending order of sigma.
+    Parameters
+    ----------
+    sigmas : (n,) [mm]
+        Ascending; at a jump sigma occurs twice, with the aims before and after it.
+    aims : (n, 2) [mm]
+    expected_scores : (n,)
+    jumps
+        In ascending order of sigma.
     """
 
     sigmas: np.ndarray
@@ -252,8 +270,16 @@ def optimum_path(
 ) -> OptimumPath:
     """The best aim for sigmas from lowest to highest [mm].
 
-    shape: a spread or covariance that gives the shape and the bias; isotropic without bias by
-    default. ValueError unless lowest is below highest.
+    Parameters
+    ----------
+    shape
+        A spread or covariance that gives the shape and the bias; isotropic without bias by
+        default.
+
+    Raises
+    ------
+    ValueError
+        Unless lowest is below highest.
     """
     shape = Spread(np.eye(2)) if shape is None else as_spread(shape)
     low, high = shape.scaled_to(lowest), shape.scaled_to(highest)

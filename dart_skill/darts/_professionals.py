@@ -42,7 +42,12 @@ def professional(name: str | None = None) -> SpreadByTarget:
     """Spread of a professional, by surname; None: a typical one.
 
     The typical one has, for each target, the shape of the mean covariance and the mean of (det
-    covariance)^(1/4). ValueError for a name that is not known.
+    covariance)^(1/4).
+
+    Raises
+    ------
+    ValueError
+        For a name that is not known.
     """
     if name is None:
         spreads = [_typical(index) for index in range(len(TARGETS))]

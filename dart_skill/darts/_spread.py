@@ -24,10 +24,12 @@ LARGEST_BIAS = 1000.0
 class Spread:
     """Gaussian spread of the darts about the aim.
 
-    Parameters:
-
-    * covariance (2, 2) [mm^2]: standard deviations along its axes from 0.1 to 2000 mm.
-    * bias (2,) [mm], default zero: mean of the darts minus the aim, at most 1000 mm.
+    Parameters
+    ----------
+    covariance : (2, 2) [mm^2]
+        Standard deviations along its axes from 0.1 to 2000 mm.
+    bias : (2,) [mm]
+        Default zero: mean of the darts minus the aim, at most 1000 mm.
     """
 
     covariance: np.ndarray
@@ -53,8 +55,12 @@ class Spread:
 
     @classmethod
     def isotropic(cls, sigma: float, bias: ArrayLike = (0.0, 0.0)) -> Spread:
-        """The same standard deviation sigma [mm] in every direction. bias: (2,) [mm], default
-        zero.
+        """The same standard deviation sigma [mm] in every direction.
+
+        Parameters
+        ----------
+        bias
+            (2,) [mm], default zero.
         """
         return cls(_as_sigma(sigma) ** 2 * np.eye(2), as_vector(bias, "bias", 2))
 
@@ -92,11 +98,13 @@ class SpreadByTarget:
     """A spread for each of several targets (Haugh and Wang 2022). An aim has the spread of the
     nearest target.
 
-    Parameters:
-
-    * targets (k, 2) [mm].
-    * spreads: k spreads, one for each target.
-    * doubles: Spread of all aims farther from the bull than DOUBLES_FROM, 150 mm.
+    Parameters
+    ----------
+    targets : (k, 2) [mm]
+    spreads
+        k spreads, one for each target.
+    doubles
+        Spread of all aims farther from the bull than DOUBLES_FROM, 150 mm.
     """
 
     targets: np.ndarray

@@ -25,10 +25,16 @@ excluded.
 class Expectation(NamedTuple):
     """Result of the E-step, with x the place that a dart hit and m the mean of the darts.
 
-    * log_likelihood: of the observed scores.
-    * n_throws: expected number of darts.
-    * first: (2,) [mm], expected sum of x - m.
-    * second: (2, 2) [mm^2], expected sum of (x - m)(x - m)'.
+    Parameters
+    ----------
+    log_likelihood
+        Of the observed scores.
+    n_throws
+        Expected number of darts.
+    first
+        (2,) [mm], expected sum of x - m.
+    second
+        (2, 2) [mm^2], expected sum of (x - m)(x - m)'.
     """
 
     log_likelihood: float
@@ -52,11 +58,18 @@ class _Group:
 class ObservedThrows:
     """All observed throws.
 
-    * groups: throws with a score, by aim.
-    * offsets (n, 2) [mm]: from the aim, of throws with a measured impact; point_aims (n, 2) [mm]:
-      their aims.
-    * misses: "counted", or "unrecorded" if darts that missed the board were not listed.
-    * bounced_out: number of darts that bounced out.
+    Parameters
+    ----------
+    groups
+        Throws with a score, by aim.
+    offsets : (n, 2) [mm]
+        From the aim, of throws with a measured impact.
+    point_aims : (n, 2) [mm]
+        Their aims.
+    misses
+        "counted", or "unrecorded" if darts that missed the board were not listed.
+    bounced_out
+        Number of darts that bounced out.
     """
 
     groups: tuple[_Group, ...]
@@ -88,8 +101,12 @@ class ObservedThrows:
 def throws_from_scores(
     scores: Sequence[str | int], aims: str | ArrayLike, misses: str
 ) -> ObservedThrows:
-    """Throws from scores; aims: one target for all (a name or a point), or one point for each, (n,
-    2) [mm].
+    """Throws from scores.
+
+    Parameters
+    ----------
+    aims
+        One target for all (a name or a point), or one point for each, (n, 2) [mm].
     """
     patterns, bounced = parse_score_list(scores)
     aims = _aims_of(aims, len(patterns))
@@ -110,8 +127,12 @@ def throws_from_scores(
 def throws_from_points(
     points: ArrayLike, aims: str | ArrayLike, misses: int | str
 ) -> ObservedThrows:
-    """Throws from measured impacts (n, 2) [mm]; misses: number of darts that missed the board, or
-    "unrecorded".
+    """Throws from measured impacts (n, 2) [mm].
+
+    Parameters
+    ----------
+    misses
+        Number of darts that missed the board, or "unrecorded".
     """
     points = as_points(points)
     if points.ndim != 2 or len(points) == 0:

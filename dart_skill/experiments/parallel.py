@@ -33,7 +33,10 @@ def all_of(
     """What function(seed) lists for every seed, in their order, `jobs` processes at a time; a
     progress bar where stderr is a terminal.
 
-    scheduler: as in `run_all`.
+    Parameters
+    ----------
+    scheduler
+        As in `run_all`.
     """
     parts = dict(
         tqdm(
@@ -48,10 +51,15 @@ def run_all(
 ) -> Iterator[tuple[int, Any]]:
     """(index, function(task)) of every task as it finishes, in any order.
 
-    jobs: processes on this machine, 0 for one per core; scheduler: address of a Dask scheduler,
-    whose workers have this package installed. An exception of a task is raised here, and the tasks
-    not begun are not run. Ctrl-C, or no interest in more results, ends the workers at once; they
-    end by themselves when this process does, however that goes.
+    Parameters
+    ----------
+    jobs
+        Processes on this machine, 0 for one per core.
+    scheduler
+        Address of a Dask scheduler, whose workers have this package installed. An exception of a
+        task is raised here, and the tasks not begun are not run. Ctrl-C, or no interest in more
+        results, ends the workers at once; they end by themselves when this process does, however
+        that goes.
     """
     if scheduler:
         yield from _on_dask(function, tasks, scheduler)
@@ -156,9 +164,14 @@ def run_tasks(
     A task and its run are frozen dataclasses of numbers, words, and tuples of them; run.task is
     the task.
 
-    * run: a function of a task, which returns its run.
-    * tasks: in the order of the result.
-    * results: the file, a JSON object a line.
+    Parameters
+    ----------
+    run
+        A function of a task, which returns its run.
+    tasks
+        In the order of the result.
+    results
+        The file, a JSON object a line.
     """
     known: dict[Any, Any] = {}
     if tasks and results and results.exists():
@@ -176,7 +189,13 @@ def run_tasks(
 
 
 def read_runs(results: Path, run_type: type, task_type: type) -> list:
-    """Runs of a file of `run_tasks`; ValueError names a line that is not one."""
+    """Runs of a file of `run_tasks`.
+
+    Raises
+    ------
+    ValueError
+        Names a line that is not one.
+    """
     lines = results.read_text(encoding="utf-8").splitlines()
     return [
         _parsed(line, run_type, task_type, f"line {number} of {results}")

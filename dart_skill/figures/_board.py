@@ -52,10 +52,19 @@ HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
 def draw_heat_map(
     spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0
 ) -> list[Path]:
-    """Draw the expected score over the board with all local optima, the best one as a cross;
-    returns the paths of the files.
+    """Draw the expected score over the board with all local optima, the best one as a cross.
 
-    spread: of the thrower; spacing: of the grid [mm].
+    Parameters
+    ----------
+    spread
+        Of the thrower.
+    spacing
+        Of the grid [mm].
+
+    Returns
+    -------
+    list[Path]
+        The paths of the files.
     """
     with house_style():
         figure = Figure(figsize=(7.2, 6.3), layout="constrained")
@@ -105,8 +114,14 @@ def draw_path(
 def draw_estimate(
     estimate: SpreadEstimate, best: Aim, folder: str | Path, name: str = "estimate"
 ) -> list[Path]:
-    """Draw the likelihood of sigma with its 95 % interval, and where to aim. estimate: of the
-    spread; best: where to aim.
+    """Draw the likelihood of sigma with its 95 % interval, and where to aim.
+
+    Parameters
+    ----------
+    estimate
+        Of the spread.
+    best
+        Where to aim.
     """
     low, high = estimate.confidence_interval()
     with house_style():
@@ -122,7 +137,11 @@ def draw_estimate(
 
 def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[Path]:
     """Draw the expected turns or darts to the finish, and the aims of the first dart of a turn.
-    policy: from `solve_leg`.
+
+    Parameters
+    ----------
+    policy
+        From `solve_leg`.
     """
     remaining = np.arange(2, policy.start + 1)
     aims = policy.aims[policy.choices[0][remaining, 0]]
@@ -169,10 +188,14 @@ def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[P
 
 
 def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) -> None:
-    """Draw the wires and numbers of the board [mm], as the thrower sees it; aims (n, 2) beyond the
-    board widen the picture.
+    """Draw the wires and numbers of the board [mm], as the thrower sees it.
 
-    colour: of wires and numbers.
+    Parameters
+    ----------
+    aims : (n, 2)
+        Beyond the board widen the picture.
+    colour
+        Of wires and numbers.
     """
     limit = LIMIT if aims is None else max(LIMIT, float(np.abs(aims).max()) + 10.0)
     draw_wires(axes, colour)
@@ -184,7 +207,13 @@ def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) 
 
 
 def draw_wires(axes: Axes, colour: str = LIGHT) -> None:
-    """Draw the rings and the borders of the sectors alone [mm]; colour: of both."""
+    """Draw the rings and the borders of the sectors alone [mm].
+
+    Parameters
+    ----------
+    colour
+        Of both.
+    """
     for radius in RADII:
         axes.add_patch(
             Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7)

@@ -42,14 +42,34 @@ BLOB = 40.0
 
 
 def draw_arm_darts(run: DartsRun, folder: str | Path, name: str = "arm_darts") -> list[Path]:
-    """Write the figure; returns the paths. run: all throws of one arm."""
+    """Write the figure.
+
+    Parameters
+    ----------
+    run
+        All throws of one arm.
+
+    Returns
+    -------
+    list[Path]
+        The paths.
+    """
     with house_style():
         return save(arm_darts_figure(run), folder, name)
 
 
 def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
-    """The figure itself; narrow: its panels stand one below the other. ValueError for a run
-    without throws.
+    """The figure itself.
+
+    Parameters
+    ----------
+    narrow
+        Its panels stand one below the other.
+
+    Raises
+    ------
+    ValueError
+        For a run without throws.
     """
     if not run.darts:
         raise ValueError("a run without throws: there is nothing to draw")

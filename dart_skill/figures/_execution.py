@@ -48,8 +48,16 @@ FOLLOWED = 0.05
 class ExecutedThrow:
     """A plan and what the cameras saw of it, on the clock of the plan's path [s], frame world [m].
 
-    * hand_time (n,), hand_position (n, 3): hand frame.
-    * ball_time (m,), ball_position (m, 3): the ball from its release on.
+    Parameters
+    ----------
+    hand_time : (n,)
+        Hand frame.
+    hand_position : (n, 3)
+        Hand frame.
+    ball_time : (m,)
+        The ball from its release on.
+    ball_position : (m, 3)
+        The ball from its release on.
     """
 
     plan: ThrowPlan
@@ -85,7 +93,13 @@ class ExecutedThrow:
 
 
 def executed_throw(recordings: Sequence[HandRecording], plan: ThrowPlan) -> ExecutedThrow:
-    """The last recording in which the arm threw at the plan's target; ValueError if there is none."""
+    """The last recording in which the arm threw at the plan's target.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
     found = [
         (one, one.opened_ns)
         for one in recordings
@@ -116,9 +130,19 @@ def executed_throw(recordings: Sequence[HandRecording], plan: ThrowPlan) -> Exec
 def draw_execution(
     throw: ExecutedThrow, folder: str | Path, basket: Basket | None = None
 ) -> list[Path]:
-    """Write the figure; returns the paths. basket: its size, the one of the simulator by default.
+    """Write the figure.
 
-    throw: what was planned and what was done.
+    Parameters
+    ----------
+    basket
+        Its size, the one of the simulator by default.
+    throw
+        What was planned and what was done.
+
+    Returns
+    -------
+    list[pathlib.Path]
+        The paths.
     """
     with house_style():
         return save(execution_figure(throw, basket), folder, "execution")
@@ -127,10 +151,14 @@ def draw_execution(
 def execution_figure(
     throw: ExecutedThrow, basket: Basket | None = None, narrow: bool = False
 ) -> Figure:
-    """The figure itself, as `draw_execution` writes it; narrow: its panels stand one below the
-    other.
+    """The figure itself, as `draw_execution` writes it.
 
-    throw, basket: as of `draw_execution`.
+    Parameters
+    ----------
+    narrow
+        Its panels stand one below the other.
+    throw, basket
+        As of `draw_execution`.
     """
     with house_style():
         figure, (side, error) = panels([(6.4, 4.6), (4.1, 3.4 if narrow else 4.6)], narrow)

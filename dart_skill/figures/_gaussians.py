@@ -70,12 +70,20 @@ PLANES = ((0, 2), (0, 1))
 class FrameView:
     """Attractors and components as one frame sees them [m].
 
-    * name: of the frame.
-    * axes: names of its three axes.
-    * attractors: (n_i, 3) per demonstration.
-    * releases: (n, 3), attractor when the ball leaves the hand.
-    * means, covariances: (K, 3), (K, 3, 3), of the position in each component.
-    * times: (K,), of the components [s].
+    Parameters
+    ----------
+    name
+        Of the frame.
+    axes
+        Names of its three axes.
+    attractors
+        (n_i, 3) per demonstration.
+    releases
+        (n, 3), attractor when the ball leaves the hand.
+    means, covariances
+        (K, 3), (K, 3, 3), of the position in each component.
+    times
+        (K,), of the components [s].
     """
 
     name: str
@@ -128,14 +136,24 @@ def median_task(skill: ThrowingSkill) -> np.ndarray:
 
 
 def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
-    """Write the figure; returns the paths."""
+    """Write the figure.
+
+    Returns
+    -------
+    list[pathlib.Path]
+        The paths.
+    """
     with house_style():
         return save(gaussians_figure(skill), folder, "gaussians")
 
 
 def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
-    """The figure itself, as `draw_gaussians` writes it; narrow: its panels stand one below the
-    other.
+    """The figure itself, as `draw_gaussians` writes it.
+
+    Parameters
+    ----------
+    narrow
+        Its panels stand one below the other.
     """
     views = frame_views(skill)
     times = np.concatenate([view.times for view in views])

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
+from dart_skill.common.situation import Pose
 from dart_skill.common.world import the_world
 from dart_skill.figures._style import (
     BASKET,
@@ -34,8 +35,9 @@ from dart_skill.figures._style import (
     unit_along,
     zoomed_inset,
 )
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.session import TrialResult, throws_in_a_line
-from dart_skill.skills.protocol import HAND, Demonstration, Pose, Skill
+from dart_skill.skills.protocol import Skill
 
 RIM_RADIUS = the_world().basket_radius
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
@@ -47,10 +49,21 @@ def draw_landings(
     folder: str | Path,
     rim_radius: float = RIM_RADIUS,
 ) -> list[Path]:
-    """Write the figure; returns the paths. demonstrated (n, >= 2): baskets of the demonstrations
-    [m].
+    """Write the figure.
 
-    throws: their results; rim_radius: of the baskets [m].
+    Parameters
+    ----------
+    demonstrated : (n, >= 2)
+        Baskets of the demonstrations [m].
+    throws
+        Their results.
+    rim_radius
+        Of the baskets [m].
+
+    Returns
+    -------
+    list[Path]
+        The paths.
     """
     with house_style():
         return save(landings_figure(throws, demonstrated, rim_radius), folder, "landings")
@@ -62,11 +75,19 @@ def landings_figure(
     rim_radius: float = RIM_RADIUS,
     narrow: bool = False,
 ) -> Figure:
-    """The figure itself, as `draw_landings` writes it; narrow: its panels stand one below the
-    other.
+    """The figure itself, as `draw_landings` writes it.
 
-    throws, demonstrated, rim_radius: as of `draw_landings`. ValueError if there is nothing to
-    draw.
+    Parameters
+    ----------
+    narrow
+        Its panels stand one below the other.
+    throws, demonstrated, rim_radius
+        As of `draw_landings`.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to draw.
     """
     demonstrated = np.asarray(demonstrated, dtype=float)
     demonstrated = demonstrated.reshape(-1, 3) if demonstrated.size == 0 else demonstrated
@@ -201,7 +222,20 @@ def draw_trials(
     shown: Sequence[Demonstration],
     folder: str | Path,
 ) -> list[Path]:
-    """Write the figure; returns the paths. trials: in order; shown: what was learned from."""
+    """Write the figure.
+
+    Parameters
+    ----------
+    trials
+        In order.
+    shown
+        What was learned from.
+
+    Returns
+    -------
+    list[Path]
+        The paths.
+    """
     with house_style():
         return save(trials_figure(trials, skill, shown), folder, "trials")
 
@@ -212,9 +246,17 @@ def trials_figure(
     shown: Sequence[Demonstration],
     narrow: bool = False,
 ) -> Figure:
-    """The figure itself, as `draw_trials` writes it; narrow: its panels stand one below the other.
+    """The figure itself, as `draw_trials` writes it.
 
-    ValueError where nothing was shown and nothing tried.
+    Parameters
+    ----------
+    narrow
+        Its panels stand one below the other.
+
+    Raises
+    ------
+    ValueError
+        Where nothing was shown and nothing tried.
     """
     if not shown and not trials:
         raise ValueError("no demonstrations and no trials: there is nothing to draw")

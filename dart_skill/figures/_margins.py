@@ -30,13 +30,18 @@ LETTER = 0.52
 class FixedMargins(LayoutEngine):
     """Panels whose sizes are in given ratios.
 
-    * rows, columns: how many there are.
+    Parameters
+    ----------
+    rows, columns
+        How many there are.
 
-    Attributes:
-
-    * bar: axes of the colour bar of all panels, None without one: above panels that stand in one
-      column, else beside them.
-    * legend_rows: rows of the legend below all panels.
+    Attributes
+    ----------
+    bar
+        Axes of the colour bar of all panels, None without one: above panels that stand in one
+        column, else beside them.
+    legend_rows
+        Rows of the legend below all panels.
     """
 
     # what matplotlib asks of a layout engine

@@ -37,17 +37,32 @@ def plot_mixture(
     colour: str = GAUSSIAN,
     label: str = "",
 ) -> list[Ellipse]:
-    """Draw the components of a mixture in the plane of two of its dimensions; returns their
-    ellipses.
+    """Draw the components of a mixture in the plane of two of its dimensions.
 
-    * axes: of matplotlib, into which is drawn.
-    * mixture: over two or more dimensions; the others are left out of it.
-    * dims: the two dimensions, to the right and upwards.
-    * deviations: size of the ellipses in standard deviations.
-    * colour: of all components; the more probable one is, the fuller is its inside.
-    * label: for a legend; none by default.
+    Parameters
+    ----------
+    axes
+        Of matplotlib, into which is drawn.
+    mixture
+        Over two or more dimensions; the others are left out of it.
+    dims
+        The two dimensions, to the right and upwards.
+    deviations
+        Size of the ellipses in standard deviations.
+    colour
+        Of all components; the more probable one is, the fuller is its inside.
+    label
+        For a legend; none by default.
 
-    ValueError for other than two dimensions.
+    Returns
+    -------
+    list[Ellipse]
+        Their ellipses.
+
+    Raises
+    ------
+    ValueError
+        For other than two dimensions.
     """
     plane = mixture.marginal(_two(dims, mixture.n_dims))
     fullness = np.maximum(0.5 * plane.priors_ / plane.priors_.max(), FAINTEST)
@@ -74,16 +89,26 @@ def plot_frames(
     names: bool = True,
 ) -> None:
     """Draw task frames in the plane of two of their dimensions: where they stand, and where their
-    two axes point to.
+    two
+    axes point to.
 
-    * axes: of matplotlib, into which is drawn.
-    * frames: TaskFrames over the features; a missing one (None) is left out. Time is feature 0.
-    * dims: the two dimensions, to the right and upwards.
-    * size: length of an axis that neither stretches nor shrinks what it sees, in units of the
-      plane.
-    * names: whether each has its number beside it, from 1.
+    Parameters
+    ----------
+    axes
+        Of matplotlib, into which is drawn.
+    frames
+        TaskFrames over the features; a missing one (None) is left out. Time is feature 0.
+    dims
+        The two dimensions, to the right and upwards.
+    size
+        Length of an axis that neither stretches nor shrinks what it sees, in units of the plane.
+    names
+        Whether each has its number beside it, from 1.
 
-    ValueError for other than two dimensions.
+    Raises
+    ------
+    ValueError
+        For other than two dimensions.
     """
     length = as_number(size, "size")
     for number, frame in enumerate(frames, start=1):
@@ -115,15 +140,26 @@ def plot_reproduction(
     labels: bool = True,
 ) -> None:
     """Draw a movement that was reproduced in the plane of two movement variables, with the
-    attractor that it follows.
+    attractor
+    that it follows.
 
-    * axes: of matplotlib, into which is drawn.
-    * reproduction: from `DSGMR.reproduce`; where it begins is a dot.
-    * dims: the two movement variables, to the right and upwards.
-    * demonstrations: positions (n_i, d) of demonstrations, drawn below it.
-    * labels: whether what is drawn has a name in a legend.
+    Parameters
+    ----------
+    axes
+        Of matplotlib, into which is drawn.
+    reproduction
+        From `DSGMR.reproduce`; where it begins is a dot.
+    dims
+        The two movement variables, to the right and upwards.
+    demonstrations
+        Positions (n_i, d) of demonstrations, drawn below it.
+    labels
+        Whether what is drawn has a name in a legend.
 
-    ValueError for other than two dimensions.
+    Raises
+    ------
+    ValueError
+        For other than two dimensions.
     """
     plane = _two(dims, reproduction.position.shape[1])
     for i, shown in enumerate(demonstrations):

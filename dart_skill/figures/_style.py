@@ -89,7 +89,10 @@ def panels(
     """A figure and its panels, each of a size (width, height) [inches]: side by side, or, for a
     narrow screen, one below the other.
 
-    shared: what `subplots` of matplotlib takes.
+    Parameters
+    ----------
+    shared
+        What `subplots` of matplotlib takes.
     """
     widths, heights = zip(*sizes, strict=True)
     if narrow:
@@ -113,8 +116,12 @@ def legend_below(
     columns: int,
     narrow: bool = False,
 ) -> None:
-    """One legend of all panels; in two columns below a narrow figure. handles, labels: of its
-    entries, as matplotlib has them.
+    """One legend of all panels; in two columns below a narrow figure.
+
+    Parameters
+    ----------
+    handles, labels
+        Of its entries, as matplotlib has them.
     """
     columns, layout = min(2, columns) if narrow else columns, figure.get_layout_engine()
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
@@ -124,9 +131,17 @@ def legend_below(
 
 def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool) -> None:
     """One colour bar for all panels of a figure: to the right of them, or, for a narrow screen,
-    above them.
+    above
+    them.
 
-    figure: of `panels`; shades: its colours; label: what they stand for.
+    Parameters
+    ----------
+    figure
+        Of `panels`.
+    shades
+        Its colours.
+    label
+        What they stand for.
     """
     layout = figure.get_layout_engine()
     assert isinstance(layout, FixedMargins)  # as `panels` makes it
@@ -142,10 +157,19 @@ def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool)
 
 
 def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list[Path]:
-    """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their
-    paths. figure: of matplotlib.
+    """Write `name`.svg and `name`.png into a folder, which is made if need be.
 
-    drawn: what `svg_text` made of it; by default it is drawn here.
+    Parameters
+    ----------
+    figure
+        Of matplotlib.
+    drawn
+        What `svg_text` made of it; by default it is drawn here.
+
+    Returns
+    -------
+    list[pathlib.Path]
+        Their paths.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -201,9 +225,13 @@ def basket_from_above(
     axes: Axes, centre: np.ndarray | Sequence[float], radius: float, **look: Any
 ) -> Circle:
     """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the
-    units of the axes.
+    units
+    of the axes.
 
-    look: of the circle, as matplotlib's patches take it.
+    Parameters
+    ----------
+    look
+        Of the circle, as matplotlib's patches take it.
     """
     x, y = float(centre[0]), float(centre[1])
     circle = Circle((x, y), radius, **look)
@@ -238,7 +266,10 @@ def gaussian_ellipse(
     """Contour of a planar Gaussian, mean (2,) and covariance (2, 2), at so many standard
     deviations.
 
-    look: of the ellipse, as matplotlib's patches take it.
+    Parameters
+    ----------
+    look
+        Of the ellipse, as matplotlib's patches take it.
     """
     (width, height), angle = ellipse_axes(covariance, deviations)
     return Ellipse((mean[0], mean[1]), width, height, angle=float(angle), **look)
@@ -246,9 +277,15 @@ def gaussian_ellipse(
 
 def ellipse_axes(covariance: np.ndarray, deviations: float) -> tuple[np.ndarray, np.ndarray]:
     """Diameters (..., 2) of the contours of planar Gaussians along their axes, and the angles
-    (...,) [degrees] of the first of these.
+    (...,)
+    [degrees] of the first of these.
 
-    covariance: (..., 2, 2); deviations: how many standard deviations away the contours are.
+    Parameters
+    ----------
+    covariance
+        (..., 2, 2).
+    deviations
+        How many standard deviations away the contours are.
     """
     values, vectors = np.linalg.eigh(covariance)
     return 2.0 * deviations * np.sqrt(np.maximum(values, 0.0)), np.degrees(
@@ -271,11 +308,16 @@ def zoomed_inset(
     axes: Axes, half_width: float, bounds: tuple[float, float, float, float], unit: str = "cm"
 ) -> Axes:
     """A square about the middle of `axes`, so many units to either side, drawn larger in a corner
-    of it; where hits are a blob.
+    of
+    it; where hits are a blob.
 
-    bounds: of the inset in fractions of the axes: left, bottom, width, height. The caller draws
-    into it what it drew into the axes. half_width: half the side of the square, in units of the
-    axes.
+    Parameters
+    ----------
+    bounds
+        Of the inset in fractions of the axes: left, bottom, width, height. The caller draws into
+        it what it drew into the axes.
+    half_width
+        Half the side of the square, in units of the axes.
     """
     inset = axes.inset_axes(bounds, xlim=(-half_width, half_width), ylim=(-half_width, half_width))
     inset.set(aspect="equal", facecolor="white", xticks=[], yticks=[])

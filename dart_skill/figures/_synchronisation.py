@@ -45,11 +45,18 @@ class HandRecording:
     """Everything as it was recorded, in the frame of the world. Stamps are integer nanoseconds and
     increase.
 
-    * hand_stamps, hand_position: (n,) [ns] and (n, 3) [m].
-    * ball_stamps, ball_position: (m,) [ns] and (m, 3) [m].
-    * basket: centre of the rim (3,) [m], the median of what was seen, nan if it was not seen.
-    * command_stamps: of the controller's commands (k,) [ns].
-    * opened_ns: stamp of the one that told the hand to open [ns], None if none did.
+    Parameters
+    ----------
+    hand_stamps, hand_position
+        (n,) [ns] and (n, 3) [m].
+    ball_stamps, ball_position
+        (m,) [ns] and (m, 3) [m].
+    basket
+        Centre of the rim (3,) [m], the median of what was seen, nan if it was not seen.
+    command_stamps
+        Of the controller's commands (k,) [ns].
+    opened_ns
+        Stamp of the one that told the hand to open [ns], None if none did.
     """
 
     hand_stamps: np.ndarray
@@ -82,12 +89,20 @@ EVENTS = {
 class DemonstratedMotion:
     """Speed of the hand in the recording of one demonstration.
 
-    * name: of the demonstration.
-    * distance: of the basket from the base axis [m].
-    * time: since the first pose of the recording (n,) [s].
-    * speed: (n,) [m/s].
-    * first, last: times between which the demonstration was cut out [s].
-    * motion_start, release, motion_stop: on the same clock [s].
+    Parameters
+    ----------
+    name
+        Of the demonstration.
+    distance
+        Of the basket from the base axis [m].
+    time
+        Since the first pose of the recording (n,) [s].
+    speed
+        (n,) [m/s].
+    first, last
+        Times between which the demonstration was cut out [s].
+    motion_start, release, motion_stop
+        On the same clock [s].
     """
 
     name: str
@@ -113,8 +128,12 @@ def demonstrated_motions(
     demonstrations: Sequence[Demonstration],
     thresholds: VelocityThreshold = THRESHOLDS,
 ) -> list[DemonstratedMotion]:
-    """The motion of each demonstration in the recording that it was cut from; ValueError names one
-    that no recording holds.
+    """The motion of each demonstration in the recording that it was cut from.
+
+    Raises
+    ------
+    ValueError
+        Names one that no recording holds.
     """
     return [
         _motion(_recording_of(recordings, demonstration), demonstration, thresholds)
@@ -128,7 +147,18 @@ def draw_synchronisation(
     thresholds: VelocityThreshold = THRESHOLDS,
     name: str = "synchronisation",
 ) -> list[Path]:
-    """Write the figure under a name; returns the paths. motions: of the demonstrations."""
+    """Write the figure under a name.
+
+    Parameters
+    ----------
+    motions
+        Of the demonstrations.
+
+    Returns
+    -------
+    list[pathlib.Path]
+        The paths.
+    """
     with house_style():
         return save(synchronisation_figure(motions, thresholds=thresholds), folder, name)
 
@@ -138,10 +168,19 @@ def synchronisation_figure(
     narrow: bool = False,
     thresholds: VelocityThreshold = THRESHOLDS,
 ) -> Figure:
-    """The figure itself, as `draw_synchronisation` writes it; narrow: its panels stand one below
-    the other.
+    """The figure itself, as `draw_synchronisation` writes it.
 
-    motions: of the demonstrations; ValueError if there are none.
+    Parameters
+    ----------
+    narrow
+        Its panels stand one below the other.
+    motions
+        Of the demonstrations.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
     """
     if not motions:
         raise ValueError("no demonstrations: the figure of the synchronisation needs at least one")

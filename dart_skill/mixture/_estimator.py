@@ -141,29 +141,50 @@ class _Estimator(HyperParameters):
 
 class GaussianMixtureEstimator(_Estimator):
     """`GaussianMixture` with the interface of scikit-learn's: full covariances, fitted by EM to X
-    (n, d).
+    (n,
+    d).
 
-    Parameters:
+    After `fit`:
 
-    * n_components: int, default 1. Number K of components at the start; a fit may end with fewer.
-    * covariance_floor: float, default 1e-6. Least variance of a component, relative to that of
-      each column; scikit-learn's reg_covar is absolute.
-    * tol: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more
-      than this.
-    * max_iter: int, default 300. EM stops after so many iterations in any case.
-    * n_init: int, default 1. Number of runs with different random starts; the most likely result
-      is kept.
-    * covariance_prior: float, default 0. For few samples: weight of a prior on the covariances, in
-      samples; as of `GaussianMixture`.
-    * random_state: None (another start each time), a seed, a numpy Generator or a RandomState.
+    Parameters
+    ----------
+    n_components
+        Int, default 1. Number K of components at the start; a fit may end with fewer.
+    covariance_floor
+        Float, default 1e-6. Least variance of a component, relative to that of each column;
+        scikit-learn's reg_covar is absolute.
+    tol
+        Float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more
+        than this.
+    max_iter
+        Int, default 300. EM stops after so many iterations in any case.
+    n_init
+        Int, default 1. Number of runs with different random starts; the most likely result is
+        kept.
+    covariance_prior
+        Float, default 0. For few samples: weight of a prior on the covariances, in samples; as of
+        `GaussianMixture`.
+    random_state
+        None (another start each time), a seed, a numpy Generator or a RandomState.
 
-    Attributes after `fit`:
-
-    * mixture_: the fitted GaussianMixture, with products, conditions, marginals and `save`.
-    * weights_ (K,), means_ (K, d), covariances_ (K, d, d): its parameters; converged_, n_iter_:
-      how EM ended.
-    * lower_bound_: float, mean log-likelihood per sample; weighted.
-    * n_features_in_: d. feature_names_in_: names of the columns, if X was a table that has them.
+    Attributes
+    ----------
+    mixture_
+        The fitted GaussianMixture, with products, conditions, marginals and `save`.
+    weights_ : (K,)
+        Its parameters.
+    means_ : (K, d)
+        Its parameters.
+    covariances_ : (K, d, d)
+        Its parameters.
+    converged_, n_iter_
+        How EM ended.
+    lower_bound_
+        Float, mean log-likelihood per sample; weighted.
+    n_features_in_
+        d.
+    feature_names_in_
+        Names of the columns, if X was a table that has them.
     """
 
     _estimator_type = "density_estimator"
@@ -171,13 +192,24 @@ class GaussianMixtureEstimator(_Estimator):
     def fit(
         self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None
     ) -> GaussianMixtureEstimator:
-        """Fit to X (n, d); returns self.
+        """Fit to X (n, d)
 
-        * y: not looked at, as in every estimator of scikit-learn without a target.
-        * sample_weight: (n,), default None: all count alike. A weight of two counts as two equal
-          samples.
+        Parameters
+        ----------
+        y
+            Not looked at, as in every estimator of scikit-learn without a target.
+        sample_weight
+            (n,), default None: all count alike. A weight of two counts as two equal samples.
 
-        ValueError, as of `GaussianMixture.fit`.
+        Returns
+        -------
+        GaussianMixtureEstimator
+            Self.
+
+        Raises
+        ------
+        ValueError
+            As of `GaussianMixture.fit`.
         """
         table = _as_table(X, "X")
         self._fit_mixture(table, sample_weight)
@@ -190,7 +222,13 @@ class GaussianMixtureEstimator(_Estimator):
     def fit_predict(
         self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None
     ) -> np.ndarray:
-        """`fit`, and the component of each of the samples (n,). X, y, sample_weight: as of `fit`."""
+        """`fit`, and the component of each of the samples (n,).
+
+        Parameters
+        ----------
+        X, y, sample_weight
+            As of `fit`.
+        """
         return self.fit(X, y, sample_weight).predict(X)
 
     @property
@@ -216,8 +254,14 @@ class GaussianMixtureEstimator(_Estimator):
     def score(
         self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None
     ) -> float:
-        """Mean log density of the samples X (n, d): higher is better. y: not looked at.
-        sample_weight: (n,), default None: equal.
+        """Mean log density of the samples X (n, d): higher is better.
+
+        Parameters
+        ----------
+        y
+            Not looked at.
+        sample_weight
+            (n,), default None: equal.
         """
         log_density = self.score_samples(X)
         return float(
@@ -260,20 +304,28 @@ class GaussianMixtureEstimator(_Estimator):
 
 class GaussianMixtureRegressor(_Estimator):
     """Gaussian mixture regression (3.3) to (3.5) with the interface of scikit-learn's regressors:
-    a mixture of X and y together.
+    a
+    mixture of X and y together.
 
-    Parameters:
+    After `fit`:
 
-    * n_components: int, default 1. Number K of components at the start.
-    * covariance_floor, tol, max_iter, n_init, covariance_prior, random_state: as of
-      `GaussianMixtureEstimator`.
+    Parameters
+    ----------
+    n_components
+        Int, default 1. Number K of components at the start.
+    covariance_floor, tol, max_iter, n_init, covariance_prior, random_state
+        As of `GaussianMixtureEstimator`.
 
-    Attributes after `fit`:
-
-    * mixture_: the fitted GaussianMixture over the columns of X, then those of y; converged_,
-      n_iter_: how EM ended.
-    * n_features_in_: the number of columns of X. feature_names_in_: their names, if X was a table
-      that has them.
+    Attributes
+    ----------
+    mixture_
+        The fitted GaussianMixture over the columns of X, then those of y.
+    converged_, n_iter_
+        How EM ended.
+    n_features_in_
+        The number of columns of X.
+    feature_names_in_
+        Their names, if X was a table that has them.
     """
 
     _estimator_type = "regressor"
@@ -281,11 +333,22 @@ class GaussianMixtureRegressor(_Estimator):
     def fit(
         self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
     ) -> GaussianMixtureRegressor:
-        """Fit to inputs X (n, d) and outputs y, (n,) or (n, o); returns self.
+        """Fit to inputs X (n, d) and outputs y, (n,) or (n, o)
 
-        * sample_weight: (n,), default None: all count alike.
+        Parameters
+        ----------
+        sample_weight
+            (n,), default None: all count alike.
 
-        ValueError for values of another shape, and as of `GaussianMixture.fit`.
+        Returns
+        -------
+        GaussianMixtureRegressor
+            Self.
+
+        Raises
+        ------
+        ValueError
+            For values of another shape, and as of `GaussianMixture.fit`.
         """
         if y is None:
             raise ValueError(
@@ -308,11 +371,18 @@ class GaussianMixtureRegressor(_Estimator):
         """Mean of the outputs for inputs X (n, d), in the shape of the y of the fit: (n,) or (n,
         o).
 
-        * return_std: with it a pair, the mean and the standard deviations of its shape.
-        * return_cov: with it a pair, the mean and the covariances (n, o, o) of the outputs; of
-          each input by itself.
+        Parameters
+        ----------
+        return_std
+            With it a pair, the mean and the standard deviations of its shape.
+        return_cov
+            With it a pair, the mean and the covariances (n, o, o) of the outputs; of each input by
+            itself.
 
-        ValueError if both are asked for.
+        Raises
+        ------
+        ValueError
+            If both are asked for.
         """
         if return_std and return_cov:
             raise ValueError("return_std and return_cov exclude each other; ask for one of them")
@@ -329,9 +399,17 @@ class GaussianMixtureRegressor(_Estimator):
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Coefficient of determination R^2 of `predict`, the mean over the outputs: 1 is best, 0
-        is no better than a constant.
+        is
+        no better than a constant.
 
-        X (n, d), y: inputs, and outputs as of `fit`. sample_weight: (n,), default None: equal.
+        Parameters
+        ----------
+        X : (n, d)
+            Inputs, and outputs as of `fit`.
+        y
+            Inputs, and outputs as of `fit`.
+        sample_weight
+            (n,), default None: equal.
         """
         predicted, given = self.predict(X), _as_outputs(y)
         weights = as_weights(sample_weight, len(given), "sample_weight")

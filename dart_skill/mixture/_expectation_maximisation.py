@@ -55,10 +55,16 @@ Scales = list[tuple[np.ndarray, np.ndarray]]
 class EmSettings:
     """When EM stops, and how narrow a component may become.
 
-    * covariance_floor: smallest variance of a component, relative to the variance of the data.
-    * tolerance: EM has converged if the mean log-likelihood rises by less.
-    * max_iterations: EM stops after so many.
-    * covariance_prior: weight of `prior_covariance` in each covariance, in samples; 0 for none.
+    Parameters
+    ----------
+    covariance_floor
+        Smallest variance of a component, relative to the variance of the data.
+    tolerance
+        EM has converged if the mean log-likelihood rises by less.
+    max_iterations
+        EM stops after so many.
+    covariance_prior
+        Weight of `prior_covariance` in each covariance, in samples; 0 for none.
     """
 
     covariance_floor: float
@@ -71,11 +77,18 @@ class EmSettings:
 class EmFit:
     """Result of EM.
 
-    * parameters: weights, means and covariances.
-    * log_likelihood: mean over the samples, weighted.
-    * n_iterations: how many were made.
-    * converged: False if `max_iterations` came first.
-    * log_prior: of the covariances, up to a constant, per sample; 0 without a prior.
+    Parameters
+    ----------
+    parameters
+        Weights, means and covariances.
+    log_likelihood
+        Mean over the samples, weighted.
+    n_iterations
+        How many were made.
+    converged
+        False if `max_iterations` came first.
+    log_prior
+        Of the covariances, up to a constant, per sample; 0 without a prior.
     """
 
     parameters: Parameters
@@ -115,7 +128,12 @@ def joint_log_densities(blocks: list[np.ndarray], parameters: Parameters) -> np.
 
 def normalise_log(log_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """exp(log_values) (n, K) divided by their sum over K, and the log of that sum (n,), without
-    under- or overflow. log_values: (n, K).
+    under- or overflow.
+
+    Parameters
+    ----------
+    log_values
+        (n, K).
     """
     top = log_values.max(axis=1, keepdims=True)
     shares = np.exp(log_values - top)
@@ -131,10 +149,17 @@ def expectation(blocks: list[np.ndarray], parameters: Parameters) -> tuple[np.nd
 def expectation_at(
     points: np.ndarray, blocks: list[np.ndarray], parameters: Parameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`expectation` for any points (n, d), given as blocks, too; ValueError for a point whose log
-    density overflows.
+    """`expectation` for any points (n, d), given as blocks, too.
 
-    parameters: of the mixture.
+    Parameters
+    ----------
+    parameters
+        Of the mixture.
+
+    Raises
+    ------
+    ValueError
+        For a point whose log density overflows.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         shares, log_density = expectation(blocks, parameters)
@@ -147,7 +172,12 @@ def maximisation(blocks: list[np.ndarray], counts: np.ndarray, floor: float) -> 
     total count of zero.
 
     If a component has almost no count among the samples that a block sees, it gets mean and
-    covariance of all samples in that block. floor: the covariance floor of `EMEstimator`.
+    covariance of all samples in that block.
+
+    Parameters
+    ----------
+    floor
+        The covariance floor of `EMEstimator`.
     """
     mass = _over_samples(counts)
     moments = [_moments(*_only_seen(block, counts), floor) for block in blocks]
@@ -189,8 +219,17 @@ def column_scales(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weighted mean and standard deviation (d,) of the columns, the latter at least `least`.
 
-    For a constant column its magnitude, or 1 for zeros, replaces the standard deviation. block:
-    samples (n, d). ValueError for a column that spreads too little for a variance.
+    For a constant column its magnitude, or 1 for zeros, replaces the standard deviation.
+
+    Parameters
+    ----------
+    block
+        Samples (n, d).
+
+    Raises
+    ------
+    ValueError
+        For a column that spreads too little for a variance.
     """
     block, weights = _only_seen(block, weights)
     magnitude = np.abs(block).max(0)
@@ -352,8 +391,14 @@ class _Run:
 
 
 def masses_of(blocks: list[np.ndarray], counts: np.ndarray) -> list[np.ndarray]:
-    """Total counts (K,) of the samples that each block sees. blocks: (n, d) each, with nan in rows
-    that it does not see; counts: (n, K).
+    """Total counts (K,) of the samples that each block sees.
+
+    Parameters
+    ----------
+    blocks
+        (n, d) each, with nan in rows that it does not see.
+    counts
+        (n, K).
     """
     return [_over_samples(_only_seen(block, counts)[1]) for block in blocks]
 
@@ -361,9 +406,14 @@ def masses_of(blocks: list[np.ndarray], counts: np.ndarray) -> list[np.ndarray]:
 def with_prior(parameters: Parameters, masses: list[np.ndarray], strength: float) -> Parameters:
     """Each covariance averaged with that of the prior: the mode of the inverse Wishart posterior.
 
-    * parameters: of standardised samples, as `maximisation` finds them.
-    * masses: total counts (K,) in each block.
-    * strength: weight of the prior, in samples; 0 for none.
+    Parameters
+    ----------
+    parameters
+        Of standardised samples, as `maximisation` finds them.
+    masses
+        Total counts (K,) in each block.
+    strength
+        Weight of the prior, in samples; 0 for none.
     """
     if not strength:
         return parameters
@@ -393,11 +443,17 @@ def expectation_maximisation(
     least_scales: Sequence[ArrayLike] | None = None,
 ) -> EmFit:
     """EM on blocks (n, d_p) with weights (n,), in the units of the data; samples with weight zero
-    are ignored.
+    are
+    ignored.
 
-    start: Parameters in the units of the data, or a function that gets the standardised blocks and
-    the weights and returns responsibilities (n, K). least_scales: for each block an array (d_p,),
-    a lower bound of the standard deviations by which its columns are standardised.
+    Parameters
+    ----------
+    start
+        Parameters in the units of the data, or a function that gets the standardised blocks and
+        the weights and returns responsibilities (n, K).
+    least_scales
+        For each block an array (d_p,), a lower bound of the standard deviations by which its
+        columns are standardised.
     """
     least_scales = [0.0] * len(blocks) if least_scales is None else least_scales
     if not (weights > 0).all():

@@ -30,10 +30,19 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 def cholesky(covariances: np.ndarray, what: str = "covariance") -> np.ndarray:
-    """Lower factors (..., d, d) of positive definite matrices; ValueError names the first that is
-    not.
+    """Lower factors (..., d, d) of positive definite matrices.
 
-    covariances: (..., d, d); what: they are called in the message.
+    Parameters
+    ----------
+    covariances
+        (..., d, d).
+    what
+        They are called in the message.
+
+    Raises
+    ------
+    ValueError
+        Names the first that is not.
     """
     try:
         return np.linalg.cholesky(covariances)
@@ -65,8 +74,12 @@ def square_root(covariances: np.ndarray) -> np.ndarray:
 
 
 def split_dims(dims: ArrayLike, n_dims: int) -> tuple[np.ndarray, np.ndarray]:
-    """The given dimensions, and the other ones in ascending order; ValueError if there are no
-    other ones.
+    """The given dimensions, and the other ones in ascending order.
+
+    Raises
+    ------
+    ValueError
+        If there are no other ones.
     """
     dims = as_dims(dims, n_dims, "dims")
     rest = np.setdiff1d(np.arange(n_dims), dims)
@@ -172,11 +185,13 @@ def product_of_gaussians(
 class Gaussian:
     """The normal distribution N(mean, covariance), thesis table 3.1.
 
-    Parameters:
-
-    * mean (d,): d at least 1, finite.
-    * covariance (d, d): symmetric and positive semi-definite. It may be singular as long as
-      nothing has to be inverted.
+    Parameters
+    ----------
+    mean : (d,)
+        d at least 1, finite.
+    covariance : (d, d)
+        Symmetric and positive semi-definite. It may be singular as long as nothing has to be
+        inverted.
     """
 
     mean: np.ndarray
@@ -196,8 +211,12 @@ class Gaussian:
         return self.mean.size
 
     def linear_map(self, matrix: ArrayLike, offset: ArrayLike | None = None) -> Gaussian:
-        """Distribution of A x + b for any A (e, d) and b (e,), zero by default. matrix, offset: A
-        and b.
+        """Distribution of A x + b for any A (e, d) and b (e,), zero by default.
+
+        Parameters
+        ----------
+        matrix, offset
+            A and b.
         """
         matrix = as_samples(matrix, "matrix", self.n_dims)
         offset = (
@@ -208,8 +227,12 @@ class Gaussian:
         )
 
     def marginal(self, dims: ArrayLike) -> Gaussian:
-        """Distribution of some dimensions, in the order in which they are named. dims: their
-        indices (k,), from 0.
+        """Distribution of some dimensions, in the order in which they are named.
+
+        Parameters
+        ----------
+        dims
+            Their indices (k,), from 0.
         """
         dims = as_dims(dims, self.n_dims, "dims")
         return Gaussian(self.mean[dims], self.covariance[np.ix_(dims, dims)])
@@ -233,8 +256,12 @@ class Gaussian:
         return self.mean + noise @ square_root(self.covariance).T
 
     def log_density(self, points: ArrayLike) -> np.ndarray:
-        """log N(x; mean, covariance) of points (..., d): (...). ValueError for points of another
-        dimension.
+        """log N(x; mean, covariance) of points (..., d): (...).
+
+        Raises
+        ------
+        ValueError
+            For points of another dimension.
         """
         points = as_finite(points, "points")
         if points.ndim == 0 or points.shape[-1] != self.n_dims:
@@ -265,8 +292,19 @@ def linear_combination(
 ) -> Gaussian:
     """(3.6): distribution of A1 x1 + A2 x2 + ... + c for independent x1, x2, ...
 
-    gaussians: of x1, x2, ...; matrices: A1, A2, ...; offset: c, default zero. ValueError if these
-    do not fit together.
+    Parameters
+    ----------
+    gaussians
+        Of x1, x2, ...
+    matrices
+        A1, A2, ...
+    offset
+        c, default zero.
+
+    Raises
+    ------
+    ValueError
+        If these do not fit together.
     """
     if len(gaussians) == 0 or len(gaussians) != len(matrices):
         raise ValueError(
@@ -294,8 +332,12 @@ def linear_combination(
 def product(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, float]:
     """(3.8): Gaussian N and log C with C N(x) = N1(x) N2(x) ... for every x.
 
-    Covariances may be singular as long as each sum S1 + S2 on the way can be inverted. ValueError
-    for none, for different dimensions, or for factors so far apart that C overflows.
+    Covariances may be singular as long as each sum S1 + S2 on the way can be inverted.
+
+    Raises
+    ------
+    ValueError
+        For none, for different dimensions, or for factors so far apart that C overflows.
     """
     if len(gaussians) == 0:
         raise ValueError("gaussians is empty; a product needs at least one factor")
@@ -325,7 +367,10 @@ def merge(gaussians: Sequence[Gaussian], weights: ArrayLike) -> Gaussian:
     """The Gaussian with the mean and covariance of the mixture of several Gaussians with these
     weights (positive, any sum).
 
-    ValueError for none, or for different dimensions.
+    Raises
+    ------
+    ValueError
+        For none, or for different dimensions.
     """
     if len(gaussians) == 0 or len({gaussian.n_dims for gaussian in gaussians}) > 1:
         raise ValueError(

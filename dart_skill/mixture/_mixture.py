@@ -50,8 +50,12 @@ FORMAT = "dart_skill mixture 1"
 
 
 def checked_priors(priors: ArrayLike) -> np.ndarray:
-    """Priors (K,), positive and with sum one; a rounding error of the sum is removed. ValueError
-    for what is none.
+    """Priors (K,), positive and with sum one; a rounding error of the sum is removed.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
     """
     priors = as_vector(priors, "priors")
     if priors.size == 0 or priors.min() <= 0 or abs(priors.sum() - 1.0) > 1e-6:
@@ -67,8 +71,12 @@ def _require_parameters(priors: np.ndarray, means: np.ndarray, covariances: np.n
 
 
 def n_free_parameters(n_components: int, n_dims: int) -> int:
-    """Free parameters of one block: means and symmetric covariances. n_components, n_dims: K and
-    d.
+    """Free parameters of one block: means and symmetric covariances.
+
+    Parameters
+    ----------
+    n_components, n_dims
+        K and d.
     """
     return n_components * (n_dims + n_dims * (n_dims + 1) // 2)
 
@@ -84,23 +92,34 @@ def require_enough(n_samples: int, n_components: int) -> None:
 class EMEstimator(HyperParameters):
     """Hyper-parameters of EM and results of a fit; the base class of every mixture that EM fits.
 
-    Parameters:
+    After a fit:
 
-    * n_components: int, number K of components at the start. A component that loses all its
-      samples is moved to badly explained ones, at most n_components times in a run. After that it
-      is dropped, so a fit may end with fewer.
-    * covariance_floor: float, default 1e-6. Least variance of a component in any direction,
-      relative to the variance of the data in each column.
-    * tolerance: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by
-      no more than this.
-    * max_iterations: int, default 300. EM stops after so many iterations in any case.
-    * n_starts: int, default 1. Number of runs with different random starts; the most likely result
-      is kept.
+    Parameters
+    ----------
+    n_components
+        Int, number K of components at the start. A component that loses all its samples is moved
+        to badly explained ones, at most n_components times in a run. After that it is dropped, so
+        a fit may end with fewer.
+    covariance_floor
+        Float, default 1e-6. Least variance of a component in any direction, relative to the
+        variance of the data in each column.
+    tolerance
+        Float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more
+        than this.
+    max_iterations
+        Int, default 300. EM stops after so many iterations in any case.
+    n_starts
+        Int, default 1. Number of runs with different random starts; the most likely result is
+        kept.
 
-    Attributes after a fit:
-
-    * log_likelihood_: float, (3.1), the sum over the samples times their weights.
-    * n_iterations_: int. converged_: bool, False if max_iterations was reached first.
+    Attributes
+    ----------
+    log_likelihood_
+        Float, (3.1), the sum over the samples times their weights.
+    n_iterations_
+        Int.
+    converged_
+        Bool, False if max_iterations was reached first.
     """
 
     def __init__(
@@ -147,29 +166,42 @@ class EMEstimator(HyperParameters):
 class GaussianMixture(EMEstimator):
     """Mixture of K Gaussians with full covariances (thesis 3.2), fitted by EM to weighted samples.
 
-    Parameters:
+    After `fit`; a mixture made by `from_parameters` has the first three only:
 
-    * n_components: int, number K of components at the start; a fit may end with fewer,
-      len(priors_).
-    * covariance_floor: float, default 1e-6. Least variance of a component in any direction,
-      relative to the variance of the data in each column.
-    * tolerance: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by
-      no more than this.
-    * max_iterations: int, default 300. EM stops after so many iterations in any case.
-    * n_starts: int, default 1. Number of runs with different random starts; the most likely result
-      is kept.
-    * covariance_prior: float, default 0, no prior. For few samples: each covariance is averaged
-      with one that says that all columns vary alike and by chance only together, and this one
-      counts as so many samples (inverse Wishart, Fraley and Raftery 2007). The number of columns
-      is a good weight for up to three samples per component and column, less for more.
+    Parameters
+    ----------
+    n_components
+        Int, number K of components at the start; a fit may end with fewer, len(priors_).
+    covariance_floor
+        Float, default 1e-6. Least variance of a component in any direction, relative to the
+        variance of the data in each column.
+    tolerance
+        Float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more
+        than this.
+    max_iterations
+        Int, default 300. EM stops after so many iterations in any case.
+    n_starts
+        Int, default 1. Number of runs with different random starts; the most likely result is
+        kept.
+    covariance_prior
+        Float, default 0, no prior. For few samples: each covariance is averaged with one that says
+        that all columns vary alike and by chance only together, and this one counts as so many
+        samples (inverse Wishart, Fraley and Raftery 2007). The number of columns is a good weight
+        for up to three samples per component and column, less for more.
 
-    Attributes after `fit`; a mixture made by `from_parameters` has the first three only:
-
-    * priors_ (K,): positive, with sum one.
-    * means_ (K, d), in the units of the samples.
-    * covariances_ (K, d, d).
-    * log_likelihood_: float, (3.1), the sum over the samples times their weights.
-    * n_iterations_: int. converged_: bool, False if max_iterations was reached first.
+    Attributes
+    ----------
+    priors_ : (K,)
+        Positive, with sum one.
+    means_ : (K, d)
+        In the units of the samples.
+    covariances_ : (K, d, d)
+    log_likelihood_
+        Float, (3.1), the sum over the samples times their weights.
+    n_iterations_
+        Int.
+    converged_
+        Bool, False if max_iterations was reached first.
     """
 
     def __init__(
@@ -205,7 +237,10 @@ class GaussianMixture(EMEstimator):
         """Mixture with given priors (K,), means (K, d) and positive definite covariances (K, d,
         d).
 
-        ValueError for other shapes or values.
+        Raises
+        ------
+        ValueError
+            For other shapes or values.
         """
         priors, means = checked_priors(priors), as_samples(means, "means")
         if len(means) != len(priors):
@@ -230,12 +265,20 @@ class GaussianMixture(EMEstimator):
         rng: np.random.Generator | None = None,
         start: GaussianMixture | None = None,
     ) -> GaussianMixture:
-        """Fit the mixture by EM to samples (n, d) with weights (n,), equal by default; returns
-        self.
+        """Fit the mixture by EM to samples (n, d) with weights (n,), equal by default.
 
         Give either rng, for a random start by k-means++, or start, a mixture with as many
         components to start from. A sample with an integer weight counts as so many equal samples.
-        ValueError if there are fewer samples with weight than components.
+
+        Returns
+        -------
+        GaussianMixture
+            Self.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer samples with weight than components.
         """
         samples = as_learnable(samples, "samples")
         weights = as_weights(weights, len(samples))
@@ -321,8 +364,12 @@ class GaussianMixture(EMEstimator):
         return Gaussian(*moments(self.priors_, self.means_, self.covariances_))
 
     def marginal(self, dims: ArrayLike) -> GaussianMixture:
-        """Mixture over some dimensions, in the order in which they are named. dims: their indices
-        (k,), from 0.
+        """Mixture over some dimensions, in the order in which they are named.
+
+        Parameters
+        ----------
+        dims
+            Their indices (k,), from 0.
         """
         dims = as_dims(dims, self.n_dims, "dims")
         return self._made(
@@ -346,7 +393,12 @@ class GaussianMixture(EMEstimator):
     def linear_map(self, matrix: ArrayLike, offset: ArrayLike | None = None) -> GaussianMixture:
         """Mixture of A x + b for any A (e, d) and b (e,), zero by default. More rows than columns
         make the covariances singular: such a mixture has moments, marginals and samples, but no
-        density. matrix, offset: A and b.
+        density.
+
+        Parameters
+        ----------
+        matrix, offset
+            A and b.
         """
         return self._of(
             self.priors_, [component.linear_map(matrix, offset) for component in self.components]
@@ -356,8 +408,12 @@ class GaussianMixture(EMEstimator):
         """Mixture M and log C with C M(x) = this(x) other(x) for every x.
 
         M has a component for each pair of components, those of `other` in the inner loop. A pair
-        is left out if its components are so far apart that its prior is zero. ValueError for
-        another dimension, or factors so far apart that C overflows.
+        is left out if its components are so far apart that its prior is zero.
+
+        Raises
+        ------
+        ValueError
+            For another dimension, or factors so far apart that C overflows.
         """
         other = GaussianMixture._of(np.ones(1), [other]) if isinstance(other, Gaussian) else other
         if other.n_dims != self.n_dims:
@@ -404,8 +460,12 @@ class GaussianMixture(EMEstimator):
 
     def reduce(self, n_components: int) -> GaussianMixture:
         """Mixture of n_components, by merging the pair whose merger costs least until so many are
-        left (Runnalls 2007: an upper bound of the divergence from the mixture before). ValueError
-        if that is more than there are.
+        left (Runnalls 2007: an upper bound of the divergence from the mixture before).
+
+        Raises
+        ------
+        ValueError
+            If that is more than there are.
         """
         mixture, n_components = self, as_count(n_components, "n_components")
         self._require_fitted()
@@ -435,9 +495,13 @@ class GaussianMixture(EMEstimator):
         mixtures: Sequence[GaussianMixture], weights: ArrayLike | None = None
     ) -> GaussianMixture:
         """All components of several mixtures, each mixture with its weight (positive, any sum;
-        equal by default).
+        equal
+        by default).
 
-        ValueError for none, or for different dimensions.
+        Raises
+        ------
+        ValueError
+            For none, or for different dimensions.
         """
         if len(mixtures) == 0 or len({mixture.n_dims for mixture in mixtures}) > 1:
             raise ValueError(
@@ -470,8 +534,12 @@ class GaussianMixture(EMEstimator):
 
     @classmethod
     def load(cls, path: str | Path) -> GaussianMixture:
-        """The mixture that `save` wrote, to the last bit; ValueError if the file has another
-        format or is damaged.
+        """The mixture that `save` wrote, to the last bit.
+
+        Raises
+        ------
+        ValueError
+            If the file has another format or is damaged.
         """
         try:
             with np.load(path, allow_pickle=False) as archive:

@@ -37,10 +37,18 @@ SLICE = 1024
 class Conditionals(NamedTuple):
     """What K components say of o outputs, given i inputs.
 
-    * input_means (K, i), whiteners (K, i, i): L^-1 of the covariances L L' of the inputs;
-      log_volumes (K,): log det L.
-    * lines (K, 1 + i, o): the outputs' mean at the inputs' mean, and its slopes; within (K, o, o):
-      their covariance about it.
+    Parameters
+    ----------
+    input_means : (K, i)
+        L^-1 of the covariances L L' of the inputs.
+    whiteners : (K, i, i)
+        L^-1 of the covariances L L' of the inputs.
+    log_volumes : (K,)
+        Log det L.
+    lines : (K, 1 + i, o)
+        The outputs' mean at the inputs' mean, and its slopes.
+    within : (K, o, o)
+        Their covariance about it.
     """
 
     input_means: np.ndarray
@@ -75,12 +83,14 @@ class Regression:
     A call `regression(inputs)` with inputs (n, i) returns mean (n, o) and covariance (n, o, o) of
     the outputs. With one input dimension, inputs (n,) are n queries.
 
-    Parameters:
-
-    * mixture: GaussianMixture, fitted or made from parameters.
-    * input_dims: i distinct column indices of the mixture, in any order.
-    * output_dims: o distinct column indices, none of them an input. Other columns may be left out
-      of both.
+    Parameters
+    ----------
+    mixture
+        GaussianMixture, fitted or made from parameters.
+    input_dims
+        i distinct column indices of the mixture, in any order.
+    output_dims
+        o distinct column indices, none of them an input. Other columns may be left out of both.
     """
 
     def __init__(self, mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike):
@@ -114,7 +124,13 @@ class Regression:
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
         """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call
-        to the last bit. inputs: (n, i).
+        to
+        the last bit.
+
+        Parameters
+        ----------
+        inputs
+            (n, i).
         """
         inputs = self._checked(inputs)
         mean = np.empty((len(inputs), self.n_outputs))
@@ -124,7 +140,13 @@ class Regression:
         return mean
 
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
-        """h_k of (3.5): (n, K). inputs: (n, i)."""
+        """h_k of (3.5): (n, K).
+
+        Parameters
+        ----------
+        inputs
+            (n, i).
+        """
         return self._shares(self._checked(inputs))
 
     def log_density(self, inputs: ArrayLike) -> np.ndarray:
@@ -247,15 +269,20 @@ def regress(
     mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
     """(3.3) to (3.5): mean (n, o) and covariance (n, o, o) of the output dimensions, given inputs
-    (n, i).
+    (n,
+    i).
 
     With one input dimension, inputs (n,) are n queries. For more than one call, prepare a
     `Regression`.
 
-    * mixture: over inputs and outputs.
-    * input_dims: indices (i,) of the dimensions of the mixture that are given, from 0, such as [0]
-      for time.
-    * output_dims: those (o,) that are asked for, in the order of the result.
+    Parameters
+    ----------
+    mixture
+        Over inputs and outputs.
+    input_dims
+        Indices (i,) of the dimensions of the mixture that are given, from 0, such as [0] for time.
+    output_dims
+        Those (o,) that are asked for, in the order of the result.
     """
     return Regression(mixture, input_dims, output_dims)(inputs)
 
@@ -269,10 +296,13 @@ def regress_each(
     output_dims: ArrayLike,
 ) -> tuple[np.ndarray, np.ndarray]:
     """`regress` with a mixture of its own for each query: means (n, K, d), covariances (n, K, d,
-    d), inputs (n, i); the priors (K,) are common to all.
+    d),
+    inputs (n, i); the priors (K,) are common to all.
 
-    input_dims, output_dims: indices (i,) and (o,) of the dimensions that are given and asked for,
-    from 0.
+    Parameters
+    ----------
+    input_dims, output_dims
+        Indices (i,) and (o,) of the dimensions that are given and asked for, from 0.
     """
     into, out = _split(means.shape[-1], input_dims, output_dims)
     whiteners = np.linalg.inv(

@@ -26,16 +26,26 @@ def write_conditionals(
 ) -> None:
     """Write what each component says of the outputs, given the inputs.
 
-    * means, covariances: (K, d) and (K, d, d), positive definite.
-    * into, out: dimensions of the inputs (i,) and of the outputs (o,).
-    * whiteners: (K, i, i), L^-1 of the covariances L L' of the inputs; is written, as all that
-      follow.
-    * log_volumes: (K,), log det L.
-    * lines: (K, 1 + i, o), means of the outputs at the means of the inputs, then their slopes over
-      each input, S_ii^-1 S_io.
-    * within: (K, o, o), covariance of the outputs about these lines, S_oo - S_oi S_ii^-1 S_io.
+    Parameters
+    ----------
+    means, covariances
+        (K, d) and (K, d, d), positive definite.
+    into, out
+        Dimensions of the inputs (i,) and of the outputs (o,).
+    whiteners
+        (K, i, i), L^-1 of the covariances L L' of the inputs; is written, as all that follow.
+    log_volumes
+        (K,), log det L.
+    lines
+        (K, 1 + i, o), means of the outputs at the means of the inputs, then their slopes over each
+        input, S_ii^-1 S_io.
+    within
+        (K, o, o), covariance of the outputs about these lines, S_oo - S_oi S_ii^-1 S_io.
 
-    ValueError if a covariance of the inputs is not positive definite.
+    Raises
+    ------
+    ValueError
+        If a covariance of the inputs is not positive definite.
     """
     n_inputs, n_outputs = into.shape[0], out.shape[0]
     lower, half = np.empty((n_inputs, n_inputs)), np.empty((n_inputs, n_outputs))
@@ -81,12 +91,19 @@ def write_logs(
 ) -> None:
     """Write the logs of prior times density of queries, relative to the largest of each query.
 
-    * inputs: (n, i), the queries.
-    * input_means, whiteners: (K, i) and (K, i, i), as of `Conditionals`.
-    * constants: (K,), the logs at the means.
-    * logs: (n, K), are written.
-    * top: (n,), the largest logs, are written; not finite where a square overflows in all
-      components, or is not a number in one.
+    Parameters
+    ----------
+    inputs
+        (n, i), the queries.
+    input_means, whiteners
+        (K, i) and (K, i, i), as of `Conditionals`.
+    constants
+        (K,), the logs at the means.
+    logs
+        (n, K), are written.
+    top
+        (n,), the largest logs, are written; not finite where a square overflows in all components,
+        or is not a number in one.
     """
     n_inputs, lowest = inputs.shape[1], -math.inf
     for n in range(inputs.shape[0]):
@@ -122,11 +139,17 @@ def write_lines(
     inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray, terms: np.ndarray
 ) -> None:
     """Write the terms of the mean (3.4): for each component its share, and that times the inputs
-    from their mean.
+    from
+    their mean.
 
-    * inputs, shares: (n, i) and (n, K).
-    * input_means: (K, i), of the components.
-    * terms: (n, K (1 + i)), are written.
+    Parameters
+    ----------
+    inputs, shares
+        (n, i) and (n, K).
+    input_means
+        (K, i), of the components.
+    terms
+        (n, K (1 + i)), are written.
     """
     for n in range(shares.shape[0]):
         place = 0
@@ -143,14 +166,19 @@ def write_pair_matrices(
     input_means: np.ndarray, lines: np.ndarray, middles: np.ndarray, matrices: np.ndarray
 ) -> None:
     """Write what each pair of components adds to the covariance with one input: the outer square
-    of the difference of their lines.
+    of
+    the difference of their lines.
 
-    * input_means: (K, 1), of the components.
-    * lines: (K, 2, o), outputs of each component at its input's mean, and their slopes.
-    * middles: (p,), between the two means of each pair, are written; the pairs are (0, 1), (0, 2),
-      ...
-    * matrices: (3, p, o, o), factors of 1, s and s s, with the input s from the middle, are
-      written.
+    Parameters
+    ----------
+    input_means
+        (K, 1), of the components.
+    lines
+        (K, 2, o), outputs of each component at its input's mean, and their slopes.
+    middles
+        (p,), between the two means of each pair, are written; the pairs are (0, 1), (0, 2), ...
+    matrices
+        (3, p, o, o), factors of 1, s and s s, with the input s from the middle, are written.
     """
     n_outputs, pair = lines.shape[2], 0
     constant, linear = np.empty(n_outputs), np.empty(n_outputs)
@@ -175,11 +203,17 @@ def write_pairs(
     inputs: np.ndarray, shares: np.ndarray, middles: np.ndarray, terms: np.ndarray
 ) -> None:
     """Write the terms of the covariance with one input: shares, and the product of two shares
-    times 1, s and s s.
+    times
+    1, s and s s.
 
-    * inputs, shares: (n, 1) and (n, K).
-    * middles: (p,) of the pairs, as of `write_pair_matrices`.
-    * terms: (n, K + 3 p), are written.
+    Parameters
+    ----------
+    inputs, shares
+        (n, 1) and (n, K).
+    middles
+        (p,) of the pairs, as of `write_pair_matrices`.
+    terms
+        (n, K + 3 p), are written.
     """
     n_components, n_pairs = shares.shape[1], middles.shape[0]
     for n in range(shares.shape[0]):
@@ -207,9 +241,14 @@ def write_spread(
     Means of the outputs are told from that of the component with the largest share. Far away there
     is no other, and nothing is left: of means that are told from zero, rounding would be left.
 
-    * inputs, shares, input_means: as of `write_lines`.
-    * lines: (K, 1 + i, o), outputs of each component at its inputs' mean, and their slopes.
-    * terms: (n, K + q), are written; q = o (o + 1) / 2, the upper triangle by rows.
+    Parameters
+    ----------
+    inputs, shares, input_means
+        As of `write_lines`.
+    lines
+        (K, 1 + i, o), outputs of each component at its inputs' mean, and their slopes.
+    terms
+        (n, K + q), are written; q = o (o + 1) / 2, the upper triangle by rows.
     """
     n_components, n_outputs = shares.shape[1], lines.shape[2]
     apart, mean, spread = (

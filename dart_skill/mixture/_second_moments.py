@@ -22,16 +22,24 @@ def write_components(
     precisions: np.ndarray,
 ) -> bool:
     """Write the components whose counts have these sums, as of `Components`; False if a covariance
-    is not positive definite.
+    is
+    not positive definite.
 
     The means of the products are [[1, mean'], [mean, S + mean mean']]. The covariance is S = L L'.
 
-    * sums: (P, K, q), of count times products of (1, z); the first of each is the sum of counts,
-      and is above zero.
-    * means: (P, K, d), are written, as all that follow.
-    * affine: (P, K, d, 1 + d), [-L^-1 mean, L^-1].
-    * log_volumes: (P, K), log of sqrt(det(2 pi S)).
-    * precisions: (P, K), traces of the inverse covariances.
+    Parameters
+    ----------
+    sums
+        (P, K, q), of count times products of (1, z); the first of each is the sum of counts, and
+        is above zero.
+    means
+        (P, K, d), are written, as all that follow.
+    affine
+        (P, K, d, 1 + d), [-L^-1 mean, L^-1].
+    log_volumes
+        (P, K), log of sqrt(det(2 pi S)).
+    precisions
+        (P, K), traces of the inverse covariances.
     """
     d = means.shape[2]
     lower = np.empty((d, d))
@@ -100,14 +108,22 @@ def write_coefficients(
     coefficients: np.ndarray,
 ) -> None:
     """Add the coefficients of the products of (1, z) in the log densities: those of log peak - |A
-    (1, z)|^2 / 2.
+    (1,
+    z)|^2 / 2.
 
-    * affine, log_volumes: A (P, K, d, 1 + d) and (P, K), as `write_components` writes them.
-    * log_volumes_of_blocks, least_peaks: (P,), as of `WhiteBlocks`.
-    * highest: (K,), to which the peaks of all blocks are added, or their least ones.
-    * columns: (P, q), of each product in the coefficients; blocks may have some in common.
-    * coefficients: (K, n) or more rows, to which these are added. Squares count half, mixed
-      products twice half.
+    Parameters
+    ----------
+    affine, log_volumes
+        A (P, K, d, 1 + d) and (P, K), as `write_components` writes them.
+    log_volumes_of_blocks, least_peaks
+        (P,), as of `WhiteBlocks`.
+    highest
+        (K,), to which the peaks of all blocks are added, or their least ones.
+    columns
+        (P, q), of each product in the coefficients; blocks may have some in common.
+    coefficients
+        (K, n) or more rows, to which these are added. Squares count half, mixed products twice
+        half.
     """
     d = affine.shape[2]
     for k in range(affine.shape[1]):

@@ -27,9 +27,13 @@ def mean_log_likelihood(
     mixture: GaussianMixture, samples: ArrayLike, weights: ArrayLike | None = None
 ) -> float:
     """(6.4): sum of w_n log P(x_n) over samples (n, d); the weights (n,) are scaled to sum one,
-    and are equal when None.
+    and
+    are equal when None.
 
-    mixture: that gives P.
+    Parameters
+    ----------
+    mixture
+        That gives P.
     """
     log_density = mixture.log_density(samples)
     weights = as_weights(weights, len(log_density))
@@ -44,9 +48,13 @@ def resampled_mean_log_likelihood(
     rng: np.random.Generator,
 ) -> float:
     """(6.3): mean of log P over n_drawn of the samples (n, d), drawn by stochastic universal
-    sampling with weights (n,).
+    sampling
+    with weights (n,).
 
-    mixture: that gives P.
+    Parameters
+    ----------
+    mixture
+        That gives P.
     """
     log_density = mixture.log_density(samples)
     drawn = stochastic_universal_sampling(as_weights(weights, len(log_density)), n_drawn, rng)
@@ -80,10 +88,16 @@ def stochastic_universal_sampling(
 class Selection:
     """Result of a selection among C numbers of components.
 
-    * n_components (C,): the numbers that were tried, ascending.
-    * scores (C,): lower is better.
-    * standard_errors (C,): of the scores; zero where there is no estimate (BIC).
-    * mixture: GaussianMixture with the best number, fitted to all samples.
+    Parameters
+    ----------
+    n_components : (C,)
+        The numbers that were tried, ascending.
+    scores : (C,)
+        Lower is better.
+    standard_errors : (C,)
+        Of the scores; zero where there is no estimate (BIC).
+    mixture
+        GaussianMixture with the best number, fitted to all samples.
     """
 
     n_components: np.ndarray
@@ -108,10 +122,19 @@ class Selection:
 
 
 def best_number(candidates: Sequence[int], score: Callable[[int], float]) -> int:
-    """The number of components whose score is lowest, the first one of equals; ValueError if no
-    score is finite.
+    """The number of components whose score is lowest, the first one of equals.
 
-    candidates: numbers of components; score: gives that of one.
+    Parameters
+    ----------
+    candidates
+        Numbers of components.
+    score
+        Gives that of one.
+
+    Raises
+    ------
+    ValueError
+        If no score is finite.
     """
     scores = np.array([score(candidate) for candidate in candidates], dtype=float)
     scores[~np.isfinite(scores)] = np.inf
@@ -131,10 +154,15 @@ def select_by_bic(
     **options: Any,
 ) -> Selection:
     """Fit a mixture with each number of components to samples (n, d) with weights (n,), and score
-    it by BIC.
+    it
+    by BIC.
 
-    In the BIC the sum of the weights counts as the number of samples. options: hyper-parameters of
-    `GaussianMixture`.
+    In the BIC the sum of the weights counts as the number of samples.
+
+    Parameters
+    ----------
+    options
+        Hyper-parameters of `GaussianMixture`.
     """
     candidates = _as_candidates(n_components)
     samples, weights = _with_weight(samples, weights)
@@ -156,11 +184,22 @@ def select_by_cross_validation(
     """Score each number of components by the weighted mean of the negative log density of samples
     that were left out.
 
-    groups (n,): samples with the same label are left out together; each sample is a group by
-    default. Use the number of the demonstration: otherwise the neighbours in time of a sample that
-    is left out show the fit where it is. If there are no more groups than n_folds, each group is
-    left out once. options: hyper-parameters of `GaussianMixture`. n_folds: parts of the samples
-    that are left out in turn, default 5. ValueError for groups of another shape.
+    Parameters
+    ----------
+    groups : (n,)
+        Samples with the same label are left out together; each sample is a group by default. Use
+        the number of the demonstration: otherwise the neighbours in time of a sample that is left
+        out show the fit where it is. If there are no more groups than n_folds, each group is left
+        out once.
+    options
+        Hyper-parameters of `GaussianMixture`.
+    n_folds
+        Parts of the samples that are left out in turn, default 5.
+
+    Raises
+    ------
+    ValueError
+        For groups of another shape.
     """
     candidates, n_folds = _as_candidates(n_components), as_count(n_folds, "n_folds", 2)
     counted = as_weights(weights, len(as_samples(samples, "samples"))) > 0

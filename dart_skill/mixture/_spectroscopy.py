@@ -26,10 +26,15 @@ EXACT = 1e-12  # rounding error that is allowed when a share of the weight is co
 class Spectroscopy:
     """Groups of n points, in the order of their eigenvalues, the largest first.
 
-    * labels (n,): group of each point.
-    * eigenvalues (n_groups,).
-    * eigenfunctions (n, n_groups): each is positive at the point where its magnitude is largest.
-    * bandwidth: of the kernel, in the units of the points.
+    Parameters
+    ----------
+    labels : (n,)
+        Group of each point.
+    eigenvalues : (n_groups,)
+    eigenfunctions : (n, n_groups)
+        Each is positive at the point where its magnitude is largest.
+    bandwidth
+        Of the kernel, in the units of the points.
     """
 
     labels: np.ndarray
@@ -57,23 +62,29 @@ def data_spectroscopy(
     A point with weight zero does not change the groups; it gets the label of the group at its
     place.
 
-    Parameters:
+    Parameters
+    ----------
+    bandwidth
+        Float, omega of (5.13) in the units of the points; default None: `automatic_bandwidth`.
+    core
+        Float in (0, 1], default 0.99, and tolerance: float. Let s be the value that |f| does not
+        exceed on the share `core` of all weight, and t = tolerance s. An eigenfunction f does not
+        change its sign if f > -t on at least the share `core` of all weight, or f < t on it. The
+        authors have core = 1. Then single points of little weight are groups; 0.99 leaves them
+        out. tolerance = None is the authors' 1 / n, with n points. For figure 5.5 it does with
+        reading="printed"; with "copies" the figure needs 0.1.
+    counts
+        Bool, default False. True: the weights are numbers of copies, so that n counts copies, and
+        the result is that of the copied points.
+    reading
+        "copies" (default), as described above. "printed" takes (5.13) literally: the kernel is w_i
+        k w_j, and its eigenvectors give signs and labels. Then a weight of 2 is equal neither to
+        two points nor to one.
 
-    * bandwidth: float, omega of (5.13) in the units of the points; default None:
-      `automatic_bandwidth`.
-    * core: float in (0, 1], default 0.99, and tolerance: float. Let s be the value that |f| does
-      not exceed on the share `core` of all weight, and t = tolerance s. An eigenfunction f does
-      not change its sign if f > -t on at least the share `core` of all weight, or f < t on it. The
-      authors have core = 1. Then single points of little weight are groups; 0.99 leaves them out.
-      tolerance = None is the authors' 1 / n, with n points. For figure 5.5 it does with
-      reading="printed"; with "copies" the figure needs 0.1.
-    * counts: bool, default False. True: the weights are numbers of copies, so that n counts
-      copies, and the result is that of the copied points.
-    * reading: "copies" (default), as described above. "printed" takes (5.13) literally: the kernel
-      is w_i k w_j, and its eigenvectors give signs and labels. Then a weight of 2 is equal neither
-      to two points nor to one.
-
-    ValueError for a reading that there is not, or a core above 1.
+    Raises
+    ------
+    ValueError
+        For a reading that there is not, or a core above 1.
     """
     points = as_learnable(points, "points")
     weights = as_weights(weights, len(points))

@@ -45,23 +45,32 @@ class Adaptation(NamedTuple):
 class SplitMerge:
     """When and how components are split and merged.
 
-    Parameters:
-
-    * split_threshold: float, default 0.16. T^S, in units of the average log-likelihood.
-    * merge_threshold: float, default 0.01. T^M, in the same units.
-    * n_axes: int, default 1 as in the thesis. D: a split is tried along so many of a component's
-      longest axes.
-    * alpha: float in (0, 1), default 0.5. Share of the prior that the first of the two new
-      components gets.
-    * beta: float in (0, 1), default 0.5. Share of the remaining variance along the axis that the
-      first one gets.
-    * u: float in (0, 1), default sqrt(3/4). Distance of the two means; u^2 is the share of the
-      variance that it explains.
-    * normalise: bool, default True. Weights are scaled to sum one, as in (6.4); the thesis's
-      thresholds need this.
-    * refine: int, default 0. Steps of EM for each candidate, and for the mixture that it is
-      compared with, before they are judged. The refined candidate is the one that is kept.
-    * covariance_floor: float, default 1e-6. Least variance of a refined component along any axis.
+    Parameters
+    ----------
+    split_threshold
+        Float, default 0.16. T^S, in units of the average log-likelihood.
+    merge_threshold
+        Float, default 0.01. T^M, in the same units.
+    n_axes
+        Int, default 1 as in the thesis. D: a split is tried along so many of a component's longest
+        axes.
+    alpha
+        Float in (0, 1), default 0.5. Share of the prior that the first of the two new components
+        gets.
+    beta
+        Float in (0, 1), default 0.5. Share of the remaining variance along the axis that the first
+        one gets.
+    u
+        Float in (0, 1), default sqrt(3/4). Distance of the two means; u^2 is the share of the
+        variance that it explains.
+    normalise
+        Bool, default True. Weights are scaled to sum one, as in (6.4); the thesis's thresholds
+        need this.
+    refine
+        Int, default 0. Steps of EM for each candidate, and for the mixture that it is compared
+        with, before they are judged. The refined candidate is the one that is kept.
+    covariance_floor
+        Float, default 1e-6. Least variance of a refined component along any axis.
     """
 
     split_threshold: float = 0.16
@@ -92,15 +101,20 @@ class SplitMerge:
 class Adapted:
     """A mixture after one round of split and merge.
 
-    * mixture: GaussianMixture, the result.
-    * split: index of the component that was split, or None. The two new ones are at that index and
-      at the end.
-    * merged: indices, counted after the split, of the two components that were merged, or None.
-      The new one is at the first of the two indices.
-    * split_gain: gain of the average log-likelihood by the best split, done or not; -inf if none
-      was tried.
-    * merge_loss: loss of the average log-likelihood by the best merger, done or not; inf if none
-      was tried.
+    Parameters
+    ----------
+    mixture
+        GaussianMixture, the result.
+    split
+        Index of the component that was split, or None. The two new ones are at that index and at
+        the end.
+    merged
+        Indices, counted after the split, of the two components that were merged, or None. The new
+        one is at the first of the two indices.
+    split_gain
+        Gain of the average log-likelihood by the best split, done or not; -inf if none was tried.
+    merge_loss
+        Loss of the average log-likelihood by the best merger, done or not; inf if none was tried.
     """
 
     mixture: GaussianMixture
@@ -115,8 +129,12 @@ def split(
 ) -> GaussianMixture:
     """(5.7)-(5.12): the mixture with one component split in two along an axis, 0 for the longest.
 
-    The two new components are at `index` and at the end. rule: thresholds and sizes, default those
-    of `SplitMerge`.
+    The two new components are at `index` and at the end.
+
+    Parameters
+    ----------
+    rule
+        Thresholds and sizes, default those of `SplitMerge`.
     """
     n_dims, n_components = mixture.n_dims, len(mixture.means_)
     _require_below(index, "index", n_components)
@@ -136,7 +154,14 @@ def split_and_merge(
     """One round of the thesis's algorithm (lines 4 to 21) on samples (n, d) with weights (n,).
 
     First comes the best split, if it gains more than its threshold, then the best merger, if it
-    costs less than its own. mixture: at the start; rule: as in `split`.
+    costs less than its own.
+
+    Parameters
+    ----------
+    mixture
+        At the start.
+    rule
+        As in `split`.
     """
     samples = as_samples(samples, "samples", mixture.n_dims)
     weights = as_weights(weights, len(samples))
@@ -151,8 +176,12 @@ def adapt(
     rule: SplitMerge,
     most: int | None = None,
 ) -> Adaptation:
-    """`split_and_merge` on arrays that have been checked, up to `most` components. samples: (n,
-    d).
+    """`split_and_merge` on arrays that have been checked, up to `most` components.
+
+    Parameters
+    ----------
+    samples
+        (n, d).
     """
     weights = weights / weights.sum() if rule.normalise else weights
     split_one: int | None = None

@@ -81,8 +81,14 @@ def one_hot(labels: np.ndarray, n_components: int) -> np.ndarray:
 def kmeans_start(
     samples: np.ndarray, weights: np.ndarray, n_components: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Responsibilities (n, K) from weighted k-means with a k-means++ start. samples: (n, d);
-    n_components: K, at most n.
+    """Responsibilities (n, K) from weighted k-means with a k-means++ start.
+
+    Parameters
+    ----------
+    samples
+        (n, d).
+    n_components
+        K, at most n.
     """
     centres = plus_plus_centres(samples, weights, n_components, rng)
     return one_hot(refine_centres(samples, weights, centres), n_components)
@@ -92,7 +98,12 @@ def sliced_start(column: np.ndarray, weights: np.ndarray, n_components: int) -> 
     """Responsibilities (n, K) from K slices of equal weight along one column (n,), usually time.
 
     Samples with equal values go into the same slice, so that the order of the samples does not
-    matter. n_components: K.
+    matter.
+
+    Parameters
+    ----------
+    n_components
+        K.
     """
     # With an index NumPy sorts by merging, which takes a quarter of the time where each
     # demonstration is in order already.

@@ -69,9 +69,15 @@ def seen_rows(block: np.ndarray) -> np.ndarray:
 class Components(NamedTuple):
     """Components of P equally wide blocks in white coordinates.
 
-    means (P, K, d); affine (P, K, d, 1 + d): [-L^-1 mean, L^-1] of the covariances L L', which
-    makes standard normal numbers of (1, z); log_volumes (P, K): log of sqrt(det(2 pi L L'));
-    precisions (P, K): an upper bound of the eigenvalues of each inverse covariance.
+    Parameters
+    ----------
+    means : (P, K, d)
+    affine : (P, K, d, 1 + d)
+        [-L^-1 mean, L^-1] of the covariances L L', which makes standard normal numbers of (1, z).
+    log_volumes : (P, K)
+        Log of sqrt(det(2 pi L L')).
+    precisions : (P, K)
+        An upper bound of the eigenvalues of each inverse covariance.
     """
 
     means: np.ndarray
@@ -115,10 +121,14 @@ class Components(NamedTuple):
 class Sums(NamedTuple):
     """What the M step needs.
 
-    mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each
-    `WhiteBlocks` an origin (P, K, d), or None for 0, and products (P, K, q): the sum over the
-    samples of count times the products of the entries of (1, z - origin), the upper triangle by
-    rows.
+    Parameters
+    ----------
+    mass : (K,)
+        Sum of the counts.
+    log_density : (n,)
+        In the units of the blocks; for each `WhiteBlocks` an origin (P, K, d), or None for 0, and
+        products (P, K, q): the sum over the samples of count times the products of the entries of
+        (1, z - origin), the upper triangle by rows.
     """
 
     mass: np.ndarray
@@ -131,10 +141,18 @@ class WhiteBlocks:
     """Samples (n, d) of P equally wide blocks in white coordinates, x = root z + centre, stored as
     (1, z): white (P, 1 + d, n).
 
-    least_peaks (P,): 0, the log density of samples that the block does not see, or -inf if it sees
-    all; least_mass (P, 1): below it a component has almost no count there; centre (P, 1, d), root
-    and inverse_root (P, 1, d, d); reach (P, 1): largest square of a sample (1, z); steepest: a
-    bound of the squares of inverse_root.
+    Attributes
+    ----------
+    least_peaks : (P,)
+        0, the log density of samples that the block does not see, or -inf if it sees all.
+    least_mass : (P, 1)
+        Below it a component has almost no count there.
+    centre : (P, 1, d)
+        Root and inverse_root (P, 1, d, d).
+    reach : (P, 1)
+        Largest square of a sample (1, z).
+    steepest
+        A bound of the squares of inverse_root.
     """
 
     def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float):
@@ -297,10 +315,17 @@ class WhiteBlocks:
 
 
 class Sweep:
-    """All samples, prepared for iterations of EM: blocks (n, d_p), weights (n,); floor: least
-    variance of a component; tolerance: the rise of the mean log-likelihood at which EM stops;
-    n_components: about so many there will be. Equally wide blocks that follow each other are gone
-    through at once.
+    """All samples, prepared for iterations of EM: blocks (n, d_p), weights (n,)
+
+    Parameters
+    ----------
+    floor
+        Least variance of a component.
+    tolerance
+        The rise of the mean log-likelihood at which EM stops.
+    n_components
+        About so many there will be. Equally wide blocks that follow each other are gone through at
+        once.
     """
 
     def __init__(

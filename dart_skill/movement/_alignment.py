@@ -30,10 +30,16 @@ others is the prediction.
 class AlignmentFit:
     """How a demonstration fits the others.
 
-    * deviation: rms of its residual over time and variables, relative to the usual residual.
-    * lag [s]: shift in time with which it fits best, positive if it is late.
-    * deviation_at_lag: the deviation with this shift.
-    * reason: why it does not fit; empty if it fits.
+    Parameters
+    ----------
+    deviation
+        Rms of its residual over time and variables, relative to the usual residual.
+    lag : [s]
+        Shift in time with which it fits best, positive if it is late.
+    deviation_at_lag
+        The deviation with this shift.
+    reason
+        Why it does not fit; empty if it fits.
     """
 
     deviation: float
@@ -57,20 +63,27 @@ def check_alignment(
 ) -> list[AlignmentFit]:
     """One `AlignmentFit` for each of at least 4 demonstrations.
 
-    Parameters:
+    Parameters
+    ----------
+    times
+        For each demonstration its stamps (n_i,) [s] on the common clock.
+    positions
+        For each demonstration its movement variables (n_i, d).
+    tasks : (n_demonstrations, q)
+        What they were made for, such as the distance of the target; default None.
+    largest_deviation
+        Float, default 6. Largest deviation that fits, relative to the usual residual.
+    largest_lag
+        Float, default 0.1 [s]. Largest lag that is accepted.
+    tolerance
+        One number or one per variable (d,), default 0. The usual residual is taken to be at least
+        this large, in the unit of the variable. Without it, demonstrations that are almost equal
+        would have a usual residual near zero.
 
-    * times: for each demonstration its stamps (n_i,) [s] on the common clock.
-    * positions: for each demonstration its movement variables (n_i, d).
-    * tasks (n_demonstrations, q): what they were made for, such as the distance of the target;
-      default None.
-    * largest_deviation: float, default 6. Largest deviation that fits, relative to the usual
-      residual.
-    * largest_lag: float, default 0.1 [s]. Largest lag that is accepted.
-    * tolerance: one number or one per variable (d,), default 0. The usual residual is taken to be
-      at least this large, in the unit of the variable. Without it, demonstrations that are almost
-      equal would have a usual residual near zero.
-
-    ValueError if tasks are missing, or the demonstrations have no time in common.
+    Raises
+    ------
+    ValueError
+        If tasks are missing, or the demonstrations have no time in common.
     """
     clocks, paths = _checked(times, positions)
     n = len(clocks)

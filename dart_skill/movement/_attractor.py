@@ -17,8 +17,12 @@ from dart_skill.movement._runge_kutta import respond
 
 
 def critical_damping(stiffness: ArrayLike) -> np.ndarray:
-    """kv = 2 sqrt(kp), at which a unit mass returns fastest without overshoot. stiffness: kp
-    [1/s^2], one number or (d,).
+    """kv = 2 sqrt(kp), at which a unit mass returns fastest without overshoot.
+
+    Parameters
+    ----------
+    stiffness
+        Kp [1/s^2], one number or (d,).
     """
     return 2.0 * np.sqrt(as_gains(stiffness, None, "stiffness", strict=True))
 
@@ -50,8 +54,16 @@ def attractor_from_motion(
 ) -> np.ndarray:
     """(7.20): attractor (n, d) of a motion: position, velocity and acceleration (n, d).
 
-    stiffness [1/s^2] and damping [1/s] per unit mass: one number or (d,). Damping None is
-    critical, 2 sqrt(stiffness). ValueError if these have not one shape.
+    Parameters
+    ----------
+    stiffness : [1/s^2]
+    damping : [1/s]
+        Per unit mass: one number or (d,). Damping None is critical, 2 sqrt(stiffness).
+
+    Raises
+    ------
+    ValueError
+        If these have not one shape.
     """
     position = as_samples(position, "position")
     velocity, acceleration = (
@@ -84,8 +96,12 @@ def follow_attractor(
     """Motion (n, d) that follows an attractor (n, d) by (7.19).
 
     The attractor is sampled every `step` seconds and linear in between. The motion is at the same
-    stamps. Its row 0 is the start: position0 and velocity0 (d,). stiffness, damping: as in
-    `attractor_from_motion`.
+    stamps. Its row 0 is the start: position0 and velocity0 (d,).
+
+    Parameters
+    ----------
+    stiffness, damping
+        As in `attractor_from_motion`.
     """
     attractor = as_samples(attractor, "attractor")
     n_dims = attractor.shape[1]

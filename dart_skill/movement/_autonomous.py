@@ -59,8 +59,12 @@ SETTLING = 0.2
 class StateDriven:
     """A movement of an autonomous policy, in the units of the movement.
 
-    * time, phase: (n,) each [s].
-    * attractor, position, velocity, acceleration: (n, d) each.
+    Parameters
+    ----------
+    time, phase
+        (n,) each [s].
+    attractor, position, velocity, acceleration
+        (n, d) each.
     """
 
     time: np.ndarray
@@ -74,17 +78,23 @@ class StateDriven:
 class AutonomousDSGMR(AttractorModel):
     """DS-GMR over d movement variables that is driven by the state (x, x') instead of a clock.
 
-    Parameters:
-
-    * n_components: int, number of components of the mixture.
-    * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
-    * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp).
-    * rule: PhaseRule, how the state changes the phase; default None: its defaults.
-    * n_inputs, partition, overlap: as in `DSGMR`.
-    * mixture_options: hyper-parameters of `TaskParameterisedMixture`.
-
     Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, x, x', y],
     where u are the further inputs.
+
+    Parameters
+    ----------
+    n_components
+        Int, number of components of the mixture.
+    stiffness
+        One number or (d,), default 200 [1/s^2]. kp of (7.19).
+    damping
+        One number or (d,) [1/s], default None: critical, 2 sqrt(kp).
+    rule
+        PhaseRule, how the state changes the phase; default None: its defaults.
+    n_inputs, partition, overlap
+        As in `DSGMR`.
+    mixture_options
+        Hyper-parameters of `TaskParameterisedMixture`.
     """
 
     def __init__(
@@ -152,22 +162,33 @@ class AutonomousDSGMR(AttractorModel):
         inputs: Sequence[ArrayLike] | None = None,
         rng: np.random.Generator | None = None,
     ) -> AutonomousDSGMR:
-        """Learn from demonstrations; returns self.
+        """Learn from demonstrations.
 
-        Parameters:
+        Parameters
+        ----------
+        times
+            For each demonstration its stamps (n_i,) [s].
+        motions
+            For each demonstration position, velocity and acceleration (n_i, d), as
+            `smooth_derivatives` returns them. The acceleration may be missing if attractors are
+            given.
+        frames
+            For each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`; one that
+            moves is a list with a `MovingFrame` for each sample.
+        weights
+            As in `DSGMR.fit`.
+        attractors
+            For each demonstration (n_i, d), default None: computed from the motions by (7.20).
+        inputs
+            For each demonstration its further inputs u, (q,) or (n_i, q); default None: there are
+            none.
+        rng
+            As in `DSGMR.fit`.
 
-        * times: for each demonstration its stamps (n_i,) [s].
-        * motions: for each demonstration position, velocity and acceleration (n_i, d), as
-          `smooth_derivatives` returns them. The acceleration may be missing if attractors are
-          given.
-        * frames: for each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`; one
-          that moves is a list with a `MovingFrame` for each sample.
-        * weights: as in `DSGMR.fit`.
-        * attractors: for each demonstration (n_i, d), default None: computed from the motions by
-          (7.20).
-        * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None:
-          there are none.
-        * rng: as in `DSGMR.fit`.
+        Returns
+        -------
+        AutonomousDSGMR
+            Self.
         """
         samples, lifted = self._encoded(times, motions, frames, attractors, inputs)
         self._learn(samples, lifted, weights, rng)
@@ -226,10 +247,14 @@ class AutonomousDSGMR(AttractorModel):
         *,
         n_inputs: int = 0,
     ) -> AutonomousDSGMR:
-        """The model whose mixture over [t, u, x, x', y] was fitted elsewhere; ends: first and last
-        phase [s].
+        """The model whose mixture over [t, u, x, x', y] was fitted elsewhere.
 
-        stiffness, damping, rule, n_inputs: as of the class.
+        Parameters
+        ----------
+        ends
+            First and last phase [s].
+        stiffness, damping, rule, n_inputs
+            As of the class.
         """
         model = cls(len(mixture.priors_), stiffness, damping, rule, n_inputs=n_inputs)
         model.mixture_, model._ends = model._with_outputs(mixture), np.array(ends, dtype=float)
@@ -289,8 +314,12 @@ class AutonomousDSGMR(AttractorModel):
     def moment(
         self, frames: Sequence[StateFrame], phase: float, inputs: ArrayLike | None = None
     ) -> Moment:
-        """What belongs to one phase [s], in frames as they are now; inputs: the further inputs u
-        (q,).
+        """What belongs to one phase [s], in frames as they are now.
+
+        Parameters
+        ----------
+        inputs
+            The further inputs u (q,).
         """
         states, spreads, attractors = self._at_phases(
             frames, phase + SLOPE_STEP * np.array([-1.0, 0.0, 1.0]), inputs
@@ -324,18 +353,22 @@ class AutonomousDSGMR(AttractorModel):
     ) -> AutonomousPolicy:
         """The policy for new frames.
 
-        Parameters:
-
-        * frames: P frames of the features [t, u, y]; None for a frame that is missing.
-        * resolution: int, default 400. Number of phases at which the policy is computed
-          beforehand.
-        * phase: (n,) [s], equally spaced, default None: `resolution` of them, from the start to
-          the end of the demonstrations.
-        * inputs: the further inputs u, (q,) or one row for each phase (n, q); default None: there
-          are none.
-        * goal: (d,), where the movement ends. Default None: where the demonstrations ended
-          (`goal`); but if `phase` is given, or the mixture was fitted elsewhere, where the
-          regression is at the last phase.
+        Parameters
+        ----------
+        frames
+            P frames of the features [t, u, y]; None for a frame that is missing.
+        resolution
+            Int, default 400. Number of phases at which the policy is computed beforehand.
+        phase
+            (n,) [s], equally spaced, default None: `resolution` of them, from the start to the end
+            of the demonstrations.
+        inputs
+            The further inputs u, (q,) or one row for each phase (n, q); default None: there are
+            none.
+        goal
+            (d,), where the movement ends. Default None: where the demonstrations ended (`goal`);
+            but if `phase` is given, or the mixture was fitted elsewhere, where the regression is
+            at the last phase.
         """
         if goal is None and phase is None and hasattr(self, "_last"):
             goal = self.goal(frames, inputs)
@@ -353,8 +386,16 @@ class AutonomousDSGMR(AttractorModel):
         """Where the demonstrations ended, as seen in P new frames (d,): the product (7.21) of the
         Gaussians of their last positions.
 
-        inputs: the further inputs u, (q,) or rows (n, q), of which the last counts; the ends are
-        regressed on them. ValueError if nothing was fitted, or elsewhere.
+        Parameters
+        ----------
+        inputs
+            The further inputs u, (q,) or rows (n, q), of which the last counts; the ends are
+            regressed on them.
+
+        Raises
+        ------
+        ValueError
+            If nothing was fitted, or elsewhere.
         """
         if not hasattr(self, "_last"):
             self._fitted  # noqa: B018 - or a ValueError that says so
@@ -470,7 +511,10 @@ def correction(
     """Gain (n, 2d) with which a difference of the state says how far it is ahead [s], and the
     precision (n, 2d, 2d) of the state.
 
-    state, spread, slope: z(s) (n, 2d), R(s) (n, 2d, 2d) and z_s (n, 2d).
+    Parameters
+    ----------
+    state, spread, slope
+        z(s) (n, 2d), R(s) (n, 2d, 2d) and z_s (n, 2d).
     """
     d = state.shape[1] // 2
     slower = np.hstack([np.zeros_like(state[:, :d]), UNKNOWN_PACE * state[:, d:]])
@@ -484,8 +528,13 @@ def correction(
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What belongs to one phase: state (2d,), position over velocity; attractor (d,); gain (2d,),
-    as of `correction`.
+    """What belongs to one phase: state (2d,), position over velocity.
+
+    Parameters
+    ----------
+    attractor : (d,)
+    gain : (2d,)
+        As of `correction`.
     """
 
     state: np.ndarray
@@ -499,14 +548,20 @@ class AutonomousPolicy:
     `locate` finds the phase of a state, `advance` changes the phase over a step, and `attractor`
     gives y at a phase.
 
-    Parameters:
-
-    * phase (n,): equally spaced phases [s].
-    * state (n, 2d): position and velocity that belong to each phase.
-    * spread (n, 2d, 2d): covariance of the state.
-    * attractors (n, d): y at each phase.
-    * stiffness, damping: gains of (7.19), one number or (d,) [1/s^2, 1/s].
-    * rule: PhaseRule.
+    Parameters
+    ----------
+    phase : (n,)
+        Equally spaced phases [s].
+    state : (n, 2d)
+        Position and velocity that belong to each phase.
+    spread : (n, 2d, 2d)
+        Covariance of the state.
+    attractors : (n, d)
+        y at each phase.
+    stiffness, damping
+        Gains of (7.19), one number or (d,) [1/s^2, 1/s].
+    rule
+        PhaseRule.
     """
 
     def __init__(
@@ -559,7 +614,13 @@ class AutonomousPolicy:
         return self._at(self._gain, np.asarray(phase, dtype=float))
 
     def acceleration(self, phase: float, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
-        """(7.19) at a phase: kp (y - x) - kv x' (d,). position, velocity: x and x' (d,)."""
+        """(7.19) at a phase: kp (y - x) - kv x' (d,).
+
+        Parameters
+        ----------
+        position, velocity
+            x and x' (d,).
+        """
         state = self._as_state(position, velocity)
         d = len(self._kp)
         return self._kp * (self.attractor(phase) - state[:d]) - self._kv * state[d:]
@@ -576,9 +637,12 @@ class AutonomousPolicy:
         """Movement of a unit mass (7.19) in place of the robot, from position0 and velocity0 (d,),
         for `duration` [s].
 
-        push: function of time, position and velocity that returns an acceleration (d,) from
-        outside, in units of the movement per s^2; it is constant over a step. Each step is exact
-        for an attractor that is linear in between.
+        Parameters
+        ----------
+        push
+            Function of time, position and velocity that returns an acceleration (d,) from outside,
+            in units of the movement per s^2; it is constant over a step. Each step is exact for an
+            attractor that is linear in between.
         """
         step, n_steps = (
             as_number(step, "step"),
@@ -654,7 +718,10 @@ def lift(frame: TaskFrame | MovingFrame, n_inputs: int = 0) -> TaskFrame:
     """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y]: positions and attractors
     are shifted, velocities only turned. One that moves shifts each of the three by its own.
 
-    n_inputs: number of further inputs u after time.
+    Parameters
+    ----------
+    n_inputs
+        Number of further inputs u after time.
     """
     first = 1 + n_inputs
     if isinstance(frame, MovingFrame):

@@ -55,15 +55,18 @@ def smooth_derivatives(
 ) -> Motion:
     """Position, velocity and acceleration (m, d) from noisy samples (n, d), n >= 8.
 
-    Parameters:
-
-    * time (n,): stamps [s], increasing, possibly irregular.
-    * samples (n, d).
-    * noise: standard deviation of the samples in their unit. One number (default None: estimated)
-      if the columns are coordinates of one vector: they are smoothed alike, so that a rotation of
-      the axes rotates the result. One number per column (d,) if the columns have different units.
-    * at (m,): stamps of the result, within those of the samples; default None: those of the
-      samples.
+    Parameters
+    ----------
+    time : (n,)
+        Stamps [s], increasing, possibly irregular.
+    samples : (n, d)
+    noise
+        Standard deviation of the samples in their unit. One number (default None: estimated) if
+        the columns are coordinates of one vector: they are smoothed alike, so that a rotation of
+        the axes rotates the result. One number per column (d,) if the columns have different
+        units.
+    at : (m,)
+        Stamps of the result, within those of the samples; default None: those of the samples.
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
@@ -127,9 +130,14 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) 
     (divided differences, scaled to unit norm): these contain only noise. Their median absolute
     value is not disturbed by a few bad samples.
 
-    * time: [s].
-    * samples: in any unit.
-    * apart: whether each column has a noise of its own.
+    Parameters
+    ----------
+    time
+        [s].
+    samples
+        In any unit.
+    apart
+        Whether each column has a noise of its own.
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)

@@ -142,10 +142,16 @@ SAME_STEP = 1e-6
 class Reproduction:
     """A planned movement, in the units of the movement.
 
-    * time: (n,) [s].
-    * attractor: (n, d).
-    * covariance: (n, d, d), of the attractor; None if it was not asked for.
-    * position, velocity, acceleration: (n, d), of the motion that follows the attractor (7.19).
+    Parameters
+    ----------
+    time
+        (n,) [s].
+    attractor
+        (n, d).
+    covariance
+        (n, d, d), of the attractor; None if it was not asked for.
+    position, velocity, acceleration
+        (n, d), of the motion that follows the attractor (7.19).
     """
 
     time: np.ndarray
@@ -163,22 +169,29 @@ class DSGMR(AttractorModel):
     distance of a target, and the attractor. Within a component the attractor is a linear function
     of time and the further inputs.
 
-    Parameters:
-
-    * n_components: int, number of components of the mixture.
-    * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
-    * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp). kv of (7.19).
-    * n_inputs: int, default 0. q, the number of further inputs.
-    * partition: "em" or "time", default "em". EM finds which samples belong to a component, or
-      each component has its own interval of time.
-    * overlap: float, default None. Standard deviation of a component in time, relative to its
-      interval. For partition "time" the default is 0.7. For "em" it is what EM finds; a number
-      makes `TaskParameterisedMixture.fit_around` follow EM: smoother attractors, and no component
-      that belongs to a few demonstrations.
-    * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only
-      covariance_floor and covariance_prior are used.
-
     Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, y].
+
+    Parameters
+    ----------
+    n_components
+        Int, number of components of the mixture.
+    stiffness
+        One number or (d,), default 200 [1/s^2]. kp of (7.19).
+    damping
+        One number or (d,) [1/s], default None: critical, 2 sqrt(kp). kv of (7.19).
+    n_inputs
+        Int, default 0. q, the number of further inputs.
+    partition
+        "em" or "time", default "em". EM finds which samples belong to a component, or each
+        component has its own interval of time.
+    overlap
+        Float, default None. Standard deviation of a component in time, relative to its interval.
+        For partition "time" the default is 0.7. For "em" it is what EM finds; a number makes
+        `TaskParameterisedMixture.fit_around` follow EM: smoother attractors, and no component that
+        belongs to a few demonstrations.
+    mixture_options
+        Hyper-parameters of `TaskParameterisedMixture`. With partition "time" only covariance_floor
+        and covariance_prior are used.
     """
 
     @classmethod
@@ -189,8 +202,12 @@ class DSGMR(AttractorModel):
         damping: ArrayLike | None = None,
         n_inputs: int = 0,
     ) -> DSGMR:
-        """Model around a mixture that is already fitted. stiffness, damping, n_inputs: as of the
-        class.
+        """Model around a mixture that is already fitted.
+
+        Parameters
+        ----------
+        stiffness, damping, n_inputs
+            As of the class.
         """
         model = cls(len(mixture.priors_), stiffness, damping, n_inputs=n_inputs)
         model._mixture = model.mixture_ = model._with_outputs(mixture)
@@ -209,18 +226,23 @@ class DSGMR(AttractorModel):
         """Features [t, u, y] (n, m) of one demonstration, from noisy movement variables: the
         attractor is computed by (7.20).
 
-        Parameters:
-
-        * time: stamps (k,) of the samples [s].
-        * positions: movement variables (k, d).
-        * noise: standard deviation of the samples, as in `smooth_derivatives`; default None:
-          estimated.
-        * at: stamps (n,) of the features [s], default None: those of the samples.
-        * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
-        * faults: "say" (default), a warning says which repeats and jumps `find_faults` finds, and
-          the samples are taken as they are; "refuse", a ValueError says so; "thin", samples that
-          repeat are left out first (`without_repeats`), and features are at the stamps that
-          remain; "keep", samples are not checked.
+        Parameters
+        ----------
+        time
+            Stamps (k,) of the samples [s].
+        positions
+            Movement variables (k, d).
+        noise
+            Standard deviation of the samples, as in `smooth_derivatives`; default None: estimated.
+        at
+            Stamps (n,) of the features [s], default None: those of the samples.
+        inputs
+            The further inputs u, (q,) or (n, q); default None: there are none.
+        faults
+            "say" (default), a warning says which repeats and jumps `find_faults` finds, and the
+            samples are taken as they are; "refuse", a ValueError says so; "thin", samples that
+            repeat are left out first (`without_repeats`), and features are at the stamps that
+            remain; "keep", samples are not checked.
         """
         if faults == "say":
             if found := _faults_of(time, positions):
@@ -255,17 +277,25 @@ class DSGMR(AttractorModel):
         *,
         rng: np.random.Generator | None = None,
     ) -> DSGMR:
-        """Learn from demonstrations; returns self.
+        """Learn from demonstrations.
 
-        Parameters:
+        Parameters
+        ----------
+        attractors
+            For each demonstration its features [t, u, y] (n_i, m), from `encode` or `features`.
+        frames
+            For each demonstration P task frames of these features, as in
+            `TaskParameterisedMixture.fit`.
+        weights
+            For each demonstration one number or one per sample (n_i,): how much it counts (8.4.2).
+            Default None: all count alike.
+        rng
+            Random generator, only needed for the hyper-parameter start="kmeans".
 
-        * attractors: for each demonstration its features [t, u, y] (n_i, m), from `encode` or
-          `features`.
-        * frames: for each demonstration P task frames of these features, as in
-          `TaskParameterisedMixture.fit`.
-        * weights: for each demonstration one number or one per sample (n_i,): how much it counts
-          (8.4.2). Default None: all count alike.
-        * rng: random generator, only needed for the hyper-parameter start="kmeans".
+        Returns
+        -------
+        DSGMR
+            Self.
         """
         self._learn(attractors, frames, weights, rng)
         return self
@@ -297,14 +327,17 @@ class DSGMR(AttractorModel):
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Mean (n, d) and covariance (n, d, d) of the attractor in new frames, by (3.4) and (3.5).
 
-        Parameters:
-
-        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing
-          frame is None.
-        * time: stamps (n,) [s].
-        * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
-        * covariance: bool, default True. If False, None is returned in its place, which saves
-          time.
+        Parameters
+        ----------
+        frames
+            P task frames. A moving frame is a list with one frame for each stamp, a missing frame
+            is None.
+        time
+            Stamps (n,) [s].
+        inputs
+            The further inputs u, (q,) or (n, q); default None: there are none.
+        covariance
+            Bool, default True. If False, None is returned in its place, which saves time.
         """
         mixture, queries = self._fitted, self._with_inputs(time, inputs)
         n_inputs = queries.shape[1]
@@ -323,17 +356,25 @@ class DSGMR(AttractorModel):
         smoothness: float | None = None,
     ) -> np.ndarray:
         """Attractors (n, T, d) that vary as the demonstrations did, and keep what these had in
-        common (7.5.2).
+        common
+        (7.5.2).
 
         At each stamp they are distributed as `retrieve` says: normally, with its mean and its
         covariance. From stamp to stamp they vary smoothly: the deviations, in units of that
         covariance, are a Gaussian process with the kernel exp(-(t - t')^2 / (2 l^2)).
 
-        Parameters:
-
-        * frames, time (T,), inputs: as in `retrieve`.
-        * n: how many.
-        * smoothness: l [s], default None: the median standard deviation of the components in time.
+        Parameters
+        ----------
+        frames
+            As in `retrieve`.
+        time : (T,)
+            As in `retrieve`.
+        inputs
+            As in `retrieve`.
+        n
+            How many.
+        smoothness
+            l [s], default None: the median standard deviation of the components in time.
         """
         time, n = as_stamps(time), as_count(n, "n")
         mean, covariance = self.retrieve(frames, time, inputs)
@@ -361,16 +402,21 @@ class DSGMR(AttractorModel):
     ) -> Reproduction:
         """Movement of a unit mass (7.19) in place of the robot, in new frames.
 
-        Parameters:
-
-        * frames, inputs, covariance: as in `retrieve`.
-        * time: equally spaced stamps (n,) [s], n >= 2.
-        * position0, velocity0: state (d,) at the first stamp.
-        * push: acceleration (n, d) from outside, in units of the movement per s^2, linear between
-          the stamps; default None: none.
-        * step: float [s], default None: computed from the stamps. Give it if it is known exactly:
-          stamps such as `start + step * arange(n)` are rounded, so that their differences are not
-          exactly `step`.
+        Parameters
+        ----------
+        frames, inputs, covariance
+            As in `retrieve`.
+        time
+            Equally spaced stamps (n,) [s], n >= 2.
+        position0, velocity0
+            State (d,) at the first stamp.
+        push
+            Acceleration (n, d) from outside, in units of the movement per s^2, linear between the
+            stamps; default None: none.
+        step
+            Float [s], default None: computed from the stamps. Give it if it is known exactly:
+            stamps such as `start + step * arange(n)` are rounded, so that their differences are
+            not exactly `step`.
         """
         time = as_stamps(time, minimum=2)
         attractor, spread = self.retrieve(frames, time, inputs, covariance=covariance)

@@ -168,8 +168,12 @@ def blend(progress: np.ndarray) -> np.ndarray:
 class BlendAttractor:
     """(7.20) for the blend: the attractor that makes a spring-damper move along it.
 
-    * stiffness: of the spring-damper [1/s^2].
-    * damping: of the spring-damper [1/s].
+    Parameters
+    ----------
+    stiffness
+        Of the spring-damper [1/s^2].
+    damping
+        Of the spring-damper [1/s].
     """
 
     def __init__(self, stiffness: float, damping: float):

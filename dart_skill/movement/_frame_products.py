@@ -24,10 +24,16 @@ def write_seen(
 ) -> None:
     """Write samples as a frame sees them, A^-1 (x - b).
 
-    * world: (n, m), the samples.
-    * inverses, b: A^-1 (s, d, m) and (s, m) of its places.
-    * place: (n,), which of these it has, -1 where it is missing.
-    * columns: (d, n), are written, but where it is missing.
+    Parameters
+    ----------
+    world
+        (n, m), the samples.
+    inverses, b
+        A^-1 (s, d, m) and (s, m) of its places.
+    place
+        (n,), which of these it has, -1 where it is missing.
+    columns
+        (d, n), are written, but where it is missing.
     """
     offset = np.empty(world.shape[1])
     for n in range(world.shape[0]):
@@ -45,12 +51,15 @@ def write_seen(
 class FrameProducts:
     """Products for new situations of P frames with K components over m features.
 
-    Parameters:
-
-    * means: (P, K, m), as the frames see them; zero in directions that a frame does not see.
-    * whiteners: (P, K, m, m), L^-1; zero in such directions.
-    * n_shared: so many features, the first, are asked of one frame only, and the others from all
-      frames given these.
+    Parameters
+    ----------
+    means
+        (P, K, m), as the frames see them; zero in directions that a frame does not see.
+    whiteners
+        (P, K, m, m), L^-1; zero in such directions.
+    n_shared
+        So many features, the first, are asked of one frame only, and the others from all frames
+        given these.
     """
 
     def __init__(self, means: np.ndarray, whiteners: np.ndarray, n_shared: int):
@@ -70,12 +79,19 @@ class FrameProducts:
         covariance: np.ndarray,
     ) -> int:
         """Write the products at n moments, and return the first feature that the frames do not
-        tell from others, or m.
+        tell
+        from others, or m.
 
-        * A, inverses, b: (n, P, m, m), (n, P, m, m) and (n, P, m), as of `FrameSituation`.
-        * seen: (n, P), 0 for a missing frame; at least one of each moment is there.
-        * mean: (n, K, m), is written.
-        * covariance: (n, K, m, m), is written.
+        Parameters
+        ----------
+        A, inverses, b
+            (n, P, m, m), (n, P, m, m) and (n, P, m), as of `FrameSituation`.
+        seen
+            (n, P), 0 for a missing frame; at least one of each moment is there.
+        mean
+            (n, K, m), is written.
+        covariance
+            (n, K, m, m), is written.
         """
         m, undetermined = mean.shape[2], mean.shape[2]
         for n in range(mean.shape[0]):

@@ -24,10 +24,12 @@ from dart_skill.movement._time import as_stamps
 class TaskFrame:
     """Task frame over m features: a local point p (m,) is A p + b in the world (thesis 7.5.2).
 
-    Parameters:
-
-    * A (m, m): invertible.
-    * b (m,): origin of the frame in the world.
+    Parameters
+    ----------
+    A : (m, m)
+        Invertible.
+    b : (m,)
+        Origin of the frame in the world.
     """
 
     A: np.ndarray
@@ -57,12 +59,22 @@ class TaskFrame:
         return self.b.size
 
     def at(self, origin: ArrayLike) -> TaskFrame:
-        """A frame with the same axes at another origin (m,). ValueError for one that is none."""
+        """A frame with the same axes at another origin (m,).
+
+        Raises
+        ------
+        ValueError
+            For one that is none.
+        """
         return self._made(self.A, as_vector(origin, "origin", len(self.A)))
 
     def with_input(self, column: int) -> TaskFrame:
-        """The frame with one more input, which passes through. column: where it stands, in front
-        of the column that was there.
+        """The frame with one more input, which passes through.
+
+        Parameters
+        ----------
+        column
+            Where it stands, in front of the column that was there.
         """
         m, n = column, self.n_dims + 1
         A, b = np.zeros((n, n)), np.zeros(n)
@@ -98,14 +110,16 @@ class MovingFrame:
     """A task frame over [t, u, y] at one instant of its own motion. What moves with it is seen at
     rest.
 
-    Parameters:
-
-    * frame: TaskFrame, its axes A, and b with the position (d,) of its origin in the last d
-      features.
-    * velocity: (d,), of the origin, in the units of the movement per s.
-    * attractor: (d,), the attractor of the origin's own motion by (7.20), for the gains of the
-      model. Since (7.20) is linear, an attractor that is seen from there is the attractor of the
-      motion relative to the frame.
+    Parameters
+    ----------
+    frame
+        TaskFrame, its axes A, and b with the position (d,) of its origin in the last d features.
+    velocity
+        (d,), of the origin, in the units of the movement per s.
+    attractor
+        (d,), the attractor of the origin's own motion by (7.20), for the gains of the model. Since
+        (7.20) is linear, an attractor that is seen from there is the attractor of the motion
+        relative to the frame.
     """
 
     frame: TaskFrame
@@ -145,8 +159,12 @@ def turn_matrix(azimuth: float) -> np.ndarray:
 
 
 def azimuth_of(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> float:
-    """Azimuth, radians, of a target (3,) about the vertical through the origin (3,). ValueError
-    for a target on the vertical.
+    """Azimuth, radians, of a target (3,) about the vertical through the origin (3,).
+
+    Raises
+    ------
+    ValueError
+        For a target on the vertical.
     """
     x, y, _ = as_vector(target, "target", 3) - as_vector(origin, "origin", 3)
     if np.hypot(x, y) < 1e-9:
@@ -171,13 +189,25 @@ def pointing_axes(direction: ArrayLike) -> np.ndarray:
 
 
 def base_frame(n_angles: int = 2) -> TaskFrame:
-    """(8.2), first frame: the identity. n_angles: of the features, after the position."""
+    """(8.2), first frame: the identity.
+
+    Parameters
+    ----------
+    n_angles
+        Of the features, after the position.
+    """
     return _frame(np.eye(3), np.zeros(3), np.zeros(as_count(n_angles, "n_angles", 0)))
 
 
 def start_frame(start: ArrayLike, n_angles: int = 2) -> TaskFrame:
-    """(8.3): world axes at the starting position (3,). start: the position; n_angles: of the
-    features, after the position.
+    """(8.3): world axes at the starting position (3,).
+
+    Parameters
+    ----------
+    start
+        The position.
+    n_angles
+        Of the features, after the position.
     """
     return _frame(
         np.eye(3), as_vector(start, "start", 3), np.zeros(as_count(n_angles, "n_angles", 0))
@@ -190,8 +220,10 @@ def target_frame(
     """(8.1) and (8.2), second frame: at the target (3,), first axis from the origin to the target,
     second axis horizontal.
 
-    pointing (2,) [rad]: Target_alpha and Target_beta, see `pointing_at`; () for features without
-    angles.
+    Parameters
+    ----------
+    pointing : (2,) [rad]
+        Target_alpha and Target_beta, see `pointing_at`; () for features without angles.
     """
     target = as_vector(target, "target", 3)
     return _frame(
@@ -239,12 +271,17 @@ def features(
     time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azimuth: float = 0.0
 ) -> np.ndarray:
     """Features t, x, y, z, alpha, beta (n, 6) of hand poses in the world: stamps (n,), positions
-    (n, 3), quaternions (n, 4).
+    (n,
+    3), quaternions (n, 4).
 
     Positions stay in the world. The angles are relative to axes turned by the azimuth [rad]. A
     frame that is used with these features must have the same azimuth. The roll is
-    `angles_from_quaternions(turn_about_z(quaternions, -azimuth))[:, 2]`. ValueError if these are
-    not equally many.
+    `angles_from_quaternions(turn_about_z(quaternions, -azimuth))[:, 2]`.
+
+    Raises
+    ------
+    ValueError
+        If these are not equally many.
     """
     positions = as_samples(positions, "positions", 3)
     time = as_stamps(time, len(positions))

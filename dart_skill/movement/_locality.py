@@ -48,9 +48,14 @@ def _distances(tasks: ArrayLike, task: ArrayLike) -> np.ndarray:
 class WidthChoice:
     """Result of `choose_width`.
 
-    * width: the one with the best score, in the unit of the tasks.
-    * widths (m,): all that were tried.
-    * scores (m,): nan where a demonstration could not be predicted.
+    Parameters
+    ----------
+    width
+        The one with the best score, in the unit of the tasks.
+    widths : (m,)
+        All that were tried.
+    scores : (m,)
+        Nan where a demonstration could not be predicted.
     """
 
     width: float
@@ -64,15 +69,23 @@ def choose_width(
     """Width of `gaussian_weights` by leave-one-out cross-validation over at least 3
     demonstrations.
 
-    Parameters:
+    Only a width that predicts every demonstration can be chosen.
 
-    * tasks (n_demonstrations, q): what each demonstration was made for.
-    * widths (m,): to choose from, positive, in the unit of the tasks.
-    * score: function of i and weights (n_demonstrations,), weights[i] = 0. It learns a model with
-      these weights and returns how well the model predicts demonstration i: higher is better, nan
-      if no model could be learned.
+    Parameters
+    ----------
+    tasks : (n_demonstrations, q)
+        What each demonstration was made for.
+    widths : (m,)
+        To choose from, positive, in the unit of the tasks.
+    score
+        Function of i and weights (n_demonstrations,), weights[i] = 0. It learns a model with these
+        weights and returns how well the model predicts demonstration i: higher is better, nan if
+        no model could be learned.
 
-    Only a width that predicts every demonstration can be chosen. ValueError if there is none.
+    Raises
+    ------
+    ValueError
+        If there is none.
     """
     tasks, widths = as_samples(tasks, "tasks"), as_vector(widths, "widths")
     if len(tasks) < 3:

@@ -30,7 +30,13 @@ from dart_skill.movement._time import as_stamps
 
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:
-    """Quaternions (n, 4) scaled to length 1; ValueError for one of length zero."""
+    """Quaternions (n, 4) scaled to length 1.
+
+    Raises
+    ------
+    ValueError
+        For one of length zero.
+    """
     return _unit(as_samples(quaternions, "quaternions", 4))
 
 
@@ -65,8 +71,12 @@ def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
     """Hamilton products (n, 4) of unit quaternions (n, 4): the rotation by `right`, then by
     `left`.
 
-    One of them may have one row, which is then used for all rows of the other. ValueError if these
-    are not equally many.
+    One of them may have one row, which is then used for all rows of the other.
+
+    Raises
+    ------
+    ValueError
+        If these are not equally many.
     """
     left, right = normalise(left), normalise(right)
     if len(left) != len(right) and 1 not in (len(left), len(right)):
@@ -78,9 +88,13 @@ def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
     """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of
-    the other.
+    the
+    other.
 
-    ValueError if these are not equally many.
+    Raises
+    ------
+    ValueError
+        If these are not equally many.
     """
     quaternions, vectors = normalise(quaternions), as_samples(vectors, "vectors", 3)
     if len(quaternions) != len(vectors) and 1 not in (len(quaternions), len(vectors)):
@@ -94,7 +108,12 @@ def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
 def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
     """Orientations (n, 4) turned by an angle [rad] about the vertical.
 
-    -azimuth turns from the world into a task frame, +azimuth back. quaternions: (n, 4).
+    -azimuth turns from the world into a task frame, +azimuth back.
+
+    Parameters
+    ----------
+    quaternions
+        (n, 4).
     """
     half = 0.5 * float(as_finite(angle, "angle", 0))
     return product(
@@ -103,8 +122,12 @@ def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
 
 
 def pointing_angles(directions: ArrayLike) -> np.ndarray:
-    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length. ValueError for a
-    direction of length zero.
+    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length.
+
+    Raises
+    ------
+    ValueError
+        For a direction of length zero.
     """
     directions = as_samples(directions, "directions", 3)
     lengths = np.linalg.norm(directions, axis=1)
@@ -123,7 +146,11 @@ def angles_from_quaternions(
     `alpha_near`, the first roll within half a turn of `roll_near`. So with the default all
     demonstrations get the same branch, even if the hand starts pointing backwards and below the
     horizontal (alpha up to 270 degrees). Near |beta| = 90 degrees alpha and roll are ill-defined.
-    quaternions: (n, 4).
+
+    Parameters
+    ----------
+    quaternions
+        (n, 4).
     """
     angles = hand_angles(normalise(quaternions))
     unwrap(angles[:, 0], alpha_near)
@@ -135,7 +162,10 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
     """Unit quaternions (n, 4) in the task frame, with signs as in `make_continuous`, from alpha,
     beta, roll (n, 3) [rad].
 
-    angles: alpha, beta, roll.
+    Parameters
+    ----------
+    angles
+        Alpha, beta, roll.
     """
     return of_hand_angles(as_samples(angles, "angles", 3))
 
@@ -146,7 +176,12 @@ def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
 
     The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the
     stamps. This is exact for a constant rate, and of second order otherwise. Neighbours must be
-    less than half a turn apart. quaternions: (n, 4).
+    less than half a turn apart.
+
+    Parameters
+    ----------
+    quaternions
+        (n, 4).
     """
     quaternions = normalise(quaternions)
     time = as_stamps(time, len(quaternions), 2)

@@ -32,8 +32,12 @@ def warped_distance(first: ArrayLike, second: ArrayLike) -> tuple[float, int]:
 
     D(i, j) = |a_i - b_j| + min(D(i-1, j), D(i, j-1), D(i-1, j-1)).
 
-    * first: (n, d).
-    * second: (m, d).
+    Parameters
+    ----------
+    first
+        (n, d).
+    second
+        (m, d).
     """
     first = as_samples(first, "first")
     second = as_samples(second, "second", first.shape[1])
@@ -42,8 +46,12 @@ def warped_distance(first: ArrayLike, second: ArrayLike) -> tuple[float, int]:
 
 
 def mean_warped_distances(paths: Sequence[np.ndarray]) -> np.ndarray:
-    """Mean distance of any two of N paths along their best alignment (N, N). paths: (n, d) each,
-    of the same length.
+    """Mean distance of any two of N paths along their best alignment (N, N).
+
+    Parameters
+    ----------
+    paths
+        (n, d) each, of the same length.
     """
     stacked = floats(paths)
     rows, columns = np.triu_indices(len(stacked), 1)
@@ -86,12 +94,18 @@ N_SAMPLES = 50
 class Patterns:
     """The patterns among demonstrations, in the order in which they were first shown.
 
-    * labels (n,): pattern of each demonstration.
-    * silhouette: mean of the demonstrations for these patterns, from -1 to 1; of one pattern the
-      best that two or more would have.
-    * separation: least distance between demonstrations of two patterns, in parts of the largest
-      within one; of one pattern as above.
-    * starts (n, d): where the demonstrations begin.
+    Parameters
+    ----------
+    labels : (n,)
+        Pattern of each demonstration.
+    silhouette
+        Mean of the demonstrations for these patterns, from -1 to 1; of one pattern the best that
+        two or more would have.
+    separation
+        Least distance between demonstrations of two patterns, in parts of the largest within one;
+        of one pattern as above.
+    starts : (n, d)
+        Where the demonstrations begin.
     """
 
     labels: np.ndarray
@@ -105,7 +119,13 @@ class Patterns:
         return [np.flatnonzero(self.labels == label) for label in range(self.labels.max() + 1)]
 
     def beginning_at(self, start: ArrayLike) -> int:
-        """The pattern of the demonstration that begins nearest to a point. start: (d,)."""
+        """The pattern of the demonstration that begins nearest to a point.
+
+        Parameters
+        ----------
+        start
+            (d,).
+        """
         start = as_vector(start, "start", self.starts.shape[1])
         return int(self.labels[np.argmin(np.linalg.norm(self.starts - start, axis=1))])
 
@@ -132,15 +152,19 @@ def find_patterns(
     Of three, none would have a silhouette that is large enough: one stands alone, and counts 0. A
     pattern may have a single demonstration.
 
-    Parameters:
+    Parameters
+    ----------
+    positions
+        For each demonstration its movement variables (n_i, d), in units that may be compared.
+    least_silhouette
+        Float, default 0.71. Least mean silhouette of several patterns.
+    least_separation
+        Float, default 3. Least distance between two patterns, in parts of the largest within one.
 
-    * positions: for each demonstration its movement variables (n_i, d), in units that may be
-      compared.
-    * least_silhouette: float, default 0.71. Least mean silhouette of several patterns.
-    * least_separation: float, default 3. Least distance between two patterns, in parts of the
-      largest within one.
-
-    ValueError for fewer demonstrations, or a least value of 0 or less.
+    Raises
+    ------
+    ValueError
+        For fewer demonstrations, or a least value of 0 or less.
     """
     if len(positions) < 4:
         raise ValueError(
@@ -172,7 +196,13 @@ def find_patterns(
 
 
 def resampled(path: np.ndarray, n: int) -> np.ndarray:
-    """A path at n instants, equally spaced over its indices: (n, d). path: (m, d)."""
+    """A path at n instants, equally spaced over its indices: (n, d).
+
+    Parameters
+    ----------
+    path
+        (m, d).
+    """
     place = np.linspace(0.0, len(path) - 1.0, n)
     return np.column_stack([np.interp(place, np.arange(len(path)), column) for column in path.T])
 
@@ -196,13 +226,18 @@ def _best_groups(distances: np.ndarray) -> tuple[np.ndarray, float]:
 
 def silhouette(distances: np.ndarray, labels: np.ndarray) -> float:
     """Mean over the points of (b - a) / max(a, b), with the mean distances a to the own group and
-    b to the nearest other one.
+    b
+    to the nearest other one.
 
     A point alone in its group counts 0, and so does one for which all are the same (Rousseeuw
     1987).
 
-    * distances: (n, n).
-    * labels: (n,), from 0 on, of at least two groups.
+    Parameters
+    ----------
+    distances
+        (n, n).
+    labels
+        (n,), from 0 on, of at least two groups.
     """
     member = (labels[:, None] == np.arange(labels.max() + 1)).astype(float)
     sizes, sums = member.sum(axis=0), distances @ member
@@ -220,8 +255,12 @@ def separation(distances: np.ndarray, labels: np.ndarray) -> float:
     """Least distance between two groups in parts of the largest within one (Dunn 1974); inf if no
     group has any width, 0 of a single group.
 
-    * distances: (n, n).
-    * labels: (n,).
+    Parameters
+    ----------
+    distances
+        (n, n).
+    labels
+        (n,).
     """
     same = labels[:, None] == labels
     if same.all():

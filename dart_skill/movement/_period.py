@@ -20,7 +20,10 @@ def estimate_period(time: np.ndarray, position: np.ndarray) -> float:
     """Period [s] of positions (n, d) at stamps (n,) that start at zero and span at least 1.5
     periods.
 
-    ValueError if the positions do not repeat.
+    Raises
+    ------
+    ValueError
+        If the positions do not repeat.
     """
     grid = np.linspace(0.0, time[-1], min(len(time), MAX_SAMPLES))
     samples = _at(grid, time, position)
@@ -34,8 +37,12 @@ def estimate_period(time: np.ndarray, position: np.ndarray) -> float:
 
 
 def as_period(period: float, time: np.ndarray, position: np.ndarray) -> float:
-    """The period [s] that the caller gave; ValueError if positions (n, d) at stamps (n,) from zero
-    do not repeat after it.
+    """The period [s] that the caller gave.
+
+    Raises
+    ------
+    ValueError
+        If positions (n, d) at stamps (n,) from zero do not repeat after it.
     """
     period, interval = as_number(period, "period"), time[-1] / (len(time) - 1)
     # The sample at the end of the period equals the one at its start, so it may be missing.

@@ -25,11 +25,12 @@ class PartialFrame:
     """Task frame that sees only d directions of the m features. It says nothing about the other
     directions.
 
-    Parameters:
-
-    * A (m, d): independent columns, the directions that it sees. The first feature is time here,
-      too.
-    * b (m,): origin of the frame in the world.
+    Parameters
+    ----------
+    A : (m, d)
+        Independent columns, the directions that it sees. The first feature is time here, too.
+    b : (m,)
+        Origin of the frame in the world.
     """
 
     A: np.ndarray
@@ -80,8 +81,12 @@ def invert(matrices: np.ndarray) -> np.ndarray:
 class Placement:
     """One task frame during all n samples.
 
-    A (s, m, d) and b (s, m): its s different places; place (n,): index of the place for each
-    sample, -1 where the frame is missing.
+    A (s, m, d) and b (s, m): its s different places.
+
+    Parameters
+    ----------
+    place : (n,)
+        Index of the place for each sample, -1 where the frame is missing.
     """
 
     A: np.ndarray
@@ -127,8 +132,14 @@ class Placement:
 class FrameSituation:
     """P task frames at n moments.
 
-    A (n, P, m, m), inverses (n, P, m, m), b (n, P, m); seen (n, P): whether the frame is present.
-    Entries are zero for directions that a frame does not see, and for a missing frame.
+    Parameters
+    ----------
+    A : (n, P, m, m)
+    inverses : (n, P, m, m)
+    b : (n, P, m)
+    seen : (n, P)
+        Whether the frame is present. Entries are zero for directions that a frame does not see,
+        and for a missing frame.
     """
 
     A: np.ndarray
@@ -200,8 +211,14 @@ class FrameSituation:
 class TaskSamples:
     """Samples of all demonstrations in one array, with their task frames.
 
-    world (n, m): the samples; placements: of each of the P frames; lengths: number of samples of
-    each demonstration.
+    Parameters
+    ----------
+    world : (n, m)
+        The samples.
+    placements
+        Of each of the P frames.
+    lengths
+        Number of samples of each demonstration.
     """
 
     world: np.ndarray
@@ -212,8 +229,12 @@ class TaskSamples:
     def of(
         cls, samples: Samples, frames: Frames, n_dims: Sequence[int] | None = None
     ) -> TaskSamples:
-        """From samples (n_i, m) and P frames for each demonstration, checked; n_dims (P,): number
-        of directions of each frame.
+        """From samples (n_i, m) and P frames for each demonstration, checked.
+
+        Parameters
+        ----------
+        n_dims : (P,)
+            Number of directions of each frame.
         """
         if len(samples) == 0 or len(samples) != len(frames):
             raise ValueError(

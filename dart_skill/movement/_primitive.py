@@ -61,11 +61,17 @@ class PrimitiveState:
     """State of a movement at one instant.
 
     * position, velocity, acceleration (d,).
-    * progress: time since the start in units of the duration; for rhythmic movements the share of
-      the period, in [0, 1).
-    * pace: progress per second [1/s]; goal, amplitude (d,). All three approach the wanted values
-      smoothly.
-    * wanted: the wanted start, goal, amplitude and duration.
+
+    Parameters
+    ----------
+    progress
+        Time since the start in units of the duration; for rhythmic movements the share of the
+        period, in [0, 1).
+    pace
+        Progress per second [1/s]; goal, amplitude (d,). All three approach the wanted values
+        smoothly.
+    wanted
+        The wanted start, goal, amplitude and duration.
     """
 
     position: np.ndarray
@@ -163,8 +169,11 @@ class Primitive(SavedModel):
         """The movement without disturbance from a state of `begin` or `step`; as demonstrated when
         None.
 
-        times: stamps (n,) [s], the first of which is the time of the state; or one number, a step
-        [s], for one duration (or period).
+        Parameters
+        ----------
+        times
+            Stamps (n,) [s], the first of which is the time of the state; or one number, a step
+            [s], for one duration (or period).
         """
         state = self.begin() if state is None else self._as_state(state)
         stamps = self._as_times(times, state.wanted.duration)

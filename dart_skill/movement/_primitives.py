@@ -65,24 +65,36 @@ class DiscretePrimitive(Primitive):
     """Point attractor: a movement from a start to a goal, in d dimensions that share the phase z
     ((7.6)-(7.13)).
 
-    Parameters; the module `primitives` explains the options:
-
-    * n_basis: int, default 50. Number of kernels of (7.11).
-    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per duration squared; the damping
-      is critical.
-    * canonical_decay: float, default 4.6. alpha_z of (7.6); z is exp(-alpha_z) at the end.
-    * phase_scaled: bool, default False. True: f is multiplied by z, so that it fades.
-    * goal_path: "smooth" (default) or "fixed" as in (7.8).
-    * regression: "joint" (default), "local" as in (7.13), or "path". The first two fit
-      accelerations. "path" then finds the weights and the speed at the start for which the
-      movement itself is nearest to the positions; for demonstrations whose start is noisy.
-
     Attributes after `fit`; all but the first are means over the demonstrations:
 
-    * weights_ (n_basis, d).
     * start_, goal_ (d,).
-    * duration_ [s].
-    * start_velocity_ (d,), in units of the position per second.
+
+    ; the module `primitives` explains the options:
+
+    Parameters
+    ----------
+    n_basis
+        Int, default 50. Number of kernels of (7.11).
+    stiffness
+        Float, default 156.25. alpha_x beta_x of (7.8), per duration squared; the damping is
+        critical.
+    canonical_decay
+        Float, default 4.6. alpha_z of (7.6); z is exp(-alpha_z) at the end.
+    phase_scaled
+        Bool, default False. True: f is multiplied by z, so that it fades.
+    goal_path
+        "smooth" (default) or "fixed" as in (7.8).
+    regression
+        "joint" (default), "local" as in (7.13), or "path". The first two fit accelerations. "path"
+        then finds the weights and the speed at the start for which the movement itself is nearest
+        to the positions; for demonstrations whose start is noisy.
+
+    Attributes
+    ----------
+    weights_ : (n_basis, d)
+    duration_ : [s]
+    start_velocity_ : (d,)
+        In units of the position per second.
     """
 
     _LEARNED = ("start", "goal", "start_velocity", "duration")
@@ -133,16 +145,24 @@ class DiscretePrimitive(Primitive):
         noise: float | None = None,
     ) -> DiscretePrimitive:
         """Learn from one demonstration, time (n,) [s], n >= 2, and position (n, d), or from
-        sequences of several.
+        sequences
+        of several.
 
         Velocity and acceleration (n, d) that are not given are computed: by differences if the
         samples are clean, by `smooth_derivatives` if they are noisy.
 
-        * weights: one number per sample (n,), default 1; for several demonstrations one number, or
-          one per sample, for each.
-        * noise: standard deviation of the positions, in their unit; estimated when None.
+        Parameters
+        ----------
+        weights
+            One number per sample (n,), default 1; for several demonstrations one number, or one
+            per sample, for each.
+        noise
+            Standard deviation of the positions, in their unit; estimated when None.
 
-        ValueError if a value is not finite, time does not increase, or a shape is wrong.
+        Raises
+        ------
+        ValueError
+            If a value is not finite, time does not increase, or a shape is wrong.
         """
         demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
         durations = np.array([demo.time[-1] for demo in demonstrations])
@@ -246,15 +266,25 @@ class DiscretePrimitive(Primitive):
     ) -> PrimitiveState:
         """State dt seconds later.
 
-        * goal (d,), duration [s], amplitude: new values from now on; None for no change.
-        * coupling (d,): C of (7.5), an acceleration during this step, for example of a push.
-        * tracking_error (d,): actual minus planned position. It slows the movement down to the
-          share 1 / (1 + |error|^2 / tolerance^2) of its pace, so that the movement waits for a
-          robot that is held.
-        * tolerance: the error that halves the pace, in the unit of the position.
-
         To continue from a measured position or velocity: `dataclasses.replace(state,
         position=...)`.
+
+        Parameters
+        ----------
+        goal : (d,)
+            New values from now on; None for no change.
+        duration : [s]
+            New values from now on; None for no change.
+        amplitude
+            New values from now on; None for no change.
+        coupling : (d,)
+            C of (7.5), an acceleration during this step, for example of a push.
+        tracking_error : (d,)
+            Actual minus planned position. It slows the movement down to the share 1 / (1 +
+            |error|^2 / tolerance^2) of its pace, so that the movement waits for a robot that is
+            held.
+        tolerance
+            The error that halves the pace, in the unit of the position.
         """
         state = self._with_wishes(state, goal, duration, amplitude, ("goal", "duration"))
         return self._advance(state, dt, coupling, tracking_error, tolerance)
@@ -279,18 +309,24 @@ class RhythmicPrimitive(Primitive):
     """Limit cycle: a movement that repeats about a baseline, in d dimensions that share the phase
     angle.
 
-    Parameters:
+    After `fit`:
 
-    * n_basis: int, default 50. Number of kernels.
-    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per period squared; the damping is
-      critical.
-    * regression: "joint" (default) or "local" as in (7.13).
+    Parameters
+    ----------
+    n_basis
+        Int, default 50. Number of kernels.
+    stiffness
+        Float, default 156.25. alpha_x beta_x of (7.8), per period squared; the damping is
+        critical.
+    regression
+        "joint" (default) or "local" as in (7.13).
 
-    Attributes after `fit`:
-
-    * weights_ (n_basis, d).
-    * baseline_ (d,): mean position over whole periods.
-    * period_ [s].
+    Attributes
+    ----------
+    weights_ : (n_basis, d)
+    baseline_ : (d,)
+        Mean position over whole periods.
+    period_ : [s]
     """
 
     _LEARNED = ("baseline", "period")
@@ -313,9 +349,18 @@ class RhythmicPrimitive(Primitive):
         """Learn as `DiscretePrimitive.fit` does; the phase is zero at the first sample of each
         demonstration.
 
-        period [s]: when None it is estimated from each demonstration, which must then span about
-        two periods. ValueError also if a demonstration does not repeat. position, velocity,
-        acceleration, weights, noise: as of `DiscretePrimitive.fit`.
+        Parameters
+        ----------
+        period : [s]
+            When None it is estimated from each demonstration, which must then span about two
+            periods.
+        position, velocity, acceleration, weights, noise
+            As of `DiscretePrimitive.fit`.
+
+        Raises
+        ------
+        ValueError
+            Also if a demonstration does not repeat.
         """
         demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
         tracks = [(demo.time, demo.motion.position) for demo in demonstrations]
@@ -343,8 +388,12 @@ class RhythmicPrimitive(Primitive):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Position and velocity (d,) on the limit cycle at a phase in units of the period.
 
-        It is the state that is the same again after one period. baseline, amplitude: of the cycle;
-        None for the baseline that was learned.
+        It is the state that is the same again after one period.
+
+        Parameters
+        ----------
+        baseline, amplitude
+            Of the cycle; None for the baseline that was learned.
         """
         wanted = self._execution(baseline, period, amplitude)
         n_steps = CYCLE_STEPS + 2 * int(np.ceil(1.0 / self._max_step))

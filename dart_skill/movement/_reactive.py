@@ -15,8 +15,12 @@ from dart_skill.movement._autonomous import AutonomousDSGMR, Moment, StateFrame
 
 
 class Reaction(NamedTuple):
-    """phase [s] and its rate, which is 1 at the pace that was shown; moment: what belongs to the
-    phase in the frames of now.
+    """phase [s] and its rate, which is 1 at the pace that was shown.
+
+    Parameters
+    ----------
+    moment
+        What belongs to the phase in the frames of now.
     """
 
     phase: float
@@ -27,8 +31,12 @@ class Reaction(NamedTuple):
 class ReactivePolicy:
     """Keeps the phase of one movement, from the start of what was shown to its end.
 
-    * model: an `AutonomousDSGMR` that was fitted.
-    * inputs: its further inputs (q,), default None.
+    Parameters
+    ----------
+    model
+        An `AutonomousDSGMR` that was fitted.
+    inputs
+        Its further inputs (q,), default None.
     """
 
     def __init__(self, model: AutonomousDSGMR, inputs: ArrayLike | None = None):
@@ -45,8 +53,12 @@ class ReactivePolicy:
     def react(
         self, frames: Sequence[StateFrame], position: ArrayLike, velocity: ArrayLike, step: float
     ) -> Reaction:
-        """The phase after a step [s], for a robot with this position and velocity (d,); frames: as
-        they are now.
+        """The phase after a step [s], for a robot with this position and velocity (d,)
+
+        Parameters
+        ----------
+        frames
+            As they are now.
         """
         moment, rule = self._model.moment(frames, self.phase, self._inputs), self._model.rule
         d = len(moment.attractor)

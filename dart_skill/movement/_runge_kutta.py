@@ -16,8 +16,12 @@ import numpy as np
 def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
     """s (2, n, d) with s[:, k] = F s[:, k - 1] + f[:, k], and s[:, 0] = f[:, 0].
 
-    * transition: F (2, 2).
-    * forcing: f (2, n, d).
+    Parameters
+    ----------
+    transition
+        F (2, 2).
+    forcing
+        f (2, n, d).
     """
     states = np.array(forcing.swapaxes(0, 1), order="C")
     for before, here in zip(states[:-1], states[1:], strict=True):
@@ -34,9 +38,14 @@ def respond(
 ) -> np.ndarray:
     """s (2, n, d) with s[:, k] = F s[:, k - 1] + g0 y[k - 1] + g1 y[k], and s[:, 0] = start.
 
-    * transition, now, later: F (2, 2), g0 (2,) and g1 (2,).
-    * attractor: y (n, d).
-    * start: (2, d).
+    Parameters
+    ----------
+    transition, now, later
+        F (2, 2), g0 (2,) and g1 (2,).
+    attractor
+        y (n, d).
+    start
+        (2, d).
     """
     driven = np.multiply.outer(now, attractor[:-1]) + np.multiply.outer(later, attractor[1:])
     return recur(transition, np.concatenate([start[:, None], driven], axis=1))
@@ -45,8 +54,14 @@ def respond(
 class Steps(NamedTuple):
     """m steps of integration.
 
-    stages (2 m + 1,): ends and middles of the steps; length: one number, or (m,) if they differ;
-    per_node: number of steps from one node to the next.
+    Parameters
+    ----------
+    stages : (2 m + 1,)
+        Ends and middles of the steps.
+    length
+        One number, or (m,) if they differ.
+    per_node
+        Number of steps from one node to the next.
     """
 
     stages: np.ndarray
@@ -94,7 +109,12 @@ def integrate(
 ) -> np.ndarray:
     """Position and velocity (2, n, d) at the n nodes.
 
-    state (2, d): position and velocity at the first node; drive (2 m + 1, d): at the stages.
+    Parameters
+    ----------
+    state : (2, d)
+        Position and velocity at the first node.
+    drive : (2 m + 1, d)
+        At the stages.
     """
     transitions, kicks = step_gains(steps.length, stiffness, damping)
     # Kicks (2, 1, 1) for one length, (2, m, 1) for many.

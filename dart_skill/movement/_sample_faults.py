@@ -31,14 +31,22 @@ COARSE = 2000
 class SampleFaults:
     """What was found in samples (n, d).
 
-    * repeats: share of the samples that repeat the one before, within the motion; a rest at the
-      start or end does not count.
-    * held: how many samples a measurement is held for (median); 1 if none is held.
-    * jumps: indices of the samples after a jump.
-    * largest_jump: in the unit of the samples; 0 if there is none.
-    * quantum: for each column its resolution, 0 if it is not quantised.
-    * uneven: whether so many repeats are left by `without_repeats` that they are a fault, since
-      measurements are held for uneven times.
+    Parameters
+    ----------
+    repeats
+        Share of the samples that repeat the one before, within the motion; a rest at the start or
+        end does not count.
+    held
+        How many samples a measurement is held for (median); 1 if none is held.
+    jumps
+        Indices of the samples after a jump.
+    largest_jump
+        In the unit of the samples; 0 if there is none.
+    quantum
+        For each column its resolution, 0 if it is not quantised.
+    uneven
+        Whether so many repeats are left by `without_repeats` that they are a fault, since
+        measurements are held for uneven times.
     """
 
     repeats: float
@@ -107,17 +115,26 @@ def without_repeats(time: ArrayLike, samples: ArrayLike) -> tuple[np.ndarray, np
 
 def retimed(samples: ArrayLike, duration: float, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Stamps (n,) [s] and positions (n, d) of a movement along the path of samples whose stamps
-    say nothing, from rest to rest.
+    say
+    nothing, from rest to rest.
 
     The length s of the path that is covered follows the law of least jerk (Flash and Hogan,
     Journal of Neuroscience 5, 1985), s / L = 10 u^3 - 15 u^4 + 6 u^5 with u = t / duration.
     Samples that repeat take no time, and a jump is crossed on a straight line.
 
-    * samples: (m, d), coordinates in one unit.
-    * duration: of the movement [s].
-    * n: how many stamps, at least 2, from 0 to `duration`.
+    Parameters
+    ----------
+    samples
+        (m, d), coordinates in one unit.
+    duration
+        Of the movement [s].
+    n
+        How many stamps, at least 2, from 0 to `duration`.
 
-    ValueError if the samples do not move.
+    Raises
+    ------
+    ValueError
+        If the samples do not move.
     """
     samples, duration, n = (
         as_samples(samples, "samples"),

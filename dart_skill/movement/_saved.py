@@ -34,7 +34,10 @@ class SavedModel(HyperParameters):
         """Write the fitted model to `path`, which must not exist; it is there whole, or not at
         all.
 
-        ValueError before a fit, FileExistsError, or FileNotFoundError if there is no such folder.
+        Raises
+        ------
+        ValueError
+            Before a fit, FileExistsError, or FileNotFoundError if there is no such folder.
         """
         content: dict[str, Any] = dict(self._to_arrays())
         about = json.dumps(
@@ -55,8 +58,12 @@ class SavedModel(HyperParameters):
 
     @classmethod
     def load(cls: type[AnySaved], path: str | Path) -> AnySaved:
-        """The model that `save` wrote, to the last bit. ValueError if the file is damaged, of
-        another model or of another version.
+        """The model that `save` wrote, to the last bit.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged, of another model or of another version.
         """
         with open_file(path) as file:
             try:
@@ -124,7 +131,11 @@ class MixtureModel(SavedModel):
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The hyper-parameters by name, with those of the mixture, as the constructor takes them.
-        deep: for scikit-learn.
+
+        Parameters
+        ----------
+        deep
+            For scikit-learn.
         """
         known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
         return {name: known[name] for name in self._parameters()}
@@ -140,8 +151,12 @@ class MixtureModel(SavedModel):
 
 
 def array_of(arrays: Arrays, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
-    """An array of a file; ValueError unless it has the shape, in which None stands for any number
-    of at least one.
+    """An array of a file.
+
+    Raises
+    ------
+    ValueError
+        Unless it has the shape, in which None stands for any number of at least one.
     """
     found = arrays[name]
     if found.ndim != len(shape) or not all(

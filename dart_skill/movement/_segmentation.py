@@ -68,12 +68,21 @@ def _usual_step(time: np.ndarray, window: float) -> float:
 class Segment:
     """One motion in a recording.
 
-    * motion_start, motion_stop [s]: crossings of the thresholds, interpolated between samples.
-    * start, stop [s]: the same with run-up and settling time, within the recording.
-    * first, last: indices of the first and last sample from start to stop; `samples` is the slice
-      of them.
-    * peak_speed [m/s].
-    * largest_gap [s]: longest time between neighbouring samples from start to stop.
+    Parameters
+    ----------
+    motion_start
+        Crossings of the thresholds, interpolated between samples.
+    motion_stop : [s]
+        Crossings of the thresholds, interpolated between samples.
+    start
+        The same with run-up and settling time, within the recording.
+    stop : [s]
+        The same with run-up and settling time, within the recording.
+    first, last
+        Indices of the first and last sample from start to stop; `samples` is the slice of them.
+    peak_speed : [m/s]
+    largest_gap : [s]
+        Longest time between neighbouring samples from start to stop.
     """
 
     motion_start: float
@@ -105,17 +114,24 @@ class VelocityThreshold:
 
     A motion that has already begun at the first sample has no start and is left out.
 
-    Parameters:
-
-    * start: float, default 0.3 [m/s]. A motion starts where the speed rises above it.
-    * stop: float, default 0.1 [m/s]. A motion stops where the speed falls below it.
-    * min_duration: float, default 0.2 [s]. Shorter motions are ignored.
-    * max_pause: float, default 0.15 [s]. A shorter rest does not end a motion, such as the turn
-      between wind-up and throw.
-    * run_up: float, default 0.1 [s]. Margin before the start.
-    * settle: float, default 0.1 [s]. Margin after the stop.
-    * window: float, default 0.07 [s]. The speed is estimated from the samples within it; within a
-      wider one if they are noisier than those of motion capture, see `window_for`.
+    Parameters
+    ----------
+    start
+        Float, default 0.3 [m/s]. A motion starts where the speed rises above it.
+    stop
+        Float, default 0.1 [m/s]. A motion stops where the speed falls below it.
+    min_duration
+        Float, default 0.2 [s]. Shorter motions are ignored.
+    max_pause
+        Float, default 0.15 [s]. A shorter rest does not end a motion, such as the turn between
+        wind-up and throw.
+    run_up
+        Float, default 0.1 [s]. Margin before the start.
+    settle
+        Float, default 0.1 [s]. Margin after the stop.
+    window
+        Float, default 0.07 [s]. The speed is estimated from the samples within it; within a wider
+        one if they are noisier than those of motion capture, see `window_for`.
     """
 
     start: float = 0.3
@@ -142,9 +158,16 @@ class VelocityThreshold:
     ) -> list[Segment]:
         """Motions in positions (n, d) [m] at stamps (n,) [s], in order.
 
-        instant: of which the motion is wanted [s]: where it lies in one that is over, the last one
-        need not be. ValueError if nothing moved, or if the last motion does not stop within the
-        recording.
+        Parameters
+        ----------
+        instant
+            Of which the motion is wanted [s]: where it lies in one that is over, the last one need
+            not be.
+
+        Raises
+        ------
+        ValueError
+            If nothing moved, or if the last motion does not stop within the recording.
         """
         positions = as_samples(positions, "positions")
         time = as_stamps(time, len(positions), 3)
@@ -263,9 +286,14 @@ def _crossing(time: np.ndarray, speeds: np.ndarray, index: int, threshold: float
 
 
 def segment_containing(segments: Sequence[Segment], instant: float) -> Segment:
-    """The segment that contains an instant [s], such as a release; ValueError if there is none.
+    """The segment that contains an instant [s], such as a release.
 
     Where the margins of two segments overlap, it is the one whose motion contains the instant.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
     """
     inside = [one for one in segments if one.contains(instant)]
     if not inside:

@@ -32,12 +32,16 @@ TOLERANCE = 1e-9
 class SpringMixture:
     """K springs over d movement variables: x'' = sum_i h_i(t) K_i (mu_i - x) - kv x' (7.18).
 
-    Parameters:
-
-    * timing: mixture of K components over time alone [s]; h_i(t) are its responsibilities.
-    * centres: (K, d), mu_i.
-    * stiffness: (K, d, d) [1/s^2], K_i, symmetric and positive definite.
-    * damping: float [1/s], kv.
+    Parameters
+    ----------
+    timing
+        Mixture of K components over time alone [s]; h_i(t) are its responsibilities.
+    centres
+        (K, d), mu_i.
+    stiffness
+        (K, d, d) [1/s^2], K_i, symmetric and positive definite.
+    damping
+        Float [1/s], kv.
     """
 
     timing: GaussianMixture
@@ -77,21 +81,31 @@ class SpringMixture:
         stiffness are then the weighted least squares of x'' + kv x' = sum_i h_i K_i (mu_i - x),
         which is linear in K_i and K_i mu_i.
 
-        Parameters:
+        Parameters
+        ----------
+        time
+            Stamps (n_i,) [s] of each demonstration.
+        motions
+            Position, velocity and acceleration (n_i, d) of each, as `smooth_derivatives` gives
+            them.
+        n_components
+            K.
+        stiffness
+            Kp of (7.20) [1/s^2], default 200. Where the demonstrations do not tell the stiffness,
+            it is this one.
+        damping
+            Kv [1/s], default None: critical for `stiffness`.
+        bounds
+            Least and largest eigenvalue of each K_i [1/s^2], default None: a tenth and ten times
+            `stiffness`.
+        timing
+            Which spring pulls when, a mixture of K components over time, if that is known; default
+            None: EM finds it.
 
-        * time: stamps (n_i,) [s] of each demonstration.
-        * motions: position, velocity and acceleration (n_i, d) of each, as `smooth_derivatives`
-          gives them.
-        * n_components: K.
-        * stiffness: kp of (7.20) [1/s^2], default 200. Where the demonstrations do not tell the
-          stiffness, it is this one.
-        * damping: kv [1/s], default None: critical for `stiffness`.
-        * bounds: least and largest eigenvalue of each K_i [1/s^2], default None: a tenth and ten
-          times `stiffness`.
-        * timing: which spring pulls when, a mixture of K components over time, if that is known;
-          default None: EM finds it.
-
-        ValueError if there are none, or not equally many; or for bounds that are none.
+        Raises
+        ------
+        ValueError
+            If there are none, or not equally many; or for bounds that are none.
         """
         kp = as_number(stiffness, "stiffness")
         kv = 2.0 * np.sqrt(kp) if damping is None else as_number(damping, "damping", strict=False)
@@ -144,15 +158,25 @@ class SpringMixture:
 
     def attractor(self, time: ArrayLike, position: ArrayLike, stiffness: float) -> np.ndarray:
         """The attractor (n, d) of (7.19), with this constant stiffness [1/s^2] and the same
-        damping, that pulls a mass at position (n, d) as all springs do. time: (n,) [s].
+        damping,
+        that pulls a mass at position (n, d) as all springs do.
+
+        Parameters
+        ----------
+        time
+            (n,) [s].
         """
         position = self._samples(position, "position")
         return position + self._pull(time, position) / as_number(stiffness, "stiffness")
 
     def follow(self, time: ArrayLike, position0: ArrayLike, velocity0: ArrayLike) -> Motion:
         """Motion (n, d) of a unit mass at stamps (n,) [s], from the state (d,) at the first one;
-        integrated by an explicit Runge-Kutta method of order 8 (DOP853 of scipy). position0,
-        velocity0: the state at the first stamp.
+        integrated by an explicit Runge-Kutta method of order 8 (DOP853 of scipy).
+
+        Parameters
+        ----------
+        position0, velocity0
+            The state at the first stamp.
         """
         from scipy.integrate import (
             solve_ivp,

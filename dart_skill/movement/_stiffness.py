@@ -32,8 +32,12 @@ def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) 
     covariances (n, d, d).
 
     All d movement variables must have the same unit. Call it separately for metres and radians:
-    their variances cannot be compared. ValueError for a variance that is not positive, or if least
-    is above most.
+    their variances cannot be compared.
+
+    Raises
+    ------
+    ValueError
+        For a variance that is not positive, or if least is above most.
     """
     covariance = as_covariances(covariance, "covariance", np.shape(covariance))
     least, most = as_number(least, "least"), as_number(most, "most")
@@ -52,9 +56,13 @@ def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) 
 
 def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
     """2 K^(1/2) (n, d, d): critical damping along every principal axis of stiffness matrices (n,
-    d, d).
+    d,
+    d).
 
-    ValueError for a negative eigenvalue.
+    Raises
+    ------
+    ValueError
+        For a negative eigenvalue.
     """
     gains, axes = np.linalg.eigh(as_finite(stiffness, "stiffness", 3))
     if gains.min() < 0.0:
@@ -66,19 +74,25 @@ def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
 
 def stable_gains(time: ArrayLike, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness and critical damping (n, d, d), linear between the stamps, with which x'' = K (y -
-    x) - D x' is stable for every y.
+    x)
+    - D x' is stable for every y.
 
     It is, if for some a > 0 both D - a and 2 a K - K' - a D' are positive semidefinite at all
     times (Kronander and Billard, Stability Considerations for Variable Impedance Control, 2016,
     theorem 1, for a unit mass). Here a is half the least damping. Where the wanted stiffness grows
     faster, it is followed as fast as this allows; it may fall at any rate.
 
-    Parameters:
+    Parameters
+    ----------
+    time : (n,)
+        Stamps [s], n at least 2.
+    stiffness : (n, d, d)
+        Wanted, positive definite, per unit mass [1/s^2].
 
-    * time (n,): stamps [s], n at least 2.
-    * stiffness (n, d, d): wanted, positive definite, per unit mass [1/s^2].
-
-    ValueError for an eigenvalue that is not positive.
+    Raises
+    ------
+    ValueError
+        For an eigenvalue that is not positive.
     """
     stiffness = as_finite(stiffness, "stiffness", 3)
     steps = np.diff(as_stamps(time, len(stiffness), minimum=2))
@@ -126,20 +140,28 @@ def hold_to(
     time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLike | None = None
 ) -> Motion:
     """Motion (n, d) of a unit mass that follows a reference motion with time-varying stiffness,
-    and is pushed.
+    and
+    is pushed.
 
     x'' = x''_ref + K (x_ref - x) + 2 K^(1/2) (x'_ref - x') + push. Without a push the result is
     the reference, whatever the stiffness; the stiffness changes only the response to pushes.
 
-    Parameters:
+    Parameters
+    ----------
+    time : (n,)
+        Equally spaced stamps [s], n at least 2.
+    motion
+        The reference, (n, d).
+    stiffness : (n, d, d)
+        K per unit mass [1/s^2], constant between the stamps.
+    push : (n, d)
+        Acceleration from outside, in units of the motion per s^2, constant between the stamps;
+        default None, no push.
 
-    * time (n,): equally spaced stamps [s], n at least 2.
-    * motion: the reference, (n, d).
-    * stiffness (n, d, d): K per unit mass [1/s^2], constant between the stamps.
-    * push (n, d): acceleration from outside, in units of the motion per s^2, constant between the
-      stamps; default None, no push.
-
-    ValueError for stiffness or push of another shape.
+    Raises
+    ------
+    ValueError
+        For stiffness or push of another shape.
     """
     position = as_samples(motion.position, "position")
     step = uniform_step(as_stamps(time, len(position), minimum=2))

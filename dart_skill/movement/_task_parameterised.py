@@ -114,26 +114,32 @@ def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
 class TaskParameterisedMixture(EMEstimator, SavedModel):
     """Mixture of K components in P task frames over m features, of which column 0 is time.
 
-    * n_components, covariance_floor, tolerance, max_iterations, n_starts: as of `EMEstimator`.
-    * start: "time" cuts the samples into K slices of equal weight along column 0 of the first
-      frame that sees them, and needs no generator; "kmeans" clusters the samples as seen from all
-      frames.
-    * n_shared: default 0. So many features, time and what else all frames pass through, count once
-      in the product. With 0 it is (7.21) as it stands: P frames give P densities of the time, so a
-      component is narrower in time by the root of P than it was learned, and what is retrieved
-      changes abruptly from one to the next. Where they count once, the frames' regressions are
-      multiplied, and responsibilities of components are those of one frame.
-    * covariance_prior: default 0, no prior. For few samples, as of `GaussianMixture`: in each
-      frame each covariance is averaged with one that says that all columns vary alike and are not
-      correlated, and this one counts as so many samples (inverse Wishart, Fraley and Raftery
-      2007). The number of columns is a good weight where demonstrations are two or three.
-
     Fitted attributes: priors_ (K,), means_ (P, K, m), covariances_ (P, K, m, m), log_likelihood_
     (summed over samples and frames), n_iterations_, converged_. Where frames see different numbers
     of directions, means_ and covariances_ are lists of P arrays (K, d_p) and (K, d_p, d_p).
 
     Frames are given as P entries per demonstration: a TaskFrame or PartialFrame, a list of them
     with one for each sample, or None, in the list too, where the frame is missing.
+
+    Parameters
+    ----------
+    n_components, covariance_floor, tolerance, max_iterations, n_starts
+        As of `EMEstimator`.
+    start
+        "time" cuts the samples into K slices of equal weight along column 0 of the first frame
+        that sees them, and needs no generator; "kmeans" clusters the samples as seen from all
+        frames.
+    n_shared
+        Default 0. So many features, time and what else all frames pass through, count once in the
+        product. With 0 it is (7.21) as it stands: P frames give P densities of the time, so a
+        component is narrower in time by the root of P than it was learned, and what is retrieved
+        changes abruptly from one to the next. Where they count once, the frames' regressions are
+        multiplied, and responsibilities of components are those of one frame.
+    covariance_prior
+        Default 0, no prior. For few samples, as of `GaussianMixture`: in each frame each
+        covariance is averaged with one that says that all columns vary alike and are not
+        correlated, and this one counts as so many samples (inverse Wishart, Fraley and Raftery
+        2007). The number of columns is a good weight where demonstrations are two or three.
     """
 
     def __init__(
@@ -174,8 +180,17 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         n_shared: int = 0,
     ) -> TaskParameterisedMixture:
         """Mixture with priors (K,), and per frame means (K, d_p) and positive definite covariances
-        (K, d_p, d_p). The features are as many as the largest d_p. n_shared: as of the class.
-        ValueError for other shapes or values.
+        (K, d_p, d_p). The features are as many as the largest d_p.
+
+        Parameters
+        ----------
+        n_shared
+            As of the class.
+
+        Raises
+        ------
+        ValueError
+            For other shapes or values.
         """
         priors, n_components = checked_priors(priors), len(priors)
         if len(means) == 0 or len(means) != len(covariances):
@@ -270,8 +285,13 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         rng: np.random.Generator | None = None,
     ) -> TaskParameterisedMixture:
         """EM on demonstrations (n_i, m) in the world with P frames each; weights per
-        demonstration, per sample (a list of arrays), or None. ValueError if rng is missing where
-        centres are drawn.
+        demonstration,
+        per sample (a list of arrays), or None.
+
+        Raises
+        ------
+        ValueError
+            If rng is missing where centres are drawn.
         """
         return self._fit(*_with_weight(samples, frames, weights), rng)
 
@@ -310,9 +330,15 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         weighted M step.
 
         No component can settle on a few demonstrations, as EM lets it when other inputs than time
-        vary from one to the next, and there is no local optimum. overlap: standard deviation of a
-        component in units of the interval. A component in a gap of the stamps, which nothing
-        belongs to, is dropped. samples: (n_i, m) of each demonstration.
+        vary from one to the next, and there is no local optimum.
+
+        Parameters
+        ----------
+        overlap
+            Standard deviation of a component in units of the interval. A component in a gap of the
+            stamps, which nothing belongs to, is dropped.
+        samples
+            (n_i, m) of each demonstration.
         """
         taught, weights = _with_weight(samples, frames, weights)
         overlap = as_number(overlap, "overlap", 1e-3, strict=False)
@@ -331,9 +357,13 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         demonstrations. Here responsibilities are those of Gaussians over time alone, at the times
         that EM found, and wider.
 
-        samples, frames, weights: as in `fit`. overlap: standard deviation of a component in time,
-        in units of the share of all time that EM gave to it, its prior. So components that shared
-        a time are not wide each.
+        Parameters
+        ----------
+        samples, frames, weights
+            As in `fit`.
+        overlap
+            Standard deviation of a component in time, in units of the share of all time that EM
+            gave to it, its prior. So components that shared a time are not wide each.
         """
         return self._fit_around(*_with_weight(samples, frames, weights), overlap)
 
@@ -348,7 +378,10 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
     ) -> TaskParameterisedMixture:
         """`fit`, and `fit_around` with an overlap, to the same samples, which are looked at once.
 
-        samples, frames, weights, overlap, rng: as of these two.
+        Parameters
+        ----------
+        samples, frames, weights, overlap, rng
+            As of these two.
         """
         taught, weights = _with_weight(samples, frames, weights)
         return self._fit(taught, weights, rng)._fit_around(taught, weights, overlap)
@@ -404,9 +437,13 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
     def responsibilities(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
         """Per demonstration, (n_i, K) posterior probability of each component.
 
-        * samples: (n_i, m) of each demonstration.
-        * frames: for each demonstration its P task frames; one that moves is a list with a frame
-          for each sample.
+        Parameters
+        ----------
+        samples
+            (n_i, m) of each demonstration.
+        frames
+            For each demonstration its P task frames; one that moves is a list with a frame for
+            each sample.
         """
         return self._per_demonstration(samples, frames, 0)
 
@@ -439,7 +476,10 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         """Bayesian information criterion, lower is better; the sum of the weights counts as sample
         number.
 
-        samples, frames: as of `responsibilities`.
+        Parameters
+        ----------
+        samples, frames
+            As of `responsibilities`.
         """
         log_density = self.log_density(samples, frames)
         weights = as_sample_weights(weights, [len(one) for one in log_density])

@@ -22,8 +22,12 @@ def as_stamps(time: ArrayLike, n_samples: int | None = None, minimum: int = 1) -
 
 
 def uniform_step(time: np.ndarray) -> float:
-    """Step [s] of at least two equally spaced stamps (n,); ValueError if a step differs by more
-    than 10^-6 of it.
+    """Step [s] of at least two equally spaced stamps (n,)
+
+    Raises
+    ------
+    ValueError
+        If a step differs by more than 10^-6 of it.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
     worst = np.abs(np.diff(time) - step).max()

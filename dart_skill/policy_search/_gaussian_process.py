@@ -42,12 +42,24 @@ FIRST = (5, 1)  # first indices into LENGTHS and NOISES
 class Surrogate:
     """Posterior of the landscape.
 
-    * points (n, d), values (n,): where returns were seen, and their means.
-    * ages (n,): in lifetimes; counts (n,): number of trials of each mean.
-    * indices: of the last fit, into LENGTHS and NOISES.
-    * lengths (n,): of hills when the values were seen; now: of hills now; both in the unit of
-      LENGTHS.
-    * exact: whether the returns are without noise.
+    Parameters
+    ----------
+    points : (n, d)
+        Where returns were seen, and their means.
+    values : (n,)
+        Where returns were seen, and their means.
+    ages : (n,)
+        In lifetimes.
+    counts : (n,)
+        Number of trials of each mean.
+    indices
+        Of the last fit, into LENGTHS and NOISES.
+    lengths : (n,)
+        Of hills when the values were seen.
+    now
+        Of hills now; both in the unit of LENGTHS.
+    exact
+        Whether the returns are without noise.
     """
 
     def __init__(
@@ -132,11 +144,17 @@ JITTER = 1e-9
 class BlurredNoise:
     """Posterior of the landscape.
 
-    * points (n, d), values (n,): where values were seen.
-    * blurs (n,): variance per axis of the blur of each, in the squared unit of the points; the
-      last one is c.
-    * error: variance of the error of a value, relative to the variance of the landscape at its
-      blur.
+    Parameters
+    ----------
+    points : (n, d)
+        Where values were seen.
+    values : (n,)
+        Where values were seen.
+    blurs : (n,)
+        Variance per axis of the blur of each, in the squared unit of the points; the last one is
+        c.
+    error
+        Variance of the error of a value, relative to the variance of the landscape at its blur.
     """
 
     def __init__(self, points: np.ndarray, blurs: np.ndarray, values: np.ndarray, error: float):

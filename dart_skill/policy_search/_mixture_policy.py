@@ -90,11 +90,15 @@ class MixturePolicy:
         return shares / shares.sum(axis=0)
 
     def update(self, points: np.ndarray, weights: np.ndarray) -> bool:
-        """(5.3)-(5.5) from points (n, d), relative to the start, and weights (K, n); returns
-        whether there was any weight.
+        """(5.3)-(5.5) from points (n, d), relative to the start, and weights (K, n)
 
         The weights are returns times responsibilities, of the M best. A component without weight
         is dropped.
+
+        Returns
+        -------
+        bool
+            Whether there was any weight.
         """
         mass = weights.sum(axis=1)
         kept = alive(mass)
@@ -119,11 +123,15 @@ class MixturePolicy:
         noisy: bool,
         origins: list[int | None],
     ) -> None:
-        """Set other components; noisy: with exploration noise added to their covariances. The
-        limits hold in any case.
+        """Set other components.
 
-        origins (K,): which component each of them was before, None for a new one; here it makes no
-        difference.
+        Parameters
+        ----------
+        noisy
+            With exploration noise added to their covariances. The limits hold in any case.
+        origins : (K,)
+            Which component each of them was before, None for a new one; here it makes no
+            difference.
         """
         self.priors, self.means = priors / priors.sum(), means
         self._set_shapes(covariances, noisy)

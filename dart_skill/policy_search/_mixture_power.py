@@ -52,24 +52,6 @@ splits need more and mergers less.
 class Readings:
     """Options for the points that section 5.3 of the thesis and its pseudocode leave open.
 
-    Parameters:
-
-    * best_of: which M best trials count for a component. "component" (default): those with the
-      largest return times responsibility. "own": the best of those that it is most responsible
-      for. "all": the best of all trials.
-    * structure: what sets the number of components. "split_and_merge" (default) with `rule`;
-      "spectroscopy" with a kernel of `bandwidth`; "fixed".
-    * check_every: int, default 10. The number of components is checked after so many returns.
-    * most: int, default 12. Largest number of components.
-    * judged_on: trials on which it is checked, the "latest" S or the "best" of (5.3) (default).
-    * judged_by: weight of these trials, their "return" (default) or "equal".
-    * draw: a trial is drawn from a component with its "prior" (default), or from each with "equal"
-      probability.
-    * guess: `parameters` is the mean of the component with the highest "return" (default) or the
-      largest "prior".
-    * bandwidth: float, in units of the spread; default None: `automatic_bandwidth`.
-    * rule: SplitMerge, default with refine = 2.
-
     The readings were measured in the dart experiment of 6.3: returns are expected scores, the
     spread of the player falls from 75 to 16 mm in 3000 iterations, the first Gaussian is on the
     bull with 75 mm, Sigma_0 = (7.5 mm)^2, 20 seeds. The columns are the number of components at
@@ -93,6 +75,34 @@ class Readings:
     from each other, so they neither split nor merge. No reading earns more than PoWER with the
     same Sigma_0. The reasons: components on lower hills get their share of the trials, and the
     hills that are found while the board looks smooth are not those that matter at the end.
+
+    Parameters
+    ----------
+    best_of
+        Which M best trials count for a component. "component" (default): those with the largest
+        return times responsibility. "own": the best of those that it is most responsible for.
+        "all": the best of all trials.
+    structure
+        What sets the number of components. "split_and_merge" (default) with `rule`; "spectroscopy"
+        with a kernel of `bandwidth`; "fixed".
+    check_every
+        Int, default 10. The number of components is checked after so many returns.
+    most
+        Int, default 12. Largest number of components.
+    judged_on
+        Trials on which it is checked, the "latest" S or the "best" of (5.3) (default).
+    judged_by
+        Weight of these trials, their "return" (default) or "equal".
+    draw
+        A trial is drawn from a component with its "prior" (default), or from each with "equal"
+        probability.
+    guess
+        `parameters` is the mean of the component with the highest "return" (default) or the
+        largest "prior".
+    bandwidth
+        Float, in units of the spread; default None: `automatic_bandwidth`.
+    rule
+        SplitMerge, default with refine = 2.
     """
 
     best_of: str = "component"
@@ -125,30 +135,40 @@ class MixturePoWER(Search):
     An update (5.3)-(5.6) comes after every `batch` returns, from the `best` M of the `latest` S
     trials, as soon as there are M.
 
-    Parameters:
-
-    * parameters (d,): mean of the first Gaussian.
-    * spread: one number or (d,). Standard deviations of the first Gaussian.
-    * rng: numpy Generator.
-    * exploration: "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in
-      total, in proportion to the eigenvalues. "automatic": every component chooses its own size,
-      as `PoWER` does. It learns from the trials that were drawn from it, each once; its prior and
-      the number of components still come from all of the `latest` trials.
-    * weighting: "returns" (default), "rank" or "exponential", see `return_weights`. "returns"
-      takes the text literally, and needs returns of at least 0. With the others the best trials
-      have so much weight that in darts one component takes all.
-    * batch: int, number of returns between updates; default None: 1. With "automatic", number of
-      its own trials after which a component takes a step from the better half of them; default
-      then 2 (4 + 3 log d). Half as many find fewer hills.
-    * best: int, default 15. M.
-    * latest: int, default 150. S; both as in 6.3.
-    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, which
-      "automatic" does without. A hill that moves farther than a few times this within S trials is
-      lost.
-    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default
-      None as in `PoWER`.
-    * readings: Readings, what the thesis leaves open; default None: its defaults, with "automatic"
-      a split from a gain of 0.3 and a merger up to a loss of 0.05.
+    Parameters
+    ----------
+    parameters : (d,)
+        Mean of the first Gaussian.
+    spread
+        One number or (d,). Standard deviations of the first Gaussian.
+    rng
+        Numpy Generator.
+    exploration
+        "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in total, in
+        proportion to the eigenvalues. "automatic": every component chooses its own size, as
+        `PoWER` does. It learns from the trials that were drawn from it, each once; its prior and
+        the number of components still come from all of the `latest` trials.
+    weighting
+        "returns" (default), "rank" or "exponential", see `return_weights`. "returns" takes the
+        text literally, and needs returns of at least 0. With the others the best trials have so
+        much weight that in darts one component takes all.
+    batch
+        Int, number of returns between updates; default None: 1. With "automatic", number of its
+        own trials after which a component takes a step from the better half of them; default then
+        2 (4 + 3 log d). Half as many find fewer hills.
+    best
+        Int, default 15. M.
+    latest
+        Int, default 150. S; both as in 6.3.
+    minimum_exploration
+        Float, default 0.1. Root of Sigma_0 relative to `spread`, which "automatic" does without. A
+        hill that moves farther than a few times this within S trials is lost.
+    limits : (2,)
+        Smallest and largest exploration along any axis, relative to `spread`; default None as in
+        `PoWER`.
+    readings
+        Readings, what the thesis leaves open; default None: its defaults, with "automatic" a split
+        from a gain of 0.3 and a merger up to a loss of 0.05.
     """
 
     def __init__(

@@ -45,17 +45,36 @@ class Niche:
     """State of one hill. Places (d,) are relative to the start of the search, in units of the
     spread.
 
-    * identity: number of the niche.
-    * centre (d,), radius: of its trials; hessian (d, d): H in units of the spread.
-    * value, error: return of the model at the centre, and its standard error.
-    * drop: how much less than `value` the trials earn on average.
-    * relative: value minus the common level of the landscape.
-    * last: number of the trial at which its last visit began; clock: of its last trial.
-    * burst: trials of the present visit that are still to come.
-    * surprises: number of trials in a row with a much lower return than expected.
-    * settled: whether the top is found.
-    * trials: (number, place, return, clock) of each, sorted by number.
-    * visits: (clock, relative value, error) at the end of each visit.
+    Parameters
+    ----------
+    identity
+        Number of the niche.
+    centre : (d,)
+        Of its trials.
+    radius
+        Of its trials.
+    hessian : (d, d)
+        H in units of the spread.
+    value, error
+        Return of the model at the centre, and its standard error.
+    drop
+        How much less than `value` the trials earn on average.
+    relative
+        Value minus the common level of the landscape.
+    last
+        Number of the trial at which its last visit began.
+    clock
+        Of its last trial.
+    burst
+        Trials of the present visit that are still to come.
+    surprises
+        Number of trials in a row with a much lower return than expected.
+    settled
+        Whether the top is found.
+    trials
+        (number, place, return, clock) of each, sorted by number.
+    visits
+        (clock, relative value, error) at the end of each visit.
     """
 
     identity: int
@@ -105,8 +124,14 @@ class Niche:
         """Add a trial, and fit the model if `fits`.
 
         After two trials in a row (times `repeats`) with returns lower than expected by more than
-        `alarm`, all older trials are forgotten. fading: change of the clock after which a trial
-        counts 1/e; limits: of the radius.
+        `alarm`, all older trials are forgotten.
+
+        Parameters
+        ----------
+        fading
+            Change of the clock after which a trial counts 1/e.
+        limits
+            Of the radius.
         """
         surprised = self.known and trial[2] < self.value - 3 * self.drop - alarm
         self.surprises = self.surprises + 1 if surprised else 0
@@ -232,8 +257,12 @@ REMEMBERED = 8  # number of latest visits through which the line is fitted
 def forecast(
     visits: list[tuple[float, float, float]], now: float, drift: float
 ) -> tuple[float, float]:
-    """Value and its standard deviation at the time `now`; visits: (clock, value, error) of each,
-    the latest last.
+    """Value and its standard deviation at the time `now`.
+
+    Parameters
+    ----------
+    visits
+        (clock, value, error) of each, the latest last.
     """
     clocks, values, errors = np.array(visits, dtype=float).T
     before, bend = clocks - clocks[-1], 0.5 * drift
@@ -255,13 +284,19 @@ AnyNicheSearch = TypeVar("AnyNicheSearch", bound="NicheSearch")
 class NicheSearch(VectorSearch):
     """A search that learns from every return at once.
 
-    * parameters: (d,) or (n, d), where the search begins.
-    * spread: (d,) or (d, d), covariance of the first trials.
-    * limits: smallest and largest radius of trials, relative to `spread`.
-    * rng: draws the trials.
-
     OPTIONS and MEMORY name attributes, without their underscore, that are saved as they are.
     OPTIONS are arguments of the constructor, MEMORY are not.
+
+    Parameters
+    ----------
+    parameters
+        (d,) or (n, d), where the search begins.
+    spread
+        (d,) or (d, d), covariance of the first trials.
+    limits
+        Smallest and largest radius of trials, relative to `spread`.
+    rng
+        Draws the trials.
     """
 
     OPTIONS: tuple[str, ...] = ()

@@ -65,12 +65,20 @@ PAUSE = 10  # least number of trials between two scouts
 class Landmark(NamedTuple):
     """A trial that the surrogate is made from, or the top of a niche.
 
-    * number: of the trial.
-    * place: (d,).
-    * value: its return; with noisy returns the mean of those near it.
-    * n_returns: of how many returns.
-    * clock: when it was told.
-    * length: of hills at that time.
+    Parameters
+    ----------
+    number
+        Of the trial.
+    place
+        (d,).
+    value
+        Its return; with noisy returns the mean of those near it.
+    n_returns
+        Of how many returns.
+    clock
+        When it was told.
+    length
+        Of hills at that time.
     """
 
     number: int
@@ -84,34 +92,47 @@ class Landmark(NamedTuple):
 class Niches(NicheSearch):
     """Search for the best of several optima (d,) that rise and fall.
 
-    Parameters; a relief is the standard deviation of the landscape within reach:
+    In darts from 75 to 16 mm (experiments/studies/dart_search.py, 20 runs) it loses 0.044 points a
+    throw, and 0.001 with its best aim. From 75 to 6 mm it finds the hill that overtakes late in 10
+    of 20 runs. The scores of single darts are too noisy for it: with 12000 of them from 75 to 16
+    mm and repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
 
-    * parameters (d,): first guess.
-    * spread: one number or (d,). Standard deviations of sensible first trials.
-    * rng: numpy Generator.
-    * drift: float, default 0.2. Expected change of the gap between two hills, relative to a change
-      of the best value.
-    * scouting: float, default 6. What all scouts together may cost, relative to the change of the
-      best value meanwhile.
-    * waiting: float, default 0.001 [reliefs]. Change that each trial counts for while the best
-      value stays. Raise it if other hills change while the best one does not.
-    * most: int, default 4. Largest number of niches at a time.
-    * clearing: float, default 1 [spreads per root of d]. Least distance of two niches,
-      approximately.
-    * reach: float, default 1.25 [spreads per root of d]. Largest distance of scouts from the
-      start.
-    * optimism: float, default 2. Standard deviations of the surrogate that are added to its mean
-      to judge a place.
-    * fading: float, default 20 [reliefs]. Change after which what was seen counts 1/e.
-    * repeats: int, default 1. Trials that one comparison needs: 1 for exact returns, hundreds if
-      the noise exceeds the relief.
-    * limits (2,): smallest and largest radius of trials about an optimum, relative to `spread`;
-      default (0.01, 2).
+    ; a relief is the standard deviation of the landscape within reach:
 
-    In darts from 75 to 16 mm (experiments/studies/dart_search.py, 20 runs) it loses 0.044 points a throw,
-    and 0.001 with its best aim. From 75 to 6 mm it finds the hill that overtakes late in 10 of 20
-    runs. The scores of single darts are too noisy for it: with 12000 of them from 75 to 16 mm and
-    repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
+    Parameters
+    ----------
+    parameters : (d,)
+        First guess.
+    spread
+        One number or (d,). Standard deviations of sensible first trials.
+    rng
+        Numpy Generator.
+    drift
+        Float, default 0.2. Expected change of the gap between two hills, relative to a change of
+        the best value.
+    scouting
+        Float, default 6. What all scouts together may cost, relative to the change of the best
+        value meanwhile.
+    waiting
+        Float, default 0.001 [reliefs]. Change that each trial counts for while the best value
+        stays. Raise it if other hills change while the best one does not.
+    most
+        Int, default 4. Largest number of niches at a time.
+    clearing
+        Float, default 1 [spreads per root of d]. Least distance of two niches, approximately.
+    reach
+        Float, default 1.25 [spreads per root of d]. Largest distance of scouts from the start.
+    optimism
+        Float, default 2. Standard deviations of the surrogate that are added to its mean to judge
+        a place.
+    fading
+        Float, default 20 [reliefs]. Change after which what was seen counts 1/e.
+    repeats
+        Int, default 1. Trials that one comparison needs: 1 for exact returns, hundreds if the
+        noise exceeds the relief.
+    limits : (2,)
+        Smallest and largest radius of trials about an optimum, relative to `spread`; default
+        (0.01, 2).
     """
 
     OPTIONS = (

@@ -14,17 +14,27 @@ from dart_skill.policy_search._search import SearchSettings
 
 
 def with_constant_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
-    """Figure 5.2, Sigma_0 = minimum^2 I: the same for all eigenvalues (d,). variances: the
-    eigenvalues.
+    """Figure 5.2, Sigma_0 = minimum^2 I: the same for all eigenvalues (d,).
+
+    Parameters
+    ----------
+    variances
+        The eigenvalues.
     """
     return variances + minimum**2
 
 
 def with_proportional_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
     """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the
-    eigenvalues (d,); the shape is kept.
+    eigenvalues
+    (d,); the shape is kept.
 
-    variances: the eigenvalues; minimum: standard deviation of Sigma_0.
+    Parameters
+    ----------
+    variances
+        The eigenvalues.
+    minimum
+        Standard deviation of Sigma_0.
     """
     total = variances.sum()
     share = variances / total if total > 0 else np.full(variances.shape, 1 / variances.size)
@@ -58,9 +68,14 @@ class PathLength:
         """Factor for the size after a step (n,), which is N(0, I) distributed if all trials are
         equally good.
 
-        moved (n,): the step multiplied by the root of the shape. effective: effective number of
-        trials, 1 / sum of the squared weights. known (n,): mask of the parameters about which the
-        returns say something.
+        Parameters
+        ----------
+        moved : (n,)
+            The step multiplied by the root of the shape.
+        effective
+            Effective number of trials, 1 / sum of the squared weights.
+        known : (n,)
+            Mask of the parameters about which the returns say something.
         """
         n = int(known.sum())
         rate = (effective + 2) / (n + effective + 5)
@@ -75,7 +90,10 @@ class PathLength:
         """Learning rates of the shape: for the path, and for the weighted covariance of the trials
         (5.2).
 
-        effective: number of trials that count.
+        Parameters
+        ----------
+        effective
+            Number of trials that count.
         """
         n = self.path.size
         faster = (n + 2) / 3 if self.diagonal else 1.0
@@ -154,8 +172,12 @@ class GaussianPolicy:
     def set_covariance(self, covariance: np.ndarray, known: np.ndarray) -> None:
         """(5.2) with the noise of 5.2.1 added to the eigenvalues.
 
-        * covariance: (d, d), or its diagonal (d,).
-        * known: mask (d,) of the parameters that change.
+        Parameters
+        ----------
+        covariance
+            (d, d), or its diagonal (d,).
+        known
+            Mask (d,) of the parameters that change.
         """
         variances, axes = self._decomposed(covariance)
         variances = NOISE[self._settings.exploration](

@@ -49,8 +49,11 @@ def with_defaults(
 ) -> SearchSettings:
     """Settings in which batch, best, latest and limits have their defaults if they are None.
 
-    usual: default of `latest` for the modes that use trials several times. Twice or half of the
-    defaults works as well: benchmarks/power.py --defaults.
+    Parameters
+    ----------
+    usual
+        Default of `latest` for the modes that use trials several times. Twice or half of the
+        defaults works as well: benchmarks/power.py --defaults.
     """
     given = {"batch": batch, "best": best, "latest": latest}
     batch, best, latest = (
@@ -92,26 +95,35 @@ class PoWER(Search):
     (importance sampling), as soon as there are M. Other units of a parameter, in `parameters` and
     `spread`, change only the units of the result.
 
-    Parameters:
-
-    * parameters (d,): first guess.
-    * spread: one number or (d,). Standard deviations of the first trials.
-    * rng: numpy Generator.
-    * exploration: "automatic" (default) sets its size by the length of the path of updates;
-      "constant" adds Sigma_0 to (5.2); "proportional" adds as much in total, in proportion to the
-      eigenvalues (5.2.1); "fixed" keeps the spread, so that only (5.1) is left.
-    * weighting: "rank" (default), "exponential" or "returns", see `return_weights`. "returns" is
-      (5.1) and (5.2) literally.
-    * batch: int, number of returns between updates; default None: 4 + 3 log d with "automatic",
-      else latest / 2.
-    * best: int, M; default None: latest / 2 with "automatic", else latest / 4.
-    * latest: int, S; default None: batch with "automatic", which uses each trial once, else 4 (d +
-      2).
-    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, for "constant"
-      and "proportional".
-    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default
-      None: 1e-8 and 1e4. For "proportional" the smallest is at least minimum_exploration:
-      proportional noise alone lets short axes shrink to zero.
+    Parameters
+    ----------
+    parameters : (d,)
+        First guess.
+    spread
+        One number or (d,). Standard deviations of the first trials.
+    rng
+        Numpy Generator.
+    exploration
+        "automatic" (default) sets its size by the length of the path of updates; "constant" adds
+        Sigma_0 to (5.2); "proportional" adds as much in total, in proportion to the eigenvalues
+        (5.2.1); "fixed" keeps the spread, so that only (5.1) is left.
+    weighting
+        "rank" (default), "exponential" or "returns", see `return_weights`. "returns" is (5.1) and
+        (5.2) literally.
+    batch
+        Int, number of returns between updates; default None: 4 + 3 log d with "automatic", else
+        latest / 2.
+    best
+        Int, M; default None: latest / 2 with "automatic", else latest / 4.
+    latest
+        Int, S; default None: batch with "automatic", which uses each trial once, else 4 (d + 2).
+    minimum_exploration
+        Float, default 0.1. Root of Sigma_0 relative to `spread`, for "constant" and
+        "proportional".
+    limits : (2,)
+        Smallest and largest exploration along any axis, relative to `spread`; default None: 1e-8
+        and 1e4. For "proportional" the smallest is at least minimum_exploration: proportional
+        noise alone lets short axes shrink to zero.
     """
 
     def __init__(

@@ -35,9 +35,15 @@ CREDITS = ("activation", "uniform")
 class PrimitiveTrial(SearchTrial):
     """A primitive to try.
 
-    parameters (d,), d = n_basis n_dims: for `with_parameters` of a movement primitive; output
-    (n_steps, n_dims): (7.14). With `hold` the parameters are (n_stretches, d), one row for each
-    stretch of `hold` steps. number: counts from 0.
+    Parameters
+    ----------
+    parameters : (d,)
+        d = n_basis n_dims: for `with_parameters` of a movement primitive.
+    output : (n_steps, n_dims)
+        (7.14). With `hold` the parameters are (n_stretches, d), one row for each stretch of `hold`
+        steps.
+    number
+        Counts from 0.
     """
 
     output: np.ndarray
@@ -52,22 +58,28 @@ class PrimitivePoWER(Search):
     return. Each weight has a variance of its own and no covariance with others; for the full
     covariance use `PoWER` on the parameters (d,), d = n_basis n_dims.
 
-    Parameters:
-
-    * weights (n_basis, n_dims): first guess.
-    * activations (n_steps, n_basis): of the primitive, phi of (7.14).
-    * spread: one number or (n_basis, n_dims). Standard deviations of the first trials.
-    * rng: numpy Generator.
-    * hold: int, number of steps with the same noise; default None: the whole trial
-      (state-dependent exploration). 1 is new noise at every step as in (7.15), which learns much
-      more slowly and shakes an arm.
-    * credit: how steps count for a basis in (7.17). "activation" (default): step t counts phi_tb^2
-      / sum_j phi_tj^2, the diagonal of W of Kober and Peters (2011) for equal variances, so that a
-      basis learns from the returns to go while it is active. "uniform": (7.17) as printed; with
-      weighting "returns", literally. With rewards along the whole movement "activation" learns up
-      to twice as fast; for a few via points both are equally good (benchmarks/power.py).
-    * exploration, weighting, batch, best, latest, minimum_exploration, limits: as in `PoWER`, but
-      latest is 2 (4 + 3 log d) by default if trials are used several times.
+    Parameters
+    ----------
+    weights : (n_basis, n_dims)
+        First guess.
+    activations : (n_steps, n_basis)
+        Of the primitive, phi of (7.14).
+    spread
+        One number or (n_basis, n_dims). Standard deviations of the first trials.
+    rng
+        Numpy Generator.
+    hold
+        Int, number of steps with the same noise; default None: the whole trial (state-dependent
+        exploration). 1 is new noise at every step as in (7.15), which learns much more slowly and
+        shakes an arm.
+    credit
+        How steps count for a basis in (7.17). "activation" (default): step t counts phi_tb^2 /
+        sum_j phi_tj^2, the diagonal of W of Kober and Peters (2011) for equal variances, so that a
+        basis learns from the returns to go while it is active. "uniform": (7.17) as printed; with
+        weighting "returns", literally. With rewards along the whole movement "activation" learns
+        up to twice as fast; for a few via points both are equally good (benchmarks/power.py).
+    exploration, weighting, batch, best, latest, minimum_exploration, limits
+        As in `PoWER`, but latest is 2 (4 + 3 log d) by default if trials are used several times.
     """
 
     def __init__(

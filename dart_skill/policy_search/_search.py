@@ -39,10 +39,16 @@ class SearchTrial:
 class ToldTrial:
     """A trial with its outcome.
 
-    * number: of the trial.
-    * noise: that it was drawn from.
-    * tried: the parameters.
-    * outcome: its return or returns.
+    Parameters
+    ----------
+    number
+        Of the trial.
+    noise
+        That it was drawn from.
+    tried
+        The parameters.
+    outcome
+        Its return or returns.
     """
 
     number: int
@@ -55,10 +61,16 @@ class ToldTrial:
 class SearchSettings:
     """Checked options of a search, as `PoWER` explains them.
 
-    * exploration, weighting: how exploration is set, and how returns become weights.
-    * batch, best, latest: number of returns between updates, M, and S.
-    * minimum_exploration: root of Sigma_0, relative to the spread.
-    * limits: smallest and largest exploration, relative to the spread.
+    Parameters
+    ----------
+    exploration, weighting
+        How exploration is set, and how returns become weights.
+    batch, best, latest
+        Number of returns between updates, M, and S.
+    minimum_exploration
+        Root of Sigma_0, relative to the spread.
+    limits
+        Smallest and largest exploration, relative to the spread.
     """
 
     exploration: str
@@ -97,15 +109,19 @@ class Search(ABC):
     """Base class with `ask` and `tell`. A subclass draws trials, checks outcomes, and updates its
     policy from them.
 
-    Attributes:
+    Parameters
+    ----------
+    settings
+        Checked options.
 
-    * n_asked, n_told, n_failed: numbers of trials that were drawn, that have a finite return, and
-      that failed.
-    * n_updates: number of updates of the policy.
-    * best_return, best_trial: the highest return so far, -inf at first, and its trial, None at
-      first.
-
-    * settings: checked options.
+    Attributes
+    ----------
+    n_asked, n_told, n_failed
+        Numbers of trials that were drawn, that have a finite return, and that failed.
+    n_updates
+        Number of updates of the policy.
+    best_return, best_trial
+        The highest return so far, -inf at first, and its trial, None at first.
     """
 
     def __init__(self, settings: SearchSettings, rng: np.random.Generator):
@@ -168,11 +184,19 @@ class Search(ABC):
         return self._present(number, tried)
 
     def tell(self, trial: SearchTrial | int, outcome: ArrayLike) -> bool:
-        """Give the outcome of a trial, or of the trial with that number; returns whether the
-        policy was updated.
+        """Give the outcome of a trial, or of the trial with that number.
 
         The outcome is a number, the return. NaN or -inf: the trial failed or was not run.
-        ValueError for a trial that was not asked or was told before.
+
+        Returns
+        -------
+        bool
+            Whether the policy was updated.
+
+        Raises
+        ------
+        ValueError
+            For a trial that was not asked or was told before.
         """
         number = self._find(trial)
         outcome = self._read(outcome)
@@ -205,10 +229,19 @@ class Search(ABC):
     def maximise(
         self, return_function: Callable, n_trials: int, tolerance: float = 0.0
     ) -> np.ndarray:
-        """At most n_trials trials with return_function(parameters (d,)); returns the policy's
-        parameters (d,) at the end.
+        """At most n_trials trials with return_function(parameters (d,))
 
-        return_function: tries parameters; tolerance: it stops where `exploration_size` is below.
+        Parameters
+        ----------
+        return_function
+            Tries parameters.
+        tolerance
+            It stops where `exploration_size` is below.
+
+        Returns
+        -------
+        np.ndarray
+            The policy's parameters (d,) at the end.
         """
         for trial in self.trials(n_trials, tolerance):
             self.tell(trial, return_function(self._argument(trial)))
@@ -277,7 +310,13 @@ class Search(ABC):
 
     @classmethod
     def from_state(cls: type[AnySearch], state: dict) -> AnySearch:
-        """A search as it was when `state()` was called. ValueError for what is none."""
+        """A search as it was when `state()` was called.
+
+        Raises
+        ------
+        ValueError
+            For what is none.
+        """
         kind = state.get("kind") if isinstance(state, dict) else type(state).__name__
         if kind != cls.__name__:
             raise ValueError(
@@ -325,10 +364,16 @@ class Search(ABC):
 class VectorSearch(Search):
     """Base class of searches with a first guess and its spread.
 
-    * parameters (d,): first guess.
-    * spread: one number or (d,). Standard deviations of the first trials.
-    * settings: checked options.
-    * rng: numpy Generator.
+    Parameters
+    ----------
+    parameters : (d,)
+        First guess.
+    spread
+        One number or (d,). Standard deviations of the first trials.
+    settings
+        Checked options.
+    rng
+        Numpy Generator.
     """
 
     def __init__(
@@ -408,15 +453,28 @@ def as_json(value: Any) -> Any:
 
 
 def generator_state(rng: np.random.Generator) -> dict:
-    """The state of a generator as numbers, strings, lists and dicts for JSON. rng: the generator."""
+    """The state of a generator as numbers, strings, lists and dicts for JSON.
+
+    Parameters
+    ----------
+    rng
+        The generator.
+    """
     return as_json(rng.bit_generator.state)
 
 
 def restored_generator(state: dict) -> np.random.Generator:
-    """A generator that goes on as the one did whose `generator_state` this is. ValueError for a
-    kind that is not known.
+    """A generator that goes on as the one did whose `generator_state` this is.
 
-    state: as it was returned.
+    Parameters
+    ----------
+    state
+        As it was returned.
+
+    Raises
+    ------
+    ValueError
+        For a kind that is not known.
     """
     name = state["bit_generator"]
     if name not in GENERATORS:

@@ -63,28 +63,36 @@ class Sharpening(NicheSearch):
     """Search for the best parameters (d,) while the scatter of the trials shrinks. Returns are
     expected values, without noise.
 
-    Parameters:
-
-    * parameters (d,): first guess.
-    * spread: one number or (d,). The scatter at the beginning, as a standard deviation.
-    * rng: numpy Generator.
-    * optimism: float, default 1.85. Standard deviations of the process that are added to its mean
-      to judge a place.
-    * insurance: float, default 6. Budget for scouts to places that are not promising, relative to
-      the rise of the best top; 0 for none.
-    * grain: float, default 0.14 [spreads]. Details finer than this do not matter: the process sees
-      every landscape through an additional blur of this length.
-    * every: int, default 5. After so many trials the search looks for a place for a scout.
-    * clearing: float, default 1 [lengths of the blur]. Least distance of a scout from the best
-      top.
-    * reach: float, default 1.25 [spreads per root of d]. Largest distance of a scout from the
-      start.
-    * limits (2,): smallest and largest radius of trials about the top, relative to `spread`;
-      default (0.01, 2).
-
-    The defaults were chosen on darts (experiments/studies/dart_search.py, seeds from 100 on). With less
-    optimism or a coarser grain the process is too certain, and hills that overtake late are
+    The defaults were chosen on darts (experiments/studies/dart_search.py, seeds from 100 on). With
+    less optimism or a coarser grain the process is too certain, and hills that overtake late are
     missed. With more optimism or a finer grain scouts cost more than they find.
+
+    Parameters
+    ----------
+    parameters : (d,)
+        First guess.
+    spread
+        One number or (d,). The scatter at the beginning, as a standard deviation.
+    rng
+        Numpy Generator.
+    optimism
+        Float, default 1.85. Standard deviations of the process that are added to its mean to judge
+        a place.
+    insurance
+        Float, default 6. Budget for scouts to places that are not promising, relative to the rise
+        of the best top; 0 for none.
+    grain
+        Float, default 0.14 [spreads]. Details finer than this do not matter: the process sees
+        every landscape through an additional blur of this length.
+    every
+        Int, default 5. After so many trials the search looks for a place for a scout.
+    clearing
+        Float, default 1 [lengths of the blur]. Least distance of a scout from the best top.
+    reach
+        Float, default 1.25 [spreads per root of d]. Largest distance of a scout from the start.
+    limits : (2,)
+        Smallest and largest radius of trials about the top, relative to `spread`; default (0.01,
+        2).
     """
 
     OPTIONS = ("optimism", "insurance", "grain", "every", "clearing", "reach")

@@ -37,9 +37,17 @@ def return_weights(returns: ArrayLike, best: int, weighting: str = "rank") -> np
     Only the `best` M trials have a weight; the others have zero. Equal returns get equal weights,
     also if only some of them are among the best M, so that the order of the trials does not
     matter. The weights are all zero if no trial is better than another: with "rank" and
-    "exponential" if all returns are equal, with "returns" if all are zero. weighting: "rank",
-    "returns" or "exponential". ValueError for another shape, or for returns that it does not
-    allow.
+    "exponential" if all returns are equal, with "returns" if all are zero.
+
+    Parameters
+    ----------
+    weighting
+        "rank", "returns" or "exponential".
+
+    Raises
+    ------
+    ValueError
+        For another shape, or for returns that it does not allow.
     """
     returns = as_finite(returns, "returns")
     if returns.ndim not in (1, 2):

@@ -71,11 +71,19 @@ def _freeze(one: Any, **arrays: np.ndarray) -> None:
 class Track:
     """A tracked body, in the world of the cameras; its arrays are read-only.
 
-    * time: (n,) [s], stamps.
-    * position: (n, 3) [m].
-    * quaternion: (n, 4), of length 1.
+    Parameters
+    ----------
+    time
+        (n,) [s], stamps.
+    position
+        (n, 3) [m].
+    quaternion
+        (n, 4), of length 1.
 
-    ValueError names what is not so.
+    Raises
+    ------
+    ValueError
+        Names what is not so.
     """
 
     time: np.ndarray
@@ -128,7 +136,15 @@ UNSEEN = Track(np.empty(0), np.empty((0, 3)), np.empty((0, 4)))
 
 @dataclass(frozen=True)
 class Event:
-    """The fingers were told something. name: "open" or "close"; time: [s]."""
+    """The fingers were told something.
+
+    Parameters
+    ----------
+    name
+        "open" or "close".
+    time
+        [s].
+    """
 
     name: str
     time: float
@@ -148,20 +164,33 @@ class Demonstration:
     """One movement. All of it is in frame_id; times are seconds after stamp_ns, lengths metres,
     quaternions x, y, z, w. Its arrays are read-only.
 
-    * id: unique in a recording.
-    * tracks: of the bodies by role; one is the hand.
-    * stamp_ns: the origin of all times.
-    * skill: that it shows.
-    * situation: where the bodies were when the movement began, and numbers, as far as they are
-      known.
-    * joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm;
-      may be empty.
-    * events: what the fingers were told, in order.
-    * motion_start, motion_stop: when the movement began and ended; nan if unknown.
-    * frame_id: str.
-    * joint_names: as the driver calls them.
+    Parameters
+    ----------
+    id
+        Unique in a recording.
+    tracks
+        Of the bodies by role; one is the hand.
+    stamp_ns
+        The origin of all times.
+    skill
+        That it shows.
+    situation
+        Where the bodies were when the movement began, and numbers, as far as they are known.
+    joint_time, joint_position, joint_velocity
+        (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm; may be empty.
+    events
+        What the fingers were told, in order.
+    motion_start, motion_stop
+        When the movement began and ended; nan if unknown.
+    frame_id
+        Str.
+    joint_names
+        As the driver calls them.
 
-    ValueError names what is not so.
+    Raises
+    ------
+    ValueError
+        Names what is not so.
     """
 
     id: str
@@ -253,7 +282,13 @@ class Demonstration:
             raise ValueError(f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS}")
 
     def track(self, role: str) -> Track:
-        """Track of one body; ValueError if it was never seen."""
+        """Track of one body.
+
+        Raises
+        ------
+        ValueError
+            If it was never seen.
+        """
         if not self.tracks.get(role, UNSEEN):
             seen = sorted(name for name, track in self.tracks.items() if track)
             raise ValueError(
@@ -281,8 +316,12 @@ class Demonstration:
 
     @property
     def target(self) -> np.ndarray:
-        """Place (3,) of the first body of the situation: of what is thrown at; ValueError if it
-        has none.
+        """Place (3,) of the first body of the situation: of what is thrown at.
+
+        Raises
+        ------
+        ValueError
+            If it has none.
         """
         if not self.situation.poses:
             raise ValueError(f"demonstration {self.id} has a situation without a body")
@@ -300,24 +339,47 @@ class Demonstration:
 
 
 def fill_demonstration_message(one: Demonstration, msg: Any, new: Callable[[str], Any]) -> Any:
-    """Write a demonstration into an empty message object; returns it.
+    """Write a demonstration into an empty message object.
 
-    one: the demonstration. new: makes an empty message from a type name as
-    "geometry_msgs/msg/PoseStamped".
+    Parameters
+    ----------
+    one
+        The demonstration.
+    new
+        Makes an empty message from a type name as "geometry_msgs/msg/PoseStamped".
+
+    Returns
+    -------
+    Any
+        It.
     """
     return filled(msg, _content(one), new)
 
 
 def demonstration_message(types: Typestore, one: Demonstration) -> Any:
-    """The message of a demonstration as an object of `types`, without ROS. one: it."""
+    """The message of a demonstration as an object of `types`, without ROS.
+
+    Parameters
+    ----------
+    one
+        It.
+    """
     return message(types, DEMONSTRATION_TYPE, _content(one))
 
 
 def demonstration_from_message(msg: Any, skill: str = "") -> Demonstration:
     """The demonstration in a message object, of rclpy or decoded without ROS.
 
-    skill: whose demonstrations are wanted, in the frame of the world; empty: of any skill, in any
-    frame. ValueError for another one, and for a message that holds no demonstration.
+    Parameters
+    ----------
+    skill
+        Whose demonstrations are wanted, in the frame of the world; empty: of any skill, in any
+        frame.
+
+    Raises
+    ------
+    ValueError
+        For another one, and for a message that holds no demonstration.
     """
     what = f"demonstration {msg.id}"
     if not hasattr(msg, "tracks"):
@@ -360,8 +422,12 @@ def _track(what: str, role: str, poses: Sequence[Any], origin: int) -> Track:
 
 
 def grip_of(what: str, name: str) -> Grip:
-    """What an event tells the fingers, by its name; ValueError, with `what` has the event, for
-    another one.
+    """What an event tells the fingers, by its name.
+
+    Raises
+    ------
+    ValueError
+        With `what` has the event, for another one.
     """
     if name not in GRIPS:
         raise ValueError(
@@ -371,7 +437,13 @@ def grip_of(what: str, name: str) -> Grip:
 
 
 def situation_from_message(msg: Any, what: str) -> Situation:
-    """The situation in a message object; ValueError, with `what` has it, for one that is none."""
+    """The situation in a message object.
+
+    Raises
+    ------
+    ValueError
+        With `what` has it, for one that is none.
+    """
     poses = named(f"{what}: situation", msg.bodies, msg.poses)
     numbers = named(f"{what}: situation", msg.names, msg.numbers)
     at = {
@@ -395,8 +467,12 @@ def situation_content(situation: Situation) -> dict[str, Any]:
 
 
 def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
-    """Values by their names, as messages hold them in two sequences; ValueError, with `what` it
-    is, if they do not fit together.
+    """Values by their names, as messages hold them in two sequences.
+
+    Raises
+    ------
+    ValueError
+        With `what` it is, if they do not fit together.
     """
     if len(names) != len(values):
         raise ValueError(
@@ -423,15 +499,24 @@ def skill_of(bag_path: str | os.PathLike) -> str:
 
 
 def read_demonstrations(bag_path: str | os.PathLike, skill: str = "") -> list[Demonstration]:
-    """Demonstrations of a bag in the order of recording; BagError if it has none, or they are not
-    valid, or of another skill than `skill`, where this is given.
+    """Demonstrations of a bag in the order of recording.
+
+    Raises
+    ------
+    BagError
+        If it has none, or they are not valid, or of another skill than `skill`, where this is
+        given.
     """
     return list(each_demonstration(bag_path, skill))
 
 
 def each_demonstration(bag_path: str | os.PathLike, skill: str = "") -> Iterator[Demonstration]:
-    """As `read_demonstrations`, one after the other, with its BagError. bag_path, skill: the
-    same.
+    """As `read_demonstrations`, one after the other, with its BagError.
+
+    Parameters
+    ----------
+    bag_path, skill
+        The same.
     """
     topic = DEMONSTRATION_TOPIC
     with GraphBag(bag_path) as bag:
@@ -493,7 +578,13 @@ def _content(one: Demonstration) -> dict[str, Any]:
 
 
 def duration_content(seconds: float) -> dict[str, int]:
-    """Fields of a duration, to the nanosecond. seconds: how long."""
+    """Fields of a duration, to the nanosecond.
+
+    Parameters
+    ----------
+    seconds
+        How long.
+    """
     return stamp_content(round(float(seconds) * 1e9))
 
 
@@ -503,7 +594,14 @@ def filled(
     """Fields of a demonstration's message written into an empty one of rclpy; `new` makes the
     messages in its sequences by type name.
 
-    msg: the empty one; content: by field; within: name of what it is a part of.
+    Parameters
+    ----------
+    msg
+        The empty one.
+    content
+        By field.
+    within
+        Name of what it is a part of.
     """
     for name, value in content.items():
         kind = _ITEMS.get(f"{within}.{name}") or _ITEMS.get(name)
@@ -528,23 +626,42 @@ def _event(stamp: Any, origin: int) -> float:
 
 
 def times_after(items: Iterable[Any], origin: int) -> np.ndarray:
-    """Stamps of stamped messages as seconds after an origin [ns] (n,). items: the messages."""
+    """Stamps of stamped messages as seconds after an origin [ns] (n,).
+
+    Parameters
+    ----------
+    items
+        The messages.
+    """
     return (
         np.array([stamp_ns(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
     )
 
 
 def pose_rows(poses: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) and quaternions (n, 4) of PoseStamped messages. poses: the messages."""
+    """Positions (n, 3) and quaternions (n, 4) of PoseStamped messages.
+
+    Parameters
+    ----------
+    poses
+        The messages.
+    """
     turned = [_quaternion(item.pose.orientation) for item in poses]
     return _rows([_vector(item.pose.position) for item in poses], 3), _rows(turned, 4)
 
 
 def arm_rows(states: Sequence[Any], field_name: str) -> np.ndarray:
-    """A field of JointState messages (n, 7), in the order of the arm's joints; ValueError for a
-    state of another length.
+    """A field of JointState messages (n, 7), in the order of the arm's joints.
 
-    field_name: position, velocity or effort.
+    Parameters
+    ----------
+    field_name
+        Position, velocity or effort.
+
+    Raises
+    ------
+    ValueError
+        For a state of another length.
     """
     return _rows([_of_arm(item.name, getattr(item, field_name)) for item in states], N_JOINTS)
 

@@ -23,8 +23,12 @@ HELD_NS = 200_000_000
 class Opening:
     """The hand was told to open.
 
-    * stamp_ns: when [ns].
-    * taught: during a throw that a person guided.
+    Parameters
+    ----------
+    stamp_ns
+        When [ns].
+    taught
+        During a throw that a person guided.
     """
 
     stamp_ns: int
@@ -42,8 +46,13 @@ class GripSignal:
         self._pressed, self._open_ns = False, -HELD_NS - 1
 
     def take_command(self, data: bytes) -> bool:
-        """Take a serialised WamCommand; returns whether it opens the hand. Of successive commands
-        that say so only the first one counts.
+        """Take a serialised WamCommand. Of successive commands that say so only the first one
+        counts.
+
+        Returns
+        -------
+        bool
+            Whether it opens the hand.
         """
         stamp, pushed, grip = read_command(data)
         if pushed:
@@ -74,9 +83,13 @@ class GripSignal:
 
 def read_command(data: bytes) -> tuple[int, bool, int]:
     """Stamp [ns], whether there is a wrench, and grip of a serialised WamCommand: of 500 in a
-    second one opens the hand.
+    second
+    one opens the hand.
 
-    ValueError for bytes that are none.
+    Raises
+    ------
+    ValueError
+        For bytes that are none.
     """
     try:
         order = "<" if data[1] & 1 else ">"
@@ -91,7 +104,15 @@ def read_commands(payloads: Sequence[bytes]) -> tuple[np.ndarray, np.ndarray, np
     """As `read_command` for each of many: stamps (n,) [ns], whether there is a wrench (n,), grip
     (n,).
 
-    ValueError for bytes that are none. payloads: serialised WamCommands.
+    Parameters
+    ----------
+    payloads
+        Serialised WamCommands.
+
+    Raises
+    ------
+    ValueError
+        For bytes that are none.
     """
     if not _are_alike(payloads):
         rows = [read_command(one) for one in payloads]

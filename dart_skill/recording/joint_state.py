@@ -21,11 +21,17 @@ _OTHERS = "names none of the arm's joints"
 class JointLayout:
     """What messages with the same names and as many numbers have in common.
 
-    * order: places of the arm's joints among the names, as of `joint_order`; None where the
-      message has no whole row.
-    * has_velocity: whether there is a velocity for each name.
-    * joints: which of the arm's joints are named, as numbers from 0.
-    * why: what keeps the message from having a whole row; empty if nothing does.
+    Parameters
+    ----------
+    order
+        Places of the arm's joints among the names, as of `joint_order`; None where the message has
+        no whole row.
+    has_velocity
+        Whether there is a velocity for each name.
+    joints
+        Which of the arm's joints are named, as numbers from 0.
+    why
+        What keeps the message from having a whole row; empty if nothing does.
     """
 
     order: list[int] | slice | None
@@ -42,12 +48,20 @@ class JointLayout:
 
     def row(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (..., 7) of the arm's joints; velocities are nan where there
-        are none.
+        are
+        none.
 
-        * position: of the message, or of several (..., n).
-        * velocity: the same, (..., n) or of another length.
+        Parameters
+        ----------
+        position
+            Of the message, or of several (..., n).
+        velocity
+            The same, (..., n) or of another length.
 
-        ValueError says why there is no row.
+        Raises
+        ------
+        ValueError
+            Says why there is no row.
         """
         if self.order is None:
             raise ValueError(self.why)
@@ -61,9 +75,14 @@ def joint_layout(
 ) -> JointLayout:
     """What a JointState says of the arm.
 
-    * names: of the message.
-    * n_positions, n_velocities: how many of each it has.
-    * wanted: names of the arm's joints, default those of config/wam.yaml.
+    Parameters
+    ----------
+    names
+        Of the message.
+    n_positions, n_velocities
+        How many of each it has.
+    wanted
+        Names of the arm's joints, default those of config/wam.yaml.
     """
     wanted = wanted or joint_names()
     joints = tuple(k for k, name in enumerate(wanted) if name in names)

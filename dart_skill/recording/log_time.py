@@ -23,8 +23,11 @@ class LogTime:
     def take(self, topic: str, stamp_ns: int) -> None:
         """Move on to the stamp of a message.
 
-        ValueError if it is far ahead, and time stays where it is: until a second topic says the
-        same, or this one goes on saying it.
+        Raises
+        ------
+        ValueError
+            If it is far ahead, and time stays where it is: until a second topic says the same, or
+            this one goes on saying it.
         """
         if not self.now_ns or stamp_ns <= self.now_ns + LEAP_NS:
             self.now_ns = max(self.now_ns, stamp_ns)

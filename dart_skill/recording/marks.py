@@ -56,7 +56,10 @@ def read_dropped(bag_path: str | os.PathLike) -> set[str]:
     """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without
     marks.
 
-    BagError if the marks are of another type.
+    Raises
+    ------
+    BagError
+        If the marks are of another type.
     """
     with GraphBag(bag_path) as bag:
         if MARK_TOPIC not in bag.topics:
@@ -76,7 +79,15 @@ def unwanted(bag_path: str | os.PathLike, without: Iterable[str]) -> dict[str, s
     """By its id, the reason why a demonstration of a bag is left out: it was dropped, or somebody
     asks for that now.
 
-    without: ids that somebody names. BagError if the marks are of another type.
+    Parameters
+    ----------
+    without
+        Ids that somebody names.
+
+    Raises
+    ------
+    BagError
+        If the marks are of another type.
     """
     return {**dict.fromkeys(read_dropped(bag_path), DROPPED), **dict.fromkeys(without, AS_ASKED)}
 

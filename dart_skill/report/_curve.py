@@ -36,11 +36,21 @@ def curve_figure(
     marks: Mapping[int, str] | None = None,
     learned: bool = False,
 ) -> Figure:
-    """Error of each throw, and median and quartiles of the last five, or of all; ValueError if no
-    landing was seen.
+    """Error of each throw, and median and quartiles of the last five, or of all.
 
-    marks: what happened, by the number of throws before it; narrow: for a narrow screen; learned: whether the
-    arm learned from each throw.
+    Parameters
+    ----------
+    marks
+        What happened, by the number of throws before it.
+    narrow
+        For a narrow screen.
+    learned
+        Whether the arm learned from each throw.
+
+    Raises
+    ------
+    ValueError
+        If no landing was seen.
     """
     errors = np.array(
         [np.nan if throw.error_m is None else 100.0 * throw.error_m for throw in throws]
@@ -98,10 +108,17 @@ def curve_figure(
 def compared_figure(
     tests: Sequence[tuple[str, Sequence[TrialResult]]], narrow: bool = False
 ) -> Figure:
-    """Errors at the same baskets in each test, basket by basket, and all of them together;
-    ValueError for less than two tests.
+    """Errors at the same baskets in each test, basket by basket, and all of them together.
 
-    tests: what each is called, and its throws; the same number at the same baskets.
+    Parameters
+    ----------
+    tests
+        What each is called, and its throws; the same number at the same baskets.
+
+    Raises
+    ------
+    ValueError
+        For less than two tests.
     """
     if len(tests) < 2 or len({len(throws) for _, throws in tests}) != 1:
         raise ValueError(

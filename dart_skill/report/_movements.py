@@ -12,6 +12,7 @@ import numpy as np
 
 from dart_skill.common.world import pose_topic, the_world
 from dart_skill.recording import (
+    HAND,
     BagError,
     BagReader,
     GraphBag,
@@ -23,7 +24,7 @@ from dart_skill.recording import (
 from dart_skill.report._run import About, Movement, Run, Stamped
 from dart_skill.session import DartsRun, TrialResult
 from dart_skill.skills.observation import worlds
-from dart_skill.skills.protocol import HAND, Skill
+from dart_skill.skills.protocol import Skill
 
 FRAME_NS = 20_000_000
 """The bag is looked at in steps of so long: a replay has 25 pictures a second."""
@@ -38,10 +39,21 @@ STILL = 0.02
 def read_movements(
     bag: Path, skill: Skill, about: About, trials: Sequence[TrialResult], darts: DartsRun | None
 ) -> Run:
-    """Everything that a bag tells of a run of a skill; BagError says what is wrong with it.
+    """Everything that a bag tells of a run of a skill.
 
-    about: what is known besides. trials: what became of them, as they were judged in the run.
-    darts: aims and points of darts, and the leg that was played after them.
+    Parameters
+    ----------
+    about
+        What is known besides.
+    trials
+        What became of them, as they were judged in the run.
+    darts
+        Aims and points of darts, and the leg that was played after them.
+
+    Raises
+    ------
+    BagError
+        Says what is wrong with it.
     """
     shown = tuple(read_demonstrations(bag, skill.name))
     with GraphBag(bag) as reader:
@@ -71,13 +83,18 @@ def movements_of(
 ) -> tuple[tuple[Movement, ...], tuple[str, ...]]:
     """What was done in each world, and what there is to say of it.
 
-    Parameters:
-
-    * hand: poses of the hand.
-    * guided: stamps at which a person pushed the arm (n,) [ns].
-    * shown: stamp [ns] and name of each demonstration.
-    * trials: what became of them.
-    * then: what the arm did after them, such as "501, dart 1".
+    Parameters
+    ----------
+    hand
+        Poses of the hand.
+    guided
+        Stamps at which a person pushed the arm (n,) [ns].
+    shown
+        Stamp [ns] and name of each demonstration.
+    trials
+        What became of them.
+    then
+        What the arm did after them, such as "501, dart 1".
     """
     done = []
     for since, until in worlds([hand[0]]):

@@ -14,6 +14,7 @@ import numpy as np
 from dart_skill.common import palette
 from dart_skill.common.extras import remedy
 from dart_skill.common.files import new_file
+from dart_skill.recording import HAND
 from dart_skill.report._html import (
     HANDLING,
     colour_key,
@@ -31,7 +32,6 @@ from dart_skill.report._pictures import Picture, pictures, save_pictures
 from dart_skill.report._replay import Replay, in_replay, replay_of
 from dart_skill.report._run import About, Run, read_run
 from dart_skill.session import RunSummary, TrialResult, write_summary
-from dart_skill.skills.protocol import HAND
 from dart_skill.view import ViewUnavailable
 
 PAGE = "report.html"
@@ -49,10 +49,17 @@ GAUSSIANS = (
 def write_page(
     run: Run, output: str | os.PathLike, figures: str | os.PathLike | None = None
 ) -> list[Path]:
-    """Write the page of a run to the file `output`; returns the paths of everything that was
-    written, the page first.
+    """Write the page of a run to the file `output`.
 
-    figures: a folder that gets every figure as SVG and PNG, too.
+    Parameters
+    ----------
+    figures
+        A folder that gets every figure as SVG and PNG, too.
+
+    Returns
+    -------
+    list[Path]
+        The paths of everything that was written, the page first.
     """
     output, drawn = Path(output), pictures(run)
     content = page_of(run, drawn).encode()
@@ -63,12 +70,20 @@ def write_page(
 
 
 def write_report(summary: RunSummary, output: Path, about: About | None = None) -> list[Path]:
-    """Write JSON, the page and every picture of a run into the folder `output`; returns the paths.
-
-    about: what the page says of the run besides.
+    """Write JSON, the page and every picture of a run into the folder `output`.
 
     A throw is learned again from the bag: the same demonstrations give the same plans to the last
     bit.
+
+    Parameters
+    ----------
+    about
+        What the page says of the run besides.
+
+    Returns
+    -------
+    list[Path]
+        The paths.
     """
     written = write_summary(summary.to_json(), output)
     run = read_run(summary.bag, about, summary.trials, summary.darts)
@@ -76,8 +91,12 @@ def write_report(summary: RunSummary, output: Path, about: About | None = None) 
 
 
 def page_of(run: Run, drawn: Sequence[Picture]) -> str:
-    """The page of a run with its pictures; the same for the same run, versions and machine. drawn:
-    the pictures.
+    """The page of a run with its pictures; the same for the same run, versions and machine.
+
+    Parameters
+    ----------
+    drawn
+        The pictures.
     """
     replay, why = _replay(run)
     sections = [

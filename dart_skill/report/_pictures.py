@@ -42,8 +42,12 @@ FONTS = "'DejaVu Sans', Verdana, Arial, sans-serif"
 class Picture:
     """A figure of the page.
 
-    * svg: text of an SVG file, "" if it could not be drawn; caption then says why.
-    * narrow: the same for a narrow screen.
+    Parameters
+    ----------
+    svg
+        Text of an SVG file, "" if it could not be drawn; caption then says why.
+    narrow
+        The same for a narrow screen.
     """
 
     name: str
@@ -143,8 +147,12 @@ EXECUTION = (
 
 
 def save_pictures(drawn: Iterable[Picture], folder: str | os.PathLike) -> list[Path]:
-    """Write NAME.svg and NAME.png of every picture that could be drawn into a folder; returns
-    their paths.
+    """Write NAME.svg and NAME.png of every picture that could be drawn into a folder.
+
+    Returns
+    -------
+    list[Path]
+        Their paths.
     """
     with house_style():
         return [
@@ -171,7 +179,13 @@ def embeddable(svg: str, prefix: str) -> str:
 
 
 def picture(name: str, title: str, caption: str, draw: Callable[[bool], Figure]) -> Picture:
-    """A figure, or why it could not be drawn. draw: draws it, for a narrow screen or not."""
+    """A figure, or why it could not be drawn.
+
+    Parameters
+    ----------
+    draw
+        Draws it, for a narrow screen or not.
+    """
     try:
         with house_style():  # once for all that is drawn
             figure = draw(False)

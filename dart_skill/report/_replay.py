@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dart_skill.recording import HAND
 from dart_skill.report._run import Movement, Run
 from dart_skill.skills.learning import component_ellipsoids
-from dart_skill.skills.protocol import HAND
 
 if TYPE_CHECKING:
     from dart_skill.view import Scene
@@ -44,9 +44,14 @@ LOST = 50_000_000
 class Replay:
     """A page of its own.
 
-    * html: its text.
-    * starts: when each movement begins on its timeline [s].
-    * seconds: its length.
+    Parameters
+    ----------
+    html
+        Its text.
+    starts
+        When each movement begins on its timeline [s].
+    seconds
+        Its length.
     """
 
     html: str
@@ -132,15 +137,20 @@ def play(
 ) -> float:
     """Show a movement, picture after picture, `frame` apart [s]; how long it takes [s].
 
-    Parameters:
-
-    * scene: that shows it.
-    * timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's
-      serialiser, or of a camera.
-    * run: of the movement.
-    * movement: that is shown.
-    * tell: called with what the movement is, and with its result as soon as it is known; at the
-      end where that comes later.
+    Parameters
+    ----------
+    scene
+        That shows it.
+    timeline
+        Its `insert_sleep` is called with the time [s] that each picture stands: of viser's
+        serialiser, or of a camera.
+    run
+        Of the movement.
+    movement
+        That is shown.
+    tell
+        Called with what the movement is, and with its result as soon as it is known; at the end
+        where that comes later.
     """
     first = max(movement.since, movement.until - round(LONGEST * 1e9))
     frames = np.arange(first, movement.until, round(1e9 * frame))

@@ -35,10 +35,14 @@ Stamped = tuple[np.ndarray, np.ndarray]
 class Phase:
     """Throws of the arm that had one purpose, one after the other.
 
-    * name: what they were for, such as "before practice".
-    * throws: how many.
-    * learned_from: whether the arm learned from each of them; else they are a test, or only
-      throws.
+    Parameters
+    ----------
+    name
+        What they were for, such as "before practice".
+    throws
+        How many.
+    learned_from
+        Whether the arm learned from each of them; else they are a test, or only throws.
     """
 
     name: str
@@ -50,14 +54,22 @@ class Phase:
 class About:
     """What is known of a run beyond its bag.
 
-    * title: of the page.
-    * facts: name and text, in order.
-    * options: name, value and default of each.
-    * parameters: texts of parameter files, by name.
-    * configuration: of the skill, "" for the default one.
-    * marks: what happened, by the number of throws that were learned from before it.
-    * phases: what the throws were for, in order of time; together they are all of them. Empty:
-      unknown.
+    Parameters
+    ----------
+    title
+        Of the page.
+    facts
+        Name and text, in order.
+    options
+        Name, value and default of each.
+    parameters
+        Texts of parameter files, by name.
+    configuration
+        Of the skill, "" for the default one.
+    marks
+        What happened, by the number of throws that were learned from before it.
+    phases
+        What the throws were for, in order of time; together they are all of them. Empty: unknown.
     """
 
     title: str = "A bag"
@@ -78,14 +90,24 @@ class About:
 class Movement:
     """What was done between two resets of the world.
 
-    * since, until: first and last stamp that is shown [ns].
-    * guided: by a person.
-    * name: of the demonstration that it became, or of the arm's own, such as "trial 1".
-    * result: what became of it, if that is known.
-    * number: of the trial that it is, from 1; 0 if it is none, or unknown.
-    * known: from when on the result is told [ns].
-    * drawn: from when on the ways of hand and body are drawn [ns].
-    * note: why it is no demonstration.
+    Parameters
+    ----------
+    since, until
+        First and last stamp that is shown [ns].
+    guided
+        By a person.
+    name
+        Of the demonstration that it became, or of the arm's own, such as "trial 1".
+    result
+        What became of it, if that is known.
+    number
+        Of the trial that it is, from 1; 0 if it is none, or unknown.
+    known
+        From when on the result is told [ns].
+    drawn
+        From when on the ways of hand and body are drawn [ns].
+    note
+        Why it is no demonstration.
     """
 
     since: int
@@ -103,17 +125,30 @@ class Movement:
 class Run:
     """Everything that the page is made of.
 
-    * bag: that was read.
-    * about: what is known of the run beyond it.
-    * skill: of the run.
-    * shown: the demonstrations.
-    * poses: of hand and bodies by role, position and quaternion (n, 7).
-    * joints: angles of the arm (n, 7) [rad].
-    * movements: in order of time.
-    * trials: the arm's own; empty where only the bag is known, and it does not tell.
-    * notes: what is missing, and why.
-    * throws: what is known of throws at baskets besides, None for other skills.
-    * darts: aims and points of darts, and the leg that was played; None for other skills.
+    Parameters
+    ----------
+    bag
+        That was read.
+    about
+        What is known of the run beyond it.
+    skill
+        Of the run.
+    shown
+        The demonstrations.
+    poses
+        Of hand and bodies by role, position and quaternion (n, 7).
+    joints
+        Angles of the arm (n, 7) [rad].
+    movements
+        In order of time.
+    trials
+        The arm's own; empty where only the bag is known, and it does not tell.
+    notes
+        What is missing, and why.
+    throws
+        What is known of throws at baskets besides, None for other skills.
+    darts
+        Aims and points of darts, and the leg that was played; None for other skills.
     """
 
     bag: Path
@@ -169,8 +204,12 @@ class Run:
 def by_phase(
     phases: Sequence[Phase], trials: Sequence[TrialResult]
 ) -> list[tuple[Phase, tuple[TrialResult, ...]]]:
-    """The trials of each phase; all in one without a name where there is none. ValueError if the
-    phases do not add up to all trials.
+    """The trials of each phase; all in one without a name where there is none.
+
+    Raises
+    ------
+    ValueError
+        If the phases do not add up to all trials.
     """
     phases = phases or (Phase("", len(trials)),)
     if sum(phase.throws for phase in phases) != len(trials):
@@ -196,14 +235,20 @@ def read_run(
 ) -> Run:
     """Everything that a bag tells of a run; BagError says what is wrong with it.
 
-    Parameters:
+    Parameters
+    ----------
+    about
+        What is known besides.
+    trials
+        As they were judged in the run. By default throws at baskets are judged again by what the
+        cameras saw, and of other skills nothing is known.
+    darts
+        Aims and points of darts, and the leg that was played.
 
-    * about: what is known besides.
-    * trials: as they were judged in the run. By default throws at baskets are judged again by what
-      the cameras saw, and of other skills nothing is known.
-    * darts: aims and points of darts, and the leg that was played.
-
-    ValueError if phases do not add up to all trials.
+    Raises
+    ------
+    ValueError
+        If phases do not add up to all trials.
     """
     bag = Path(bag)
     skill, described = load_skill(skill_of(bag)), describe(bag, about or About())

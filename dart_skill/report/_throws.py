@@ -31,9 +31,14 @@ WAY = 0.4
 class Throws:
     """What figures show of throws.
 
-    * recording: the raw streams.
-    * found: throws in them, in order of time.
-    * learned: from the demonstrations, None if there are too few.
+    Parameters
+    ----------
+    recording
+        The raw streams.
+    found
+        Throws in them, in order of time.
+    learned
+        From the demonstrations, None if there are too few.
     """
 
     recording: ThrowRecording
@@ -57,8 +62,13 @@ def read_throws(
 ) -> Run:
     """Everything that a bag tells of throws at baskets.
 
-    about: what is known besides. trials: the arm's throws as they were judged in the run, which
-    has those, too, that came to nothing; None: they are judged again.
+    Parameters
+    ----------
+    about
+        What is known besides.
+    trials
+        The arm's throws as they were judged in the run, which has those, too, that came to
+        nothing; None: they are judged again.
     """
     shown = _published(bag)
     learned = _learned(shown, about.configuration) if shown else None

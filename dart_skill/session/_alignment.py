@@ -41,9 +41,14 @@ LOOKED_AT = 2000
 class ClockOffset:
     """How the stamps of the joints may differ from those of the cameras.
 
-    * offsets: (k,) of the joints' stamps after the cameras', the likeliest first [s].
-    * correlation: of the movements with the first of them, from -1 to 1.
-    * as_stamped: the same without an offset; -1 where the recordings do not overlap.
+    Parameters
+    ----------
+    offsets
+        (k,) of the joints' stamps after the cameras', the likeliest first [s].
+    correlation
+        Of the movements with the first of them, from -1 to 1.
+    as_stamped
+        The same without an offset; -1 where the recordings do not overlap.
     """
 
     offsets: tuple[float, ...]
@@ -60,10 +65,16 @@ class ClockOffset:
 class Instants:
     """The hand at n instants.
 
-    * seconds: (n,) since the first stamp of the joints [s], on the clock of the joints.
-    * joints: (n, 7) as they were recorded.
-    * position: (n, 3) as the cameras recorded it.
-    * quaternion: (n, 4) the same; nan where none was recorded.
+    Parameters
+    ----------
+    seconds
+        (n,) since the first stamp of the joints [s], on the clock of the joints.
+    joints
+        (n, 7) as they were recorded.
+    position
+        (n, 3) as the cameras recorded it.
+    quaternion
+        (n, 4) the same; nan where none was recorded.
     """
 
     seconds: np.ndarray
@@ -74,10 +85,15 @@ class Instants:
 
 def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
     """By how much the stamps of joints and cameras differ, from when the arm and when the hand
-    moves; any unit and order will do.
+    moves;
+    any unit and order will do.
 
-    * hand: poses that the cameras saw.
-    * joints: of the arm.
+    Parameters
+    ----------
+    hand
+        Poses that the cameras saw.
+    joints
+        Of the arm.
     """
     origin = min(int(hand.stamp_ns[0]), int(joints.stamp_ns[0]))
     seen, arm = (activity(stream.stamp_ns - origin, stream.position) for stream in (hand, joints))
@@ -104,10 +120,14 @@ def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
 def diverse_instants(hand: PoseStream, joints: JointStream, offset: float, slow: bool) -> Instants:
     """Instants with postures as different from each other as the recording has them.
 
-    * hand, joints: what was recorded.
-    * offset: of the joints' stamps after the cameras' [s].
-    * slow: among the slower half of the samples, where clocks tell little; else among the faster
-      half.
+    Parameters
+    ----------
+    hand, joints
+        What was recorded.
+    offset
+        Of the joints' stamps after the cameras' [s].
+    slow
+        Among the slower half of the samples, where clocks tell little; else among the faster half.
     """
     found = at_instants(hand.take(evenly_spaced(len(hand), LOOKED_AT)), joints, offset)
     if len(found.seconds) < 4:
@@ -125,8 +145,12 @@ def diverse_instants(hand: PoseStream, joints: JointStream, offset: float, slow:
 
 
 def at_instants(hand: PoseStream, joints: JointStream, offset: float) -> Instants:
-    """Every pose of the hand for which the joints are known. offset: of the joints' stamps after
-    the cameras' [s].
+    """Every pose of the hand for which the joints are known.
+
+    Parameters
+    ----------
+    offset
+        Of the joints' stamps after the cameras' [s].
     """
     seconds = 1e-9 * (hand.stamp_ns - joints.stamp_ns[0]) + offset
     values, known = joints_at(joints, seconds)
@@ -139,15 +163,27 @@ def at_instants(hand: PoseStream, joints: JointStream, offset: float) -> Instant
 
 
 def evenly_spaced(count: int, most: int) -> np.ndarray:
-    """Indices of evenly spaced samples. count: of all samples; most: of those that are chosen."""
+    """Indices of evenly spaced samples.
+
+    Parameters
+    ----------
+    count
+        Of all samples.
+    most
+        Of those that are chosen.
+    """
     return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def joints_at(joints: JointStream, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Joints (n, 7) at instants (n,), and whether samples lie close around each (n,).
 
-    * joints: as they were recorded.
-    * seconds: instants (n,) since their first stamp [s].
+    Parameters
+    ----------
+    joints
+        As they were recorded.
+    seconds
+        Instants (n,) since their first stamp [s].
     """
     stamps, rows = np.unique(joints.stamp_ns, return_index=True)
     time, values = 1e-9 * (stamps - joints.stamp_ns[0]), joints.position[rows]

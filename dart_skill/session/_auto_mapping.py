@@ -25,10 +25,16 @@ def auto_mapping(path: str | os.PathLike) -> tuple[RecordingMapping, Disagreemen
     """The mapping by which a bag reads right, and what was mended; None where joints and cameras
     agree without it.
 
-    * path: of the bag.
+    Parameters
+    ----------
+    path
+        Of the bag.
 
-    BagError for a bag whose topics do not tell what is what, ValueError for a disagreement that no
-    mapping mends.
+    Raises
+    ------
+    BagError
+        For a bag whose topics do not tell what is what, ValueError for a disagreement that no
+        mapping mends.
     """
     named = _by_names(path)
     named = with_remedies(

@@ -20,7 +20,8 @@ from dart_skill.arm import (
     Mode,
     MotionPlan,
 )
-from dart_skill.recording import WORDS
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import HAND, WORDS, Demonstration, Event, Track
 from dart_skill.session._in_process import RESTING
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.session._step_loop import Push, Sees, StepLoop, no_push, parameters_of_arm
@@ -39,16 +40,7 @@ from dart_skill.simulation import (
 )
 from dart_skill.skills.execution import HandSeen, MovingBody, ReactiveGuide
 from dart_skill.skills.observation import ThrowLog
-from dart_skill.skills.protocol import (
-    HAND,
-    Demonstration,
-    Event,
-    Pose,
-    Situation,
-    Skill,
-    TaskOutcome,
-    Track,
-)
+from dart_skill.skills.protocol import Skill, TaskOutcome
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning import LearnedSkill, ReactiveSkill
@@ -65,9 +57,14 @@ GLANCED = 0.2
 class SkillTrial:
     """One movement.
 
-    * seen: what was seen of it.
-    * outcome: what the skill says came of it.
-    * message: why it was stopped, empty if it was not.
+    Parameters
+    ----------
+    seen
+        What was seen of it.
+    outcome
+        What the skill says came of it.
+    message
+        Why it was stopped, empty if it was not.
     """
 
     seen: Demonstration
@@ -166,12 +163,20 @@ class _SkillSession(StepLoop):
 class BenchSession(_SkillSession):
     """Simulator, motion capture, a person and the commander at a workbench, stepped together.
 
-    * skill: that is taught; its bodies are those of the bench.
-    * seed: int, default 0. Everything random comes from it.
-    * bench: what stands on the table, default what the skill's settings say of it.
-    * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as
-      NODE.PARAMETER=VALUE.
-    * bag: that everything is written into, default None.
+    Parameters
+    ----------
+    skill
+        That is taught; its bodies are those of the bench.
+    seed
+        Int, default 0. Everything random comes from it.
+    bench
+        What stands on the table, default what the skill's settings say of it.
+    arm
+        Of config/fleet.yaml, default "ideal".
+    settings
+        Further parameters, each as NODE.PARAMETER=VALUE.
+    bag
+        That everything is written into, default None.
     """
 
     plant: Workbench
@@ -203,8 +208,13 @@ class BenchSession(_SkillSession):
         return self.execute(learned.plan(self.situation(situation.pose("holder"))))
 
     def teach(self, holder: Pose, goal: Pose | None = None) -> SkillTrial:
-        """A person shows the movement once; goal: where they want the part, in the frame of the
-        holder, by default where the skill wants it (`Skill.goal`).
+        """A person shows the movement once.
+
+        Parameters
+        ----------
+        goal
+            Where they want the part, in the frame of the holder, by default where the skill wants
+            it (`Skill.goal`).
         """
         there = (
             self.skill.goal(Situation({"holder": holder})) if goal is None else holder.place(goal)
@@ -250,11 +260,18 @@ class BeltSession(_SkillSession):
     """Simulator, motion capture, a person and the commander beside a belt, stepped together; poses
     reach a guide as late as the cameras deliver them.
 
-    * skill: that is taught; its body is the cup.
-    * seed: int, default 0. Everything random comes from it.
-    * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as
-      NODE.PARAMETER=VALUE.
-    * bag: that everything is written into, default None.
+    Parameters
+    ----------
+    skill
+        That is taught; its body is the cup.
+    seed
+        Int, default 0. Everything random comes from it.
+    arm
+        Of config/fleet.yaml, default "ideal".
+    settings
+        Further parameters, each as NODE.PARAMETER=VALUE.
+    bag
+        That everything is written into, default None.
     """
 
     plant: Conveyor
@@ -304,8 +321,14 @@ class BeltSession(_SkillSession):
         return trial
 
     def execute(self, guide: ReactiveGuide, belt: Belt, push: Push = no_push) -> SkillTrial:
-        """Carry out a movement with a cup on a belt; push: what is done to the arm meanwhile.
-        guide: of the hand.
+        """Carry out a movement with a cup on a belt.
+
+        Parameters
+        ----------
+        push
+            What is done to the arm meanwhile.
+        guide
+            Of the hand.
         """
         self._start(belt, guide)
         try:
@@ -334,12 +357,19 @@ def _belt(situation: Situation) -> Belt:
 
 class ReachingPerson:
     """A person who shows how to reach into a cup: their hands, and what they see of cup and hand,
-    as well as the cameras do, and as late.
+    as
+    well as the cameras do, and as late.
 
     Tell what is seen by `see`; `begin`, then `step` once per state until `done`.
 
-    * seed: of what differs from one time to the next. person: how firmly they push.
-    * cup: role of the body into which they reach.
+    Parameters
+    ----------
+    seed
+        Of what differs from one time to the next.
+    person
+        How firmly they push.
+    cup
+        Role of the body into which they reach.
     """
 
     def __init__(self, seed: int, person: Person | None = None, cup: str = "cup"):
@@ -366,7 +396,13 @@ class ReachingPerson:
         self._beside = self._hand.beside(state.stamp_ns, hand)
 
     def begin(self, state: ArmState) -> None:
-        """Begin where the hand is now; ValueError if no cup was seen."""
+        """Begin where the hand is now.
+
+        Raises
+        ------
+        ValueError
+            If no cup was seen.
+        """
         if self._cup.newest_ns is None:
             raise ValueError(f"the {self._body} was not seen: is it tracked and published?")
         self._reacher.begin(state)

@@ -42,8 +42,12 @@ LIKE = 0.25
 class Change:
     """A change of the offset between joints and cameras.
 
-    * first, last: stamps of the cameras between which it happened [ns].
-    * before, by: the joints' stamps after the cameras' before it, and what is added then [s].
+    Parameters
+    ----------
+    first, last
+        Stamps of the cameras between which it happened [ns].
+    before, by
+        The joints' stamps after the cameras' before it, and what is added then [s].
     """
 
     first: float
@@ -58,9 +62,14 @@ def rows_of_change(
     """Whether it is the clock of the cameras that was set, None where leaps do not tell; and the
     first samples after that of both.
 
-    * change: of their offset.
-    * hand, joints: stamps (n,), (m,) of both [ns].
-    * was: the same as recorded.
+    Parameters
+    ----------
+    change
+        Of their offset.
+    hand, joints
+        Stamps (n,), (m,) of both [ns].
+    was
+        The same as recorded.
     """
     by = 1e9 * change.by
     since, until = (
@@ -92,8 +101,14 @@ def _leap(
 
 
 def steps_of(stamps: np.ndarray, was: np.ndarray) -> list[list[float]]:
-    """Steps of a clock as a mapping has them. stamps: set right (n,) [ns]; was: as recorded (n,)
-    [ns].
+    """Steps of a clock as a mapping has them.
+
+    Parameters
+    ----------
+    stamps
+        Set right (n,) [ns].
+    was
+        As recorded (n,) [ns].
     """
     by = 1e-9 * np.diff(stamps - was)
     rows = np.flatnonzero(np.abs(by) > LEAST_STEP)
@@ -128,10 +143,16 @@ def changes(
 ) -> list[Change]:
     """Changes between offsets (k,) [s] on the cheapest path; none where there are too many.
 
-    * stamps: of instants (n,) [ns].
-    * cost: of each instant with each offset (n, k).
-    * penalty: of a change.
-    * chance: cost that tells nothing.
+    Parameters
+    ----------
+    stamps
+        Of instants (n,) [ns].
+    cost
+        Of each instant with each offset (n, k).
+    penalty
+        Of a change.
+    chance
+        Cost that tells nothing.
     """
     path = _cheapest(cost, penalty)
     rows = np.flatnonzero(np.diff(path)) + 1

@@ -41,15 +41,23 @@ UNKNOWN = ((0.0, 0.0), (0.0, 0.0))
 class Dart:
     """One throw.
 
-    * aim: (x, y) [mm] on the board.
-    * hit: (x, y) [mm] on the board; nan if the cameras did not see it or nothing was thrown.
-    * score: int, as seen; 0 if nothing was seen.
-    * covariance: (2, 2) [mm^2], spread of the thrower as estimated before the throw; 0 before the
-      first estimate.
-    * expected: float [points], expected score of the aim for that spread; nan before the first
-      estimate.
-    * release_shift: float [s], by which the release was shifted before the throw; nan if unknown.
-    * note: str, default "". What went wrong.
+    Parameters
+    ----------
+    aim
+        (x, y) [mm] on the board.
+    hit
+        (x, y) [mm] on the board; nan if the cameras did not see it or nothing was thrown.
+    score
+        Int, as seen; 0 if nothing was seen.
+    covariance
+        (2, 2) [mm^2], spread of the thrower as estimated before the throw; 0 before the first
+        estimate.
+    expected
+        Float [points], expected score of the aim for that spread; nan before the first estimate.
+    release_shift
+        Float [s], by which the release was shifted before the throw; nan if unknown.
+    note
+        Str, default "". What went wrong.
     """
 
     aim: tuple[float, float]
@@ -64,7 +72,10 @@ class Dart:
     def aimed_by(cls, agent: ModelBasedAgent, release_shift: float = math.nan) -> Dart:
         """A dart before it is thrown where the agent aims.
 
-        release_shift: by which the release is shifted [s]; nan if unknown.
+        Parameters
+        ----------
+        release_shift
+            By which the release is shifted [s]; nan if unknown.
         """
         covariance = UNKNOWN
         if agent.spread is not None:
@@ -75,8 +86,12 @@ class Dart:
     def seen_at(self, hit: np.ndarray, note: str = "") -> Dart:
         """The same dart after it was seen to hit a place.
 
-        * hit: (2,) [mm] on the board.
-        * note: why it was not learned from.
+        Parameters
+        ----------
+        hit
+            (2,) [mm] on the board.
+        note
+            Why it was not learned from.
         """
         return replace(self, hit=as_pair(hit), score=int(score(hit)), note=note)
 
@@ -85,9 +100,15 @@ class Dart:
 class LegSummary:
     """A leg of 501 that was played.
 
-    * darts: in order; finished: with a double.
-    * expected: how many the policy takes on average, of a thrower with the spread that was known
-      before [darts].
+    Parameters
+    ----------
+    darts
+        In order.
+    finished
+        With a double.
+    expected
+        How many the policy takes on average, of a thrower with the spread that was known before
+        [darts].
     """
 
     darts: tuple[LegDart, ...]
@@ -120,12 +141,20 @@ class LegSummary:
 class DartsRun:
     """All throws of one arm.
 
-    * seed: int.
-    * practice: what is learned from own throws, in a word.
-    * board: (x, y, z) [m], position of the bull.
-    * shown: (x, y) [mm] for each of the teacher's darts: hit minus aim.
-    * darts: one Dart for each throw.
-    * leg: that was played after them, None without one.
+    Parameters
+    ----------
+    seed
+        Int.
+    practice
+        What is learned from own throws, in a word.
+    board
+        (x, y, z) [m], position of the bull.
+    shown
+        (x, y) [mm] for each of the teacher's darts: hit minus aim.
+    darts
+        One Dart for each throw.
+    leg
+        That was played after them, None without one.
     """
 
     seed: int
@@ -137,9 +166,13 @@ class DartsRun:
 
     def blocks(self, block: int = BLOCK) -> list[dict[str, Any]]:
         """One row per block of throws: standard deviation and mean of the misses across and up
-        [mm], beds aimed at, mean and expected score.
+        [mm],
+        beds aimed at, mean and expected score.
 
-        block: throws of a row.
+        Parameters
+        ----------
+        block
+            Throws of a row.
         """
         starts = range(0, len(self.darts), block)
         return [_row(start + 1, self.darts[start : start + block]) for start in starts]
@@ -161,7 +194,10 @@ class DartsRun:
     def to_json(self, seed: bool = True) -> dict[str, Any]:
         """Everything, with None for what is not known.
 
-        seed: whether the throws stand alone: with their seed, without a leg.
+        Parameters
+        ----------
+        seed
+            Whether the throws stand alone: with their seed, without a leg.
         """
         told = {
             "practice": self.practice,
@@ -181,10 +217,16 @@ class DartsRun:
 class Hit:
     """Where a dart went.
 
-    * place: (2,) [mm] on the board, None if it was not seen or nothing was thrown.
-    * note: what there is to say of it.
-    * outcome: on the board or not, and how far from the aim [m].
-    * refused: whether there was no plan for it, or it was stopped.
+    Parameters
+    ----------
+    place
+        (2,) [mm] on the board, None if it was not seen or nothing was thrown.
+    note
+        What there is to say of it.
+    outcome
+        On the board or not, and how far from the aim [m].
+    refused
+        Whether there was no plan for it, or it was stopped.
     """
 
     place: np.ndarray | None
@@ -195,9 +237,13 @@ class Hit:
 
 def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np.ndarray) -> Hit:
     """A dart at a point (2,) [mm] of the board, which is learned from; its note says why there is
-    no plan for it, or it was stopped.
+    no
+    plan for it, or it was stopped.
 
-    aim: the point.
+    Parameters
+    ----------
+    aim
+        The point.
     """
     try:
         plan = learned.plan(skill.target(skill.aimed(aim)))
@@ -217,7 +263,10 @@ def own_dart(
 ) -> tuple[Dart, Hit]:
     """Throw one dart where the agent aims; the agent and the skill learn from it.
 
-    learned: the skill.
+    Parameters
+    ----------
+    learned
+        The skill.
     """
     dart = Dart.aimed_by(agent, learned.release_shift)
     hit = throw_dart(session, learned, skill, agent.aim)
@@ -235,8 +284,13 @@ def play_leg(
     """501, double out, with as few darts as the spread that the agent knows allows; None before it
     knows one.
 
-    throw: at a point (2,) [mm] of the board. The arm learns from these darts, too: a miss that
-    repeats at one bed would repeat for ever. say: called with what goes on, in words.
+    Parameters
+    ----------
+    throw
+        At a point (2,) [mm] of the board. The arm learns from these darts, too: a miss that
+        repeats at one bed would repeat for ever.
+    say
+        Called with what goes on, in words.
     """
     if agent.spread is None:
         say("no leg of 501: the spread is not known yet; let more darts be thrown (--throws)")
@@ -256,7 +310,13 @@ def play_leg(
 
 
 def as_pair(values: Iterable[float]) -> tuple[float, float]:
-    """Two numbers (2,) as a tuple. values: the numbers."""
+    """Two numbers (2,) as a tuple.
+
+    Parameters
+    ----------
+    values
+        The numbers.
+    """
     first, second = values
     return float(first), float(second)
 

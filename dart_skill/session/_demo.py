@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.common.configuration import node_parameters
+from dart_skill.common.situation import Situation
 from dart_skill.darts import ModelBasedAgent, place_of
 from dart_skill.session._bench_and_belt import BeltSession, BenchSession
 from dart_skill.session._darts import DartsRun, Hit, own_dart, play_leg, throw_dart
@@ -26,7 +27,7 @@ from dart_skill.session._summary import RunSummary, TrialResult
 from dart_skill.simulation import Board, Swing
 from dart_skill.skills.learning import LearnedSkill, ReactiveSkill, changed, configuration
 from dart_skill.skills.practice import PracticeSettings, PractisingSkill
-from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
+from dart_skill.skills.protocol import Skill, TaskOutcome
 
 DIFFERS = (
     "a person and the cameras look at the bodies for another moment than on the graph: trials"
@@ -41,10 +42,20 @@ Say = Callable[[str], None]
 class Job:
     """What a demo is asked for.
 
-    * seed: of everything random; demonstrations, throws: how many.
-    * bag: folder of its bag, which must not exist.
-    * arm: of config/fleet.yaml; settings: further parameters, each as NODE.PARAMETER=VALUE.
-    * configuration: of the skill, empty: as config/skill_learner.yaml has it.
+    Parameters
+    ----------
+    seed
+        Of everything random.
+    demonstrations, throws
+        How many.
+    bag
+        Folder of its bag, which must not exist.
+    arm
+        Of config/fleet.yaml.
+    settings
+        Further parameters, each as NODE.PARAMETER=VALUE.
+    configuration
+        Of the skill, empty: as config/skill_learner.yaml has it.
     """
 
     seed: int
@@ -57,7 +68,13 @@ class Job:
 
 
 def demo(job: Job, skill: Skill, say: Say) -> RunSummary:
-    """Show a skill, learn it, and try it; ValueError says why the job cannot be done."""
+    """Show a skill, learn it, and try it.
+
+    Raises
+    ------
+    ValueError
+        Says why the job cannot be done.
+    """
     begun = time.monotonic()
     kind = _KINDS.get((skill.world, skill.told_by, skill.reacts))
     if kind is None:

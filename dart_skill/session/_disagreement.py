@@ -126,8 +126,12 @@ SOON = 0.6
 class Cause:
     """A cause for which joints and cameras disagree.
 
-    * text: what it is, in words.
-    * line: of a mapping, which mends it; empty where none does.
+    Parameters
+    ----------
+    text
+        What it is, in words.
+    line
+        Of a mapping, which mends it; empty where none does.
     """
 
     text: str
@@ -141,12 +145,18 @@ class Cause:
 class Disagreement:
     """Why joints and cameras disagree about the hand.
 
-    * before: position [m] and orientation [rad] by which they disagree as the recording is read,
-      root mean squares; inf where their stamps have no time in common.
-    * after: the same with all causes mended.
-    * causes: what explains it; none where nothing does.
-    * mapping: with which the recording reads right, as far as one can mend it; None where nothing
-      explains it.
+    Parameters
+    ----------
+    before
+        Position [m] and orientation [rad] by which they disagree as the recording is read, root
+        mean squares; inf where their stamps have no time in common.
+    after
+        The same with all causes mended.
+    causes
+        What explains it; none where nothing does.
+    mapping
+        With which the recording reads right, as far as one can mend it; None where nothing
+        explains it.
     """
 
     before: tuple[float, float]
@@ -189,10 +199,15 @@ def disagreement(
     path: str | os.PathLike, mapping: RecordingMapping | None = None
 ) -> Disagreement | None:
     """Why joints and cameras of a recording disagree; None where they agree, or where one of them
-    was not recorded.
+    was
+    not recorded.
 
-    * path: of the recording.
-    * mapping: by which it is read; None: a bag of ours.
+    Parameters
+    ----------
+    path
+        Of the recording.
+    mapping
+        By which it is read; None: a bag of ours.
     """
     told = mapping or OWN
     as_it_stands = read_recording(path, _as_it_stands(told), mend=False)

@@ -64,7 +64,13 @@ MOST_FAULTS = 8
 
 
 class NothingLearned(ValueError):
-    """Too little to learn from. report: what was found, and what is wrong with it."""
+    """Too little to learn from.
+
+    Attributes
+    ----------
+    report
+        What was found, and what is wrong with it.
+    """
 
     def __init__(self, text: str, report: LearnReport):
         super().__init__(text)
@@ -75,11 +81,18 @@ class NothingLearned(ValueError):
 class LearnReport:
     """What was found in a recording, and what became of it.
 
-    * source: the recording.
-    * raw: whether throws were found in the streams, not read from /demonstrations.
-    * throws: what was found, in order of time.
-    * faults: of the recorded poses, joint states and stamps.
-    * clocks: how the mapping had stamps read, as `clocks_of`.
+    Parameters
+    ----------
+    source
+        The recording.
+    raw
+        Whether throws were found in the streams, not read from /demonstrations.
+    throws
+        What was found, in order of time.
+    faults
+        Of the recorded poses, joint states and stamps.
+    clocks
+        How the mapping had stamps read, as `clocks_of`.
     """
 
     source: str
@@ -131,12 +144,21 @@ def learn_from_bag(
 ) -> tuple[PractisingSkill, LearnReport]:
     """The skill that a recording teaches, as the learner node would learn it, and what was found.
 
-    mapping: where everything is, for recordings that are not ours. raw: from the streams; else
-    from the topic /demonstrations, as the recorder cut them. with_throws: also from misses and
-    from the arm's own throws. without: ids of throws that are left out, besides the demonstrations
-    that were dropped while they were recorded. remember: how many are learned from at most, so
-    that neither memory nor model grow with the recording (`ThrowMemory`); 0 for all.
-    `NothingLearned`, a ValueError, if there is too little to learn from.
+    Parameters
+    ----------
+    mapping
+        Where everything is, for recordings that are not ours.
+    raw
+        From the streams; else from the topic /demonstrations, as the recorder cut them.
+    with_throws
+        Also from misses and from the arm's own throws.
+    without
+        Ids of throws that are left out, besides the demonstrations that were dropped while they
+        were recorded.
+    remember
+        How many are learned from at most, so that neither memory nor model grow with the recording
+        (`ThrowMemory`); 0 for all. `NothingLearned`, a ValueError, if there is too little to learn
+        from.
     """
     chosen = configuration_of(configuration)
     reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from dart_skill.common.world import joint_names, the_world
-from dart_skill.recording import AS_ASKED, Demonstration, check_known
+from dart_skill.recording import AS_ASKED, HAND, Demonstration, Event, Track, check_known
 from dart_skill.recording.lerobot import Episode, LeRobotDataset, changes_at, read_dataset
 from dart_skill.session._from_bag import LearnReport
 from dart_skill.session._to_lerobot import OPEN, pose_names, position_name, velocity_name
@@ -25,15 +25,7 @@ from dart_skill.skills.learning import (
 )
 from dart_skill.skills.observation import FoundThrow, ThrowLog, judged
 from dart_skill.skills.practice import PractisingSkill
-from dart_skill.skills.protocol import (
-    HAND,
-    Event,
-    Skill,
-    Track,
-    load_skill,
-    skill_names,
-    skill_type,
-)
+from dart_skill.skills.protocol import Skill, load_skill, skill_names, skill_type
 from dart_skill.skills.throw import Throw
 
 BEGIN_NS = 1_000_000_000
@@ -43,7 +35,13 @@ MOST_NAMES = 8
 
 
 def skill_of_dataset(dataset: LeRobotDataset) -> Skill:
-    """The skill whose words, or name, are the task of all episodes; ValueError if there is none."""
+    """The skill whose words, or name, are the task of all episodes.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
     texts = {episode.task for episode in dataset.episodes}
     known = {
         text: name for name in skill_names() for text in (name, skill_type(name).task) if text
@@ -64,7 +62,11 @@ def learn_throws_from_dataset(
     method: str = "residual",
 ) -> tuple[PractisingSkill, LearnReport]:
     """Throws at baskets that the episodes teach, and what became of each; as `learn_from_bag`.
-    ValueError if too few can be used.
+
+    Raises
+    ------
+    ValueError
+        If too few can be used.
     """
     chosen, skill = configuration(name), skill_of_dataset(dataset)
     assert isinstance(skill, Throw)
@@ -84,7 +86,12 @@ def learn_throws_from_dataset(
 
 
 def open_dataset(path: str | os.PathLike) -> LeRobotDataset:
-    """A dataset with at least one episode; ValueError."""
+    """A dataset with at least one episode.
+
+    Raises
+    ------
+    ValueError
+    """
     dataset = read_dataset(path)
     if not dataset.episodes:
         raise ValueError(f"{path}: the dataset has no episodes")
@@ -94,8 +101,12 @@ def open_dataset(path: str | os.PathLike) -> LeRobotDataset:
 def throw_in_episode(
     dataset: LeRobotDataset, episode: Episode, skill: Throw
 ) -> tuple[Demonstration, ThrowLog]:
-    """The throw of an episode, cut as the recorder cuts it, and what was seen; ValueError says
-    what is missing.
+    """The throw of an episode, cut as the recorder cuts it, and what was seen.
+
+    Raises
+    ------
+    ValueError
+        Says what is missing.
     """
     log = skill.sensor_log(joint_period_ns=1)
     assert isinstance(log, ThrowLog)
@@ -117,14 +128,26 @@ def throw_in_episode(
 def demonstration_in_episode(
     dataset: LeRobotDataset, episode: Episode, skill: Skill
 ) -> Demonstration:
-    """The demonstration of an episode; ValueError says what is missing."""
+    """The demonstration of an episode.
+
+    Raises
+    ------
+    ValueError
+        Says what is missing.
+    """
     if isinstance(skill, Throw):
         return throw_in_episode(dataset, episode, skill)[0]
     return movement_in_episode(dataset, episode, skill)
 
 
 def movement_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Skill) -> Demonstration:
-    """The demonstration of an episode; ValueError says what is missing."""
+    """The demonstration of an episode.
+
+    Raises
+    ------
+    ValueError
+        Says what is missing.
+    """
     tracks = {}
     for role in (HAND, *skill.bodies):
         stamps, rows = _seen(dataset, episode, role)

@@ -39,11 +39,17 @@ RESTING = (Mode.HOLDING, Mode.STOPPING)
 @dataclass(frozen=True)
 class Trial:
     """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's
-    own word on it: whether the ball is in the basket, or the dart in the board.
+    own
+    word on it: whether the ball is in the basket, or the dart in the board.
 
-    * outcome: by the cameras.
-    * ball_was_in: by the simulator.
-    * states: of the plant, where they are kept.
+    Parameters
+    ----------
+    outcome
+        By the cameras.
+    ball_was_in
+        By the simulator.
+    states
+        Of the plant, where they are kept.
     """
 
     outcome: Outcome
@@ -58,14 +64,24 @@ class Session(StepLoop):
 
     With a board in the plant's settings darts are thrown. Targets are then points of the board.
 
-    * seed: int, default 0. Everything random comes from it.
-    * plant: settings of the simulated world, default those of config/wam_simulator.yaml.
-    * cameras: motion-capture system, default that of config/optitrack.yaml.
-    * commander: gains and limits, default those of config/commander.yaml.
-    * person: who guides the arm, default that of config/teacher.yaml.
-    * swing: the throw that the person has in mind, default `Swing()`.
-    * keep_states: bool, default False. Whether a `Trial` keeps the simulator's states.
-    * bag: that everything is written into, default None.
+    Parameters
+    ----------
+    seed
+        Int, default 0. Everything random comes from it.
+    plant
+        Settings of the simulated world, default those of config/wam_simulator.yaml.
+    cameras
+        Motion-capture system, default that of config/optitrack.yaml.
+    commander
+        Gains and limits, default those of config/commander.yaml.
+    person
+        Who guides the arm, default that of config/teacher.yaml.
+    swing
+        The throw that the person has in mind, default `Swing()`.
+    keep_states
+        Bool, default False. Whether a `Trial` keeps the simulator's states.
+    bag
+        That everything is written into, default None.
     """
 
     def __init__(
@@ -112,8 +128,14 @@ class Session(StepLoop):
     ) -> "Session":
         """A session with an arm of config/fleet.yaml, "ideal" or another name, or "fleet:SEED".
 
-        settings: further parameters, each as NODE.PARAMETER=VALUE; board: at which darts are
-        thrown; others: as of a session.
+        Parameters
+        ----------
+        settings
+            Further parameters, each as NODE.PARAMETER=VALUE.
+        board
+            At which darts are thrown.
+        others
+            As of a session.
         """
         of = parameters_of_arm(name, settings)
         others.setdefault("commander", CommanderSettings.from_parameters(of("commander")))
@@ -139,7 +161,13 @@ class Session(StepLoop):
         return trials
 
     def throw(self, plan: ThrowPlan) -> Trial:
-        """One planned throw. plan: from a skill."""
+        """One planned throw.
+
+        Parameters
+        ----------
+        plan
+            From a skill.
+        """
         self._look_after_the_arm()
         self._begin(plan.target, no_push)
         self.commander.execute(plan.motion)

@@ -65,10 +65,16 @@ IN_RADIANS = 2.2 * np.pi
 class JointConvention:
     """How recorded joints become those of the arm: unit * sign * recorded[order] + zero.
 
-    * angle: unit, of ANGLE_UNITS.
-    * order: for each joint of the arm, the place of its number in the recording.
-    * signs: 1 or -1 for each joint of the arm.
-    * zeros: for each joint of the arm [rad].
+    Parameters
+    ----------
+    angle
+        Unit, of ANGLE_UNITS.
+    order
+        For each joint of the arm, the place of its number in the recording.
+    signs
+        1 or -1 for each joint of the arm.
+    zeros
+        For each joint of the arm [rad].
     """
 
     angle: str = "rad"
@@ -87,9 +93,14 @@ class JointConvention:
 class QuaternionReading:
     """How the four numbers of a recorded orientation are read.
 
-    * order: of QUATERNION_ORDERS.
-    * is_inverse: whether they turn the axes of the world into those of the body.
-    * is_mirrored: whether they are told in left-handed axes.
+    Parameters
+    ----------
+    order
+        Of QUATERNION_ORDERS.
+    is_inverse
+        Whether they turn the axes of the world into those of the body.
+    is_mirrored
+        Whether they are told in left-handed axes.
     """
 
     order: str = "xyzw"
@@ -126,9 +137,14 @@ READINGS = tuple(
 class Explanation:
     """A convention, a reading, and how well they explain what the cameras saw of the hand.
 
-    * convention: of the joints.
-    * reading: of the orientations; None where too few were recorded.
-    * positions, orientations: the fits; the latter None without a reading.
+    Parameters
+    ----------
+    convention
+        Of the joints.
+    reading
+        Of the orientations; None where too few were recorded.
+    positions, orientations
+        The fits; the latter None without a reading.
     """
 
     convention: JointConvention
@@ -159,8 +175,12 @@ class Explanation:
         return self.error * 2.0**self.is_mirrored <= GOOD
 
     def cost(self, told: JointConvention) -> float:
-        """The error, doubled for each difference from what is told and for a mirrored world; told:
-        of the joints.
+        """The error, doubled for each difference from what is told and for a mirrored world.
+
+        Parameters
+        ----------
+        told
+            Of the joints.
         """
         differences = sum(
             getattr(self.convention, field.name) != getattr(told, field.name)
@@ -171,12 +191,19 @@ class Explanation:
 
 class ConventionSearch:
     """The search for the convention by which the hand moves as cameras saw it, wherever these
-    stand and whatever their unit is.
+    stand
+    and whatever their unit is.
 
-    * model: of the arm.
-    * recorded: (n, 7) joints as they were recorded.
-    * position: (n, 3) of the hand, in any axes and unit.
-    * quaternion: (n, 4) of the hand, in any order; nan where none was recorded.
+    Parameters
+    ----------
+    model
+        Of the arm.
+    recorded
+        (n, 7) joints as they were recorded.
+    position
+        (n, 3) of the hand, in any axes and unit.
+    quaternion
+        (n, 4) of the hand, in any order; nan where none was recorded.
     """
 
     def __init__(
@@ -194,8 +221,12 @@ class ConventionSearch:
     ) -> Explanation:
         """How well a convention explains what was seen.
 
-        * convention: of the joints.
-        * starts, rounds: as of `fit_orientations`.
+        Parameters
+        ----------
+        convention
+            Of the joints.
+        starts, rounds
+            As of `fit_orientations`.
         """
         joints = convention.joints(self._recorded)
         place, rotation, _ = self._model.hand_states(joints, np.zeros_like(joints))
@@ -245,7 +276,10 @@ class ConventionSearch:
     def best(self, told: JointConvention) -> Explanation:
         """The convention that explains most, with as few differences from what is told as will do.
 
-        * told: tried first.
+        Parameters
+        ----------
+        told
+            Tried first.
         """
         units = self._units(told)
         found = [self.explain(replace(told, angle=unit), STARTS) for unit in units]

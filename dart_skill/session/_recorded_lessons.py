@@ -27,8 +27,17 @@ def learn_skill(
 ) -> tuple[Learner, Lesson]:
     """What the demonstrations of a bag, or the episodes of a dataset, teach.
 
-    configuration: name, of a skill that has such; empty: the usual one. without: ids that are left
-    out, besides those that were dropped while they were recorded. ValueError if too few are left.
+    Parameters
+    ----------
+    configuration
+        Name, of a skill that has such; empty: the usual one.
+    without
+        Ids that are left out, besides those that were dropped while they were recorded.
+
+    Raises
+    ------
+    ValueError
+        If too few are left.
     """
     if isinstance(source, LeRobotDataset):
         where, (shown, left_out) = str(source.path), _in_dataset(source, skill, without)

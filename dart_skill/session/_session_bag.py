@@ -16,8 +16,11 @@ from dart_skill.common.world import joint_names, pose_topic, the_world
 from dart_skill.recording import (
     DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
+    HAND,
     BagWriter,
     Demonstration,
+    Event,
+    Track,
     definition,
     demonstration_id,
     demonstration_message,
@@ -29,7 +32,7 @@ from dart_skill.recording import (
 )
 from dart_skill.simulation import Sample
 from dart_skill.skills.observation import attach_arm
-from dart_skill.skills.protocol import HAND, Event, Skill, Track
+from dart_skill.skills.protocol import Skill
 
 JOINT_STATES, COMMAND, GUIDING = "/joint_states", "/wam/command", "/wam/teacher_wrench"
 JOINT_STATE, WAM_COMMAND, POSE = (
@@ -42,11 +45,17 @@ LAYOUT = "in-process"
 
 class SessionBag:
     """What a session tells it is written when a movement is over; a context manager, which closes
-    the bag.
+    the
+    bag.
 
-    * path: folder, which must not exist.
-    * seed: of the run.
-    * skill: whose bodies the cameras track.
+    Parameters
+    ----------
+    path
+        Folder, which must not exist.
+    seed
+        Of the run.
+    skill
+        Whose bodies the cameras track.
     """
 
     def __init__(self, path: str | os.PathLike, seed: int, skill: Skill):
@@ -86,7 +95,13 @@ class SessionBag:
         )
 
     def step(self, arm: ArmState, command: Command, push: Command | None) -> None:
-        """A state of the arm, and what answered it. command, push: of controller and person."""
+        """A state of the arm, and what answered it.
+
+        Parameters
+        ----------
+        command, push
+            Of controller and person.
+        """
         self._state.position, self._state.velocity = arm.position, arm.velocity
         self._keep(JOINT_STATES, JOINT_STATE, self._state, arm.stamp_ns)
         self._keep(COMMAND, WAM_COMMAND, _filled(self._command, command), command.stamp_ns)
@@ -94,7 +109,13 @@ class SessionBag:
             self._keep(GUIDING, WAM_COMMAND, _filled(self._push, push), push.stamp_ns)
 
     def see(self, samples: Iterable[Sample]) -> None:
-        """Poses as the cameras delivered them. samples: one for each body."""
+        """Poses as the cameras delivered them.
+
+        Parameters
+        ----------
+        samples
+            One for each body.
+        """
         for sample in samples:
             where, turn = self._pose.pose.position, self._pose.pose.orientation
             where.x, where.y, where.z = sample.position.tolist()
@@ -104,17 +125,30 @@ class SessionBag:
             )
 
     def keep_throw(self, shown: Demonstration, now_ns: int) -> None:
-        """A throw that succeeded, at the end of its world. shown: the throw."""
+        """A throw that succeeded, at the end of its world.
+
+        Parameters
+        ----------
+        shown
+            The throw.
+        """
         opened = shown.stamp_ns + round(1e9 * shown.opened)
         self._demonstrate(
             demonstration_message(self._types, replace(shown, id=demonstration_id(opened))), now_ns
         )
 
     def keep_movement(self, shown: Demonstration, now_ns: int) -> Demonstration:
-        """Keep another movement that succeeded, at the end of its world; returns it as it is read
-        from the bag, to the last bit.
+        """Keep another movement that succeeded, at the end of its world.
 
-        shown: the movement.
+        Parameters
+        ----------
+        shown
+            The movement.
+
+        Returns
+        -------
+        Demonstration
+            It as it is read from the bag, to the last bit.
         """
         kept = self._skill.described(_on_its_own_clock(shown))
         self._demonstrate(demonstration_message(self._types, kept), now_ns)

@@ -17,8 +17,11 @@ import numpy as np
 from dart_skill.common.constants import NS_PER_S
 from dart_skill.common.world import THROW, the_world
 from dart_skill.recording import (
+    HAND,
     Demonstration,
+    Event,
     GraphBag,
+    Track,
     check_known,
     read_demonstrations,
     skill_of,
@@ -28,7 +31,7 @@ from dart_skill.recording import (
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.session._from_bag import explained, throws_in_bag
 from dart_skill.skills.learning import configuration
-from dart_skill.skills.protocol import HAND, Event, Skill, Track, load_skill
+from dart_skill.skills.protocol import Skill, load_skill
 
 AROUND_NS = 50_000_000
 """Samples of so long before and after a movement help to tell where a body was at its ends; worlds
@@ -45,11 +48,18 @@ class Shown:
     """A movement that was shown, with what was seen around it; times are seconds after stamp_ns.
 
     * id, stamp_ns [ns].
-    * duration [s].
-    * tracks: of the hand and of the bodies, by role.
-    * joint_time (m,) [s], joint_position (m, 7) [rad], joint_velocity (m, 7) [rad/s]; m = 0 if
-      they were not recorded.
-    * events: what the fingers were told.
+
+    Parameters
+    ----------
+    duration : [s]
+    tracks
+        Of the hand and of the bodies, by role.
+    joint_time : (m,) [s]
+    joint_position : (m, 7) [rad]
+    joint_velocity : (m, 7) [rad/s]
+        m = 0 if they were not recorded.
+    events
+        What the fingers were told.
     """
 
     id: str
@@ -76,10 +86,15 @@ class CommandStream:
 class ShownSkill:
     """What a recording shows of a skill.
 
-    * skill.
-    * shown: in the order of time.
-    * left_out: by the id of a demonstration, or the time of a throw, why it is not among them.
-    * commands: of each who moves the arm; empty if nobody recorded them.
+    Parameters
+    ----------
+    skill
+    shown
+        In the order of time.
+    left_out
+        By the id of a demonstration, or the time of a throw, why it is not among them.
+    commands
+        Of each who moves the arm; empty if nobody recorded them.
     """
 
     skill: Skill
@@ -96,7 +111,11 @@ def read_shown(
     without: Sequence[str] = (),
 ) -> ShownSkill:
     """What a recording shows, without what was dropped; arguments as those of `learn_from_bag`.
-    ValueError if it shows nothing.
+
+    Raises
+    ------
+    ValueError
+        If it shows nothing.
     """
     name = THROW if mapping else skill_of(path)
     skill = load_skill(name)

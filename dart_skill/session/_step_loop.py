@@ -44,9 +44,17 @@ def no_push() -> None:
 def parameters_of_arm(name: str, settings: Iterable[str] = ()) -> Callable[[str], dict[str, Any]]:
     """From the name of a node to its parameters.
 
-    name: of an arm of config/fleet.yaml, "ideal" or another one, or "fleet:SEED"; settings:
-    further parameters, each as NODE.PARAMETER=VALUE. ValueError for parameters of a node that no
-    session has.
+    Parameters
+    ----------
+    name
+        Of an arm of config/fleet.yaml, "ideal" or another one, or "fleet:SEED".
+    settings
+        Further parameters, each as NODE.PARAMETER=VALUE.
+
+    Raises
+    ------
+    ValueError
+        For parameters of a node that no session has.
     """
     differs = arm_with(name, settings)
     if unknown := set(differs) - HAS:
@@ -60,11 +68,18 @@ def parameters_of_arm(name: str, settings: Iterable[str] = ()) -> Callable[[str]
 class StepLoop:
     """Base of sessions. They make the world, and say how a movement is shown and carried out.
 
-    * plant: the world.
-    * commander: controls the arm.
-    * cameras: motion capture of hand and bodies.
-    * bag: that everything is written into, None for none.
-    * log: of joint states.
+    Parameters
+    ----------
+    plant
+        The world.
+    commander
+        Controls the arm.
+    cameras
+        Motion capture of hand and bodies.
+    bag
+        That everything is written into, None for none.
+    log
+        Of joint states.
     """
 
     longest = 30.0

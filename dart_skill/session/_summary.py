@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dart_skill.common.files import new_file
-from dart_skill.skills.protocol import Pose, Situation, Skill, SkillWords, TaskOutcome
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.skills.protocol import Skill, SkillWords, TaskOutcome
 
 if TYPE_CHECKING:
     from dart_skill.session._darts import DartsRun
@@ -29,11 +30,16 @@ LANDINGS = "landings"
 class TrialResult:
     """One trial.
 
-    * situation: in which it was made.
-    * outcome: what the skill says of it.
-    * message: what was wrong with its execution, empty if nothing was.
-    * landing: (3,), where what was thrown came down [m]; None if it was not seen, or nothing was
-      thrown.
+    Parameters
+    ----------
+    situation
+        In which it was made.
+    outcome
+        What the skill says of it.
+    message
+        What was wrong with its execution, empty if nothing was.
+    landing
+        (3,), where what was thrown came down [m]; None if it was not seen, or nothing was thrown.
     """
 
     situation: Situation
@@ -52,13 +58,18 @@ class TrialResult:
     ) -> TrialResult:
         """The result of a throw at a basket.
 
-        Parameters:
-
-        * target: (3,), centre of the rim [m].
-        * landing: (3,), where the ball crossed the plane of the rim [m]; None if it was not seen.
-        * error: horizontal distance of the two [m]; None if the landing was not seen.
-        * in_basket: as the cameras saw it.
-        * message: what went wrong, empty if nothing did.
+        Parameters
+        ----------
+        target
+            (3,), centre of the rim [m].
+        landing
+            (3,), where the ball crossed the plane of the rim [m]; None if it was not seen.
+        error
+            Horizontal distance of the two [m]; None if the landing was not seen.
+        in_basket
+            As the cameras saw it.
+        message
+            What went wrong, empty if nothing did.
         """
         if landing is None or error is None or not np.isfinite([*landing, error]).all():
             landing, error = None, math.nan
@@ -102,7 +113,10 @@ class TrialResult:
     def in_words(self, words: SkillWords) -> str:
         """Success, error and what there is to say: `done, 0.7 mm`, `out, landing not seen`.
 
-        words: of the skill.
+        Parameters
+        ----------
+        words
+            Of the skill.
         """
         unit, scale = words.unit
         off = words.unseen if self.error_m is None else f"{scale * self.error_m:.1f} {unit}"
@@ -132,18 +146,31 @@ class TrialResult:
 class RunSummary:
     """A whole run.
 
-    * skill: that was shown and tried.
-    * seed: of everything random.
-    * bag: folder of its bag.
-    * demonstrations: how many were learned from.
-    * attempts: guided movements that they took.
-    * trials: in order of time.
-    * wall_seconds: of the run, the start of the graph included [s].
-    * layout: of the graph.
-    * real_time_factor: simulated over wall-clock time, of the whole job for throws at baskets, of
-      the trials for other skills; None if it was not measured.
-    * trial_real_time_factor: the same of the trials.
-    * darts: aims and points of darts, and the leg that was played; None for other skills.
+    Parameters
+    ----------
+    skill
+        That was shown and tried.
+    seed
+        Of everything random.
+    bag
+        Folder of its bag.
+    demonstrations
+        How many were learned from.
+    attempts
+        Guided movements that they took.
+    trials
+        In order of time.
+    wall_seconds
+        Of the run, the start of the graph included [s].
+    layout
+        Of the graph.
+    real_time_factor
+        Simulated over wall-clock time, of the whole job for throws at baskets, of the trials for
+        other skills; None if it was not measured.
+    trial_real_time_factor
+        The same of the trials.
+    darts
+        Aims and points of darts, and the leg that was played; None for other skills.
     """
 
     skill: Skill
@@ -252,7 +279,12 @@ def throws_in_a_line(throws: Sequence[TrialResult]) -> str:
 
 def write_summary(summary: dict[str, Any], folder: Path) -> Path:
     """Write `summary.json`, as `RunSummary.to_json` gives it, into a folder, which is made if need
-    be; returns its path.
+    be.
+
+    Returns
+    -------
+    Path
+        Its path.
     """
     path = Path(folder) / "summary.json"
     path.parent.mkdir(parents=True, exist_ok=True)

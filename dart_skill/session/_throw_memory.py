@@ -13,13 +13,17 @@ class ThrowMemory:
     forgets the older of the two whose tasks are nearest to each other, so that the region stays
     covered; throws of the arm itself before those that were shown, as in `Practice`.
 
-    * capacity: how many are kept to be learned from, 0 for all.
-    * configuration: says where the task of a throw is.
+    Parameters
+    ----------
+    capacity
+        How many are kept to be learned from, 0 for all.
+    configuration
+        Says where the task of a throw is.
 
-    Attributes:
-
-    * throws: all, in the order in which they came; of those that were forgotten when, where and
-      why.
+    Attributes
+    ----------
+    throws
+        All, in the order in which they came; of those that were forgotten when, where and why.
     """
 
     def __init__(self, capacity: int, configuration: SkillConfiguration):

@@ -15,6 +15,7 @@ import numpy as np
 
 from dart_skill.arm import Grip
 from dart_skill.common.world import joint_names
+from dart_skill.recording import HAND
 from dart_skill.recording.imports import RecordingMapping
 from dart_skill.recording.lerobot import (
     Camera,
@@ -27,7 +28,7 @@ from dart_skill.recording.lerobot import (
     turned_at_frames,
 )
 from dart_skill.session._shown_in_recording import CommandStream, Shown, ShownSkill, read_shown
-from dart_skill.skills.protocol import HAND, Skill
+from dart_skill.skills.protocol import Skill
 
 FPS = 100
 """Frames per second by default: as many as the cameras of config/optitrack.yaml make, so that none
@@ -63,8 +64,12 @@ class ExportedDataset:
     """What was written: the skill, episodes and frames, by its id why a demonstration is none, and
     whether there are commands.
 
-    * ids: of the episodes.
-    * left_out: why, by id.
+    Parameters
+    ----------
+    ids
+        Of the episodes.
+    left_out
+        Why, by id.
     """
 
     skill: str
@@ -103,9 +108,19 @@ def write_lerobot(
 ) -> ExportedDataset:
     """Write the demonstrations of a recording as a LeRobotDataset v3.0.
 
-    output: folder, which must not exist. fps: frames per second. camera: makes pictures of a
-    skill, which become a video. Others as those of `learn_from_bag`. ValueError if there is
-    nothing to write.
+    Parameters
+    ----------
+    output
+        Folder, which must not exist.
+    fps
+        Frames per second.
+    camera
+        Makes pictures of a skill, which become a video. Others as those of `learn_from_bag`.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to write.
     """
     if not LOWEST_FPS <= fps <= HIGHEST_FPS:
         raise ValueError(f"fps is {fps}: give {LOWEST_FPS} to {HIGHEST_FPS}")

@@ -20,9 +20,13 @@ from dart_skill.common.constants import N_JOINTS
 
 class ArmGeometry:
     """Frames in the world: that of a joint stands at `xyz`, rolled about x, in the frame before
-    it, and turns about its own z axis.
+    it,
+    and turns about its own z axis.
 
-    * description: of the arm, default the WAM.
+    Parameters
+    ----------
+    description
+        Of the arm, default the WAM.
     """
 
     def __init__(self, description: WamDescription | None = None):
@@ -51,7 +55,10 @@ class ArmGeometry:
         """End points (c, 2, 3) and radii (c,) [m] at angles (7,) [rad]; the base may stand turned
         about the vertical [rad].
 
-        ValueError for angles of another number.
+        Raises
+        ------
+        ValueError
+            For angles of another number.
         """
         angles = np.asarray(position, dtype=float)
         if angles.shape != (N_JOINTS,):
@@ -61,13 +68,18 @@ class ArmGeometry:
 
     def in_joints(self, position: np.ndarray, wrench: np.ndarray) -> np.ndarray | None:
         """A wrench at the hand as torques of the joints, J' wrench (7,) [N m]; None for none,
-        which spares the kinematics.
+        which
+        spares the kinematics.
 
         About the axis z of a joint at p, force f and moment m at the hand turn with z . (m + (hand
         - p) x f).
 
-        * position: angles (7,) [rad].
-        * wrench: (6,), force [N] over moment [N m], world axes.
+        Parameters
+        ----------
+        position
+            Angles (7,) [rad].
+        wrench
+            (6,), force [N] over moment [N m], world axes.
         """
         if is_zero(wrench):
             return None
@@ -145,8 +157,12 @@ class ArmDynamics(ArmGeometry):
     links beyond each joint taken as one body (Featherstone, Rigid Body Dynamics Algorithms, 5.3
     and 6.2). Everything is in world axes.
 
-    * description: of the arm, default the WAM.
-    * ball_in_hand: whether the ball moves with the hand.
+    Parameters
+    ----------
+    description
+        Of the arm, default the WAM.
+    ball_in_hand
+        Whether the ball moves with the hand.
     """
 
     def __init__(self, description: WamDescription | None = None, ball_in_hand: bool = False):
@@ -193,9 +209,13 @@ class ArmDynamics(ArmGeometry):
 
     def terms(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass matrix (7, 7) [kg m^2], and the torque at zero acceleration (7,) [N m], in arrays
-        that the next call writes anew.
+        that
+        the next call writes anew.
 
-        * position, velocity: of the joints (7,) [rad], [rad/s].
+        Parameters
+        ----------
+        position, velocity
+            Of the joints (7,) [rad], [rad/s].
         """
         self._place_bodies(position)
         self._turn_inertias()

@@ -43,8 +43,12 @@ class Braking(Command):
 class ArmInWorld:
     """An arm in a physics server, without anything in its hand.
 
-    * settings: of the arm, and the control period.
-    * description: of the arm, default the WAM.
+    Parameters
+    ----------
+    settings
+        Of the arm, and the control period.
+    description
+        Of the arm, default the WAM.
     """
 
     def __init__(self, settings: PlantSettings, description: WamDescription | None = None):

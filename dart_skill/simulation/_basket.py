@@ -13,12 +13,20 @@ from dart_skill.common.world import the_world
 class Basket:
     """An upright cylinder, open at the top.
 
-    * position: centre of the rim (3,) [m].
-    * radius: of the free opening, default that of config/world.yaml [m].
-    * depth: from the rim to the floor, default that of config/world.yaml [m].
-    * wall, rim: thickness of the wall, and diameter of the tube around the rim [m].
-    * restitution: of walls and floor, 0 to 1.
-    * sides: of the polygon that stands for the circle.
+    Parameters
+    ----------
+    position
+        Centre of the rim (3,) [m].
+    radius
+        Of the free opening, default that of config/world.yaml [m].
+    depth
+        From the rim to the floor, default that of config/world.yaml [m].
+    wall, rim
+        Thickness of the wall, and diameter of the tube around the rim [m].
+    restitution
+        Of walls and floor, 0 to 1.
+    sides
+        Of the polygon that stands for the circle.
     """
 
     position: tuple[float, float, float] = (2.0, 0.0, the_world().rim)

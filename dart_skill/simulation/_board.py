@@ -14,7 +14,12 @@ class Board:
     """A round board that faces the arm's base axis; its position is the bull's centre on the face.
 
     The default, of config/world.yaml, is regulation: the bull 1.73 m above the floor, 2.37 m from
-    where the thrower stands, the base axis. thickness [m]: of what the cameras cannot see through.
+    where the thrower stands, the base axis.
+
+    Parameters
+    ----------
+    thickness : [m]
+        Of what the cameras cannot see through.
     """
 
     position: tuple[float, float, float] = the_world().board_position
@@ -26,9 +31,13 @@ class Board:
 
     def hit(self, before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
         """Where a dart that moved from one point (3,) to another met the face of the board (3,),
-        if it did.
+        if
+        it did.
 
-        before, after: the two points.
+        Parameters
+        ----------
+        before, after
+            The two points.
         """
         face = self.face
         first, last = (face.distance - point @ face.normal for point in (before, after))

@@ -24,17 +24,25 @@ BLOCK = 100
 class Carrying:
     """How a person carries a part. Spreads are standard deviations.
 
-    * wait: before the fingers are told to close, and before the part moves after that [s].
-    * duration, duration_spread: of the way [s], and as a share.
-    * lift, above: height over the place where the part stood, and over the holder [m].
-    * height_spread: of both [m].
-    * aim_spread, turn_spread: of where the part is put in [m], and how it is turned [rad]: what a
-      person cannot see.
-    * rest: at the end, before the fingers open [s].
-    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees
-      it.
-    * firm_wrist: stiffness and damping of the turn [N m/rad, N m s/rad]; firmer than in a swing,
-      with both hands.
+    Parameters
+    ----------
+    wait
+        Before the fingers are told to close, and before the part moves after that [s].
+    duration, duration_spread
+        Of the way [s], and as a share.
+    lift, above
+        Height over the place where the part stood, and over the holder [m].
+    height_spread
+        Of both [m].
+    aim_spread, turn_spread
+        Of where the part is put in [m], and how it is turned [rad]: what a person cannot see.
+    rest
+        At the end, before the fingers open [s].
+    follows
+        How fast what is left of the distance to the path is taken out [1/s]: a person sees it.
+    firm_wrist
+        Stiffness and damping of the turn [N m/rad, N m s/rad]; firmer than in a swing, with both
+        hands.
     """
 
     wait: float = 0.4
@@ -53,9 +61,14 @@ class Carrying:
 class Carrier(Guiding):
     """Guides one movement at a time: `begin`, then `step` once per state until `done`.
 
-    * seed: of what differs from one time to the next.
-    * carrying, person: how they do it; the defaults where none is given.
-    * step: control period [s].
+    Parameters
+    ----------
+    seed
+        Of what differs from one time to the next.
+    carrying, person
+        How they do it; the defaults where none is given.
+    step
+        Control period [s].
     """
 
     def __init__(

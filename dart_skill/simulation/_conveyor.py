@@ -39,13 +39,21 @@ AROUND = 0.001
 class Belt:
     """How a belt carries a cup. Times are since the reset of the world [s].
 
-    * begin: where the cup is at `start` (3,) [m].
-    * way: from there in `duration` (3,) [m].
-    * turn: of the cup about the vertical [rad].
-    * steady: it moves at constant speed, before and after, too; otherwise from rest to rest, by
-      least jerk.
-    * start, duration: of the way [s].
-    * tunnel: from then on no camera sees the cup [s].
+    Parameters
+    ----------
+    begin
+        Where the cup is at `start` (3,) [m].
+    way
+        From there in `duration` (3,) [m].
+    turn
+        Of the cup about the vertical [rad].
+    steady
+        It moves at constant speed, before and after, too; otherwise from rest to rest, by least
+        jerk.
+    start, duration
+        Of the way [s].
+    tunnel
+        From then on no camera sees the cup [s].
     """
 
     begin: tuple[float, float, float] = (0.62, 0.0, 1.10)
@@ -57,13 +65,23 @@ class Belt:
     tunnel: float = np.inf
 
     def at(self, time: float) -> Pose:
-        """Where the cup is then: the middle of its floor, its z axis up. time: since the reset of
-        the world [s].
+        """Where the cup is then: the middle of its floor, its z axis up.
+
+        Parameters
+        ----------
+        time
+            Since the reset of the world [s].
         """
         return self.place(time), self._turned
 
     def place(self, time: float) -> np.ndarray:
-        """The middle of its floor then (3,) [m]. time: since the reset of the world [s]."""
+        """The middle of its floor then (3,) [m].
+
+        Parameters
+        ----------
+        time
+            Since the reset of the world [s].
+        """
         share = (time - self.start) / self.duration
         share = share if self.steady else smooth(share)
         return np.array(self.begin) + share * np.array(self.way)
@@ -77,9 +95,13 @@ class Belt:
     @classmethod
     def of(cls, cup: Pose | None, numbers: Mapping[str, float]) -> Belt:
         """The belt of a situation: where the cup is at `start`, and `NUMBERS`, as far as they
-        differ from the defaults.
+        differ
+        from the defaults.
 
-        ValueError for a cup that leans, and for a way that takes no time.
+        Raises
+        ------
+        ValueError
+            For a cup that leans, and for a way that takes no time.
         """
         own: dict[str, Any] = {
             name: float(value) for name, value in numbers.items() if name not in WAY
@@ -127,8 +149,12 @@ class Conveyor(Plant):
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the cup somewhere at once: it stands there from now on. position: of the cup (3,)
-        [m].
+        """Put the cup somewhere at once: it stands there from now on.
+
+        Parameters
+        ----------
+        position
+            Of the cup (3,) [m].
         """
         self._check_situation([role])
         self._belt = Belt.of((position, quaternion), {})

@@ -18,14 +18,21 @@ MOST_LEFT = np.repeat([0.02, 0.3], 3)
 
 class Guiding:
     """Guides one movement at a time: `_begin_guiding`, then `step` once per state. Who derives
-    from it writes `_wanted`.
+    from
+    it writes `_wanted`.
 
-    * seed: of what differs from one time to the next.
-    * person: how firmly they push.
-    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees
-      it.
-    * firm_wrist: stiffness and damping of the turn [N m/rad, N m s/rad].
-    * step: control period [s].
+    Parameters
+    ----------
+    seed
+        Of what differs from one time to the next.
+    person
+        How firmly they push.
+    follows
+        How fast what is left of the distance to the path is taken out [1/s]: a person sees it.
+    firm_wrist
+        Stiffness and damping of the turn [N m/rad, N m s/rad].
+    step
+        Control period [s].
     """
 
     def __init__(
@@ -96,7 +103,12 @@ class Guiding:
 class Holder(Guiding):
     """Holds the hand where it is met, while asked to.
 
-    * seed: of the trembling. person: how firmly they hold; the defaults where none is given.
+    Parameters
+    ----------
+    seed
+        Of the trembling.
+    person
+        How firmly they hold; the defaults where none is given.
     """
 
     def __init__(self, seed: int = 0, person: Person | None = None, step: float = 0.002):
@@ -104,8 +116,12 @@ class Holder(Guiding):
         self._met: tuple[np.ndarray, np.ndarray] | None = None
 
     def push(self, state: ArmState, holds: bool) -> Command | None:
-        """What the person does to an arm in this state; None if they do not touch it. holds:
-        whether they do.
+        """What the person does to an arm in this state; None if they do not touch it.
+
+        Parameters
+        ----------
+        holds
+            Whether they do.
         """
         if not holds:
             self._met = None

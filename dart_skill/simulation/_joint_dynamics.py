@@ -23,7 +23,10 @@ from dart_skill.simulation._transmission import Transmission
 def read_joints(joints: tuple) -> tuple[list[float], list[float], np.ndarray, np.ndarray]:
     """Angles [rad] and speeds [rad/s] of the joints as lists, and both as arrays (7,).
 
-    * joints: of each joint what PyBullet says of it: first its angle, then its speed.
+    Parameters
+    ----------
+    joints
+        Of each joint what PyBullet says of it: first its angle, then its speed.
     """
     position, velocity = np.empty(N_JOINTS), np.empty(N_JOINTS)
     angles, speeds = position, velocity
@@ -37,12 +40,18 @@ def read_joints(joints: tuple) -> tuple[list[float], list[float], np.ndarray, np
 class JointDynamics:
     """The joints with their rotors and friction, step by step.
 
-    * actuation: whose friction acts on the joints.
-    * reflected: inertia of the rotors as the joints feel it (7, 7) [kg m^2].
-    * gravity: share of the gravity torque that the arm's own compensation gives.
-    * step: control period [s].
-    * transmission: where cables give; the friction then acts on its motors, and the rotors are
-      there.
+    Parameters
+    ----------
+    actuation
+        Whose friction acts on the joints.
+    reflected
+        Inertia of the rotors as the joints feel it (7, 7) [kg m^2].
+    gravity
+        Share of the gravity torque that the arm's own compensation gives.
+    step
+        Control period [s].
+    transmission
+        Where cables give; the friction then acts on its motors, and the rotors are there.
     """
 
     def __init__(
@@ -68,9 +77,14 @@ class JointDynamics:
         """What motors are asked for (7,) [N m]: by the controller, and by the arm's own gravity
         compensation.
 
-        * joint_torque: of the command (7,) [N m].
-        * pull: the command's wrench in the joints (7,) [N m]; None for none.
-        * gravity: torque that holds the arm (7,) [N m].
+        Parameters
+        ----------
+        joint_torque
+            Of the command (7,) [N m].
+        pull
+            The command's wrench in the joints (7,) [N m]; None for none.
+        gravity
+            Torque that holds the arm (7,) [N m].
         """
         result = np.empty(N_JOINTS)
         torque = result
@@ -91,13 +105,21 @@ class JointDynamics:
         velocity: np.ndarray,
     ) -> list[float]:
         """The torque (7,) [N m] with which PyBullet's arm without rotors and friction moves in a
-        step as the arm with them does.
+        step
+        as the arm with them does.
 
-        * inertia: of the joints without rotors (7, 7) [kg m^2].
-        * bias: torque at zero acceleration (7,): gravity and Coriolis terms [N m].
-        * effort: of the motors (7,) [N m].
-        * outside: what acts on the links beside it (7,) [N m]; None for nothing.
-        * position, velocity: of the joints (7,) [rad], [rad/s].
+        Parameters
+        ----------
+        inertia
+            Of the joints without rotors (7, 7) [kg m^2].
+        bias
+            Torque at zero acceleration (7,): gravity and Coriolis terms [N m].
+        effort
+            Of the motors (7,) [N m].
+        outside
+            What acts on the links beside it (7,) [N m]; None for nothing.
+        position, velocity
+            Of the joints (7,) [rad], [rad/s].
         """
         with_rotors, reflected, net, n = self._with_rotors, self._reflected, self._net, N_JOINTS
         masses, held = inertia, bias

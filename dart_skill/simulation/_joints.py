@@ -25,16 +25,24 @@ JOINTS = list(range(N_JOINTS))
 class Joints:
     """Driven by `drive`, read by `read`, in the world of `begin`.
 
-    * nominal: the arm as its gravity compensation knows it.
-    * dynamics: of its joints.
-    * actuation: of its motors.
-    * encoders: on the motors, which are those of `transmission` where cables give.
-    * transmission: None where cables are rigid.
-    * safety: the arm's own safety module; None: it has none.
-
     Attributes: angles, speeds (7,), lists, and position, velocity (7,), arrays of the same [rad],
     [rad/s]; those with `seen` are what the encoders report; effort, torque that reached the joints
     in the last step (7,) [N m].
+
+    Parameters
+    ----------
+    nominal
+        The arm as its gravity compensation knows it.
+    dynamics
+        Of its joints.
+    actuation
+        Of its motors.
+    encoders
+        On the motors, which are those of `transmission` where cables give.
+    transmission
+        None where cables are rigid.
+    safety
+        The arm's own safety module; None: it has none.
     """
 
     def __init__(
@@ -56,10 +64,16 @@ class Joints:
     ) -> None:
         """The arm stands at rest in a new world.
 
-        * world: with the arm.
-        * arm: body in the world.
-        * start: angles (7,) [rad].
-        * carried: the arm with what its cables carry.
+        Parameters
+        ----------
+        world
+            With the arm.
+        arm
+            Body in the world.
+        start
+            Angles (7,) [rad].
+        carried
+            The arm with what its cables carry.
         """
         self._arm, self._read, self._set = (
             arm,
@@ -95,11 +109,16 @@ class Joints:
     ) -> None:
         """Set the torques for one step.
 
-        * command: of the controller.
-        * push: of a person who guides the arm; it acts on the links from outside.
-        * brakes: whether the command is the arm's own braking, for which its safety module does
-          not ask.
-        * arm: as it is built, with what is in its hand.
+        Parameters
+        ----------
+        command
+            Of the controller.
+        push
+            Of a person who guides the arm; it acts on the links from outside.
+        brakes
+            Whether the command is the arm's own braking, for which its safety module does not ask.
+        arm
+            As it is built, with what is in its hand.
         """
         pull = self._nominal.in_joints(self.seen_position, np.asarray(command.wrench, dtype=float))
         gravity = self._nominal.gravity_torque(self.seen_position)

@@ -19,11 +19,18 @@ TINY = 1e-12
 class LinesOfSight:
     """From all cameras at once.
 
-    * positions: of the cameras (k, 3) [m].
-    * axes: (k, 3, 3) right, down and viewing direction of each as rows.
-    * half_angles: (k, 2) of the field of view, horizontal and vertical [rad].
-    * ranges: of sight (k,) [m].
-    * clearance: what is nearer to a point than this does not hide it [m].
+    Parameters
+    ----------
+    positions
+        Of the cameras (k, 3) [m].
+    axes
+        (k, 3, 3) right, down and viewing direction of each as rows.
+    half_angles
+        (k, 2) of the field of view, horizontal and vertical [rad].
+    ranges
+        Of sight (k,) [m].
+    clearance
+        What is nearer to a point than this does not hide it [m].
     """
 
     def __init__(
@@ -56,10 +63,14 @@ class LinesOfSight:
     ) -> np.ndarray:
         """How many cameras see each point (f, n) of f frames, or `enough` where there are more.
 
-        * points: (f, n, 3) [m].
-        * ends, radii: of the capsules (f, c, 2, 3), (f, c) [m].
-        * walls: centre of the rim, radius and depth of the basket (f, 5) [m]; None if there is
-          none.
+        Parameters
+        ----------
+        points
+            (f, n, 3) [m].
+        ends, radii
+            Of the capsules (f, c, 2, 3), (f, c) [m].
+        walls
+            Centre of the rim, radius and depth of the basket (f, 5) [m]; None if there is none.
         """
         self._points, self._ends, self._radii = points, ends, radii
         self._walls: Any = walls

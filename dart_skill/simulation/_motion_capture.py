@@ -25,10 +25,15 @@ from dart_skill.simulation._lines_of_sight import LinesOfSight
 @dataclass(frozen=True)
 class Camera:
     """A camera at `position` (3,) that looks at `look_at` (3,), its image upright, in the world
-    frame [m].
+    frame
+    [m].
 
-    * half_angles: (2,) of the field of view, horizontal and vertical [rad].
-    * range: of sight [m].
+    Parameters
+    ----------
+    half_angles
+        (2,) of the field of view, horizontal and vertical [rad].
+    range
+        Of sight [m].
     """
 
     position: np.ndarray
@@ -67,27 +72,43 @@ class Camera:
 class MotionCaptureConfig:
     """Cameras and errors of a motion-capture system.
 
-    * cameras: where they stand, and what they see.
-    * bodies: which of hand, ball and basket are tracked.
-    * rate: frames per second [1/s].
-    * min_cameras: that must see a body.
-    * clearance: what is nearer to a body than this does not hide it [m].
-    * noise: standard deviation of a coordinate [m].
-    * marker_spread: extent of a body's markers [m]; the noise of an orientation is noise /
-      marker_spread [rad].
-    * calibration_error: offset of every body, drawn once for a run [m].
-    * ball_noise: standard deviation of a coordinate of the ball on top of `noise` [m]: it has
-      fewer markers, and they turn with it.
-    * ball_offset: of the centre of the ball's markers from its own, drawn once for a run [m].
-    * hand_turn: of the axes of the hand's body from those of the hand, about an axis drawn once
-      for a run [rad].
-    * registration_turn, registration_shift: of the cameras' world from that of the arm, about an
-      axis and in a direction drawn once for a run [rad], [m].
-    * stamp_delay: poses carry stamps that are late by so much, as those of their receipt are [s].
-    * latency, latency_jitter: from the exposure to the message, and the mean of the exponential
-      delay on top of it [s].
-    * dropout_rate: dropouts of a body per second [1/s].
-    * dropout_frames: shortest and longest dropout [frames].
+    Parameters
+    ----------
+    cameras
+        Where they stand, and what they see.
+    bodies
+        Which of hand, ball and basket are tracked.
+    rate
+        Frames per second [1/s].
+    min_cameras
+        That must see a body.
+    clearance
+        What is nearer to a body than this does not hide it [m].
+    noise
+        Standard deviation of a coordinate [m].
+    marker_spread
+        Extent of a body's markers [m]; the noise of an orientation is noise / marker_spread [rad].
+    calibration_error
+        Offset of every body, drawn once for a run [m].
+    ball_noise
+        Standard deviation of a coordinate of the ball on top of `noise` [m]: it has fewer markers,
+        and they turn with it.
+    ball_offset
+        Of the centre of the ball's markers from its own, drawn once for a run [m].
+    hand_turn
+        Of the axes of the hand's body from those of the hand, about an axis drawn once for a run
+        [rad].
+    registration_turn, registration_shift
+        Of the cameras' world from that of the arm, about an axis and in a direction drawn once for
+        a run [rad], [m].
+    stamp_delay
+        Poses carry stamps that are late by so much, as those of their receipt are [s].
+    latency, latency_jitter
+        From the exposure to the message, and the mean of the exponential delay on top of it [s].
+    dropout_rate
+        Dropouts of a body per second [1/s].
+    dropout_frames
+        Shortest and longest dropout [frames].
     """
 
     cameras: tuple[Camera, ...]
@@ -175,7 +196,10 @@ class BasketWalls:
     """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,)
     [m].
 
-    * radius: of the cylinder [m].
+    Parameters
+    ----------
+    radius
+        Of the cylinder [m].
     """
 
     rim: np.ndarray
@@ -193,11 +217,18 @@ class BasketWalls:
 class Sample(NamedTuple):
     """A reported pose.
 
-    * name: of the body.
-    * stamp_ns: of the exposure [ns].
-    * publish_ns: when the message leaves the driver [ns].
-    * position: (3,) [m].
-    * quaternion: (4,), x, y, z, w.
+    Parameters
+    ----------
+    name
+        Of the body.
+    stamp_ns
+        Of the exposure [ns].
+    publish_ns
+        When the message leaves the driver [ns].
+    position
+        (3,) [m].
+    quaternion
+        (4,), x, y, z, w.
     """
 
     name: str
@@ -217,10 +248,15 @@ NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 @dataclass(frozen=True)
 class Frame:
     """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same
-    names say.
+    names
+    say.
 
-    * bodies, capsules: as of `MotionCapture.observe`.
-    * number: of the frame in its episode.
+    Parameters
+    ----------
+    bodies, capsules
+        As of `MotionCapture.observe`.
+    number
+        Of the frame in its episode.
     """
 
     stamp_ns: int
@@ -233,7 +269,10 @@ class Frame:
 class MotionCapture:
     """The whole system. Same seed, episodes and frames: same samples, whatever was visible before.
 
-    * config: MotionCaptureConfig, or the parameters that make one.
+    Parameters
+    ----------
+    config
+        MotionCaptureConfig, or the parameters that make one.
     """
 
     def __init__(self, config: MotionCaptureConfig | Mapping, seed: int):
@@ -264,22 +303,34 @@ class MotionCapture:
         number: int | None = None,
     ) -> list[Sample]:
         """Samples of the frame exposed at `stamp_ns`, in the order of `config.bodies`, without
-        lost bodies.
+        lost
+        bodies.
 
-        bodies: name -> (position (3,), quaternion (4,) x, y, z, w) in the world frame; one that is
-        configured but not given is not there. capsules: end points (c, 2, 3) and radii (c,) of the
-        arm [m]. number: of the frame in its episode, so that one that never came changes nothing
-        in those after it; None: the one after the last. Randomness starts anew from (seed,
-        episode) when the episode changes, and every frame takes the same number of draws.
+        Parameters
+        ----------
+        bodies
+            Name -> (position (3,), quaternion (4,) x, y, z, w) in the world frame; one that is
+            configured but not given is not there.
+        capsules
+            End points (c, 2, 3) and radii (c,) of the arm [m].
+        number
+            Of the frame in its episode, so that one that never came changes nothing in those after
+            it; None: the one after the last. Randomness starts anew from (seed, episode) when the
+            episode changes, and every frame takes the same number of draws.
         """
         return self.observe_frames(episode, [Frame(stamp_ns, bodies, capsules, basket, number)])
 
     def observe_frames(self, episode: int, frames: Sequence[Frame]) -> list[Sample]:
         """The samples that `observe` gives of one frame after the other, at a tenth of its cost
-        per frame.
+        per
+        frame.
 
         Every frame has the same bodies, as many capsules, and a basket if another one has.
-        episode: its number.
+
+        Parameters
+        ----------
+        episode
+            Its number.
         """
         if episode != self._episode:
             self.begin(episode)

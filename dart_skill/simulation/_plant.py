@@ -43,15 +43,27 @@ loads until it is disconnected.
 @dataclass(frozen=True)
 class PlantState:
     """Everything about the world at one instant, in the axes of the world; for models of sensors
-    and for tests, never for learning.
+    and
+    for tests, never for learning.
 
-    * stamp_ns: [ns]; episode, step: of the world, from 0 on.
-    * position, velocity, effort: of the joints, (7,) each [rad], [rad/s], [N m].
-    * hand_position, hand_quaternion: (3,) [m] and (4,).
-    * ball_position, ball_quaternion, ball_velocity: (3,) [m], (4,), (3,) [m/s].
-    * ball_held: whether the ball is in the hand.
-    * basket: centre of the rim (3,) [m].
-    * ball_in_basket: whether it is there; with a board, whether the dart sticks in it.
+    Parameters
+    ----------
+    stamp_ns
+        [ns].
+    episode, step
+        Of the world, from 0 on.
+    position, velocity, effort
+        Of the joints, (7,) each [rad], [rad/s], [N m].
+    hand_position, hand_quaternion
+        (3,) [m] and (4,).
+    ball_position, ball_quaternion, ball_velocity
+        (3,) [m], (4,), (3,) [m/s].
+    ball_held
+        Whether the ball is in the hand.
+    basket
+        Centre of the rim (3,) [m].
+    ball_in_basket
+        Whether it is there; with a board, whether the dart sticks in it.
     """
 
     stamp_ns: int
@@ -115,9 +127,13 @@ class Plant(ArmInWorld):
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
         """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes
-        on. A board stays where it hangs.
+        on.
+        A board stays where it hangs.
 
-        basket: centre of its rim (3,) [m].
+        Parameters
+        ----------
+        basket
+            Centre of its rim (3,) [m].
         """
         self._basket = self._basket if basket is None else _checked_basket(basket)
         if self._changed is not None:
@@ -143,7 +159,10 @@ class Plant(ArmInWorld):
         """From the next reset on the plant is as `settings` say: worn joints, another ball, a base
         that was pushed. Time and seed stay.
 
-        ValueError for what cannot change while it runs.
+        Raises
+        ------
+        ValueError
+            For what cannot change while it runs.
         """
         if (settings.step_ns, settings.reset_ns) != (
             self.settings.step_ns,
@@ -187,15 +206,26 @@ class Plant(ArmInWorld):
         """Reset, with the bodies that are named put to their poses, and what a world has of
         numbers.
 
-        ValueError for a body that cannot be put anywhere, and for a number that this world does
-        not know.
+        Raises
+        ------
+        ValueError
+            For a body that cannot be put anywhere, and for a number that this world does not know.
         """
         self._check_situation(poses, numbers or {})
         return self.reset(poses[self.movable_body][0] if poses else None)
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put a body somewhere at once; ValueError for one that cannot be. position: of the body
-        (3,) [m].
+        """Put a body somewhere at once.
+
+        Parameters
+        ----------
+        position
+            Of the body (3,) [m].
+
+        Raises
+        ------
+        ValueError
+            For one that cannot be.
         """
         self._check_situation([role])
         self.place_basket(position)
@@ -215,7 +245,11 @@ class Plant(ArmInWorld):
 
     def place_basket(self, position: np.ndarray) -> None:
         """Put the basket, centre of its rim at position (3,), without touching anything else.
-        ValueError if there is a board instead.
+
+        Raises
+        ------
+        ValueError
+            If there is a board instead.
         """
         if self.settings.board is not None:
             raise ValueError(
@@ -269,8 +303,13 @@ class Plant(ArmInWorld):
             )
 
     def close_hand(self) -> bool:
-        """Close the hand; whether it now holds the ball: only if it was never let go, or has not
-        left the hand yet.
+        """Close the hand.
+
+        Returns
+        -------
+        bool
+            Whether it now holds the ball: only if it was never let go, or has not left the hand
+            yet.
         """
         self._free_at = None
         return self._held is not None

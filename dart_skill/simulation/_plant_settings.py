@@ -22,33 +22,53 @@ class PlantSettings:
     """How the stand-in differs from a perfect arm; each value is a parameter of the simulator
     node.
 
-    * step_ns: control period [ns].
-    * reset_ns: how far a reset moves the clock on, so that everybody notices the gap [ns].
-    * start_posture: joint angles after a reset (7,) [rad].
-    * gravity_error: share of the gravity torque that compensation misses; calibrated arms show 5 %
-      (docs/sources.md).
-    * friction_scale, motor_scale: factors on the joint friction, and on what the motors can do.
-    * base_turn: the arm's base stands turned about the vertical, which the controller does not
-      know [rad].
-    * hand_delay, hand_spread: mean and standard deviation of the time from the command to the ball
-      being free [s].
-    * hand_clearance: a released ball that is farther from the hand than this can touch the hand
-      again [m].
-    * basket: where balls are thrown.
-    * ball_mass_scale, ball_drag_scale: factors on the mass and on the drag of the ball.
-    * mass_scale: factors on the masses of the links (7,).
-    * stiction: what static friction is more than Coulomb friction, as a share of it.
-    * joint_stiffness: of the cables between motors and links (7,) [N m/rad]; all 0: rigid.
-      Encoders sit on the motors.
-    * joint_offset: what the encoders read too high (7,) [rad].
-    * encoder_step: of an angle [rad]; 0: none.
-    * speed_filter: corner of the low-pass on the speeds [rad/s]; 0: speeds are exact.
-    * command_delay: control periods until a command acts.
-    * seat_spread: standard deviation of a coordinate of where the ball sits in the hand [m].
-    * release_turn, release_speed: standard deviations of the direction [rad] and of the speed, as
-      a share, with which it leaves the hand.
-    * board: where there is one, darts are thrown at it, and there is no basket.
-    * limits: that the arm's own safety module watches; None: it has none.
+    Parameters
+    ----------
+    step_ns
+        Control period [ns].
+    reset_ns
+        How far a reset moves the clock on, so that everybody notices the gap [ns].
+    start_posture
+        Joint angles after a reset (7,) [rad].
+    gravity_error
+        Share of the gravity torque that compensation misses; calibrated arms show 5 %
+        (docs/sources.md).
+    friction_scale, motor_scale
+        Factors on the joint friction, and on what the motors can do.
+    base_turn
+        The arm's base stands turned about the vertical, which the controller does not know [rad].
+    hand_delay, hand_spread
+        Mean and standard deviation of the time from the command to the ball being free [s].
+    hand_clearance
+        A released ball that is farther from the hand than this can touch the hand again [m].
+    basket
+        Where balls are thrown.
+    ball_mass_scale, ball_drag_scale
+        Factors on the mass and on the drag of the ball.
+    mass_scale
+        Factors on the masses of the links (7,).
+    stiction
+        What static friction is more than Coulomb friction, as a share of it.
+    joint_stiffness
+        Of the cables between motors and links (7,) [N m/rad]; all 0: rigid. Encoders sit on the
+        motors.
+    joint_offset
+        What the encoders read too high (7,) [rad].
+    encoder_step
+        Of an angle [rad]; 0: none.
+    speed_filter
+        Corner of the low-pass on the speeds [rad/s]; 0: speeds are exact.
+    command_delay
+        Control periods until a command acts.
+    seat_spread
+        Standard deviation of a coordinate of where the ball sits in the hand [m].
+    release_turn, release_speed
+        Standard deviations of the direction [rad] and of the speed, as a share, with which it
+        leaves the hand.
+    board
+        Where there is one, darts are thrown at it, and there is no basket.
+    limits
+        That the arm's own safety module watches; None: it has none.
     """
 
     step_ns: int = 2_000_000
@@ -83,8 +103,12 @@ class PlantSettings:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "PlantSettings":
-        """Settings from the parameters of the simulator node; ValueError names a value that makes
-        no sense.
+        """Settings from the parameters of the simulator node.
+
+        Raises
+        ------
+        ValueError
+            Names a value that makes no sense.
         """
         basket = Basket(
             position=tuple(parameters["basket_position"]),

@@ -19,15 +19,24 @@ from dart_skill.simulation._teacher import Person
 class Pulling:
     """How the hand follows a pointer, which may jump.
 
-    * fastest, fastest_turn: the hand is pulled no faster [m/s], [rad/s].
-    * quick: how fast what is left of the way is made up, critically damped [1/s].
-    * firm_hand, firm_wrist: stiffness and damping of the hold [N/m, N s/m], [N m/rad, N m s/rad].
-    * strongest_push: what the spring between pointer and hand pulls with at most [N].
-    * follows: as of `Guiding`.
-    * lead: the hand may be pulled so long after the beginning: what goes before a movement is
-      recorded, too [s].
-    * patience: the hand is let go of when it was not pulled for so long, and the fingers
-      were not told anything [s].
+    Parameters
+    ----------
+    fastest, fastest_turn
+        The hand is pulled no faster [m/s], [rad/s].
+    quick
+        How fast what is left of the way is made up, critically damped [1/s].
+    firm_hand, firm_wrist
+        Stiffness and damping of the hold [N/m, N s/m], [N m/rad, N m s/rad].
+    strongest_push
+        What the spring between pointer and hand pulls with at most [N].
+    follows
+        As of `Guiding`.
+    lead
+        The hand may be pulled so long after the beginning: what goes before a movement is
+        recorded, too [s].
+    patience
+        The hand is let go of when it was not pulled for so long, and the fingers were not told
+        anything [s].
     """
 
     fastest: float = 0.5
@@ -43,10 +52,15 @@ class Pulling:
 
 class PulledHand(Guiding):
     """Guides one movement at a time: `begin`, then `pull`, `tell` and `finish` as the person
-    wants, and `step` once per state.
+    wants,
+    and `step` once per state.
 
-    * pulling: how the hand follows; the default where none is given.
-    * step: control period [s].
+    Parameters
+    ----------
+    pulling
+        How the hand follows; the default where none is given.
+    step
+        Control period [s].
     """
 
     def __init__(self, pulling: Pulling | None = None, step: float = 0.002):
@@ -85,8 +99,12 @@ class PulledHand(Guiding):
         self._now, self._pulled, self._guides = 0.0, 0.0, True
 
     def pull(self, position: ArrayLike, quaternion: ArrayLike) -> None:
-        """The pointer is there now: position (3,) [m], quaternion (4,). ValueError while no
-        hand is held, or for what is no pose.
+        """The pointer is there now: position (3,) [m], quaternion (4,).
+
+        Raises
+        ------
+        ValueError
+            While no hand is held, or for what is no pose.
         """
         from scipy.spatial.transform import Rotation
 
@@ -104,13 +122,23 @@ class PulledHand(Guiding):
         )
 
     def tell(self, grip: Grip) -> None:
-        """The fingers are told something with the next step; ValueError while no hand is held."""
+        """The fingers are told something with the next step.
+
+        Raises
+        ------
+        ValueError
+            While no hand is held.
+        """
         self._need_hold("told to open or to close")
         self._grip, self._pulled = grip, self._now
 
     def finish(self) -> None:
-        """The movement has ended. The hand is held where it is, as long as
-        there are steps. ValueError as of `pull`.
+        """The movement has ended. The hand is held where it is, as long as there are steps.
+
+        Raises
+        ------
+        ValueError
+            As of `pull`.
         """
         self._need_hold("let go of")
         self.let_go()
@@ -120,7 +148,13 @@ class PulledHand(Guiding):
         self._guides = False
 
     def step(self, state: ArmState) -> Command:
-        """The push that answers one state; ValueError when the hand was not pulled for too long."""
+        """The push that answers one state.
+
+        Raises
+        ------
+        ValueError
+            When the hand was not pulled for too long.
+        """
         self._follow(self._time(state))
         if self._guides and self._now - self._pulled > self.pulling.patience:
             raise ValueError(

@@ -17,12 +17,20 @@ from dart_skill.simulation._teacher import Person
 class Reaching:
     """How a person reaches. Spreads are standard deviations.
 
-    * wait, wait_spread: before the hand moves [s].
-    * duration, duration_spread: of the way [s], and as a share.
-    * above, height_spread: height over the cup's floor from which the hand comes down [m].
-    * aim_spread: of where the hand ends in the cup, along each axis [m].
-    * rest: the hand stays in the cup for so long [s].
-    * follows, firm_wrist: as of `Guiding`.
+    Parameters
+    ----------
+    wait, wait_spread
+        Before the hand moves [s].
+    duration, duration_spread
+        Of the way [s], and as a share.
+    above, height_spread
+        Height over the cup's floor from which the hand comes down [m].
+    aim_spread
+        Of where the hand ends in the cup, along each axis [m].
+    rest
+        The hand stays in the cup for so long [s].
+    follows, firm_wrist
+        As of `Guiding`.
     """
 
     wait: float = 1.0
@@ -40,9 +48,14 @@ class Reaching:
 class Reacher(Guiding):
     """Guides one movement at a time: `begin`, then `watch` and `step` once per state until `done`.
 
-    * seed: of what differs from one time to the next.
-    * reaching, person: how they do it; the defaults where none is given.
-    * step: control period [s].
+    Parameters
+    ----------
+    seed
+        Of what differs from one time to the next.
+    reaching, person
+        How they do it; the defaults where none is given.
+    step
+        Control period [s].
     """
 
     def __init__(
@@ -76,10 +89,17 @@ class Reacher(Guiding):
         self, state: ArmState, cup: np.ndarray, speed: np.ndarray, beside: np.ndarray
     ) -> None:
         """What the person sees now: the cup (3,) [m] and how it moves (3,) [m/s], and the hand
-        from where the arm takes it to be (3,) [m].
+        from
+        where the arm takes it to be (3,) [m].
 
-        Encoders that read wrong do not mislead them: what they see of the hand counts. speed: of
-        the cup; beside: place of the hand from there.
+        Encoders that read wrong do not mislead them: what they see of the hand counts.
+
+        Parameters
+        ----------
+        speed
+            Of the cup.
+        beside
+            Place of the hand from there.
         """
         self._cup, self._speed, self._beside, self._seen = cup, speed, beside, self._time(state)
 

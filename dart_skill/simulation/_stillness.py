@@ -15,8 +15,12 @@ LOOK_NS = 100_000_000
 
 
 class Stillness:
-    """Looks at arm and bodies now and then. since_ns: the stamp of the last look at which
-    something moved, or of `wake`.
+    """Looks at arm and bodies now and then.
+
+    Attributes
+    ----------
+    since_ns
+        The stamp of the last look at which something moved, or of `wake`.
     """
 
     def __init__(self) -> None:
@@ -43,7 +47,12 @@ class Stillness:
         """Joint velocities (7,) [rad/s], and by name the position (3,) [m] and quaternion of each
         body.
 
-        joint_velocity: of all joints; bodies: poses by name.
+        Parameters
+        ----------
+        joint_velocity
+            Of all joints.
+        bodies
+            Poses by name.
         """
         self._looked_ns = stamp_ns
         places = {name: np.array(position) for name, (position, _) in bodies.items()}

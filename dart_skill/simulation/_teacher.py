@@ -45,11 +45,18 @@ class Swing:
     hand is 4.5 cm inside the arm's reach. These are three standard deviations of a person's
     release point: a path through the stretched arm can turn the elbow over.
 
-    * cocked: angles before the swing (3,) [rad].
-    * release: angles at the release (3,) [rad].
-    * rates: at the release, for a speed of 1 (3,) [rad/s].
-    * duration: from the start to the release [s].
-    * follow_through: from the release to rest [s].
+    Parameters
+    ----------
+    cocked
+        Angles before the swing (3,) [rad].
+    release
+        Angles at the release (3,) [rad].
+    rates
+        At the release, for a speed of 1 (3,) [rad/s].
+    duration
+        From the start to the release [s].
+    follow_through
+        From the release to rest [s].
     """
 
     cocked: tuple[float, float, float] = (-1.00, -0.75, -0.60)
@@ -64,18 +71,32 @@ class Person:
     """How a person differs from the swing in mind, and how firmly they hold the arm. Each is a
     parameter of the node teacher.
 
-    * release_point: standard deviation of the release point [m].
-    * duration, speed: standard deviations of the duration and the speed of the swing, as shares.
-    * direction: standard deviation of its direction [rad].
-    * timing: standard deviation of the instant at which the button is pressed [s].
-    * expected_hand_delay: the person presses so long before the release [s].
-    * tremble, tremble_rate: force of the trembling hand [N], and its corner frequency [Hz].
-    * pause: shortest and longest wait before the swing [s].
-    * firm_hand: stiffness and damping of the hold of the hand [N/m, N s/m].
-    * firm_wrist: the same for turning [N m/rad, N m s/rad].
-    * firm_elbow: stiffness and damping of the other hand, at the elbow [N/m, N s/m].
-    * strongest_push: of either hand [N].
-    * strongest_twist: of the wrist [N m].
+    Parameters
+    ----------
+    release_point
+        Standard deviation of the release point [m].
+    duration, speed
+        Standard deviations of the duration and the speed of the swing, as shares.
+    direction
+        Standard deviation of its direction [rad].
+    timing
+        Standard deviation of the instant at which the button is pressed [s].
+    expected_hand_delay
+        The person presses so long before the release [s].
+    tremble, tremble_rate
+        Force of the trembling hand [N], and its corner frequency [Hz].
+    pause
+        Shortest and longest wait before the swing [s].
+    firm_hand
+        Stiffness and damping of the hold of the hand [N/m, N s/m].
+    firm_wrist
+        The same for turning [N m/rad, N m s/rad].
+    firm_elbow
+        Stiffness and damping of the other hand, at the elbow [N/m, N s/m].
+    strongest_push
+        Of either hand [N].
+    strongest_twist
+        Of the wrist [N m].
     """
 
     release_point: float = 0.015
@@ -115,9 +136,14 @@ class Phase(Enum):
 class Quintic:
     """The quintic with given ends and no acceleration there.
 
-    * start, start_rate: of the joints where it begins (n,) [rad], [rad/s]; end, end_rate: where it
-      ends.
-    * duration: [s].
+    Parameters
+    ----------
+    start, start_rate
+        Of the joints where it begins (n,) [rad], [rad/s].
+    end, end_rate
+        Where it ends.
+    duration
+        [s].
     """
 
     def __init__(
@@ -136,7 +162,10 @@ class Quintic:
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Position and velocity (n,) [rad], [rad/s].
 
-        * time: since its start [s].
+        Parameters
+        ----------
+        time
+            Since its start [s].
         """
         start, v0, c3, c4, c5 = self._coefficients
         s = time / self._duration
@@ -177,16 +206,24 @@ class _Motion:
 
 class Teacher:
     """Guides one throw at a time: `begin` with a target, then `step` once per state until the
-    phase is WATCHING.
+    phase
+    is WATCHING.
 
     `learn_from(landing)` corrects the next throw at the same target, as a person does who saw
     where the ball went.
 
-    * seed: everything random comes from it.
-    * swing: how the person throws.
-    * person: how the person guides.
-    * step: between two states [s].
-    * game: what is thrown at what.
+    Parameters
+    ----------
+    seed
+        Everything random comes from it.
+    swing
+        How the person throws.
+    person
+        How the person guides.
+    step
+        Between two states [s].
+    game
+        What is thrown at what.
     """
 
     _motion: _Motion  # from the first throw on
@@ -218,7 +255,10 @@ class Teacher:
         """Prepare a throw at `target` (3,); correction=False forgets what was learned at it
         before.
 
-        ValueError, and nothing has changed, for a target out of reach.
+        Raises
+        ------
+        ValueError
+            And nothing has changed, for a target out of reach.
         """
         target, learned = self.check(target, correction)
         self._throws += 1
@@ -230,9 +270,17 @@ class Teacher:
         self._phase = Phase.TURNING
 
     def check(self, target: np.ndarray, correction: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """The target (3,), and what was learned at it (2,); ValueError for one out of reach.
+        """The target (3,), and what was learned at it (2,)
 
-        correction: whether what was learned before counts.
+        Parameters
+        ----------
+        correction
+            Whether what was learned before counts.
+
+        Raises
+        ------
+        ValueError
+            For one out of reach.
         """
         target, learned = self._checked(target), self._correction if correction else np.zeros(2)
         self._speed_for(self._reach(target) + learned[0], target)
@@ -240,7 +288,12 @@ class Teacher:
 
     def learn_from(self, landed: np.ndarray) -> None:
         """Aim the next throw against the miss: landed (3,) is where the ball was seen to come
-        down. ValueError if that was not seen.
+        down.
+
+        Raises
+        ------
+        ValueError
+            If that was not seen.
         """
         if not np.isfinite(landed[:2]).all():
             raise ValueError(
@@ -255,7 +308,10 @@ class Teacher:
         """The push that answers one state: a wrench at the hand, a force at the elbow as joint
         torque, and the hand's button.
 
-        ValueError before `begin`.
+        Raises
+        ------
+        ValueError
+            Before `begin`.
         """
         if self._phase is Phase.IDLE:
             raise ValueError("the teacher has no throw in mind: begin one")

@@ -30,11 +30,16 @@ class Transmission:
     q) + D (w - v). All in joint coordinates, R the rotors' inertia as the joints feel it. Each
     part of a step is an implicit Euler step for both inertias at once.
 
-    * stiffness: (7,) [N m/rad], all positive.
-    * reflected: (7, 7) [kg m^2].
-    * actuation: whose friction acts on the motors.
-
     Attributes: position, velocity, of the motors (7,) [rad], [rad/s].
+
+    Parameters
+    ----------
+    stiffness
+        (7,) [N m/rad], all positive.
+    reflected
+        (7, 7) [kg m^2].
+    actuation
+        Whose friction acts on the motors.
     """
 
     def __init__(self, stiffness: np.ndarray, reflected: np.ndarray, actuation: Actuation):
@@ -121,12 +126,19 @@ class Transmission:
 
 class Encoders:
     """What a driver says of the joints: angles with an offset, in steps, and speeds that are
-    filtered differences of them.
+    filtered
+    differences of them.
 
-    * offset: (7,) [rad], what the angles read too high.
-    * resolution: step of an angle [rad]; 0: none.
-    * speed_filter: corner of the low-pass on the differences [rad/s]; 0: speeds are exact.
-    * step: control period [s].
+    Parameters
+    ----------
+    offset
+        (7,) [rad], what the angles read too high.
+    resolution
+        Step of an angle [rad]; 0: none.
+    speed_filter
+        Corner of the low-pass on the differences [rad/s]; 0: speeds are exact.
+    step
+        Control period [s].
     """
 
     def __init__(self, offset: np.ndarray, resolution: float, speed_filter: float, step: float):

@@ -37,17 +37,27 @@ IN = 0.003
 class Bench:
     """What stands on the table.
 
-    * start_posture: of an arm whose hand is around the part, pointing down (7,) [rad]. Part and
-      table stand below it.
-    * size: of the part, a box (3,) [m]; its origin is its centre, its z axis points up.
-    * mass: of the part [kg].
-    * grasp: of the part's centre in the frame of the hand (3,) [m].
-    * clearance: between part and holder, on each side [m].
-    * depth: of the holder [m].
-    * wall: thickness of its walls [m].
-    * friction: between part, holder and table.
-    * part_spread, part_turn: standard deviations of where the part stands [m], and of how it is
-      turned [rad].
+    Parameters
+    ----------
+    start_posture
+        Of an arm whose hand is around the part, pointing down (7,) [rad]. Part and table stand
+        below it.
+    size
+        Of the part, a box (3,) [m]; its origin is its centre, its z axis points up.
+    mass
+        Of the part [kg].
+    grasp
+        Of the part's centre in the frame of the hand (3,) [m].
+    clearance
+        Between part and holder, on each side [m].
+    depth
+        Of the holder [m].
+    wall
+        Thickness of its walls [m].
+    friction
+        Between part, holder and table.
+    part_spread, part_turn
+        Standard deviations of where the part stands [m], and of how it is turned [rad].
     """
 
     start_posture: tuple[float, ...] = (-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0)
@@ -101,7 +111,13 @@ class Workbench(Plant):
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """As of the plant. position: of the body (3,) [m]."""
+        """As of the plant.
+
+        Parameters
+        ----------
+        position
+            Of the body (3,) [m].
+        """
         self._check_situation([role])
         self.stand((position, quaternion))
         self._world.resetBasePositionAndOrientation(
@@ -219,7 +235,13 @@ class Workbench(Plant):
         self._set_touchable(False)
 
     def close_hand(self) -> bool:
-        """Close the hand; whether it now holds the part: only if the part is between the fingers."""
+        """Close the hand.
+
+        Returns
+        -------
+        bool
+            Whether it now holds the part: only if the part is between the fingers.
+        """
         self._free_at = None
         if self._held is None and self._is_between_the_fingers():
             self._grasp()

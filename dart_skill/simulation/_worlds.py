@@ -64,11 +64,21 @@ def make_world(
     board: Board | None = None,
     own: Mapping[str, Any] | None = None,
 ) -> Plant:
-    """The world of that name; ValueError lists those that there are.
+    """The world of that name.
 
-    * board: where it hangs, if not where config/world.yaml says.
-    * own: what a skill says of it (`Skill.world_settings`): fields of `Bench`. ValueError names
-      one that is none, or another world.
+    Parameters
+    ----------
+    board
+        Where it hangs, if not where config/world.yaml says.
+    own
+        What a skill says of it (`Skill.world_settings`): fields of `Bench`.
+
+    Raises
+    ------
+    ValueError
+        Lists those that there are.
+    ValueError
+        Names one that is none, or another world.
     """
     if name == "bench":
         return _workbench(settings, seed, own or {})

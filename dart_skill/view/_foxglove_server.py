@@ -25,10 +25,17 @@ NAP = 0.05
 class FoxgloveServer:
     """A server of topics; a context manager.
 
-    * port: 0 takes any free one.
-    * host: 0.0.0.0 serves everybody who reaches the machine.
+    Parameters
+    ----------
+    port
+        0 takes any free one.
+    host
+        0.0.0.0 serves everybody who reaches the machine.
 
-    ModuleNotFoundError without foxglove-sdk, OSError where the port is taken.
+    Raises
+    ------
+    ModuleNotFoundError
+        Without foxglove-sdk, OSError where the port is taken.
     """
 
     def __init__(self, port: int = FOXGLOVE_PORT, host: str = HOST, name: str = "dart_skill"):
@@ -59,10 +66,14 @@ class FoxgloveServer:
         return list(self._channels)
 
     def add_topic(self, topic: str, type_name: str, text: str, lasting: bool = False) -> None:
-        """A topic of a type, with its definition (`recording.definition`). lasting: clients that
-        come later get the last message, too.
+        """A topic of a type, with its definition (`recording.definition`).
 
-        text: the definition.
+        Parameters
+        ----------
+        lasting
+            Clients that come later get the last message, too.
+        text
+            The definition.
         """
         schema = self._sdk.Schema(name=type_name, encoding="ros2msg", data=text.encode())
         self._channels[topic] = self._sdk.Channel(
@@ -72,7 +83,13 @@ class FoxgloveServer:
             self._lasting.add(topic)
 
     def publish(self, topic: str, data: bytes, stamp_ns: int) -> None:
-        """A serialised message, with the time of its log [ns]. topic: its name."""
+        """A serialised message, with the time of its log [ns].
+
+        Parameters
+        ----------
+        topic
+            Its name.
+        """
         if topic in self._lasting:
             with self._lock:
                 self._kept[topic] = data, stamp_ns
@@ -117,10 +134,16 @@ def serve_bag(
     stopped: Callable[[], bool] = lambda: False,
 ) -> int:
     """Publish the messages of a bag at the pace of their log times, and go on until all are out,
-    or it is stopped; how many were.
+    or
+    it is stopped; how many were.
 
-    rate: 2 is twice as fast, 0 as fast as possible. A topic whose type the bag does not define is
-    left out. server: to publish with.
+    Parameters
+    ----------
+    rate
+        2 is twice as fast, 0 as fast as possible. A topic whose type the bag does not define is
+        left out.
+    server
+        To publish with.
     """
     for name in set(_shown(bag)) - set(server.topics):
         server.add_topic(

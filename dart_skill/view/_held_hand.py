@@ -31,8 +31,12 @@ PLUMB = 0.6
 class HeldHand:
     """What is seen of a lesson by pointer. Callbacks run in the server's threads.
 
-    * server: a viser.ViserServer.
-    * parts: of the body that is brought somewhere, as they are drawn.
+    Parameters
+    ----------
+    server
+        A viser.ViserServer.
+    parts
+        Of the body that is brought somewhere, as they are drawn.
     """
 
     def __init__(self, server: Any, parts: list[ColouredMesh]):
@@ -121,7 +125,10 @@ class HeldHand:
         """Call with where the ball is dragged to (3,): in the plane that faces the eye; with Shift
         over the ground, at its height.
 
-        callback: takes the place.
+        Parameters
+        ----------
+        callback
+            Takes the place.
         """
 
         async def dragged(event: Any) -> None:
@@ -182,7 +189,13 @@ def within_reach(place: np.ndarray) -> np.ndarray:
 
 
 def turned(quaternion: np.ndarray, degrees: float) -> np.ndarray:
-    """A hand's quaternion (4,) turned about the vertical. degrees: to the left, seen from above."""
+    """A hand's quaternion (4,) turned about the vertical.
+
+    Parameters
+    ----------
+    degrees
+        To the left, seen from above.
+    """
     from scipy.spatial.transform import Rotation  # a report holds no hand, and does without
 
     return (
@@ -192,9 +205,13 @@ def turned(quaternion: np.ndarray, degrees: float) -> np.ndarray:
 
 def how_far(lies: np.ndarray, turn: np.ndarray) -> str:
     """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3), whose z
-    axis points up.
+    axis
+    points up.
 
-    lies, turn: place and rotation of the body in the wanted frame.
+    Parameters
+    ----------
+    lies, turn
+        Place and rotation of the body in the wanted frame.
     """
     from scipy.spatial.transform import Rotation
 

@@ -27,13 +27,23 @@ MOST_TURNED = 180.0
 class DemonstrationRow:
     """What a page tells of one demonstration.
 
-    * name: of it; finding: what can be made of it, or why nothing can.
-    * seconds: of the movement.
-    * counts: whether it is learned from.
-    * weight: in the model; nan if nothing is learned yet.
-    * unlike: distance of its way from what the others teach for its situation, root mean square
-      [m]; nan if that is not known.
-    * outlier: whether that is far more than of the others.
+    Parameters
+    ----------
+    name
+        Of it.
+    finding
+        What can be made of it, or why nothing can.
+    seconds
+        Of the movement.
+    counts
+        Whether it is learned from.
+    weight
+        In the model; nan if nothing is learned yet.
+    unlike
+        Distance of its way from what the others teach for its situation, root mean square [m]; nan
+        if that is not known.
+    outlier
+        Whether that is far more than of the others.
     """
 
     name: str
@@ -48,9 +58,13 @@ class DemonstrationRow:
 class HoldingControls:
     """In a folder of the page, with keys for what hands do while they hold the mouse.
 
-    * gui: of viser.
-    * ask: called in the server's threads with what is asked for and its details: "hold", "grip",
-      "turn", "look", "done", "discard", "undo".
+    Parameters
+    ----------
+    gui
+        Of viser.
+    ask
+        Called in the server's threads with what is asked for and its details: "hold", "grip",
+        "turn", "look", "done", "discard", "undo".
     """
 
     def __init__(self, gui: Any, ask: Callable[[str, dict[str, Any]], None]):

@@ -38,9 +38,13 @@ says is cut there.
 class Request:
     """What somebody asked for with a control, and its details.
 
-    * what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a
-      lesson with the mouse "hold", "pull", "turn", "grip", "look", "done", "discard" or "undo".
-    * values: the details.
+    Parameters
+    ----------
+    what
+        "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a
+        lesson with the mouse "hold", "pull", "turn", "grip", "look", "done", "discard" or "undo".
+    values
+        The details.
     """
 
     what: str
@@ -51,9 +55,14 @@ class Request:
 class Knob:
     """A number of a node that can be changed while it runs.
 
-    * name, description: of the parameter.
-    * low, high: its range.
-    * value: at present.
+    Parameters
+    ----------
+    name, description
+        Of the parameter.
+    low, high
+        Its range.
+    value
+        At present.
     """
 
     name: str
@@ -67,9 +76,14 @@ class Knob:
 class NodeStatus:
     """What a node says of itself.
 
-    * name: of the node.
-    * level: index into LEVELS.
-    * message: of its diagnostics.
+    Parameters
+    ----------
+    name
+        Of the node.
+    level
+        Index into LEVELS.
+    message
+        Of its diagnostics.
     """
 
     name: str
@@ -80,10 +94,16 @@ class NodeStatus:
 class Panel:
     """The controls of one page.
 
-    * server: viser's server, or one client's part of it.
-    * scene: what the page shows; its controls change it.
-    * ask: called in the server's threads with each Request: hand over to your own.
-    * skill: whose trials it controls, default throws at baskets.
+    Parameters
+    ----------
+    server
+        Viser's server, or one client's part of it.
+    scene
+        What the page shows; its controls change it.
+    ask
+        Called in the server's threads with each Request: hand over to your own.
+    skill
+        Whose trials it controls, default throws at baskets.
     """
 
     def __init__(
@@ -144,7 +164,15 @@ class Panel:
     # what it tells
 
     def say(self, text: str, is_error: bool = False) -> None:
-        """A line about what goes on. text: the line; is_error: shows it as one."""
+        """A line about what goes on.
+
+        Parameters
+        ----------
+        text
+            The line.
+        is_error
+            Shows it as one.
+        """
         self._says.content = _says(text, is_error)
         self._is_new = text == self._welcome
 
@@ -157,8 +185,12 @@ class Panel:
             )
 
     def set_busy(self, busy: bool) -> None:
-        """While something is carried out, nothing else can be asked for but to stop it. busy:
-        whether that is so.
+        """While something is carried out, nothing else can be asked for but to stop it.
+
+        Parameters
+        ----------
+        busy
+            Whether that is so.
         """
         for button in self._starting:
             button.disabled = busy
@@ -193,9 +225,13 @@ class Panel:
 
     def add_throw(self, error: float, in_basket: bool) -> None:
         """A point of the learning curve: error [m], nan if it was not seen, and whether it
-        succeeded: a ball, whether it went in.
+        succeeded:
+        a ball, whether it went in.
 
-        in_basket: whether it succeeded.
+        Parameters
+        ----------
+        in_basket
+            Whether it succeeded.
         """
         self._errors.append((self._words.unit[1] * float(error), bool(in_basket)))
         del self._errors[:-LONGEST_CURVE]
@@ -204,7 +240,11 @@ class Panel:
 
     def add_knobs(self, node: str, knobs: Sequence[Knob]) -> None:
         """Numbers of a node that can be changed; those that are there already get the new values.
-        knobs: the numbers.
+
+        Parameters
+        ----------
+        knobs
+            The numbers.
         """
         self._no_knobs.visible = self._no_knobs.visible and not knobs
         self._as_before.visible = self._as_before.visible or bool(knobs)

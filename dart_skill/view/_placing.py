@@ -8,8 +8,12 @@ from dart_skill.common.regions import Region
 
 
 def nearest_in(region: Region, point: np.ndarray) -> np.ndarray:
-    """The place of a region nearest to a point (>= 2,), at the height of the rim: (3,) [m];
-    ValueError for what is no point.
+    """The place of a region nearest to a point (>= 2,), at the height of the rim: (3,) [m].
+
+    Raises
+    ------
+    ValueError
+        For what is no point.
     """
     x, y = np.asarray(point, dtype=float)[:2]
     if not (np.isfinite(x) and np.isfinite(y)):

@@ -70,11 +70,18 @@ GROUPS = {
 class Scene:
     """The things of one arm in a viser scene. What has not been seen yet is not shown.
 
-    * server: a viser.ViserServer, see `open_server`.
-    * description: of the arm, default that of config/wam.yaml.
-    * region: where the basket may be put, default that of config/world.yaml.
-    * basket: its shape, default that of config/world.yaml.
-    * skill: whose bodies are shown instead of ball and basket (`Skill.solids`); None: these two.
+    Parameters
+    ----------
+    server
+        A viser.ViserServer, see `open_server`.
+    description
+        Of the arm, default that of config/wam.yaml.
+    region
+        Where the basket may be put, default that of config/world.yaml.
+    basket
+        Its shape, default that of config/world.yaml.
+    skill
+        Whose bodies are shown instead of ball and basket (`Skill.solids`); None: these two.
     """
 
     _angles: np.ndarray  # of the joints, as they are drawn
@@ -144,8 +151,12 @@ class Scene:
             self.held_hand.follow(position)
 
     def move_body(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """A body of the skill as it is tracked: position (3,) and quaternion (4,). ValueError for
-        a role that the scene does not have.
+        """A body of the skill as it is tracked: position (3,) and quaternion (4,).
+
+        Raises
+        ------
+        ValueError
+            For a role that the scene does not have.
         """
         if role not in self._moved:
             raise ValueError(
@@ -193,10 +204,19 @@ class Scene:
         self, group: str, centres: np.ndarray, quaternions: np.ndarray, diameters: np.ndarray
     ) -> None:
         """Ellipsoids: centres (K, 3), quaternions (K, 4) of their axes, diameters (K, 3) along
-        these; they replace those of the group.
+        these;
+        they replace those of the group.
 
-        group: of which task frame they are, or of their product; each has a colour of its own, in
-        the order of their first coming. ValueError if these are not equally many.
+        Parameters
+        ----------
+        group
+            Of which task frame they are, or of their product; each has a colour of its own, in the
+            order of their first coming.
+
+        Raises
+        ------
+        ValueError
+            If these are not equally many.
         """
         centres, diameters = _array(group, centres, -1, 3), _array(group, diameters, -1, 3)
         if len(diameters) != len(centres) or np.any(diameters < 0.0):
@@ -293,7 +313,15 @@ class Scene:
     def show(self, group: str, visible: bool) -> None:
         """Switch one of `GROUPS`, or a group of Gaussians that has been shown, on or off.
 
-        visible: on or off. ValueError for a group that there is not.
+        Parameters
+        ----------
+        visible
+            On or off.
+
+        Raises
+        ------
+        ValueError
+            For a group that there is not.
         """
         if group in GROUPS:
             self._groups[group].visible = visible

@@ -35,8 +35,12 @@ AWAY = (0.0, 0.0, -50.0)
 class SceneCamera:
     """A camera in front of the arm; a maker of pictures for `write_lerobot`.
 
-    * skill: whose bodies are in the scene.
-    * width, height: of the pictures [pixels].
+    Parameters
+    ----------
+    skill
+        Whose bodies are in the scene.
+    width, height
+        Of the pictures [pixels].
     """
 
     def __init__(self, skill: Skill, width: int = WIDTH, height: int = HEIGHT):

@@ -27,7 +27,13 @@ class ViewUnavailable(RuntimeError):
 
 
 def load_viser() -> ModuleType:
-    """The module viser; ViewUnavailable names the package to install."""
+    """The module viser.
+
+    Raises
+    ------
+    ViewUnavailable
+        Names the package to install.
+    """
     try:
         return importlib.import_module("viser")
     except ImportError as error:
@@ -42,9 +48,23 @@ def open_server(
 ) -> Any:
     """A running viser.ViserServer, empty, for `Scene` and `Panel`.
 
-    host: address to listen on; port: 0 for any free one, else that one and no other. token: only
-    who has it is let in (`with_token`); empty: everybody. ViewUnavailable if viser is missing or
-    the port is taken. Stop it with its method `stop`. title: of the page.
+    Stop it with its method `stop`.
+
+    Parameters
+    ----------
+    host
+        Address to listen on.
+    port
+        0 for any free one, else that one and no other.
+    token
+        Only who has it is let in (`with_token`); empty: everybody.
+    title
+        Of the page.
+
+    Raises
+    ------
+    ViewUnavailable
+        If viser is missing or the port is taken.
     """
     viser = load_viser()
     _check_free(host, port)
@@ -60,7 +80,13 @@ def open_server(
 
 
 def url_of(server: Any) -> str:
-    """Where a browser on this machine finds the page. server: from `open_server`."""
+    """Where a browser on this machine finds the page.
+
+    Parameters
+    ----------
+    server
+        From `open_server`.
+    """
     host = server.get_host()
     host = "127.0.0.1" if host in ("0.0.0.0", "::", "") else host
     return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
@@ -73,9 +99,13 @@ def new_token() -> str:
 
 def with_token(url: str, token: str) -> str:
     """The address of a page, of which the browser opens the websocket with the token: viser takes
-    its address as a parameter.
+    its
+    address as a parameter.
 
-    url: without the token.
+    Parameters
+    ----------
+    url
+        Without the token.
     """
     return f"{url}/?websocket={url.replace('http', 'ws', 1)}/{token}"
 

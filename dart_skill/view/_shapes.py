@@ -117,8 +117,12 @@ def pyramid(half_angles: tuple[float, float], length: float) -> Mesh:
 
 
 def bucket(radius: float, depth: float, wall: float, sides: int = 2 * SIDES) -> Mesh:
-    """A basket: upright and open at the top, the centre of its rim at the origin; radius: of the
-    free opening.
+    """A basket: upright and open at the top, the centre of its rim at the origin.
+
+    Parameters
+    ----------
+    radius
+        Of the free opening.
     """
     outer, floor = radius + wall, -depth - wall
     profile = [

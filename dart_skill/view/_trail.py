@@ -8,9 +8,14 @@ import numpy as np
 class Trail:
     """The newest points of a path, thinned.
 
-    * step: what moves less adds nothing [m].
-    * jump: what moves farther at once begins a new path, as of a world that is reset [m].
-    * capacity: how many points are kept.
+    Parameters
+    ----------
+    step
+        What moves less adds nothing [m].
+    jump
+        What moves farther at once begins a new path, as of a world that is reset [m].
+    capacity
+        How many points are kept.
     """
 
     def __init__(self, step: float = 0.01, jump: float = 0.5, capacity: int = 400):
@@ -21,7 +26,13 @@ class Trail:
         return len(self._points)
 
     def extend(self, points: np.ndarray) -> bool:
-        """Add points (n, 3) in their order; whether the path has changed."""
+        """Add points (n, 3) in their order.
+
+        Returns
+        -------
+        bool
+            Whether the path has changed.
+        """
         changed = False
         for point in points:
             away = np.inf if not self._points else float(np.linalg.norm(point - self._points[-1]))

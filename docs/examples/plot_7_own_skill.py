@@ -12,16 +12,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from dart_skill.arm import ArmModel
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import HAND, Demonstration, Track
 from dart_skill.skills.learning import LearnedSkill
-from dart_skill.skills.protocol import (
-    HAND,
-    Demonstration,
-    Pose,
-    Situation,
-    Skill,
-    TaskOutcome,
-    Track,
-)
+from dart_skill.skills.protocol import Skill, TaskOutcome
 
 
 class Press(Skill):

@@ -10,7 +10,8 @@ from dart_skill_msgs.action import Teach
 from rclpy.action import ActionClient
 from scipy.spatial.transform import Rotation
 
-from dart_skill.skills.protocol import Situation, load_skill
+from dart_skill.common.situation import Situation
+from dart_skill.skills.protocol import load_skill
 from dart_skill.view._scene import NEAR
 from dart_skill_nodes.comms import conversions
 from tests.integration.browser import SMALL, Page, needs_chromium

@@ -15,11 +15,12 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from dart_skill.arm import Command
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.recording import read_demonstrations
 from dart_skill.session import learn_skill
 from dart_skill.simulation import Holder
 from dart_skill.skills.learning import Policy
-from dart_skill.skills.protocol import Pose, Situation, load_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP

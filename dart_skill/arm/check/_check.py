@@ -63,8 +63,12 @@ def check_arm(
 ) -> ArmReport:
     """What speaks for and against moving the arm, from what was heard of it.
 
-    limits: parameters of the commander, default those of config/commander.yaml. model: of the arm,
-    default that of config/wam.yaml.
+    Parameters
+    ----------
+    limits
+        Parameters of the commander, default those of config/commander.yaml.
+    model
+        Of the arm, default that of config/wam.yaml.
     """
     limits = node_parameters("commander.yaml", "commander") if limits is None else limits
     model = model or ArmModel()

@@ -12,7 +12,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A publisher or subscriber. reliability: "reliable" or "best_effort". node: its name."""
+    """A publisher or subscriber.
+
+    Parameters
+    ----------
+    reliability
+        "reliable" or "best_effort".
+    node
+        Its name.
+    """
 
     node: str
     reliability: str = "reliable"
@@ -22,12 +30,18 @@ class Endpoint:
 class HeardTopic:
     """The messages of a topic, in the order of their receipt.
 
-    * topic: its name.
-    * publishers: all that there were.
-    * received_ns: when each came, on the clock that the nodes use: wall clock, or /clock, (n,)
-      [ns].
-    * stamp_ns: what its header says, (n,) [ns].
-    * frames: the frame_ids that were used.
+    Parameters
+    ----------
+    topic
+        Its name.
+    publishers
+        All that there were.
+    received_ns
+        When each came, on the clock that the nodes use: wall clock, or /clock, (n,) [ns].
+    stamp_ns
+        What its header says, (n,) [ns].
+    frames
+        The frame_ids that were used.
     """
 
     topic: str
@@ -57,11 +71,16 @@ class HeardTopic:
 class HeardJoints(HeardTopic):
     """Joint states.
 
-    * orders: the lists of names that were used.
-    * position: (n, k) [rad], of the arm's joints in their order where all are named, else as they
-      came.
-    * velocity: (n, k) [rad/s], or (n, 0) where the driver gives none.
-    * n_odd: messages with another number of positions than k; they are left out.
+    Parameters
+    ----------
+    orders
+        The lists of names that were used.
+    position
+        (n, k) [rad], of the arm's joints in their order where all are named, else as they came.
+    velocity
+        (n, k) [rad/s], or (n, 0) where the driver gives none.
+    n_odd
+        Messages with another number of positions than k; they are left out.
     """
 
     orders: tuple[tuple[str, ...], ...] = ()
@@ -82,10 +101,16 @@ class HeardPoses(HeardTopic):
 class Heard:
     """Everything that was heard.
 
-    * simulated: whether the nodes follow /clock.
-    * joints: of the arm's driver.
-    * poses: of the hand, the ball and the basket.
-    * commanders, drivers: who publishes /wam/command, and who takes it.
+    Parameters
+    ----------
+    simulated
+        Whether the nodes follow /clock.
+    joints
+        Of the arm's driver.
+    poses
+        Of the hand, the ball and the basket.
+    commanders, drivers
+        Who publishes /wam/command, and who takes it.
     """
 
     simulated: bool

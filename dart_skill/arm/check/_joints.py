@@ -216,7 +216,13 @@ class PostureCounter:
         return len(self._found)
 
     def add(self, time: float, position: np.ndarray) -> bool:
-        """Take the joints (7,) [rad] at an instant [s]; whether that makes a new posture."""
+        """Take the joints (7,) [rad] at an instant [s].
+
+        Returns
+        -------
+        bool
+            Whether that makes a new posture.
+        """
         last = self._last
         self._last = (time, position)
         if last is None or not time > last[0]:

@@ -18,10 +18,16 @@ class Grade(str, Enum):
 class Line:
     """What was measured, what is asked, and what to do about it.
 
-    * check: what was looked at.
-    * verdict: GO, WARN or NO_GO.
-    * measured, asked: both in words, with units.
-    * remedy: empty if nothing needs to be done.
+    Parameters
+    ----------
+    check
+        What was looked at.
+    verdict
+        GO, WARN or NO_GO.
+    measured, asked
+        Both in words, with units.
+    remedy
+        Empty if nothing needs to be done.
     """
 
     check: str

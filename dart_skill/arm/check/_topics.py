@@ -29,7 +29,13 @@ ONE_BASE = 0.2
 
 
 def publisher_line(stream: HeardTopic, source: str) -> Line:
-    """Exactly one publisher. source: what publishes it."""
+    """Exactly one publisher.
+
+    Parameters
+    ----------
+    source
+        What publishes it.
+    """
     names = [one.node for one in stream.publishers]
     remedy = (
         f"end all but one of {', '.join(names)}"
@@ -61,8 +67,12 @@ def quality_line(stream: HeardTopic, better_reliable: bool) -> Line:
 
 
 def rate_line(stream: HeardTopic, rate: float, longest_gap: float | None) -> Line:
-    """How often it comes, by its stamps, and the longest gap; longest_gap: None if a gap is no
-    fault, as of a body that is hidden [s].
+    """How often it comes, by its stamps, and the longest gap.
+
+    Parameters
+    ----------
+    longest_gap
+        None if a gap is no fault, as of a body that is hidden [s].
     """
     asked = f"{rate:g} Hz" + (f", no gap of {longest_gap:g} s" if longest_gap else "")
     if len(stream) < 3:

@@ -14,7 +14,13 @@ from dart_skill.common.constants import PARTITIONS
 
 
 def add_jobs(parser: argparse.ArgumentParser, default: int = 1) -> None:
-    """Add `--jobs`. default: 1, or 0 for a process per core."""
+    """Add `--jobs`.
+
+    Parameters
+    ----------
+    default
+        1, or 0 for a process per core.
+    """
     text = "1" if default else "one per core"
     parser.add_argument(
         "--jobs", type=int, default=default, help=f"processes at a time (default {text})"
@@ -44,7 +50,13 @@ def add_batch(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser, text: str = "the table as JSON") -> None:
-    """Add `--json`. text: what it prints, in words."""
+    """Add `--json`.
+
+    Parameters
+    ----------
+    text
+        What it prints, in words.
+    """
     parser.add_argument("--json", action="store_true", help=text)
 
 
@@ -63,9 +75,14 @@ def add_arms(parser: argparse.ArgumentParser) -> None:
 def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> None:
     """Add the options of an experiment with a skill of poses.
 
-    * parser: of the experiment.
-    * tried: what each seed tries, in the plural, the name of the option.
-    * one: what a line of the JSON is about.
+    Parameters
+    ----------
+    parser
+        Of the experiment.
+    tried
+        What each seed tries, in the plural, the name of the option.
+    one
+        What a line of the JSON is about.
     """
     parser.add_argument("--seeds", type=positive, default=10, help="seeds 0 to N - 1 (default 10)")
     parser.add_argument(
@@ -88,11 +105,21 @@ def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> Non
 
 
 def show(tried: Sequence[Any], table: Callable[[Any], str], as_json: bool) -> int:
-    """Print the results of an experiment; returns the exit status.
+    """Print the results of an experiment.
 
-    * tried: a dataclass for each.
-    * table: makes the table of them.
-    * as_json: the fields of each instead of the table.
+    Parameters
+    ----------
+    tried
+        A dataclass for each.
+    table
+        Makes the table of them.
+    as_json
+        The fields of each instead of the table.
+
+    Returns
+    -------
+    int
+        The exit status.
     """
     print(json.dumps([asdict(one) for one in tried], indent=1) if as_json else table(tried))
     return 0

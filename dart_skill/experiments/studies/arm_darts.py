@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.common.configuration import node_parameters
+from dart_skill.common.situation import Situation
 from dart_skill.common.surface import BOARD_DIAMETER
 from dart_skill.experiments.parallel import all_of
 from dart_skill.recording import Demonstration
@@ -26,15 +27,18 @@ from dart_skill.simulation import Board, PlantSettings, Swing
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.learning import configuration
 from dart_skill.skills.practice import PractisingSkill
-from dart_skill.skills.protocol import Situation
 
 PRACTICE = {"none": ("none", False), "misses": ("residual", False), "both": ("residual", True)}
 """What is practised: nothing; what repeats in the misses; that, and when to let go."""
 
 
 def darts_session(seed: int, board: Board | None = None, **plant: Any) -> Session:
-    """A session with a board instead of baskets; plant: settings of the plant that differ from the
-    configured ones.
+    """A session with a board instead of baskets.
+
+    Parameters
+    ----------
+    plant
+        Settings of the plant that differ from the configured ones.
     """
     settings, board = (
         PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator")),
@@ -49,9 +53,13 @@ def teach(
     session: Session, skill: Darts, situations: Iterable[Situation]
 ) -> tuple[list[Demonstration], np.ndarray]:
     """A demonstration for each aim with which the teacher hit the board; misses (m, 2) [mm] of all
-    of the teacher's darts.
+    of
+    the teacher's darts.
 
-    situations: with the aims.
+    Parameters
+    ----------
+    situations
+        With the aims.
     """
     kept, misses = [], []
     for situation in situations:
@@ -76,18 +84,28 @@ def run(
 ) -> DartsRun:
     """One arm from its first lesson on.
 
-    Parameters:
+    Parameters
+    ----------
+    seed
+        Int, of everything that is random.
+    throws
+        Int, default 300.
+    demonstrations
+        Int, default 8. Number of darts that the teacher aims, at least 2.
+    practice
+        One of PRACTICE, default "both".
+    board
+        Board, default None: one of regulation height and distance.
+    each
+        Function that is called after each throw with its number, from 0, and its Dart; default
+        None.
+    name
+        Of the skill's configuration, default "": the default one.
 
-    * seed: int, of everything that is random.
-    * throws: int, default 300.
-    * demonstrations: int, default 8. Number of darts that the teacher aims, at least 2.
-    * practice: one of PRACTICE, default "both".
-    * board: Board, default None: one of regulation height and distance.
-    * each: function that is called after each throw with its number, from 0, and its Dart; default
-      None.
-    * name: of the skill's configuration, default "": the default one.
-
-    ValueError for too few throws or demonstrations, or a practice that there is not.
+    Raises
+    ------
+    ValueError
+        For too few throws or demonstrations, or a practice that there is not.
     """
     if practice not in PRACTICE:
         raise ValueError(f"there is no practice '{practice}': choose one of {', '.join(PRACTICE)}")
@@ -137,7 +155,12 @@ def over_seeds(
     """One arm for each seed, `jobs` processes at a time, at a board of regulation height and
     distance.
 
-    throws: of each arm; practice, name: as in `run`.
+    Parameters
+    ----------
+    throws
+        Of each arm.
+    practice, name
+        As in `run`.
     """
     return all_of(
         partial(
@@ -158,7 +181,10 @@ def table_of_seeds(runs: Sequence[DartsRun]) -> str:
     """Table of each seed: mean score of a dart in the first and the last block of throws, and the
     median distance from the aim in the last.
 
-    runs: one for each seed.
+    Parameters
+    ----------
+    runs
+        One for each seed.
     """
     head = f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}"
     rows = [_row_of_seed(one) for one in runs]

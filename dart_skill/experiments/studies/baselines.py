@@ -42,23 +42,31 @@ def _settings(
 
 class CrossEntropy(VectorSearch):
     """Cross-entropy method: after every `batch` returns the Gaussian gets mean and covariance of
-    the `best` M of them.
+    the
+    `best` M of them.
 
     P. T. de Boer et al., A tutorial on the cross-entropy method, Annals of OR 134, 2005. Noise: I.
     Szita and A. Loerincz, Learning Tetris using the noisy cross-entropy method, Neural Computation
     18, 2006.
 
-    Parameters:
-
-    * parameters (d,): first guess, the mean of the first Gaussian.
-    * spread: one number or (d,). Standard deviations of the first Gaussian.
-    * rng: numpy Generator.
-    * batch: int, number of returns between updates; default None: 10 + 5 d.
-    * best: int, M; default None: batch / 4.
-    * smoothing: float in (0, 1], default 1. Share of the way to the new mean and covariance that
-      one update goes.
-    * minimum_exploration: float, default 0.03. Standard deviation of the noise that is added to
-      the covariance, relative to `spread`; without it the method stops learning.
+    Parameters
+    ----------
+    parameters : (d,)
+        First guess, the mean of the first Gaussian.
+    spread
+        One number or (d,). Standard deviations of the first Gaussian.
+    rng
+        Numpy Generator.
+    batch
+        Int, number of returns between updates; default None: 10 + 5 d.
+    best
+        Int, M; default None: batch / 4.
+    smoothing
+        Float in (0, 1], default 1. Share of the way to the new mean and covariance that one update
+        goes.
+    minimum_exploration
+        Float, default 0.03. Standard deviation of the noise that is added to the covariance,
+        relative to `spread`; without it the method stops learning.
     """
 
     def __init__(
@@ -126,15 +134,23 @@ class RandomRestarts(PoWER):
     the best of these results and of the present run. A result is not tried again. So where returns
     change, its value may be out of date.
 
-    Parameters:
-
-    * parameters (d,), spread, rng: as in `PoWER`.
-    * restart_below: float, default 0.05. A run ends when its exploration, relative to `spread`, is
-      below this.
-    * longest_run: int, default 500. A run ends at the first update after so many returns.
-    * reach: float, default 1. A new run starts at a place from a Gaussian about `parameters` with
-      `reach` times `spread`.
-    * options: the other options of `PoWER`.
+    Parameters
+    ----------
+    parameters : (d,)
+        As in `PoWER`.
+    spread
+        As in `PoWER`.
+    rng
+        As in `PoWER`.
+    restart_below
+        Float, default 0.05. A run ends when its exploration, relative to `spread`, is below this.
+    longest_run
+        Int, default 500. A run ends at the first update after so many returns.
+    reach
+        Float, default 1. A new run starts at a place from a Gaussian about `parameters` with
+        `reach` times `spread`.
+    options
+        The other options of `PoWER`.
     """
 
     def __init__(
@@ -217,16 +233,23 @@ class MonteCarlo(VectorSearch):
     distances in units of `spread`. The best guess is the middle of the neighbourhood with the
     highest mean return.
 
-    Parameters:
-
-    * parameters (d,): middle of the trials.
-    * spread: one number or (d,), the unit of distances.
-    * rng: numpy Generator.
-    * reach: float, default 2. Trials are uniform within `reach` times `spread` of `parameters`,
-      along each parameter.
-    * batch: int, default 25. The best neighbourhood is looked for after so many returns.
-    * best: int, default 15. M.
-    * latest: int, default 500. S.
+    Parameters
+    ----------
+    parameters : (d,)
+        Middle of the trials.
+    spread
+        One number or (d,), the unit of distances.
+    rng
+        Numpy Generator.
+    reach
+        Float, default 2. Trials are uniform within `reach` times `spread` of `parameters`, along
+        each parameter.
+    batch
+        Int, default 25. The best neighbourhood is looked for after so many returns.
+    best
+        Int, default 15. M.
+    latest
+        Int, default 500. S.
     """
 
     def __init__(
@@ -273,14 +296,19 @@ class MonteCarlo(VectorSearch):
 class CMAES(VectorSearch):
     """CMA-ES of the package `cma` (pip install cma), with its own defaults.
 
-    Parameters:
-
-    * parameters (d,): first guess.
-    * spread: one number or (d,). Standard deviations of the first trials.
-    * rng: numpy Generator.
-    * batch: int, the population; default None: 4 + 3 log d.
-    * minimum_exploration: float, default 0 as in `cma`. Least standard deviation of any parameter,
-      relative to `spread`. With 0 the search stops learning once it has converged.
+    Parameters
+    ----------
+    parameters : (d,)
+        First guess.
+    spread
+        One number or (d,). Standard deviations of the first trials.
+    rng
+        Numpy Generator.
+    batch
+        Int, the population; default None: 4 + 3 log d.
+    minimum_exploration
+        Float, default 0 as in `cma`. Least standard deviation of any parameter, relative to
+        `spread`. With 0 the search stops learning once it has converged.
     """
 
     def __init__(

@@ -32,10 +32,16 @@ distances.
 class BasketTask:
     """One teacher, all models learned from the same demonstrations and tried on the same baskets.
 
-    * seed: of the teacher.
-    * models: names of configurations.
-    * demonstrations: that are shown.
-    * throws: of each model.
+    Parameters
+    ----------
+    seed
+        Of the teacher.
+    models
+        Names of configurations.
+    demonstrations
+        That are shown.
+    throws
+        Of each model.
     """
 
     seed: int
@@ -146,8 +152,12 @@ class ModelThrows:
 
 
 def throws_of(results: list[BasketRun], model: str, demonstrations: int) -> ModelThrows:
-    """Throws of one model after so many demonstrations, over all runs that have them; ValueError
-    if none has.
+    """Throws of one model after so many demonstrations, over all runs that have them.
+
+    Raises
+    ------
+    ValueError
+        If none has.
     """
     parts = [
         (one, one.task.models.index(model))

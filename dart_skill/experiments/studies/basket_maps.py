@@ -129,7 +129,12 @@ def _cell(values: np.ndarray, borders: np.ndarray, what: str) -> np.ndarray:
 
 def draw_basket(results: Sequence[BasketRun], folder: str | Path) -> list[Path]:
     """A map of every model and number of demonstrations, and the curve over these numbers if there
-    are several; returns the paths.
+    are several.
+
+    Returns
+    -------
+    list[Path]
+        The paths.
     """
     kinds = list(
         dict.fromkeys(
@@ -151,7 +156,13 @@ def draw_basket(results: Sequence[BasketRun], folder: str | Path) -> list[Path]:
 def draw_map(
     results: Sequence[BasketRun], model: str, demonstrations: int, folder: str | Path
 ) -> list[Path]:
-    """Write `map_MODEL_N`; returns the paths."""
+    """Write `map_MODEL_N`.
+
+    Returns
+    -------
+    list[Path]
+        The paths.
+    """
     throws = throws_of(list(results), model, demonstrations)
     cells = cells_of(throws)
     used = [
@@ -327,7 +338,12 @@ def _legend() -> list:
 
 def draw_curve(results: Sequence[BasketRun], folder: str | Path) -> list[Path]:
     """Write `curve`: success and median error against the number of demonstrations, per model and
-    place; returns the paths.
+    place.
+
+    Returns
+    -------
+    list[Path]
+        The paths.
     """
     models = list(dict.fromkeys(model for one in results for model in one.task.models))
     numbers = sorted({one.task.demonstrations for one in results})

@@ -46,13 +46,20 @@ KINDS: dict[str, dict[str, Any]] = {
 @dataclass(frozen=True)
 class GrabbedThrow:
     """One throw. `varied` and `agreed` are the instants and axes in which the demonstrations
-    varied most, and least.
+    varied
+    most, and least.
 
-    * kind: of KINDS.
-    * force: what the arm pulls back with where its hand is GRABBED off, (varied, agreed) [N].
-    * off: root mean square distance from the path until the release along these axes, (varied,
-      agreed) [m].
-    * miss: of the ball, nan if it was not seen [m].
+    Parameters
+    ----------
+    kind
+        Of KINDS.
+    force
+        What the arm pulls back with where its hand is GRABBED off, (varied, agreed) [N].
+    off
+        Root mean square distance from the path until the release along these axes, (varied,
+        agreed) [m].
+    miss
+        Of the ball, nan if it was not seen [m].
     """
 
     kind: str
@@ -64,8 +71,14 @@ class GrabbedThrow:
 def run(
     seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5, name: str = ""
 ) -> list[GrabbedThrow]:
-    """All seeds, `jobs` processes at a time. throws: of each seed and kind; name: of the
-    configuration, "" for the default one.
+    """All seeds, `jobs` processes at a time.
+
+    Parameters
+    ----------
+    throws
+        Of each seed and kind.
+    name
+        Of the configuration, "" for the default one.
     """
     one = partial(run_seed, demonstrations=demonstrations, throws=throws, name=name)
     return all_of(one, seeds, jobs)
@@ -143,7 +156,13 @@ def _resistance(arm: Impedance, gains: PoseGains, state: PlantState, axis: np.nd
 
 
 def table(swings: list[GrabbedThrow]) -> str:
-    """A row for each kind: medians over its throws. swings: every throw."""
+    """A row for each kind: medians over its throws.
+
+    Parameters
+    ----------
+    swings
+        Every throw.
+    """
     lines = [
         f"{'stiffness':<12}{'throws':>8}{'force where they varied, agreed [N]':>38}{'off the path there [mm]':>26}{'miss [cm]':>12}"
     ]

@@ -55,7 +55,12 @@ class Schedule:
 
 class DartLandscape:
     """The board as a landscape: the expected score of an aim (2,) [mm] for the thrower of the
-    moment. schedule: of the thrower, by name.
+    moment.
+
+    Parameters
+    ----------
+    schedule
+        Of the thrower, by name.
     """
 
     start, spread = START, SPREAD
@@ -68,7 +73,15 @@ class DartLandscape:
         return expected_score(parameters, self._sigmas[trial])
 
     def thrown(self, aim: np.ndarray, trial: int, rng: np.random.Generator) -> float:
-        """Score of one dart. aim: (2,) [mm]; trial: its number."""
+        """Score of one dart.
+
+        Parameters
+        ----------
+        aim
+            (2,) [mm].
+        trial
+            Its number.
+        """
         return float(score(aim + self._sigmas[trial] * rng.standard_normal(2)))
 
 
@@ -145,9 +158,16 @@ units of that spread.
 
 @dataclass(frozen=True)
 class SearchTask:
-    """One run. schedule: of the thrower, or the name of another landscape; stop_after: throws
-    after which the search learns no more and throws at its best guess, 0 for never. reward:
-    "expected", the expected score, or "thrown", the score of one dart.
+    """One run.
+
+    Parameters
+    ----------
+    schedule
+        Of the thrower, or the name of another landscape.
+    stop_after
+        Throws after which the search learns no more and throws at its best guess, 0 for never.
+    reward
+        "expected", the expected score, or "thrown", the score of one dart.
     """
 
     method: str
@@ -186,8 +206,12 @@ class SearchRun:
     """What came of a task: mean regret [points] of all throws and of the aim held for the best, of
     the latter in the last 50 throws, and the same per block of 10 throws; components of the
     mixture per block, 1 for others. offline_error, where a landscape changes at a blow: mean over
-    trials of what the best trial since the last change lost (Branke 1999). end_regret: the one in
-    the last 50 throws.
+    trials of what the best trial since the last change lost (Branke 1999).
+
+    Parameters
+    ----------
+    end_regret
+        The one in the last 50 throws.
     """
 
     task: SearchTask
@@ -203,9 +227,13 @@ class SearchRun:
 @lru_cache(maxsize=8)
 def best_scores(schedule: str) -> np.ndarray:
     """Expected score (n,) of the best aim at every throw, interpolated between the knots of the
-    exact path, piece by piece.
+    exact
+    path, piece by piece.
 
-    schedule: of the thrower, by name.
+    Parameters
+    ----------
+    schedule
+        Of the thrower, by name.
     """
     sigmas = SCHEDULES[schedule].sigmas
     path = optimum_path(sigmas.min(), sigmas.max())

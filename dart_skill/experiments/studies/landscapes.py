@@ -57,8 +57,12 @@ class LandscapeStage(Protocol):
 class StagedLandscape:
     """One stage after the other: stages[i + 1] begins with trial changes[i].
 
-    * start: first guess.
-    * spread: standard deviation of the first trials.
+    Parameters
+    ----------
+    start
+        First guess.
+    spread
+        Standard deviation of the first trials.
     """
 
     start: np.ndarray
@@ -129,7 +133,13 @@ class Peaks:
 
 
 def reflected(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Values thrown back at the bounds as often as need be. low, high: the bounds."""
+    """Values thrown back at the bounds as often as need be.
+
+    Parameters
+    ----------
+    low, high
+        The bounds.
+    """
     length = high - low
     return low + length - np.abs((values - low) % (2 * length) - length)
 
@@ -137,7 +147,13 @@ def reflected(values: np.ndarray, low: float, high: float) -> np.ndarray:
 def moving_peaks(
     rng: np.random.Generator, n_dims: int, every: int, n_peaks: int = 5
 ) -> StagedLandscape:
-    """Peaks at random places of the box that change after `every` trials. n_dims: of the box."""
+    """Peaks at random places of the box that change after `every` trials.
+
+    Parameters
+    ----------
+    n_dims
+        Of the box.
+    """
     peaks = [
         Peaks(
             rng.uniform(*HEIGHTS, n_peaks),
@@ -166,7 +182,13 @@ OBSTACLE = 0.9
 @dataclass(frozen=True, eq=False)
 class Hills:
     """Gaussian hills with tops (k, 2) and heights (k,), the highest of those at each place; none
-    of it within the disc of that radius about the first top. obstacle: the radius, default 0.
+    of
+    it within the disc of that radius about the first top.
+
+    Parameters
+    ----------
+    obstacle
+        The radius, default 0.
     """
 
     tops: np.ndarray
@@ -274,8 +296,12 @@ class PlanarArm:
         )
 
     def limited(self, joint: int, low: float, high: float) -> PlanarArm:
-        """With a joint that only moves within these angles; stuck where both are the same. low,
-        high: the angles [rad].
+        """With a joint that only moves within these angles; stuck where both are the same.
+
+        Parameters
+        ----------
+        low, high
+            The angles [rad].
         """
         lows, highs = self.low.copy(), self.high.copy()
         lows[joint], highs[joint] = low, high

@@ -16,7 +16,11 @@ def pbdlib_mixture(folder: str | Path) -> Any:
     it, which are not used.
 
     pbdlib-python is no package: folder is its checkout for Python 3, in which pbdlib/gmm.py is.
-    ValueError: it is not there.
+
+    Raises
+    ------
+    ValueError
+        It is not there.
     """
     package = Path(folder) / "pbdlib"
     if not (package / "gmm.py").is_file():

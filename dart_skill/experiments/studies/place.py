@@ -11,22 +11,27 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import PlanRefused
+from dart_skill.common.situation import Pose
 from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.studies.pose_skills import arm_of, configured, shown
+from dart_skill.recording import Demonstration
 from dart_skill.session import BenchSession
 from dart_skill.skills.learning import LearnedSkill, NoPlan
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Demonstration, Pose
 
 
 @dataclass(frozen=True)
 class Placed:
     """One part, and what came of it.
 
-    * seed: of the person who showed the skill.
-    * away, turn: how far its holder was from where the skill was shown [m], and how far turned
-      [rad].
-    * success, error, reason: the outcome, error in [m].
+    Parameters
+    ----------
+    seed
+        Of the person who showed the skill.
+    away, turn
+        How far its holder was from where the skill was shown [m], and how far turned [rad].
+    success, error, reason
+        The outcome, error in [m].
     """
 
     seed: int
@@ -45,10 +50,16 @@ def run(
     arm: str = "ideal",
     partition: str = "",
 ) -> list[Placed]:
-    """All seeds, `jobs` processes at a time. parts: that each seed places. arm: of the fleet, or
-    "fleet".
+    """All seeds, `jobs` processes at a time.
 
-    partition: as in `pose_skills.configured`.
+    Parameters
+    ----------
+    parts
+        That each seed places.
+    arm
+        Of the fleet, or "fleet".
+    partition
+        As in `pose_skills.configured`.
     """
     one = partial(
         run_seed, demonstrations=demonstrations, parts=parts, arm=arm, partition=partition
@@ -60,9 +71,13 @@ def run_seed(
     seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = ""
 ) -> list[Placed]:
     """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for
-    every seed.
+    every
+    seed.
 
-    partition: as in `pose_skills.configured`.
+    Parameters
+    ----------
+    partition
+        As in `pose_skills.configured`.
     """
     skill, rng = configured(Place, partition), np.random.default_rng([seed, 7])
     session = BenchSession(skill, seed, arm=arm_of(arm, seed))
@@ -80,7 +95,12 @@ def teach(
 ) -> list[Demonstration]:
     """Demonstrations of parts that a person put into holders.
 
-    What jams is tried again with another holder; ValueError where most of it does.
+    What jams is tried again with another holder.
+
+    Raises
+    ------
+    ValueError
+        Where most of it does.
     """
     return shown(
         lambda: session.teach(skill.draw(rng).pose("holder"), skill.seat),
@@ -110,7 +130,13 @@ def _place(
 
 
 def table(placed: list[Placed]) -> str:
-    """How many went in, how near, and every failure with its reason. placed: every part."""
+    """How many went in, how near, and every failure with its reason.
+
+    Parameters
+    ----------
+    placed
+        Every part.
+    """
     errors = 1e3 * np.array([one.error for one in placed if one.success])
     lines = [f"{len(errors)} of {len(placed)} parts are in their holders"]
     if len(errors):

@@ -58,15 +58,20 @@ NOTHING = 1e-12
 
 def optimal_baseline(scores: ArrayLike, returns: ArrayLike) -> np.ndarray:
     """The constant (p,), in the unit of the returns, with which each element of the gradient has
-    the least variance: (G2).
+    the
+    least variance: (G2).
 
-    Parameters:
+    Parameters
+    ----------
+    scores : (n, p)
+        Psi, in one over the units of the policy's parameters.
+    returns : (n,)
+        Of any sign.
 
-    * scores (n, p): psi, in one over the units of the policy's parameters.
-    * returns (n,): of any sign.
-
-    Raises ValueError for values that are not finite, and for a number of returns that is not that
-    of the scores.
+    Raises
+    ------
+    ValueError
+        For values that are not finite, and for a number of returns that is not that of the scores.
     """
     scores, returns = _read(scores, returns, 1)
     squares = np.square(scores)
@@ -79,13 +84,17 @@ def reinforce_gradient(scores: ArrayLike, returns: ArrayLike) -> np.ndarray:
     """Unbiased gradient (p,) of the expected return by REINFORCE: (G1) with the optimal baseline
     (G2).
 
-    Parameters:
+    Parameters
+    ----------
+    scores : (n, p)
+        Psi, in one over the units of the policy's parameters, of n independent trials, at least 2.
+    returns : (n,)
+        Of any sign.
 
-    * scores (n, p): psi, in one over the units of the policy's parameters, of n independent
-      trials, at least 2.
-    * returns (n,): of any sign.
-
-    Raises ValueError as `optimal_baseline`, and for less than 2 trials.
+    Raises
+    ------
+    ValueError
+        As `optimal_baseline`, and for less than 2 trials.
     """
     scores, returns = _read(scores, returns, 2)
     centred = (returns - returns.mean())[
@@ -106,17 +115,23 @@ def natural_gradient(
 ) -> tuple[np.ndarray, float]:
     """Natural gradient (p,) of the expected return, and the baseline J, by the regression (G3).
 
-    Parameters:
+    Parameters
+    ----------
+    scores : (n, p)
+        Psi, in one over the units of the policy's parameters, of n trials, at least p + 1.
+    returns : (n,)
+        Of any sign.
+    fisher : (p, p)
+        Fisher information of the policy.
+    ridge
+        Float, default 0. Weight of the penalty w' F w. Small values matter only when n is hardly
+        above p + 1.
 
-    * scores (n, p): psi, in one over the units of the policy's parameters, of n trials, at least p
-      + 1.
-    * returns (n,): of any sign.
-    * fisher (p, p): Fisher information of the policy.
-    * ridge: float, default 0. Weight of the penalty w' F w. Small values matter only when n is
-      hardly above p + 1.
-
-    Raises ValueError as `optimal_baseline`, for less than p + 1 trials, and for a Fisher
-    information that is not positive.
+    Raises
+    ------
+    ValueError
+        As `optimal_baseline`, for less than p + 1 trials, and for a Fisher information that is not
+        positive.
     """
     scores = as_samples(scores, "scores")
     n, p = scores.shape
@@ -296,21 +311,28 @@ class Reinforce(_GradientSearch):
     The gradient depends on the units of theta, and its variance grows as the exploration shrinks.
     docs/learning.md shows what this costs; benchmarks/power.py --gradients measures it.
 
-    Parameters:
-
-    * parameters (d,): first guess, the mean of the first policy.
-    * spread: one number or (d,). Standard deviations of the first trials.
-    * rng: numpy Generator.
-    * learning_rate: float, default 0.3. a of (G6) and (G7).
-    * step: "normalised" (default) or "plain".
-    * exploration: "automatic" (default) learns log sigma by the same gradient; "fixed" keeps
-      sigma.
-    * batch: int, number of returns between updates, each of which is used once; default None: 2 (p
-      + 1), p = 2 d, or d with "fixed". At least 2.
-    * limits (2,): smallest and largest sigma, relative to `spread`; default 1e-8 and 1e4. Without
-      a floor the exploration may vanish before the search has arrived.
-
     `tell` raises ValueError when a plain step leaves all numbers.
+
+    Parameters
+    ----------
+    parameters : (d,)
+        First guess, the mean of the first policy.
+    spread
+        One number or (d,). Standard deviations of the first trials.
+    rng
+        Numpy Generator.
+    learning_rate
+        Float, default 0.3. a of (G6) and (G7).
+    step
+        "normalised" (default) or "plain".
+    exploration
+        "automatic" (default) learns log sigma by the same gradient; "fixed" keeps sigma.
+    batch
+        Int, number of returns between updates, each of which is used once; default None: 2 (p +
+        1), p = 2 d, or d with "fixed". At least 2.
+    limits : (2,)
+        Smallest and largest sigma, relative to `spread`; default 1e-8 and 1e4. Without a floor the
+        exploration may vanish before the search has arrived.
     """
 
     @staticmethod
@@ -326,13 +348,16 @@ class Reinforce(_GradientSearch):
 class EpisodicNaturalActorCritic(_GradientSearch):
     """Episodic natural actor-critic: steps along the natural gradient, by the regression (G3).
 
-    Parameters:
-
-    * parameters, spread, rng, learning_rate, step, exploration, limits: as in `Reinforce`.
-    * batch: int, as in `Reinforce`, but at least p + 1, the number of unknowns of the regression.
-    * ridge: float, default 0.01. Weight of the penalty w' F w in (G3).
-
     `tell` raises ValueError when a plain step leaves all numbers.
+
+    Parameters
+    ----------
+    parameters, spread, rng, learning_rate, step, exploration, limits
+        As in `Reinforce`.
+    batch
+        Int, as in `Reinforce`, but at least p + 1, the number of unknowns of the regression.
+    ridge
+        Float, default 0.01. Weight of the penalty w' F w in (G3).
     """
 
     def __init__(

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
+from dart_skill.recording import Demonstration
 from dart_skill.session import SkillTrial
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Demonstration
 from dart_skill.skills.reach import Reach
 
 ATTEMPTS = 3
@@ -22,8 +22,12 @@ PoseSkill = TypeVar("PoseSkill", Place, Reach)
 def configured(skill: type[PoseSkill], partition: str = "") -> PoseSkill:
     """A skill with the settings of its file.
 
-    * skill: its class.
-    * partition: in place of the file's, "time" or "em"; default: that of the file.
+    Parameters
+    ----------
+    skill
+        Its class.
+    partition
+        In place of the file's, "time" or "em"; default: that of the file.
     """
     made = skill.configured()
     return skill(replace(made.settings, partition=partition)) if partition else made
@@ -32,18 +36,32 @@ def configured(skill: type[PoseSkill], partition: str = "") -> PoseSkill:
 def arm_of(arm: str, seed: int) -> str:
     """The arm of one seed: of the fleet, by name; of "fleet" another one for every seed.
 
-    * arm: its name, or "fleet".
-    * seed: of the session.
+    Parameters
+    ----------
+    arm
+        Its name, or "fleet".
+    seed
+        Of the session.
     """
     return f"fleet:{seed}" if arm == "fleet" else arm
 
 
 def shown(show: Callable[[], SkillTrial], demonstrations: int, what: str) -> list[Demonstration]:
-    """Demonstrations that succeeded; one that fails is shown again. ValueError where most fail.
+    """Demonstrations that succeeded; one that fails is shown again.
 
-    * show: a person shows one, of a new situation.
-    * demonstrations: how many must succeed.
-    * what: the person did with how many, in words, "reached {} cups".
+    Parameters
+    ----------
+    show
+        A person shows one, of a new situation.
+    demonstrations
+        How many must succeed.
+    what
+        The person did with how many, in words, "reached {} cups".
+
+    Raises
+    ------
+    ValueError
+        Where most fail.
     """
     kept: list[Demonstration] = []
     for _ in range(ATTEMPTS * demonstrations):

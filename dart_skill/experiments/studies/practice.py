@@ -33,15 +33,25 @@ CANDIDATES = 48
 class PracticeTask:
     """One run: demonstrations, then practised throws, with tests between them.
 
-    * seed: of the simulated teacher, the arm and the baskets.
-    * method: of practice, one of METHODS.
-    * demonstrations, throws: how many are shown, and how many are practised.
-    * change: one of CHANGES, after `change_after` throws.
-    * tests: throws of each test, after each number of practised throws in `tested_after`.
-    * again: throws of one plan for each basket of the last test: their scatter is what no better
-      plan can take away.
-    * arm: of config/fleet.yaml, or fleet: the one that the seed draws.
-    * configuration: of the skill.
+    Parameters
+    ----------
+    seed
+        Of the simulated teacher, the arm and the baskets.
+    method
+        Of practice, one of METHODS.
+    demonstrations, throws
+        How many are shown, and how many are practised.
+    change
+        One of CHANGES, after `change_after` throws.
+    tests
+        Throws of each test, after each number of practised throws in `tested_after`.
+    again
+        Throws of one plan for each basket of the last test: their scatter is what no better plan
+        can take away.
+    arm
+        Of config/fleet.yaml, or fleet: the one that the seed draws.
+    configuration
+        Of the skill.
     """
 
     seed: int
@@ -73,12 +83,19 @@ class PracticeTask:
 class PracticeRun:
     """What one run gave; errors are nan where no throw came about or no landing was seen.
 
-    * task: of the run.
-    * errors, in_basket: (throws,) of the practised throws [m].
-    * test_errors, test_in_basket: of each test, its throws [m].
-    * notes: why throws did not come about.
-    * spreads: of each basket of the last test, how far throws of one plan come down from their
-      centre [m].
+    Parameters
+    ----------
+    task
+        Of the run.
+    errors, in_basket
+        (throws,) of the practised throws [m].
+    test_errors, test_in_basket
+        Of each test, its throws [m].
+    notes
+        Why throws did not come about.
+    spreads
+        Of each basket of the last test, how far throws of one plan come down from their centre
+        [m].
     """
 
     task: PracticeTask
@@ -91,10 +108,17 @@ class PracticeRun:
 
 
 def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
-    """As many demonstrations as wanted, each of a throw that went in; ValueError if the person
-    fails too often.
+    """As many demonstrations as wanted, each of a throw that went in.
 
-    session: where the person teaches.
+    Parameters
+    ----------
+    session
+        Where the person teaches.
+
+    Raises
+    ------
+    ValueError
+        If the person fails too often.
     """
     kept = throws.teach(session, seed, wanted)
     if len(kept) < wanted:

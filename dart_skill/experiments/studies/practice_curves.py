@@ -53,8 +53,17 @@ CHANGES = {
 def draw_practice(
     results: Sequence[PracticeRun], folder: str | Path, floor: float | None = None
 ) -> list[Path]:
-    """Write a figure for every number of demonstrations and change; returns the paths. floor [m]:
-    of the median error.
+    """Write a figure for every number of demonstrations and change.
+
+    Parameters
+    ----------
+    floor : [m]
+        Of the median error.
+
+    Returns
+    -------
+    list[Path]
+        The paths.
     """
     kinds = dict.fromkeys(
         (one.task.demonstrations, one.task.change, one.task.change_after) for one in results

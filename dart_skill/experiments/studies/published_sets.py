@@ -44,11 +44,16 @@ FIRST_OF_SEVERAL = "Multi_Models"
 class Demonstrated:
     """One demonstration.
 
-    * time: (n,) [s].
-    * position: (n, d) in the unit of its set.
-    * frames: of [t, position], empty where the set has none.
-    * orientation: (n, 4), unit quaternions x, y, z, w without jumps of sign; None where the set
-      has none.
+    Parameters
+    ----------
+    time
+        (n,) [s].
+    position
+        (n, d) in the unit of its set.
+    frames
+        Of [t, position], empty where the set has none.
+    orientation
+        (n, 4), unit quaternions x, y, z, w without jumps of sign; None where the set has none.
     """
 
     time: np.ndarray
@@ -58,11 +63,19 @@ class Demonstrated:
 
 
 def lasa_shapes(folder: Path, *, several: bool = False) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each LASA shape [mm], by name; folder: that which holds `DataSet`, or
-    the .mat files themselves.
+    """The demonstrations of each LASA shape [mm], by name.
 
-    several: the shapes of several patterns instead of those of one. ValueError: there are no such
-    files, or one cannot be read.
+    Parameters
+    ----------
+    folder
+        That which holds `DataSet`, or the .mat files themselves.
+    several
+        The shapes of several patterns instead of those of one.
+
+    Raises
+    ------
+    ValueError
+        There are no such files, or one cannot be read.
     """
     files = sorted((folder / "DataSet" if (folder / "DataSet").is_dir() else folder).glob("*.mat"))
     files = [file for file in files if file.stem.startswith(FIRST_OF_SEVERAL) == several]
@@ -74,10 +87,17 @@ def lasa_shapes(folder: Path, *, several: bool = False) -> dict[str, list[Demons
 
 
 def pbdlib_sets(folder: Path) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each planar task-parameterised set [pixels], by name; folder:
-    pbdlib/data, its TPGMM, or what holds pbdlib.
+    """The demonstrations of each planar task-parameterised set [pixels], by name.
 
-    ValueError: there are no such files, or one cannot be read.
+    Parameters
+    ----------
+    folder
+        Pbdlib/data, its TPGMM, or what holds pbdlib.
+
+    Raises
+    ------
+    ValueError
+        There are no such files, or one cannot be read.
     """
     place = _place_of(
         folder,
@@ -96,18 +116,33 @@ def pbdlib_sets(folder: Path) -> dict[str, list[Demonstrated]]:
 
 
 def helloworld_sets(folder: Path) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each letter [cm], by name; folder: datasets of clfd, or what holds it.
+    """The demonstrations of each letter [cm], by name.
 
-    ValueError: there are no such files, or one cannot be read.
+    Parameters
+    ----------
+    folder
+        Datasets of clfd, or what holds it.
+
+    Raises
+    ------
+    ValueError
+        There are no such files, or one cannot be read.
     """
     return _clfd_sets(folder, "robot_hello_world/processed_demos", 2)
 
 
 def robotasks_sets(folder: Path) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each task, positions [cm] and orientations, by name; folder: datasets
-    of clfd, or what holds it.
+    """The demonstrations of each task, positions [cm] and orientations, by name.
 
-    ValueError: there are no such files, or one cannot be read.
+    Parameters
+    ----------
+    folder
+        Datasets of clfd, or what holds it.
+
+    Raises
+    ------
+    ValueError
+        There are no such files, or one cannot be read.
     """
     return _clfd_sets(folder, "robottasks/pos_ori", 7)
 
@@ -129,14 +164,21 @@ def _clfd_sets(folder: Path, where: str, n_columns: int) -> dict[str, list[Demon
 
 
 def tpgmm_sets(folder: Path) -> dict[str, list[Demonstrated]]:
-    """The demonstrations of each set of TP-GMM [m], by name; folder: its data, or what holds the
-    repository.
+    """The demonstrations of each set of TP-GMM [m], by name.
 
     All of a set were aligned in time with one of them before they were published, and have its
     stamps. So those with the same stamps are a set. Its name is what the names of its files begin
     with, and how many samples each has.
 
-    ValueError: there are no such files, or one cannot be read.
+    Parameters
+    ----------
+    folder
+        Its data, or what holds the repository.
+
+    Raises
+    ------
+    ValueError
+        There are no such files, or one cannot be read.
     """
     place = _place_of(folder, ("TP-GMM/data", "data"), "*_frame1_A.txt", "of TP-GMM", TPGMM_PAGE)
     sets: dict[bytes, dict[str, Demonstrated]] = {}

@@ -16,11 +16,12 @@ from dart_skill.arm import Command, Mode, PlanRefused
 from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.studies.pose_skills import arm_of, configured, shown
 from dart_skill.movement import VelocityThreshold
+from dart_skill.recording import Demonstration
 from dart_skill.session import BeltSession, SkillTrial
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.learning import ReactiveSkill
-from dart_skill.skills.protocol import Demonstration, Skill
+from dart_skill.skills.protocol import Skill
 from dart_skill.skills.reach import Reach
 
 HELD = (0.7, 1.7)
@@ -36,13 +37,23 @@ STOPPED = "the cup was last seen"
 class Reached:
     """One reach.
 
-    * seed, kind: of KINDS; steady: the belt ran at constant speed; speed: of the cup at most
-      [m/s].
-    * success, reason: as the skill judges it, or why the motion was stopped.
-    * rim, end: distance from the axis at the rim, and from the middle at the end [m]; nan if the
-      hand did not come so far.
-    * fastest: greatest speed of the hand, of a hand that was held after that [m/s].
-    * crept: by how much the phase went on while the hand was held [s].
+    Parameters
+    ----------
+    seed, kind
+        Of KINDS.
+    steady
+        The belt ran at constant speed.
+    speed
+        Of the cup at most [m/s].
+    success, reason
+        As the skill judges it, or why the motion was stopped.
+    rim, end
+        Distance from the axis at the rim, and from the middle at the end [m]; nan if the hand did
+        not come so far.
+    fastest
+        Greatest speed of the hand, of a hand that was held after that [m/s].
+    crept
+        By how much the phase went on while the hand was held [s].
     """
 
     seed: int
@@ -68,8 +79,16 @@ def run(
 ) -> list[Reached]:
     """All seeds, `jobs` processes at a time.
 
-    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm:
-    of the fleet, or "fleet". partition: as in `pose_skills.configured`.
+    Parameters
+    ----------
+    cups
+        That each seed reaches into.
+    held
+        How many of them again with a hand that is held.
+    arm
+        Of the fleet, or "fleet".
+    partition
+        As in `pose_skills.configured`.
     """
     one = partial(
         run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm, partition=partition
@@ -86,9 +105,15 @@ def run_seed(
     partition: str = "",
 ) -> list[Reached]:
     """Show, learn, and reach into cups; the first few of them again with a hand that is held, and
-    the first with a cup that is lost.
+    the
+    first with a cup that is lost.
 
-    An arm "fleet" is another one for every seed. partition: as in `pose_skills.configured`.
+    An arm "fleet" is another one for every seed.
+
+    Parameters
+    ----------
+    partition
+        As in `pose_skills.configured`.
     """
     skill, rng = configured(Reach, partition), np.random.default_rng([seed, 11])
     session = BeltSession(skill, seed, arm=arm_of(arm, seed))
@@ -105,7 +130,11 @@ def teach(
     session: BeltSession, rng: np.random.Generator, demonstrations: int = 8
 ) -> list[Demonstration]:
     """Reaches that a person showed; one that fails is shown again with another cup.
-    ValueError where most fail.
+
+    Raises
+    ------
+    ValueError
+        Where most fail.
     """
     return shown(
         lambda: session.teach(drawn(session.skill, rng)), demonstrations, "reached {} cups"
@@ -178,7 +207,10 @@ def table(reached: list[Reached]) -> str:
     """How many, medians and worst of hands that were free and of those that were held; then every
     failure with its reason.
 
-    reached: every cup.
+    Parameters
+    ----------
+    reached
+        Every cup.
     """
     lines = [
         f"{'':<6}{'in the cup':>12}{'at the rim [mm]':>18}{'at the end [mm]':>18}{'fastest [m/s]':>18}"

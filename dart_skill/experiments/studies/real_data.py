@@ -92,16 +92,26 @@ Generalise = Callable[
 class Score:
     """One method on one set.
 
-    * kind: of the set, "handwriting", "patterns", "led", "poses" or "frames".
-    * name: of the set.
-    * method: in the words of the table.
-    * train, test: DTWD [mm] for handwriting; mean distance [cm] for a led arm; for several
-      patterns and for a task-parameterised set test is the error of what was left out ([mm] and
-      [%]), and train nan.
-    * arrived: share of the grid that ends at the goal, nan for what has a clock.
-    * goal: of a task-parameterised set, the error of the ends [%].
-    * turned: of poses, the mean angle from what was not shown [deg].
-    * worst: of poses, the largest angle from what was shown, at the same stamp [deg].
+    Parameters
+    ----------
+    kind
+        Of the set, "handwriting", "patterns", "led", "poses" or "frames".
+    name
+        Of the set.
+    method
+        In the words of the table.
+    train, test
+        DTWD [mm] for handwriting; mean distance [cm] for a led arm; for several patterns and for a
+        task-parameterised set test is the error of what was left out ([mm] and [%]), and train
+        nan.
+    arrived
+        Share of the grid that ends at the goal, nan for what has a clock.
+    goal
+        Of a task-parameterised set, the error of the ends [%].
+    turned
+        Of poses, the mean angle from what was not shown [deg].
+    worst
+        Of poses, the largest angle from what was shown, at the same stamp [deg].
     """
 
     kind: str
@@ -118,13 +128,23 @@ class Score:
 def run(
     folder: Path, jobs: int = 1, shapes: Sequence[str] = (), pbdlib: Path | None = None
 ) -> list[Score]:
-    """All that the folder holds of these sets. ValueError: it holds none, or not a shape that is
-    named.
+    """All that the folder holds of these sets.
 
-    * folder: with the files of one set or several.
-    * jobs: processes at a time.
-    * shapes: only these.
-    * pbdlib: checkout of pbdlib-python for Python 3, a peer in frames; None: without it.
+    Parameters
+    ----------
+    folder
+        With the files of one set or several.
+    jobs
+        Processes at a time.
+    shapes
+        Only these.
+    pbdlib
+        Checkout of pbdlib-python for Python 3, a peer in frames; None: without it.
+
+    Raises
+    ------
+    ValueError
+        It holds none, or not a shape that is named.
     """
     work: list[tuple[str, str, list[Demonstrated]]] = []
     problems = []
@@ -466,8 +486,11 @@ def left_out(
     """The methods on one task-parameterised set, each demonstration left out once; its stamps are
     scaled to the mean duration.
 
-    pbdlib: as in `run`. Where samples jump or repeat for uneven times, all methods also learn from
-    the paths alone.
+    Parameters
+    ----------
+    pbdlib
+        As in `run`. Where samples jump or repeat for uneven times, all methods also learn from the
+        paths alone.
     """
     methods: dict[str, Generalise] = {
         "DSGMR": _by_ds_gmr,

@@ -35,12 +35,22 @@ def best_share(
     seed: int = 0,
 ) -> float:
     """Largest share of throws that come down within `radius` [m] of the target, over all
-    directions and speeds.
+    directions
+    and speeds.
 
-    position, target: (3,) [m], where the ball leaves the hand, and the centre of the rim; turn:
-    standard deviation of the direction on each of three axes [rad]; speed: of the speed, as a
-    share. Each direction and speed is tried with the same 4000 samples. ValueError if no speed
-    reaches the target.
+    Parameters
+    ----------
+    position, target
+        (3,) [m], where the ball leaves the hand, and the centre of the rim.
+    turn
+        Standard deviation of the direction on each of three axes [rad].
+    speed
+        Of the speed, as a share. Each direction and speed is tried with the same 4000 samples.
+
+    Raises
+    ------
+    ValueError
+        If no speed reaches the target.
     """
     rng = np.random.default_rng(seed)
     turns, shares = (

@@ -25,15 +25,25 @@ from dart_skill.skills.practice import Practice
 class ThrowResult:
     """One throw at a new basket.
 
-    * seed: of everything random.
-    * arm: of config/fleet.yaml.
-    * configuration: of the skill.
-    * target: centre of the rim (3,) [m].
-    * along, across: miss in the direction of the throw and to its left [m]; nan if it was not seen
-      or not thrown.
-    * in_basket: whether the ball was in, by the simulator's own word.
-    * note: why it was not thrown, or what the commander said.
-    * let_go: where the plan lets the ball go (3,) [m]; nan without a plan.
+    Parameters
+    ----------
+    seed
+        Of everything random.
+    arm
+        Of config/fleet.yaml.
+    configuration
+        Of the skill.
+    target
+        Centre of the rim (3,) [m].
+    along, across
+        Miss in the direction of the throw and to its left [m]; nan if it was not seen or not
+        thrown.
+    in_basket
+        Whether the ball was in, by the simulator's own word.
+    note
+        Why it was not thrown, or what the commander said.
+    let_go
+        Where the plan lets the ball go (3,) [m]; nan without a plan.
     """
 
     seed: int
@@ -58,8 +68,12 @@ def run_seed(
     """All throws of one seed: one set of demonstrations, each configuration thrown at the same
     baskets.
 
-    arms: name of an arm, or "fleet": every seed draws its own; settings: parameters that differ,
-    each as NODE.PARAMETER=VALUE.
+    Parameters
+    ----------
+    arms
+        Name of an arm, or "fleet": every seed draws its own.
+    settings
+        Parameters that differ, each as NODE.PARAMETER=VALUE.
     """
     arm = arm_of(arms, seed)
     session = Session.on_arm(arm, seed, settings)
@@ -98,9 +112,13 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
 
 def taught(session: Session, target: np.ndarray) -> Trial | None:
     """The guided throw that went in, or None: a person who does not get it in, or whom the
-    recorder cannot follow, goes on elsewhere.
+    recorder
+    cannot follow, goes on elsewhere.
 
-    target: the basket (3,) [m].
+    Parameters
+    ----------
+    target
+        The basket (3,) [m].
     """
     try:
         lesson = session.teach(target)[-1]
@@ -151,11 +169,18 @@ def run(
     settings: tuple[str, ...] = (),
     scheduler: str = "",
 ) -> list[ThrowResult]:
-    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms,
-    settings: as in `run_seed`.
+    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal.
 
-    names: of the configurations; throws: of each; scheduler: address of a Dask scheduler, whose
-    workers run them instead.
+    Parameters
+    ----------
+    arms, settings
+        As in `run_seed`.
+    names
+        Of the configurations.
+    throws
+        Of each.
+    scheduler
+        Address of a Dask scheduler, whose workers run them instead.
     """
     one = partial(
         run_seed,
@@ -224,12 +249,16 @@ def summary(results: list[ThrowResult]) -> dict:
 
 def best_possible(results: list[ThrowResult], settings: tuple[str, ...] = ()) -> float | None:
     """Share of these throws that would be in with the best of all plans, given how the arm's
-    fingers scatter direction and speed.
+    fingers
+    scatter direction and speed.
 
-    settings: parameters with which they were thrown, as in `run_seed`. A ball counts as in whose
-    centre comes down inside the rim by half a ball: of 180 throws of `scattering_hand` the
-    farthest that fell in was 13.5 cm from the centre, the nearest that did not 13.3 cm. None if no
-    throw was planned.
+    Parameters
+    ----------
+    settings
+        Parameters with which they were thrown, as in `run_seed`. A ball counts as in whose centre
+        comes down inside the rim by half a ball: of 180 throws of `scattering_hand` the farthest
+        that fell in was 13.5 cm from the centre, the nearest that did not 13.3 cm. None if no
+        throw was planned.
     """
     thrown = [one for one in results if np.isfinite(one.let_go[0])]
     radius = the_world().basket_radius - 0.25 * the_world().ball_diameter
@@ -278,8 +307,16 @@ def repeatability(
     plan's.
 
     Per distance: mean and standard deviation of the landing along and across [cm], and the median
-    distance from the mean landing. distances: of the basket [m]; throws: at each; name: of the
-    configuration, "" for the default one.
+    distance from the mean landing.
+
+    Parameters
+    ----------
+    distances
+        Of the basket [m].
+    throws
+        At each.
+    name
+        Of the configuration, "" for the default one.
     """
     session = Session(seed)
     lessons = [session.teach(target)[-1] for target in targets_for(seed, demonstrations, 0)[0]]

@@ -54,7 +54,15 @@ def draw(
 ) -> tuple[list[Path], dict]:
     """Write a figure into a folder; its paths, and what was measured for it.
 
-    options: of the figure alone, such as teachers of 8.4.4. ValueError if it has no such option.
+    Parameters
+    ----------
+    options
+        Of the figure alone, such as teachers of 8.4.4.
+
+    Raises
+    ------
+    ValueError
+        If it has no such option.
     """
     drawn = _member(number, "draw")
     for name in options:

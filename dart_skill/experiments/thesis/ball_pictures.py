@@ -58,7 +58,13 @@ def trajectory_panels(figure: Figure, n_columns: int) -> np.ndarray:
 def draw_trajectories(
     column: np.ndarray, trajectories: list[DrawnThrow], gid: str, new: bool = False
 ) -> None:
-    """Throws in a column (2,) of panels; new: at a target that was not demonstrated."""
+    """Throws in a column (2,) of panels.
+
+    Parameters
+    ----------
+    new
+        At a target that was not demonstrated.
+    """
     for axes, above in zip(column, (True, False), strict=True):
         for number, one in enumerate(trajectories, start=1):
             name = f"{gid}_{'above' if above else 'side'}_{number}"

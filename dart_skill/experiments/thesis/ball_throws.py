@@ -186,10 +186,15 @@ def all_demonstrated(seed: int, name: str) -> list[DrawnThrow]:
 @dataclass(frozen=True, eq=False)
 class Angles:
     """alpha and beta (n_throws, n_steps, 2) [rad] of several throws on one clock, time (n_steps,)
-    [s] since the start of the motion.
+    [s]
+    since the start of the motion.
 
-    releases (n_throws,): when each let go on that clock; azimuths (n_throws,) of their targets
-    [rad].
+    Parameters
+    ----------
+    releases : (n_throws,)
+        When each let go on that clock.
+    azimuths : (n_throws,)
+        Of their targets [rad].
     """
 
     time: np.ndarray

@@ -43,8 +43,16 @@ DEVIATIONS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class PlanarData:
-    """x1 (n_demonstrations, n) and x2 of the demonstrations; selection: mixtures by BIC; grid
-    (m,), mean (m,) and deviation (m,) of x2.
+    """x1 (n_demonstrations, n) and x2 of the demonstrations.
+
+    Parameters
+    ----------
+    selection
+        Mixtures by BIC.
+    grid : (m,)
+    mean : (m,)
+    deviation : (m,)
+        Of x2.
     """
 
     x1: np.ndarray

@@ -43,8 +43,14 @@ N_COMPONENTS = 2
 @dataclass(frozen=True, eq=False)
 class DartThrow:
     """One throw: time (n,) [s]; attractor, position and velocity (n, 3) of the hand, the release
-    last; hit (3,), where the dart met the plane of the board, nan where it does not fly towards
-    it; aim (3,), if it had one.
+    last.
+
+    Parameters
+    ----------
+    hit : (3,)
+        Where the dart met the plane of the board, nan where it does not fly towards it.
+    aim : (3,)
+        If it had one.
     """
 
     time: np.ndarray

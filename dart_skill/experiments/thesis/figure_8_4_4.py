@@ -71,7 +71,13 @@ CASES = (
 
 @dataclass(frozen=True)
 class SuccessTask:
-    """One teacher in one case. throws: of each model with each clock."""
+    """One teacher in one case.
+
+    Parameters
+    ----------
+    throws
+        Of each model with each clock.
+    """
 
     teacher: int
     case: BasketCase

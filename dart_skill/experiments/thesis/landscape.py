@@ -60,8 +60,12 @@ class Model:
 def adapted(
     aims: np.ndarray, scores: np.ndarray, thresholds: tuple[float, float], rng: np.random.Generator
 ) -> GaussianMixture:
-    """The mixture of all aims (n, 2) [mm] with their scores (n,) as weights; thresholds: of splits
-    and of merges.
+    """The mixture of all aims (n, 2) [mm] with their scores (n,) as weights.
+
+    Parameters
+    ----------
+    thresholds
+        Of splits and of merges.
     """
     rule = SplitMerge(*thresholds, refine=2, covariance_floor=FLOOR)
     mixture = GaussianMixture(1).fit(aims, scores, rng=rng)

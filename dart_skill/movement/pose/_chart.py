@@ -41,9 +41,13 @@ def long_vectors(rotations: np.ndarray) -> np.ndarray:
 
 def path_about(rotations: np.ndarray, base: np.ndarray, last: bool) -> np.ndarray:
     """Coordinates e (n, 3) of a path (n, 4) without jumps; at its last sample, or its first one,
-    at most half a turn.
+    at
+    most half a turn.
 
-    ValueError if the path comes near a full turn from the base.
+    Raises
+    ------
+    ValueError
+        If the path comes near a full turn from the base.
     """
     rows = relative(rotations, base)[:: -1 if last else 1]
     rows = make_continuous(rows * (1.0 if rows[0, 3] >= 0 else -1.0))[:: -1 if last else 1]

@@ -33,9 +33,14 @@ from dart_skill.movement.pose._task_parameterised import PoseFrames, TaskParamet
 
 @dataclass(frozen=True, eq=False)
 class PoseReproduction:
-    """A planned movement: time (n,) [s]; attractor (n, 7) with its covariance (n, 6, 6) in the
-    tangent space, [m] and [rad] in world axes; pose (n, 7), velocity and acceleration (n, 6) of
-    the motion that follows it.
+    """A planned movement: time (n,) [s].
+
+    Parameters
+    ----------
+    attractor : (n, 7)
+        With its covariance (n, 6, 6) in the tangent space, [m] and [rad] in world axes.
+    pose : (n, 7)
+        Velocity and acceleration (n, 6) of the motion that follows it.
     """
 
     time: np.ndarray
@@ -52,22 +57,28 @@ class PoseDSGMR(MixtureModel):
     The features are rows [t, u, y] with q + 8 columns: time, q further inputs, and the attractor
     pose.
 
-    Parameters:
-
-    * n_components: int, number of components of the mixture; at least one for each third of a
-      turn.
-    * stiffness: kp [1/s^2], default 200; one number, or two for position and orientation.
-    * damping: kv [1/s], likewise; default None: critical, 2 sqrt(kp).
-    * n_inputs: int, default 0. q, the number of further inputs.
-    * partition: "time" (default) or "em". Each component has its own interval of time, or EM finds
-      which samples belong to it. Where frames are turned in all directions, the demonstrations are
-      far apart in each of them. With few of them EM then separates demonstrations from each other
-      instead of parts of the movement.
-    * overlap: float, default 0.7. Standard deviation of a component, relative to its interval; for
-      partition "time".
-    * mixture_options: hyper-parameters of `TaskParameterisedPoseMixture`.
-
     Attribute after `fit`: mixture_, the fitted TaskParameterisedPoseMixture over [t, u, y].
+
+    Parameters
+    ----------
+    n_components
+        Int, number of components of the mixture; at least one for each third of a turn.
+    stiffness
+        Kp [1/s^2], default 200; one number, or two for position and orientation.
+    damping
+        Kv [1/s], likewise; default None: critical, 2 sqrt(kp).
+    n_inputs
+        Int, default 0. q, the number of further inputs.
+    partition
+        "time" (default) or "em". Each component has its own interval of time, or EM finds which
+        samples belong to it. Where frames are turned in all directions, the demonstrations are far
+        apart in each of them. With few of them EM then separates demonstrations from each other
+        instead of parts of the movement.
+    overlap
+        Float, default 0.7. Standard deviation of a component, relative to its interval; for
+        partition "time".
+    mixture_options
+        Hyper-parameters of `TaskParameterisedPoseMixture`.
     """
 
     _MIXTURE = TaskParameterisedPoseMixture
@@ -123,14 +134,19 @@ class PoseDSGMR(MixtureModel):
         """Features [t, u, y] (n, q + 8) of one demonstration, from noisy poses: the attractor is
         computed by (7.20).
 
-        Parameters:
-
-        * time: stamps (k,) of the samples [s].
-        * poses: (k, 7), position and unit quaternion; signs do not matter.
-        * noise: standard deviations of position [m] and orientation [rad], as in `pose_motion`;
-          default: estimated.
-        * at: stamps (n,) of the features [s], default those of the samples.
-        * inputs: the further inputs u, (q,) or (n, q); default: there are none.
+        Parameters
+        ----------
+        time
+            Stamps (k,) of the samples [s].
+        poses
+            (k, 7), position and unit quaternion; signs do not matter.
+        noise
+            Standard deviations of position [m] and orientation [rad], as in `pose_motion`;
+            default: estimated.
+        at
+            Stamps (n,) of the features [s], default those of the samples.
+        inputs
+            The further inputs u, (q,) or (n, q); default: there are none.
         """
         motion = pose_motion(time, poses, noise=noise, at=at)
         return self.features(time if at is None else at, motion, inputs)
@@ -141,7 +157,10 @@ class PoseDSGMR(MixtureModel):
         """Features [t, u, y] (n, q + 8) of a motion whose velocity and acceleration are known, at
         stamps (n,) [s].
 
-        inputs: the further inputs u, (q,) or (n, q).
+        Parameters
+        ----------
+        inputs
+            The further inputs u, (q,) or (n, q).
         """
         attractor = pose_attractor(motion, self.stiffness, self.damping)
         return np.column_stack(
@@ -156,18 +175,29 @@ class PoseDSGMR(MixtureModel):
         *,
         rng: np.random.Generator | None = None,
     ) -> PoseDSGMR:
-        """Learn from demonstrations; returns self.
+        """Learn from demonstrations.
 
-        Parameters:
+        Parameters
+        ----------
+        attractors
+            For each demonstration its features [t, u, y] (n_i, q + 8), from `encode` or
+            `features`.
+        frames
+            For each demonstration P task frames, as in `TaskParameterisedPoseMixture`.
+        weights
+            For each demonstration one number or one per sample (n_i,); default: all count alike.
+        rng
+            Random generator, only for the hyper-parameter start="kmeans".
 
-        * attractors: for each demonstration its features [t, u, y] (n_i, q + 8), from `encode` or
-          `features`.
-        * frames: for each demonstration P task frames, as in `TaskParameterisedPoseMixture`.
-        * weights: for each demonstration one number or one per sample (n_i,); default: all count
-          alike.
-        * rng: random generator, only for the hyper-parameter start="kmeans".
+        Returns
+        -------
+        PoseDSGMR
+            Self.
 
-        ValueError for attractors of another shape.
+        Raises
+        ------
+        ValueError
+            For attractors of another shape.
         """
         for i, one in enumerate(attractors):
             if np.ndim(one) != 2 or np.shape(one)[1] != self.n_inputs + 8:
@@ -202,12 +232,15 @@ class PoseDSGMR(MixtureModel):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Attractor (n, 7) and its covariance (n, 6, 6) in the tangent space, in new frames.
 
-        Parameters:
-
-        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing
-          frame is None.
-        * time: stamps (n,) [s].
-        * inputs: the further inputs u, (q,) or (n, q); default: there are none.
+        Parameters
+        ----------
+        frames
+            P task frames. A moving frame is a list with one frame for each stamp, a missing frame
+            is None.
+        time
+            Stamps (n,) [s].
+        inputs
+            The further inputs u, (q,) or (n, q); default: there are none.
         """
         return self._fitted.regress(frames, self._with_inputs(as_stamps(time), inputs))
 
@@ -224,15 +257,19 @@ class PoseDSGMR(MixtureModel):
     ) -> PoseReproduction:
         """Movement of a hand of unit mass and inertia in place of the robot, in new frames.
 
-        Parameters:
-
-        * frames, inputs: as in `retrieve`.
-        * time: equally spaced stamps (n,) [s], n >= 2.
-        * pose0, velocity0: pose (7,) and velocity (6,) [m/s, rad/s] at the first stamp; by default
-          it is at rest.
-        * push: acceleration (n, 6) [m/s^2, rad/s^2] from outside, in world axes, linear between
-          the stamps; default: none.
-        * step: float [s], default: computed from the stamps.
+        Parameters
+        ----------
+        frames, inputs
+            As in `retrieve`.
+        time
+            Equally spaced stamps (n,) [s], n >= 2.
+        pose0, velocity0
+            Pose (7,) and velocity (6,) [m/s, rad/s] at the first stamp; by default it is at rest.
+        push
+            Acceleration (n, 6) [m/s^2, rad/s^2] from outside, in world axes, linear between the
+            stamps; default: none.
+        step
+            Float [s], default: computed from the stamps.
         """
         time = as_stamps(time, minimum=2)
         attractor, covariance = self.retrieve(frames, time, inputs)

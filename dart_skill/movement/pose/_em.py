@@ -27,9 +27,17 @@ from dart_skill.movement.pose._manifold import exp_at, log_at, means_of
 class Blocks:
     """Samples as P frames see them.
 
-    rows: P arrays (n, w); seen (P, n): whether the frame is there; scales: P arrays (d,), units of
-    the tangent space; correlated: whether position and rotation of a component may be correlated
-    beyond what the numbers say of both.
+    Parameters
+    ----------
+    rows
+        P arrays (n, w).
+    seen : (P, n)
+        Whether the frame is there.
+    scales
+        P arrays (d,), units of the tangent space.
+    correlated
+        Whether position and rotation of a component may be correlated beyond what the numbers say
+        of both.
     """
 
     rows: list[np.ndarray]

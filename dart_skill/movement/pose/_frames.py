@@ -24,16 +24,20 @@ IDENTITY = np.array(UNTURNED)
 @dataclass(frozen=True, eq=False)
 class PoseFrame:
     """Task frame of poses: a place and axes of its own. Columns before the pose, such as time,
-    pass through.
+    pass
+    through.
 
-    Parameters:
+    Parameters
+    ----------
+    position : (3,)
+        Origin of the frame in the world [m].
+    orientation : (4,)
+        Of its axes in the world, unit quaternion x, y, z, w; default: the axes of the world.
 
-    * position (3,): origin of the frame in the world [m].
-    * orientation (4,): of its axes in the world, unit quaternion x, y, z, w; default: the axes of
-      the world.
-
-    ValueError for what is not finite, has another shape, or for a quaternion whose length is not
-    1.
+    Raises
+    ------
+    ValueError
+        For what is not finite, has another shape, or for a quaternion whose length is not 1.
     """
 
     position: np.ndarray

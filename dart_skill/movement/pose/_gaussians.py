@@ -54,11 +54,26 @@ def product_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mode (..., n + 4) and covariance (..., d, d) of the product of P Gaussians.
 
-    means (..., P, n + 4), covariances (..., P, d, d), seen (..., P): which factors are there. The
-    mode minimises the sum of r' S^-1 r with r = log_mean(x), by Newton's method (Zeestraten 2017
-    iterates with parallel transport in the place of the derivative of the logarithm; for near
-    factors that is the same). The search begins at each factor's mean, and the best end counts:
-    two factors that differ by nearly half a turn have two minima.
+    Parameters
+    ----------
+    means : (..., P, n + 4)
+        Which factors are there. The mode minimises the sum of r' S^-1 r with r = log_mean(x), by
+        Newton's method (Zeestraten 2017 iterates with parallel transport in the place of the
+        derivative of the logarithm; for near factors that is the same). The search begins at each
+        factor's mean, and the best end counts: two factors that differ by nearly half a turn have
+        two minima.
+    covariances : (..., P, d, d)
+        Which factors are there. The mode minimises the sum of r' S^-1 r with r = log_mean(x), by
+        Newton's method (Zeestraten 2017 iterates with parallel transport in the place of the
+        derivative of the logarithm; for near factors that is the same). The search begins at each
+        factor's mean, and the best end counts: two factors that differ by nearly half a turn have
+        two minima.
+    seen : (..., P)
+        Which factors are there. The mode minimises the sum of r' S^-1 r with r = log_mean(x), by
+        Newton's method (Zeestraten 2017 iterates with parallel transport in the place of the
+        derivative of the logarithm; for near factors that is the same). The search begins at each
+        factor's mean, and the best end counts: two factors that differ by nearly half a turn have
+        two minima.
     """
     whiteners = seen[..., None, None] * np.linalg.inv(
         cholesky(covariances, "covariance of factor")
@@ -138,13 +153,17 @@ def regress_at(
     """Mean (n, o + 4) and covariance (n, o + 3, o + 3) of the columns that are not `into`, given
     those: inputs (n, i).
 
-    priors (K,), means (m, K, w), covariances (m, K, d, d), where m is n or 1; `into` are columns
-    of numbers.
-
     Each component is conditioned in the tangent space of its own mean and is carried to where it
     is then expected; the result is the mean on the manifold, found by iteration, and the
     covariance in its tangent space (Calinon 2020 conditions in the tangent space of the result.
     For one component both are the same. Here a component may turn farther than half a turn).
+
+    Parameters
+    ----------
+    priors : (K,)
+    means : (m, K, w)
+    covariances : (m, K, d, d)
+        Where m is n or 1; `into` are columns of numbers.
     """
     out, columns = _others(into, means.shape[-1]), _others(into, covariances.shape[-1])
     deviations = inputs[:, None] - means[..., into]

@@ -38,14 +38,17 @@ mean is unique.
 def exponential(base: ArrayLike, tangent: ArrayLike) -> np.ndarray:
     """Points (..., n + 4) where tangent vectors (..., n + 3) lead from base points (..., n + 4).
 
-    Parameters:
+    Parameters
+    ----------
+    base
+        Points, whose last four columns are unit quaternions; leading shapes are broadcast.
+    tangent
+        Vectors, whose last three columns are rotation vectors [rad] of any length, in world axes.
 
-    * base: points, whose last four columns are unit quaternions; leading shapes are broadcast.
-    * tangent: vectors, whose last three columns are rotation vectors [rad] of any length, in world
-      axes.
-
-    ValueError for what is not finite, has another shape, or for a quaternion whose length is not
-    1.
+    Raises
+    ------
+    ValueError
+        For what is not finite, has another shape, or for a quaternion whose length is not 1.
     """
     base = as_points(base, "base")
     return exp_at(base, _as_tangent(tangent, base.shape[-1] - 1))
@@ -83,8 +86,13 @@ def mean_point(points: ArrayLike, weights: ArrayLike | None = None) -> np.ndarra
 
     It is where the tangent vectors to all points sum to zero. The search begins at the eigenvector
     of the scatter of the quaternions (Markley et al., "Averaging quaternions", J. Guidance 30,
-    2007), which no sign changes. ValueError if the orientations are spread so evenly that there is
-    no unique mean, such as two that differ by half a turn.
+    2007), which no sign changes.
+
+    Raises
+    ------
+    ValueError
+        If the orientations are spread so evenly that there is no unique mean, such as two that
+        differ by half a turn.
     """
     points = as_points(points, "points", ndim=2)
     shares = as_weights(weights, len(points))[:, None]
@@ -114,8 +122,12 @@ def angles_between(points: ArrayLike, others: ArrayLike) -> np.ndarray:
 def as_points(
     value: ArrayLike, name: str, width: int | None = None, ndim: int | None = None
 ) -> np.ndarray:
-    """Points (..., n + 4), finite and not empty, with their quaternions normalised; ValueError
-    names what is wrong.
+    """Points (..., n + 4), finite and not empty, with their quaternions normalised.
+
+    Raises
+    ------
+    ValueError
+        Names what is wrong.
     """
     points = as_finite(value, name, ndim)
     if (

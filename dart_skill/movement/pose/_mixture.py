@@ -47,18 +47,25 @@ FORMAT = "dart_skill pose mixture 1"
 
 def product_of_poses(means: ArrayLike, covariances: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Product of P Gaussians on R^n x S3: its mode (n + 4,) and its covariance (n + 3, n + 3) in
-    the tangent space there.
-
-    Parameters:
-
-    * means: (P, n + 4), the last four columns unit quaternions.
-    * covariances: (P, n + 3, n + 3), positive definite, each in the tangent space at its own mean,
-      in world axes.
+    the
+    tangent space there.
 
     The mode is where the product of the densities is largest; the covariance is that of its
-    quadratic approximation. With little spread and near means both are those of (3.8). ValueError
-    for what is not finite, of another shape, not positive definite, or for a quaternion whose
-    length is not 1.
+    quadratic approximation. With little spread and near means both are those of (3.8).
+
+    Parameters
+    ----------
+    means
+        (P, n + 4), the last four columns unit quaternions.
+    covariances
+        (P, n + 3, n + 3), positive definite, each in the tangent space at its own mean, in world
+        axes.
+
+    Raises
+    ------
+    ValueError
+        For what is not finite, of another shape, not positive definite, or for a quaternion whose
+        length is not 1.
     """
     means = as_points(means, "means", ndim=2)
     size = means.shape[1] - 1
@@ -116,29 +123,43 @@ class PoseMixture(PoseEstimator):
     """Mixture of K Gaussians over rows of q numbers, a position [m] and a unit quaternion x, y, z,
     w.
 
-    Parameters:
-
-    * n_components: int, number K of components at the start. One that loses its samples is
-      dropped, so a fit may end with fewer, len(priors_).
-    * covariance_floor: float, default 1e-6. Least variance of a component in any direction,
-      relative to the variance of the data: of each number, of the position and of the rotation.
-    * tolerance: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by
-      no more than this.
-    * max_iterations: int, default 300. EM stops after so many iterations in any case.
-    * n_starts: int, default 1. Number of runs with different random starts; the most likely result
-      is kept.
-
-    Attributes after `fit`; a mixture made by `from_parameters` has the first three only:
-
-    * priors_ (K,): positive, with sum one.
-    * means_ (K, q + 7): numbers, position and unit quaternion.
-    * covariances_ (K, q + 6, q + 6): in the tangent space at the mean: numbers, position [m],
-      rotation vector [rad] in world axes.
-    * log_likelihood_: float, the sum over the samples times their weights. n_iterations_: int.
-      converged_: bool.
-
     A component should turn by less than half a turn about its mean; a movement that turns farther
     needs time among the numbers, and components enough.
+
+    After `fit`; a mixture made by `from_parameters` has the first three only:
+
+    Parameters
+    ----------
+    n_components
+        Int, number K of components at the start. One that loses its samples is dropped, so a fit
+        may end with fewer, len(priors_).
+    covariance_floor
+        Float, default 1e-6. Least variance of a component in any direction, relative to the
+        variance of the data: of each number, of the position and of the rotation.
+    tolerance
+        Float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more
+        than this.
+    max_iterations
+        Int, default 300. EM stops after so many iterations in any case.
+    n_starts
+        Int, default 1. Number of runs with different random starts; the most likely result is
+        kept.
+
+    Attributes
+    ----------
+    priors_ : (K,)
+        Positive, with sum one.
+    means_ : (K, q + 7)
+        Numbers, position and unit quaternion.
+    covariances_ : (K, q + 6, q + 6)
+        In the tangent space at the mean: numbers, position [m], rotation vector [rad] in world
+        axes.
+    log_likelihood_
+        Float, the sum over the samples times their weights.
+    n_iterations_
+        Int.
+    converged_
+        Bool.
     """
 
     @classmethod
@@ -146,9 +167,13 @@ class PoseMixture(PoseEstimator):
         cls, priors: ArrayLike, means: ArrayLike, covariances: ArrayLike
     ) -> PoseMixture:
         """Mixture with given priors (K,), means (K, q + 7) and positive definite covariances (K, q
-        + 6, q + 6).
+        +
+        6, q + 6).
 
-        ValueError for other shapes or values.
+        Raises
+        ------
+        ValueError
+            For other shapes or values.
         """
         priors, means = checked_priors(priors), as_rows(means, "means")
         if len(means) != len(priors):
@@ -178,12 +203,21 @@ class PoseMixture(PoseEstimator):
         rng: np.random.Generator | None = None,
         start: PoseMixture | None = None,
     ) -> PoseMixture:
-        """Fit by EM to samples (n, q + 7) with weights (n,), equal by default; returns self.
+        """Fit by EM to samples (n, q + 7) with weights (n,), equal by default.
 
         Give rng for a random start by k-means++, or start, a mixture to start from. With neither,
         the samples are cut into slices of equal weight along column 0, which is then time.
-        ValueError for what is not finite, for a quaternion whose length is not 1, or if there are
-        fewer samples with weight than components.
+
+        Returns
+        -------
+        PoseMixture
+            Self.
+
+        Raises
+        ------
+        ValueError
+            For what is not finite, for a quaternion whose length is not 1, or if there are fewer
+            samples with weight than components.
         """
         rows = as_rows(samples, "samples")
         weights = as_weights(weights, len(rows))
@@ -276,18 +310,25 @@ class PoseMixture(PoseEstimator):
         self, inputs: ArrayLike, input_dims: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Mean (n, o + 4) and covariance (n, o + 3, o + 3) of all other columns, given inputs (n,
-        i): regression on the manifold.
-
-        Parameters:
-
-        * inputs: (n, i), or (n,) for one input column.
-        * input_dims: i columns of numbers or position, no quaternion; default: the q numbers, so
-          that poses (n, 7) are returned.
+        i):
+        regression on the manifold.
 
         The mean is a row of the columns that are left, in order, and a unit quaternion. The
         covariance is in the tangent space there: within the components, and between them.
-        ValueError for columns that there are not, or inputs that are not finite or so far away
-        that their density overflows.
+
+        Parameters
+        ----------
+        inputs
+            (n, i), or (n,) for one input column.
+        input_dims
+            i columns of numbers or position, no quaternion; default: the q numbers, so that poses
+            (n, 7) are returned.
+
+        Raises
+        ------
+        ValueError
+            For columns that there are not, or inputs that are not finite or so far away that their
+            density overflows.
         """
         self._require_fitted()
         return regress_rows(
@@ -308,8 +349,12 @@ class PoseMixture(PoseEstimator):
 
     @classmethod
     def load(cls, path: str | Path) -> PoseMixture:
-        """The mixture that `save` wrote, to the last bit; ValueError if the file has another
-        format or is damaged.
+        """The mixture that `save` wrote, to the last bit.
+
+        Raises
+        ------
+        ValueError
+            If the file has another format or is damaged.
         """
         try:
             with np.load(path, allow_pickle=False) as archive:

@@ -65,17 +65,21 @@ def pose_motion(
     """Pose, velocity and acceleration from noisy poses (n, 7) at stamps (n,) [s], n >= 8, by
     `smooth_derivatives`.
 
-    Parameters:
-
-    * time: increasing stamps.
-    * poses: position and unit quaternion x, y, z, w; signs do not matter.
-    * noise: two numbers, standard deviations of position [m] and of orientation [rad], in each
-      direction; default: estimated.
-    * at: stamps (m,) of the result [s], default those of the samples.
-
     Orientations are smoothed as points of R^4, where no angle is singular and a turn of the world
     is a rotation. The turning s = r q in R^4 has w = 2 s' s* / r^2 and w' = 2 s'' s* / r^2 - 2 (r'
     / r) w (vector parts). Neighbours must be less than half a turn apart.
+
+    Parameters
+    ----------
+    time
+        Increasing stamps.
+    poses
+        Position and unit quaternion x, y, z, w; signs do not matter.
+    noise
+        Two numbers, standard deviations of position [m] and of orientation [rad], in each
+        direction; default: estimated.
+    at
+        Stamps (m,) of the result [s], default those of the samples.
     """
     poses = as_poses(poses, "poses")
     levels = (
@@ -115,14 +119,20 @@ def pose_attractor(
 ) -> np.ndarray:
     """(7.20) on the manifold: the attractor (n, 7) that a spring-damper follows along this motion.
 
-    Parameters:
+    Parameters
+    ----------
+    motion
+        PoseMotion, pose (n, 7) with velocity and acceleration (n, 6).
+    stiffness
+        Kp [1/s^2], one number, or two for position and orientation.
+    damping
+        Kv [1/s], likewise; default: critical, 2 sqrt(kp).
 
-    * motion: PoseMotion, pose (n, 7) with velocity and acceleration (n, 6).
-    * stiffness: kp [1/s^2], one number, or two for position and orientation.
-    * damping: kv [1/s], likewise; default: critical, 2 sqrt(kp).
-
-    ValueError where the orientation would have to be pulled by half a turn or more: a spring takes
-    the shorter way.
+    Raises
+    ------
+    ValueError
+        Where the orientation would have to be pulled by half a turn or more: a spring takes the
+        shorter way.
     """
     kp = as_pair(stiffness, "stiffness", strict=True)
     kv = critical_damping(kp) if damping is None else as_pair(damping, "damping", strict=False)
@@ -152,19 +162,27 @@ def follow_pose_attractor(
     push: ArrayLike | None = None,
 ) -> PoseMotion:
     """Motion of n poses that follows an attractor (n, 7), one each `step` [s]; between them it
-    moves along geodesics.
-
-    Parameters:
-
-    * pose0, velocity0: pose (7,) and velocity (6,) [m/s, rad/s] at the first stamp.
-    * stiffness, damping: as in `pose_attractor`.
-    * push: acceleration (n, 6) [m/s^2, rad/s^2] from outside, in world axes, linear between the
-      stamps; default: none.
+    moves
+    along geodesics.
 
     Positions are exact (`follow_attractor`). Orientations are integrated by a Runge-Kutta method
     of fourth order in steps of a twentieth of the fastest time constant at most, which is stable
-    at any rate. The hand turns to the attractor the shorter way. ValueError for a push of another
-    shape.
+    at any rate. The hand turns to the attractor the shorter way.
+
+    Parameters
+    ----------
+    pose0, velocity0
+        Pose (7,) and velocity (6,) [m/s, rad/s] at the first stamp.
+    stiffness, damping
+        As in `pose_attractor`.
+    push
+        Acceleration (n, 6) [m/s^2, rad/s^2] from outside, in world axes, linear between the
+        stamps; default: none.
+
+    Raises
+    ------
+    ValueError
+        For a push of another shape.
     """
     attractor, pose, velocity = (
         as_poses(attractor, "attractor"),

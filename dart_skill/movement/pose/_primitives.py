@@ -62,12 +62,20 @@ class PoseTrajectory:
 class PoseState:
     """State of a movement at one instant.
 
-    * pose (7,), velocity (6,) [m/s, rad/s] and acceleration (6,) in world axes.
-    * goal (7,): goal or baseline, on its way to the wanted one.
-    * base (4,): orientation about which the coordinates are taken.
-    * inner: PrimitiveState in these coordinates.
-
     To continue from a measured pose or velocity: `dataclasses.replace(state, pose=...)`.
+
+    Parameters
+    ----------
+    pose : (7,)
+    velocity : (6,) [m/s, rad/s]
+    acceleration : (6,)
+        In world axes.
+    goal : (7,)
+        Goal or baseline, on its way to the wanted one.
+    base : (4,)
+        Orientation about which the coordinates are taken.
+    inner
+        PrimitiveState in these coordinates.
     """
 
     pose: np.ndarray
@@ -110,7 +118,13 @@ class PosePrimitive(SavedModel):
         return cls._KIND._parameters()
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The hyper-parameters by name, as the constructor takes them. deep: for scikit-learn."""
+        """The hyper-parameters by name, as the constructor takes them.
+
+        Parameters
+        ----------
+        deep
+            For scikit-learn.
+        """
         return self._inner.get_params(deep)
 
     def _to_arrays(self) -> Arrays:
@@ -173,8 +187,11 @@ class PosePrimitive(SavedModel):
         """The movement without disturbance from a state of `begin` or `step`; as demonstrated when
         None.
 
-        times: stamps (n,) [s], the first of which is the time of the state; or one number, a step
-        [s], for one duration.
+        Parameters
+        ----------
+        times
+            Stamps (n,) [s], the first of which is the time of the state; or one number, a step
+            [s], for one duration.
         """
         state = self.begin() if state is None else state
         made = self._inner.open_loop(times, self._inner_state(state))
@@ -247,15 +264,26 @@ class DiscretePosePrimitive(PosePrimitive):
     phase_scaled=True with goal_path="fixed" is the form that is printed in the papers, without
     their scaling by goal minus start.
 
-    Attributes after `fit`; all but the first are means over the demonstrations:
-
-    * weights_ (n_basis, 6).
-    * start_, goal_ (7,): poses. duration_ [s].
-    * start_turn_ (3,): rotation vector from the goal to the start [rad]. It may be longer than
-      half a turn.
-
     The movement turns the way that was shown, through half a turn and up to nearly a full turn
-    from its goal. options: all but n_basis.
+    from its goal.
+
+    After `fit`; all but the first are means over the demonstrations:
+
+    Parameters
+    ----------
+    options
+        All but n_basis.
+
+    Attributes
+    ----------
+    weights_ : (n_basis, 6)
+    start_
+        Poses.
+    goal_ : (7,)
+        Poses.
+    duration_ : [s]
+    start_turn_ : (3,)
+        Rotation vector from the goal to the start [rad]. It may be longer than half a turn.
     """
 
     _inner: DiscretePrimitive
@@ -274,18 +302,30 @@ class DiscretePosePrimitive(PosePrimitive):
         noise: ArrayLike | None = None,
     ) -> DiscretePosePrimitive:
         """Learn from one demonstration, time (n,) [s], n >= 2, and pose (n, 7), or from sequences
-        of several; returns self.
+        of
+        several.
 
-        Parameters:
+        Parameters
+        ----------
+        pose
+            Position [m] and unit quaternion x, y, z, w; signs do not matter.
+        weights
+            One number per sample (n,), default 1; for several demonstrations one number, or one
+            per sample, for each.
+        noise
+            Two numbers, standard deviations of position [m] and orientation [rad]; estimated when
+            None.
 
-        * pose: position [m] and unit quaternion x, y, z, w; signs do not matter.
-        * weights: one number per sample (n,), default 1; for several demonstrations one number, or
-          one per sample, for each.
-        * noise: two numbers, standard deviations of position [m] and orientation [rad]; estimated
-          when None.
+        Returns
+        -------
+        DiscretePosePrimitive
+            Self.
 
-        ValueError if a value is not finite, a quaternion's length is not 1, time does not
-        increase, a shape is wrong, or a pose is turned by nearly a full turn against the last one.
+        Raises
+        ------
+        ValueError
+            If a value is not finite, a quaternion's length is not 1, time does not increase, a
+            shape is wrong, or a pose is turned by nearly a full turn against the last one.
         """
         shown = _demonstrations(time, pose)
         tracks = [
@@ -351,16 +391,24 @@ class DiscretePosePrimitive(PosePrimitive):
     ) -> PoseState:
         """State dt seconds later.
 
-        Parameters:
-
-        * goal (7,), duration [s], amplitude: new values from now on; None for no change. A goal
-          that moves is followed beyond half a turn from the first one.
-        * coupling (6,): acceleration [m/s^2, rad/s^2] during this step in world axes, for example
-          of a push.
-        * tracking_error (6,): actual minus planned position [m], and rotation vector from the
-          planned to the actual orientation [rad]. It slows the movement down, as in
-          `DiscretePrimitive.step`.
-        * tolerance (2,): the errors [m] and [rad] that halve the pace.
+        Parameters
+        ----------
+        goal : (7,)
+            New values from now on; None for no change. A goal that moves is followed beyond half a
+            turn from the first one.
+        duration : [s]
+            New values from now on; None for no change. A goal that moves is followed beyond half a
+            turn from the first one.
+        amplitude
+            New values from now on; None for no change. A goal that moves is followed beyond half a
+            turn from the first one.
+        coupling : (6,)
+            Acceleration [m/s^2, rad/s^2] during this step in world axes, for example of a push.
+        tracking_error : (6,)
+            Actual minus planned position [m], and rotation vector from the planned to the actual
+            orientation [rad]. It slows the movement down, as in `DiscretePrimitive.step`.
+        tolerance : (2,)
+            The errors [m] and [rad] that halve the pace.
         """
         inner = self._inner_state(state)
         wish = None
@@ -383,18 +431,28 @@ class DiscretePosePrimitive(PosePrimitive):
 
 class RhythmicPosePrimitive(PosePrimitive):
     """Limit cycle on poses: a movement that repeats about a baseline, `RhythmicPrimitive` on
-    position and orientation.
+    position
+    and orientation.
 
     Parameters are those of `RhythmicPrimitive`: n_basis (default 50), stiffness (156.25),
     regression ("joint").
 
-    Attributes after `fit`:
-
-    * weights_ (n_basis, 6).
-    * baseline_ (7,): mean pose over whole periods. period_ [s].
-
     The hand swings by less than a full turn from its baseline. A baseline that changes carries the
-    cycle with it, in world axes. options: all but n_basis.
+    cycle with it, in world axes.
+
+    After `fit`:
+
+    Parameters
+    ----------
+    options
+        All but n_basis.
+
+    Attributes
+    ----------
+    weights_ : (n_basis, 6)
+    baseline_ : (7,)
+        Mean pose over whole periods.
+    period_ : [s]
     """
 
     # The inner primitive has nine coordinates: position, rotation vector from the baseline, and
@@ -419,9 +477,18 @@ class RhythmicPosePrimitive(PosePrimitive):
         """Learn as `DiscretePosePrimitive.fit` does; the phase is zero at the first sample of each
         demonstration.
 
-        period [s]: when None it is estimated from each demonstration, which must then span about
-        two periods. ValueError also if a demonstration does not repeat, or turns by nearly a full
-        turn from its mean. pose, weights, noise: as of `DiscretePosePrimitive.fit`.
+        Parameters
+        ----------
+        period : [s]
+            When None it is estimated from each demonstration, which must then span about two
+            periods.
+        pose, weights, noise
+            As of `DiscretePosePrimitive.fit`.
+
+        Raises
+        ------
+        ValueError
+            Also if a demonstration does not repeat, or turns by nearly a full turn from its mean.
         """
         shown = _demonstrations(time, pose)
         bases, tracks = zip(
@@ -447,7 +514,10 @@ class RhythmicPosePrimitive(PosePrimitive):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Pose (7,) and velocity (6,) on the limit cycle at a phase in units of the period.
 
-        baseline, amplitude: of the cycle; None for the baseline that was learned.
+        Parameters
+        ----------
+        baseline, amplitude
+            Of the cycle; None for the baseline that was learned.
         """
         state = self.begin(baseline=baseline, period=period, amplitude=amplitude, phase=phase)
         return state.pose, state.velocity

@@ -47,25 +47,39 @@ PoseFrames = Sequence[Sequence[PoseCourse]]
 
 class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
     """Mixture of K components in P task frames over rows of q numbers, of which column 0 is time,
-    and a pose.
-
-    Parameters; those that are not here are as in `PoseMixture`:
-
-    * start: "time" (default) cuts the samples into K slices of equal weight along column 0, and
-      needs no generator; "kmeans" clusters them as seen from all frames.
-    * correlated: bool, default False. Position and rotation of a component are independent, given
-      time and the other numbers. True: they may be correlated. Seven or more directions in each
-      frame then need far more than seven demonstrations, or the frames contradict each other with
-      false certainty.
-
-    Attributes after `fit`:
-
-    * priors_ (K,), means_ (P, K, q + 7), covariances_ (P, K, q + 6, q + 6) as each frame sees
-      them.
-    * log_likelihood_: float, summed over samples and frames. n_iterations_: int. converged_: bool.
+    and
+    a pose.
 
     Frames are given as P entries per demonstration: a PoseFrame, a list of them with one for each
     sample, or None, in the list too, where the frame is missing.
+
+    ; those that are not here are as in `PoseMixture`:
+
+    After `fit`:
+
+    Parameters
+    ----------
+    start
+        "time" (default) cuts the samples into K slices of equal weight along column 0, and needs
+        no generator; "kmeans" clusters them as seen from all frames.
+    correlated
+        Bool, default False. Position and rotation of a component are independent, given time and
+        the other numbers. True: they may be correlated. Seven or more directions in each frame
+        then need far more than seven demonstrations, or the frames contradict each other with
+        false certainty.
+
+    Attributes
+    ----------
+    priors_ : (K,)
+    means_ : (P, K, q + 7)
+    covariances_ : (P, K, q + 6, q + 6)
+        As each frame sees them.
+    log_likelihood_
+        Float, summed over samples and frames.
+    n_iterations_
+        Int.
+    converged_
+        Bool.
     """
 
     def __init__(
@@ -102,16 +116,24 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
         *,
         rng: np.random.Generator | None = None,
     ) -> TaskParameterisedPoseMixture:
-        """Fit by EM to the samples (n_i, q + 7) of each demonstration and its P frames; returns
-        self.
+        """Fit by EM to the samples (n_i, q + 7) of each demonstration and its P frames.
 
-        Parameters:
+        Parameters
+        ----------
+        weights
+            For each demonstration one number or one per sample (n_i,); default: all count alike.
+        rng
+            Random generator, only for start="kmeans".
 
-        * weights: for each demonstration one number or one per sample (n_i,); default: all count
-          alike.
-        * rng: random generator, only for start="kmeans".
+        Returns
+        -------
+        TaskParameterisedPoseMixture
+            Self.
 
-        ValueError for a start that these demonstrations do not allow, or if rng is missing.
+        Raises
+        ------
+        ValueError
+            For a start that these demonstrations do not allow, or if rng is missing.
         """
         blocks, mass = self._seen(samples, frames, weights)
         self._require_enough(mass)
@@ -144,10 +166,19 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
         weights: Weights = None,
         overlap: float = 0.7,
     ) -> TaskParameterisedPoseMixture:
-        """One component in each of K equal intervals of time, by a single M step; returns self.
+        """One component in each of K equal intervals of time, by a single M step.
 
-        overlap: float, default 0.7. Standard deviation of the window of a component in intervals.
-        samples, frames, weights: as of `fit`.
+        Parameters
+        ----------
+        overlap
+            Float, default 0.7. Standard deviation of the window of a component in intervals.
+        samples, frames, weights
+            As of `fit`.
+
+        Returns
+        -------
+        TaskParameterisedPoseMixture
+            Self.
         """
         blocks, mass = self._seen(samples, frames, weights)
         counts = windows_in_time(self._time(blocks), self.n_components, overlap) * mass[:, None]
@@ -219,8 +250,12 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
     def responsibilities(
         self, samples: Sequence[ArrayLike], frames: PoseFrames
     ) -> list[np.ndarray]:
-        """Per demonstration, (n_i, K) posterior probability of each component. samples: (n_i, q +
-        7) of each demonstration.
+        """Per demonstration, (n_i, K) posterior probability of each component.
+
+        Parameters
+        ----------
+        samples
+            (n_i, q + 7) of each demonstration.
         """
         return self._per_demonstration(samples, frames, 0)
 
@@ -263,8 +298,11 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
         """`PoseMixture.regress` in new frames; a frame that moves is given by a list with one for
         each of the inputs.
 
-        input_dims: as of `PoseMixture.regress`: columns (i,) of numbers or position, default the q
-        numbers before the pose.
+        Parameters
+        ----------
+        input_dims
+            As of `PoseMixture.regress`: columns (i,) of numbers or position, default the q numbers
+            before the pose.
         """
         self._require_fitted()
         n = len(np.atleast_1d(inputs))

@@ -121,8 +121,12 @@ def parts_of(name: str, parts: list[str]) -> dict:
     """Types of the interface `name`, from the parts of its definition: one of a message, two of a
     service, three of an action.
 
-    Nested types without a package are messages of the same one. ValueError for another number of
-    parts.
+    Nested types without a package are messages of the same one.
+
+    Raises
+    ------
+    ValueError
+        For another number of parts.
     """
     package = name.split("/")[0]
     if not 1 <= len(parts) <= 3:

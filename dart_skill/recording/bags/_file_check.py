@@ -330,12 +330,20 @@ class SqliteCheck(MessageCheck):
 
 class FileGlance(FileFacts):
     """What a file says of its messages, and their log times by its indexes: nothing is
-    decompressed where they are.
+    decompressed
+    where they are.
 
-    * path, line, name: as of `MessageCheck`.
-    * topics: endings of the names of topics whose log times are looked at.
+    Parameters
+    ----------
+    path, line, name
+        As of `MessageCheck`.
+    topics
+        Endings of the names of topics whose log times are looked at.
 
-    DamagedError if the file cannot be opened.
+    Raises
+    ------
+    DamagedError
+        If the file cannot be opened.
     """
 
     def __init__(self, path: Path, line: TimeLine, name: str, topics: tuple[str, ...]):

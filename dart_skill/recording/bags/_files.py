@@ -51,8 +51,12 @@ def part_number(file: Path) -> tuple[str, int]:
 
 
 def side_files(file: Path) -> dict[str, Path]:
-    """The write-ahead log and the journal beside an SQLite file, by their ending. file: which need
-    not be there.
+    """The write-ahead log and the journal beside an SQLite file, by their ending.
+
+    Parameters
+    ----------
+    file
+        Which need not be there.
     """
     beside = {ending: file.with_name(file.name + ending) for ending in SIDE_FILES}
     return {ending: one for ending, one in beside.items() if one.is_file() and one.stat().st_size}
@@ -70,8 +74,12 @@ def has_only_log(file: Path) -> bool:
 
 
 def missing_parts(files: list[Path]) -> list[str]:
-    """Which parts of a split bag are missing between others and before the first, by name. files:
-    those that are there.
+    """Which parts of a split bag are missing between others and before the first, by name.
+
+    Parameters
+    ----------
+    files
+        Those that are there.
     """
     found, last = [], {part_number(file)[0]: -1 for file in files}
     for name, number in sorted(map(part_number, files)):
@@ -85,8 +93,12 @@ def missing_parts(files: list[Path]) -> list[str]:
 
 
 def files_in(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
-    """The files of a folder that hold messages, in order. suffixes: of their names; those that
-    were compressed as a whole have another.
+    """The files of a folder that hold messages, in order.
+
+    Parameters
+    ----------
+    suffixes
+        Of their names; those that were compressed as a whole have another.
     """
     return sorted((file for file in folder.iterdir() if file.suffix in suffixes), key=part_number)
 
@@ -205,7 +217,12 @@ def storage_of(path: Path) -> str | None:
 
 
 def open_input(path: Path) -> McapInput | SqliteInput:
-    """A file of a bag, open for reading; DamagedError."""
+    """A file of a bag, open for reading.
+
+    Raises
+    ------
+    DamagedError
+    """
     if storage_of(path) != "sqlite3":
         return McapInput(path)
     from dart_skill.recording.bags._sqlite import SqliteInput
@@ -226,7 +243,13 @@ def packing(data: memoryview) -> str:
 
 
 def foreign(data: memoryview) -> str:
-    """What a file is that is no bag; empty for what may be one. data: its bytes."""
+    """What a file is that is no bag; empty for what may be one.
+
+    Parameters
+    ----------
+    data
+        Its bytes.
+    """
     head = bytes(data[:512])
     for first, what in _OTHERS:
         if re.match(first, head, re.DOTALL):
@@ -239,8 +262,12 @@ def foreign(data: memoryview) -> str:
 
 
 def unpack_file(path: Path, folder: Path) -> Path:
-    """What a file that was compressed as a whole holds, as a file in the folder; DamagedError,
-    also if that is far more than any bag.
+    """What a file that was compressed as a whole holds, as a file in the folder.
+
+    Raises
+    ------
+    DamagedError
+        Also if that is far more than any bag.
     """
     target = folder / unpacked_name(path.name)
     if reason := unpack(path, "lz4" if path.suffix == ".lz4" else "zstd", target):
@@ -249,10 +276,22 @@ def unpack_file(path: Path, folder: Path) -> Path:
 
 
 def unpack(path: Path, kind: str, target: Path) -> str:
-    """Unpack a file as far as it goes into a new one; returns why it ends early, empty if it does
-    not. DamagedError if it gets far larger than any recording would.
+    """Unpack a file as far as it goes into a new one.
 
-    * kind: "zstd", "gzip" or "lz4".
+    Parameters
+    ----------
+    kind
+        "zstd", "gzip" or "lz4".
+
+    Returns
+    -------
+    str
+        Why it ends early, empty if it does not.
+
+    Raises
+    ------
+    DamagedError
+        If it gets far larger than any recording would.
     """
     size, most = 0, max(LARGEST_UNPACKED, USUAL_RATIO * path.stat().st_size)
     with open(target, "wb") as out:

@@ -13,10 +13,16 @@ SEVERITIES = ("error", "warning", "note")
 class Finding:
     """Something about a bag.
 
-    * severity: "error" (something is lost or unreadable), "warning" (look at it) or "note".
-    * place: file, topic or byte.
-    * remedy: what to do about it; empty if nothing needs to be done.
-    * message: what it is.
+    Parameters
+    ----------
+    severity
+        "error" (something is lost or unreadable), "warning" (look at it) or "note".
+    place
+        File, topic or byte.
+    remedy
+        What to do about it; empty if nothing needs to be done.
+    message
+        What it is.
     """
 
     severity: str

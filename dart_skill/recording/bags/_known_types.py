@@ -33,15 +33,23 @@ def installed_definition(type_name: str) -> str:
 
 def installed_fields(type_name: str) -> Any:
     """Constants and fields of a type, as `rosbags` has them; None if it is known nowhere.
-    type_name: as package/msg/Name.
+
+    Parameters
+    ----------
+    type_name
+        As package/msg/Name.
     """
     types = _types_with(type_name)
     return types.fielddefs[type_name] if types is not None else None
 
 
 def installed_hash(type_name: str, text: str) -> str:
-    """RIHS01 of a type whose definition is that which is known here; empty for another one. text:
-    the definition.
+    """RIHS01 of a type whose definition is that which is known here; empty for another one.
+
+    Parameters
+    ----------
+    text
+        The definition.
     """
     type_name = full_name(type_name)
     types = _types_with(type_name)
@@ -58,7 +66,15 @@ def type_of_hash(digest: str) -> str:
 
 
 def schema_of(type_name: str, encoding: str, text: str, number: int = 0) -> Schema:
-    """A definition as `mcap` has it. encoding: of the text; number: in a file."""
+    """A definition as `mcap` has it.
+
+    Parameters
+    ----------
+    encoding
+        Of the text.
+    number
+        In a file.
+    """
     return Schema(id=number, name=type_name, encoding=encoding, data=text.encode())
 
 
@@ -85,7 +101,10 @@ def _names_by_hash() -> dict[str, str]:
 class Decoder:
     """Decodes messages by the definitions of their file.
 
-    schemas: of the file.
+    Parameters
+    ----------
+    schemas
+        Of the file.
     """
 
     def __init__(self, schemas: Iterable[Schema]):

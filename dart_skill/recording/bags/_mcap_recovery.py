@@ -59,7 +59,15 @@ ROS_ENCODINGS = ("ros2msg", "ros2idl")
 
 
 def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
-    """Take all that can be read of a file into the new bag. name: of the file; data: its bytes."""
+    """Take all that can be read of a file into the new bag.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    data
+        Its bytes.
+    """
     bag.n_bytes += len(data)
     parts: list[_McapRecovery] = []
     for number, (begin, end) in enumerate(extents(data)):

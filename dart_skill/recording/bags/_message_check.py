@@ -54,11 +54,21 @@ class _Topic:
 class FileFacts:
     """What is found out about a file.
 
-    * name: of the file in findings.
-    * findings: in the order in which they were found.
-    * counts: messages by topic.
-    * start_ns, end_ns: log times of the first and last message; None without messages.
-    * is_vouched_for: whether the file itself has counted as many messages as there are.
+    Parameters
+    ----------
+    name
+        Of the file in findings.
+
+    Attributes
+    ----------
+    findings
+        In the order in which they were found.
+    counts
+        Messages by topic.
+    start_ns, end_ns
+        Log times of the first and last message; None without messages.
+    is_vouched_for
+        Whether the file itself has counted as many messages as there are.
     """
 
     def __init__(self, name: str):
@@ -84,7 +94,13 @@ class FileFacts:
         return found
 
     def add(self, severity: str, message: str, remedy: str = "", where: str = "") -> None:
-        """Add a finding about the file. where: in it."""
+        """Add a finding about the file.
+
+        Parameters
+        ----------
+        where
+            In it.
+        """
         self.findings.append(
             Finding(severity, self.name + (f", {where}" if where else ""), message, remedy)
         )
@@ -92,7 +108,15 @@ class FileFacts:
     def take_topic(
         self, number: int, channel: Channel, schema: Schema | None, count: int = 0
     ) -> _Topic:
-        """Take a topic of the file. number: of its channel; count: of its messages."""
+        """Take a topic of the file.
+
+        Parameters
+        ----------
+        number
+            Of its channel.
+        count
+            Of its messages.
+        """
         encoding = (
             "cdr" if channel.message_encoding.lower() in ("cdr", "") else channel.message_encoding
         )
@@ -105,8 +129,12 @@ class FileFacts:
         return topic
 
     def file_findings(self, undefined: Mapping[int, int]) -> None:
-        """Add what is to be said of the file once all messages are counted. undefined: messages of
-        channels that it does not define.
+        """Add what is to be said of the file once all messages are counted.
+
+        Parameters
+        ----------
+        undefined
+            Messages of channels that it does not define.
         """
         if undefined:
             told = (
@@ -133,10 +161,16 @@ class FileFacts:
 class MessageCheck(FileFacts):
     """The check of a file.
 
-    path: of the file.
-    types: definitions for topics whose file holds none; None: those of ROS 2 Jazzy and ours.
-    line: log times of the bag, to which those of the file are added.
-    name: of the file in findings.
+    Parameters
+    ----------
+    path
+        Of the file.
+    types
+        Definitions for topics whose file holds none; None: those of ROS 2 Jazzy and ours.
+    line
+        Log times of the bag, to which those of the file are added.
+    name
+        Of the file in findings.
     """
 
     def __init__(
@@ -152,7 +186,13 @@ class MessageCheck(FileFacts):
         self._n_messages: Counter[int] = Counter()  # by channel
 
     def define(self, schemas: Iterable[Schema], channels: dict[int, Channel]) -> None:
-        """Take the types and topics of the file, before its messages. channels: by number."""
+        """Take the types and topics of the file, before its messages.
+
+        Parameters
+        ----------
+        channels
+            By number.
+        """
         known = {schema.id: schema for schema in schemas}
         texts = [
             (full_name(one.name), one.encoding, one.data.decode(errors="replace"))
@@ -191,7 +231,13 @@ class MessageCheck(FileFacts):
                 self._line.is_of_events(topic.name)
 
     def take(self, number: int, stamp_ns: int, sequence: int | None = None) -> None:
-        """Count a message. sequence: its number by its publisher; None or 0 without one."""
+        """Count a message.
+
+        Parameters
+        ----------
+        sequence
+            Its number by its publisher; None or 0 without one.
+        """
         self._n_messages[number] += 1
         topic = self._topics.get(number)
         if topic is None:
@@ -213,7 +259,10 @@ class MessageCheck(FileFacts):
         """Whether messages can be decoded: one by one, unless they differ from one that could in
         stamp and numbers alone.
 
-        messages: log time and bytes of each.
+        Parameters
+        ----------
+        messages
+            Log time and bytes of each.
         """
         topic = self._topics.get(number)
         if topic is None or topic.encoding != "cdr" or topic.reason or not messages:

@@ -42,12 +42,20 @@ _DDS = re.compile(r"(\w+)::(msg|srv|action)::(?:dds_::)?(\w+?)_?")
 class TopicMetadata:
     """A topic of a bag.
 
-    * name: of the topic.
-    * type_name: as package/msg/Name.
-    * qos: list of profiles as rosbag2 writes them.
-    * type_hash: of the message type, by REP 2011 (RIHS01).
-    * count: messages.
-    * encoding: of the messages.
+    Parameters
+    ----------
+    name
+        Of the topic.
+    type_name
+        As package/msg/Name.
+    qos
+        List of profiles as rosbag2 writes them.
+    type_hash
+        Of the message type, by REP 2011 (RIHS01).
+    count
+        Messages.
+    encoding
+        Of the messages.
     """
 
     name: str
@@ -62,9 +70,14 @@ class TopicMetadata:
 class FileMetadata:
     """A file of a bag.
 
-    * name: in the folder of the bag.
-    * count: messages.
-    * start_ns, end_ns: log times of its first and last message [ns]; None without messages.
+    Parameters
+    ----------
+    name
+        In the folder of the bag.
+    count
+        Messages.
+    start_ns, end_ns
+        Log times of its first and last message [ns]; None without messages.
     """
 
     name: str
@@ -141,8 +154,15 @@ def read_metadata_file(folder: Path, faults: list[str] | None = None) -> dict:
     """Metadata of a bag folder, as far as each of them is of the kind that rosbag2 writes (any
     version); the others are left out.
 
-    ValueError if its metadata.yaml says nothing at all, FileNotFoundError without one. faults:
-    what was left out is added, a text each.
+    Parameters
+    ----------
+    faults
+        What was left out is added, a text each.
+
+    Raises
+    ------
+    ValueError
+        If its metadata.yaml says nothing at all, FileNotFoundError without one.
     """
     with open_file(folder / METADATA_FILE) as stream:
         text = _decoded(stream.read(4 * LARGEST_TEXT + 1))
@@ -416,8 +436,12 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def load(text: str, what: str) -> Any:
-    """What a YAML text says; ValueError, with `what` it is, for one that is no YAML, or that asks
-    for too much.
+    """What a YAML text says.
+
+    Raises
+    ------
+    ValueError
+        With `what` it is, for one that is no YAML, or that asks for too much.
     """
     check(text, what)
     try:

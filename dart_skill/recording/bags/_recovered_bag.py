@@ -35,10 +35,16 @@ MOST_REASONS = 3
 class LostPlace:
     """A place of a file that is damaged or missing.
 
-    file: its name.
-    offset, n_bytes: where it is.
-    reason: what is wrong there.
-    messages: how many were lost there; 0 for an index or the like; None if that is not known.
+    Parameters
+    ----------
+    file
+        Its name.
+    offset, n_bytes
+        Where it is.
+    reason
+        What is wrong there.
+    messages
+        How many were lost there; 0 for an index or the like; None if that is not known.
     """
 
     file: str
@@ -60,23 +66,36 @@ class LostPlace:
 class Recovery:
     """A recovered bag: what is in it and what is not.
 
-    * path, files: the new bag and the names of its files.
-    * messages: kept, by topic.
-    * lost: messages by topic, as far as statistics, message indexes, metadata.yaml or gaps in
-      sequence numbers tell; what a recorder had not handed over yet when it stopped leaves no
-      trace.
-    * is_exact: whether statistics that are vouched for count all messages of all files; else
-      `lost` is the least that is lost.
-    * places: what is damaged or missing.
-    * repairs: damage without loss.
-    * notes: what else there is to know, as that there were several files in one.
-    * unverified: kept messages for which no CRC vouches.
-    * lost_chunks: how many were left out.
-    * n_bytes, n_looked_at: bytes of all files, and how many of them were looked at.
-    * start_ns, end_ns: log times of the first and last message that was kept; None without
-      messages.
-    * n_attachments: how many were kept.
-    * custom_data: of the new bag.
+    Parameters
+    ----------
+    path, files
+        The new bag and the names of its files.
+    messages
+        Kept, by topic.
+    lost
+        Messages by topic, as far as statistics, message indexes, metadata.yaml or gaps in sequence
+        numbers tell; what a recorder had not handed over yet when it stopped leaves no trace.
+    is_exact
+        Whether statistics that are vouched for count all messages of all files; else `lost` is the
+        least that is lost.
+    places
+        What is damaged or missing.
+    repairs
+        Damage without loss.
+    notes
+        What else there is to know, as that there were several files in one.
+    unverified
+        Kept messages for which no CRC vouches.
+    lost_chunks
+        How many were left out.
+    n_bytes, n_looked_at
+        Bytes of all files, and how many of them were looked at.
+    start_ns, end_ns
+        Log times of the first and last message that was kept; None without messages.
+    n_attachments
+        How many were kept.
+    custom_data
+        Of the new bag.
     """
 
     path: Path
@@ -130,9 +149,15 @@ class Recovery:
 class RecoveredTopic:
     """A topic of the new bag, and how many of its messages there are.
 
-    * kept, lost: messages; lost: as the statistics and indexes of the files tell.
-    * first, top, counted: sequence numbers from the first to the highest that a recorder which
-      counts wrote, and messages since.
+    Parameters
+    ----------
+    kept, lost
+        Messages.
+    lost
+        As the statistics and indexes of the files tell.
+    first, top, counted
+        Sequence numbers from the first to the highest that a recorder which counts wrote, and
+        messages since.
     """
 
     type_name: str
@@ -154,9 +179,14 @@ class RecoveredTopic:
 class RecoveredBag:
     """The bag that is being made.
 
-    * path: of the damaged one.
-    * output: folder of the new one, which is there.
-    * told: what the metadata.yaml of the damaged one says.
+    Parameters
+    ----------
+    path
+        Of the damaged one.
+    output
+        Folder of the new one, which is there.
+    told
+        What the metadata.yaml of the damaged one says.
     """
 
     def __init__(self, path: Path, output: Path, told: dict):
@@ -223,9 +253,13 @@ class RecoveredBag:
 
     def free_name(self, name: str, type_name: str, own: set[str]) -> str:
         """The name of a topic in the new bag: another one where it was that of another type in a
-        file before.
+        file
+        before.
 
-        own: names of topics that the same file had already, under any type; this one is added.
+        Parameters
+        ----------
+        own
+            Names of topics that the same file had already, under any type; this one is added.
         """
         known = self.topics.get(name)
         free = name
@@ -261,8 +295,12 @@ class RecoveredBag:
         ]
 
     def finish(self) -> Recovery:
-        """Close all files, now that it is known what they are to tell. BagError if there is
-        nothing in them.
+        """Close all files, now that it is known what they are to tell.
+
+        Raises
+        ------
+        BagError
+            If there is nothing in them.
         """
         if not any(file.channels for file in self.files) and not self.n_attachments:
             told = [f"{place.file}: {place.reason}" for place in self.places[:MOST_REASONS]] or [
@@ -345,15 +383,21 @@ class RecoveredBag:
 class FileRecovery:
     """A damaged file on its way into the new bag.
 
-    * bag: the new bag.
-    * name: of the file, in what is told.
+    Parameters
+    ----------
+    bag
+        The new bag.
+    name
+        Of the file, in what is told.
 
-    Attributes:
-
-    * out: the file of the new bag; None until something is written.
-    * written: channels of the new file by the number in the damaged one; None where nothing
-      defines them.
-    * topics: names of topics that the file has in the new bag.
+    Attributes
+    ----------
+    out
+        The file of the new bag; None until something is written.
+    written
+        Channels of the new file by the number in the damaged one; None where nothing defines them.
+    topics
+        Names of topics that the file has in the new bag.
     """
 
     def __init__(self, bag: RecoveredBag, name: str):
@@ -383,8 +427,12 @@ class FileRecovery:
     ) -> McapChannel:
         """Announce a topic in the new file, under another name where its own is taken.
 
-        * metadata: of the channel, with its QoS.
-        * schema, number: of the new file.
+        Parameters
+        ----------
+        metadata
+            Of the channel, with its QoS.
+        schema, number
+            Of the new file.
         """
         assert self.out is not None  # as the schema is in it
         name = self.bag.free_name(topic, type_name, self.topics)
@@ -408,7 +456,13 @@ class FileRecovery:
 
 
 def grouped_by_channel(channels: Iterable[int]) -> dict[int, list[int]]:
-    """Places of the messages of each channel. channels: of all messages, in their order."""
+    """Places of the messages of each channel.
+
+    Parameters
+    ----------
+    channels
+        Of all messages, in their order.
+    """
     places: dict[int, list[int]] = {}
     for index, channel in enumerate(channels):
         places.setdefault(channel, []).append(index)

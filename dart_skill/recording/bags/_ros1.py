@@ -22,9 +22,17 @@ RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 
 
 class Ros1Source:
-    """A bag of ROS 1; ValueError for what is none, as rosbags says it.
+    """A bag of ROS 1.
 
-    * path: of the file.
+    Parameters
+    ----------
+    path
+        Of the file.
+
+    Raises
+    ------
+    ValueError
+        For what is none, as rosbags says it.
     """
 
     def __init__(self, path: Path):
@@ -77,9 +85,14 @@ class Ros1Source:
     ) -> Iterator[BagMessage]:
         """Messages in order of log time.
 
-        * topics: names.
-        * start_ns, stop_ns: log times from the first to before the second [ns].
-        * with_definitions: nothing, as a bag of ROS 1 defines each type once.
+        Parameters
+        ----------
+        topics
+            Names.
+        start_ns, stop_ns
+            Log times from the first to before the second [ns].
+        with_definitions
+            Nothing, as a bag of ROS 1 defines each type once.
         """
         chosen = [one for one in self._reader.connections if one.topic in topics]
         if not chosen:

@@ -36,9 +36,19 @@ LATEST_NS = 2**63 - 1
 
 def copy_with_side_files(file: Path, folder: Path) -> Path:
     """A copy of an SQLite file with what stands beside it, which SQLite may change when it opens
-    it; returns the copy.
+    it.
 
-    * file: which is only read; folder: of the copy.
+    Parameters
+    ----------
+    file
+        Which is only read.
+    folder
+        Of the copy.
+
+    Returns
+    -------
+    Path
+        The copy.
     """
     for one in [file, *side_files(file).values()]:
         shutil.copyfile(one, folder / one.name)
@@ -46,11 +56,19 @@ def copy_with_side_files(file: Path, folder: Path) -> Path:
 
 
 class SqliteInput:
-    """A SQLite file of a bag, open for reading, with the attributes of `McapInput`. Raises
-    DamagedError for what is none.
+    """A SQLite file of a bag, open for reading, with the attributes of `McapInput`.
 
-    beside: what was found beside the file and read with it, as a text; empty if there was nothing.
-    n_unreadable: messages without a time, or without bytes.
+    Attributes
+    ----------
+    beside
+        What was found beside the file and read with it, as a text; empty if there was nothing.
+    n_unreadable
+        Messages without a time, or without bytes.
+
+    Raises
+    ------
+    DamagedError
+        For what is none.
     """
 
     storage = "sqlite3"
@@ -101,8 +119,11 @@ class SqliteInput:
         ]
 
     def rows(self) -> Iterator[tuple[int, int, int, bytes]]:
-        """Row, topic, log time and bytes of each message in the order in which they were written;
-        DamagedError.
+        """Row, topic, log time and bytes of each message in the order in which they were written.
+
+        Raises
+        ------
+        DamagedError
         """
         with _explained():
             yield from self._rows(

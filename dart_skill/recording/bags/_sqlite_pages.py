@@ -38,8 +38,12 @@ class BrokenRow(ValueError):
 class Row:
     """A row of some table.
 
-    * number: its rowid.
-    * values: of its columns: int, float, str, bytes or None.
+    Parameters
+    ----------
+    number
+        Its rowid.
+    values
+        Of its columns: int, float, str, bytes or None.
     """
 
     number: int
@@ -49,17 +53,27 @@ class Row:
 class Pages:
     """The pages of a file.
 
-    * data: bytes of the file.
-    * log: bytes of the write-ahead log beside it.
+    Parameters
+    ----------
+    data
+        Bytes of the file.
+    log
+        Bytes of the write-ahead log beside it.
 
-    Attributes:
-
-    * size: of a page [bytes].
-    * n_pages: that there should be.
-    * n_there: that are there.
-    * broken: rows of which a part is missing.
-    * has_more_than_told: whether there are pages behind those that the header tells of.
-    * log_rest: bytes at the end of the log that are no page.
+    Attributes
+    ----------
+    size
+        Of a page [bytes].
+    n_pages
+        That there should be.
+    n_there
+        That are there.
+    broken
+        Rows of which a part is missing.
+    has_more_than_told
+        Whether there are pages behind those that the header tells of.
+    log_rest
+        Bytes at the end of the log that are no page.
     """
 
     def __init__(self, data: memoryview, log: memoryview | None = None):
@@ -127,7 +141,13 @@ class Pages:
         )
 
     def rows(self, without: set[int]) -> Iterator[Row]:
-        """All rows on leaves. without: numbers of pages that are not looked at."""
+        """All rows on leaves.
+
+        Parameters
+        ----------
+        without
+            Numbers of pages that are not looked at.
+        """
         self.broken = held = 0
         self._left = 4 * (len(self._data) + len(self._log)) + 2**20
         for number in range(1, self.n_there + 1):

@@ -99,9 +99,18 @@ def recover_sqlite(
 ) -> None:
     """Take all that can be read of a file into the new bag.
 
-    * bag: the new one; name: of the file, in what is told.
-    * file: where its bytes are; data: these.
-    * scratch: a folder for a copy.
+    Parameters
+    ----------
+    bag
+        The new one.
+    name
+        Of the file, in what is told.
+    file
+        Where its bytes are.
+    data
+        These.
+    scratch
+        A folder for a copy.
     """
     beside = side_files(file)
     bag.n_bytes += len(data) + sum(side.stat().st_size for side in beside.values())

@@ -62,8 +62,18 @@ _UNDONE = (b"\xc2\x89", b"\xe2\x80\xb0")
 
 @dataclass(frozen=True)
 class Copied:
-    """How a file was copied as text. text: what is said of it; high: what became of the byte 0x89;
-    ends: of CR LF; is_mcap: what it is.
+    """How a file was copied as text.
+
+    Parameters
+    ----------
+    text
+        What is said of it.
+    high
+        What became of the byte 0x89.
+    ends
+        Of CR LF.
+    is_mcap
+        What it is.
     """
 
     high: bytes
@@ -73,7 +83,13 @@ class Copied:
 
 
 def how_copied(data: memoryview) -> Copied | None:
-    """How a file was copied as text, by its bytes; None for one that was not. data: its bytes."""
+    """How a file was copied as text, by its bytes; None for one that was not.
+
+    Parameters
+    ----------
+    data
+        Its bytes.
+    """
     head = bytes(data[:32])
     for high, of_high in _HIGH.items():
         if head.startswith(high + b"MCAP0"):
@@ -120,11 +136,21 @@ def _is_whole(data: memoryview) -> bool:
 
 
 def as_it_was(copied: Copied, data: memoryview, folder: Path) -> tuple[Path, str, bool] | None:
-    """Write a file as it was before it was copied; returns it, what was done and whether that is
-    all, None if nothing can be done.
+    """Write a file as it was before it was copied.
 
-    * copied: how it was; data: its bytes.
-    * folder: of the new file.
+    Parameters
+    ----------
+    copied
+        How it was.
+    data
+        Its bytes.
+    folder
+        Of the new file.
+
+    Returns
+    -------
+    tuple[Path, str, bool] | None
+        It, what was done and whether that is all, None if nothing can be done.
     """
     if copied.high not in (b"\x89", *_UNDONE) or copied.ends not in (b"\r\n", b"\r\r\n", b"\n"):
         return None

@@ -148,7 +148,13 @@ class TimeLine:
         self._events.add(topic)
 
     def findings(self, place: str) -> list[Finding]:
-        """What is to be said of the bag. place: its name."""
+        """What is to be said of the bag.
+
+        Parameters
+        ----------
+        place
+            Its name.
+        """
         self._take()
         usual = {
             name: topic.usual() for name, topic in self._topics.items() if name not in self._events

@@ -51,8 +51,12 @@ __all__ = ["Finding", "check_bag", "check_file", "glance"]
 def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[Finding]:
     """What is wrong with a bag, the worst first; empty if nothing is.
 
-    path: folder or file.
-    types: definitions for topics whose bag holds none (`typestore`).
+    Parameters
+    ----------
+    path
+        Folder or file.
+    types
+        Definitions for topics whose bag holds none (`typestore`).
     """
     path = Path(path)
     if not path.exists():
@@ -68,8 +72,12 @@ def glance(path: str | os.PathLike, topics: tuple[str, ...]) -> list[Finding]:
 
     Nothing is said of what is no bag, or cannot be opened: who reads it says why.
 
-    * path: folder or file.
-    * topics: endings of the names of topics whose log times are looked at.
+    Parameters
+    ----------
+    path
+        Folder or file.
+    topics
+        Endings of the names of topics whose log times are looked at.
     """
     path, look = Path(path), partial(FileGlance, topics=topics)
     with suppress(DamagedError, OSError):
@@ -110,8 +118,12 @@ def _found_in(path: Path, look: Callable[[Path, TimeLine, str], FileFacts]) -> l
 
 
 def check_file(path: str | os.PathLike, types: Typestore | None = None) -> list[Finding]:
-    """What is wrong with a single file of a bag, the worst first; empty if nothing is. types: as
-    for `check_bag`.
+    """What is wrong with a single file of a bag, the worst first; empty if nothing is.
+
+    Parameters
+    ----------
+    types
+        As for `check_bag`.
     """
     path, line = Path(path), TimeLine()
     findings: list[Finding] = []

@@ -41,10 +41,16 @@ one by one.
 class Columns:
     """Messages that differ in stamps and numbers alone.
 
-    * example: one of them.
-    * index: places of all among the messages of their topic (n,).
-    * stamps: (n,) [ns].
-    * numbers: all float64 of each, in the order of its fields (n, k).
+    Parameters
+    ----------
+    example
+        One of them.
+    index
+        Places of all among the messages of their topic (n,).
+    stamps
+        (n,) [ns].
+    numbers
+        All float64 of each, in the order of its fields (n, k).
     """
 
     example: Any
@@ -56,12 +62,19 @@ class Columns:
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """What messages of a topic have in common with one of them: their length, and all but their
-    stamp and their float64.
+    stamp
+    and their float64.
 
-    * example: that one.
-    * bytes_of_numbers: of the float64 of a message, in the order of its fields (8 k,).
-    * common: which bytes of a message are the same in all (length,).
-    * first: the bytes of the example (length,).
+    Parameters
+    ----------
+    example
+        That one.
+    bytes_of_numbers
+        Of the float64 of a message, in the order of its fields (8 k,).
+    common
+        Which bytes of a message are the same in all (length,).
+    first
+        The bytes of the example (length,).
     """
 
     example: Any
@@ -70,7 +83,13 @@ class Pattern:
     first: np.ndarray
 
     def table(self, payloads: Sequence[bytes]) -> np.ndarray | None:
-        """Bytes of messages (n, length), None if one of them does not fit. payloads: (n,), CDR."""
+        """Bytes of messages (n, length), None if one of them does not fit.
+
+        Parameters
+        ----------
+        payloads
+            (n,), CDR.
+        """
         if any(len(one) != len(self.first) for one in payloads):
             return None
         table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(
@@ -79,8 +98,12 @@ class Pattern:
         return None if (table[:, self.common] != self.first[self.common]).any() else table
 
     def stamps_and_numbers(self, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Stamps (n,) [ns] and all float64 (n, k) of messages that fit. table: of their bytes (n,
-        length).
+        """Stamps (n,) [ns] and all float64 (n, k) of messages that fit.
+
+        Parameters
+        ----------
+        table
+            Of their bytes (n, length).
         """
         stamps = np.ascontiguousarray(table[:, STAMP]).view(TIME)[:, 0]
         numbers = np.ascontiguousarray(table[:, self.bytes_of_numbers]).view("<f8")
@@ -89,11 +112,17 @@ class Pattern:
 
 def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | None:
     """The pattern of a message; None for a type that does not begin with a stamp, where its
-    numbers are not found in its bytes, and for bytes that are no such message.
+    numbers
+    are not found in its bytes, and for bytes that are no such message.
 
-    * types: that know the message.
-    * type_name: of the message.
-    * payload: CDR.
+    Parameters
+    ----------
+    types
+        That know the message.
+    type_name
+        Of the message.
+    payload
+        CDR.
     """
     if (
         not is_stamped(types, type_name)
@@ -120,11 +149,17 @@ def columns_by_layout(
     types: Typestore, type_name: str, payloads: Sequence[bytes]
 ) -> tuple[list[Columns], list[int]]:
     """Messages of a topic by their layouts, and the places of those (ascending) that have to be
-    read one by one.
+    read
+    one by one.
 
-    * types: that know the messages.
-    * type_name: of all messages.
-    * payloads: (n,), CDR.
+    Parameters
+    ----------
+    types
+        That know the messages.
+    type_name
+        Of all messages.
+    payloads
+        (n,), CDR.
     """
     left = np.arange(len(payloads))
     found: list[Columns] = []

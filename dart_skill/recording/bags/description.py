@@ -19,8 +19,13 @@ def describe(
 ) -> dict:
     """What a bag holds, in numbers, texts, lists and dicts only (JSON). Raises BagError.
 
-    types: known message types. with_definitions: whether to parse those of the bag and tell of
-    each topic if its type is defined (`is_defined`), which takes longer than all the rest.
+    Parameters
+    ----------
+    types
+        Known message types.
+    with_definitions
+        Whether to parse those of the bag and tell of each topic if its type is defined
+        (`is_defined`), which takes longer than all the rest.
     """
     with BagReader(path, types) as bag:
         duration_ns = bag.end_ns - bag.start_ns

@@ -43,7 +43,10 @@ def interface_folder() -> Path:
     """Folder of our interfaces: in a wheel, msg_schemas/ of a checkout, or the installed package's
     share.
 
-    FileNotFoundError if it is nowhere.
+    Raises
+    ------
+    FileNotFoundError
+        If it is nowhere.
     """
     folders = shared_folders("msg_schemas", PACKAGE)
     for folder in folders:
@@ -59,7 +62,12 @@ def typestore(*extra_folders: str | os.PathLike) -> Typestore:
     `extra_folders`.
 
     A folder holds .msg, .srv and .action files in any subfolder; its package is named by the
-    package.xml in it or above it, else by the folder itself. extra_folders: of other packages.
+    package.xml in it or above it, else by the folder itself.
+
+    Parameters
+    ----------
+    extra_folders
+        Of other packages.
     """
     types = get_typestore(Stores.ROS2_JAZZY)
     for folder in (interface_folder(), *map(Path, extra_folders)):
@@ -68,8 +76,12 @@ def typestore(*extra_folders: str | os.PathLike) -> Typestore:
 
 
 def types_for(type_name: str) -> Typestore:
-    """Types that include one of any installed package, with all that it nests; ValueError if its
-    definition is not found.
+    """Types that include one of any installed package, with all that it nests.
+
+    Raises
+    ------
+    ValueError
+        If its definition is not found.
     """
     types = shared_types()
     _install(types, full_name(type_name))
@@ -102,8 +114,12 @@ def message(types: Typestore, type_name: str, value: Any = None) -> Any:
     names.
 
     Fields that are missing, in nested messages too, are zero or empty; sequences may be lists or
-    arrays. A field of `value` that the type does not have is an error. ValueError for a field that
-    the type does not have.
+    arrays. A field of `value` that the type does not have is an error.
+
+    Raises
+    ------
+    ValueError
+        For a field that the type does not have.
     """
     type_name = _known(types, type_name)
     fields = dict(types.fielddefs[type_name][1])
@@ -121,7 +137,12 @@ def message(types: Typestore, type_name: str, value: Any = None) -> Any:
 def serialize(types: Typestore, type_name: str, value: Any) -> bytes:
     """CDR bytes (little endian, with encapsulation header) of whatever `message` accepts.
 
-    types: known message types; value: as of `message`.
+    Parameters
+    ----------
+    types
+        Known message types.
+    value
+        As of `message`.
     """
     return encoded(types, type_name, message(types, type_name, value))
 
@@ -129,7 +150,12 @@ def serialize(types: Typestore, type_name: str, value: Any) -> bytes:
 def encoded(types: Typestore, type_name: str, made: Any) -> bytes:
     """The same of a message object that `message` made, which is not looked through again.
 
-    types: known message types; made: of one of them.
+    Parameters
+    ----------
+    types
+        Known message types.
+    made
+        Of one of them.
     """
     return bytes(
         types.serialize_cdr(
@@ -139,7 +165,13 @@ def encoded(types: Typestore, type_name: str, made: Any) -> bytes:
 
 
 def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
-    """Message object from CDR bytes; ValueError if they are not a message of this type."""
+    """Message object from CDR bytes.
+
+    Raises
+    ------
+    ValueError
+        If they are not a message of this type.
+    """
     type_name = _known(types, type_name)
     try:
         return types.deserialize_cdr(data, type_name)
@@ -160,12 +192,24 @@ def stamp_content(stamp_ns: int) -> dict[str, int]:
 
 
 def header_content(stamp_ns: int, frame_id: str) -> dict[str, Any]:
-    """Fields of a header. frame_id: of what follows."""
+    """Fields of a header.
+
+    Parameters
+    ----------
+    frame_id
+        Of what follows.
+    """
     return {"stamp": stamp_content(stamp_ns), "frame_id": frame_id}
 
 
 def vector_content(values: Sequence[float]) -> dict[str, float]:
-    """Fields of a point or vector x, y, z, or of a quaternion x, y, z, w. values: (3,) or (4,)."""
+    """Fields of a point or vector x, y, z, or of a quaternion x, y, z, w.
+
+    Parameters
+    ----------
+    values
+        (3,) or (4,).
+    """
     return dict(zip("xyzw", values, strict=False))
 
 

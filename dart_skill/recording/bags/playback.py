@@ -24,10 +24,16 @@ CLOCK_TOPIC, CLOCK_TYPE = "/clock", "rosgraph_msgs/msg/Clock"
 class Due(NamedTuple):
     """A message to publish.
 
-    * position_ns: when, on the clock of the playback [ns].
-    * topic: after remapping.
-    * stamp_ns: log time in the bag [ns].
-    * data: CDR bytes.
+    Parameters
+    ----------
+    position_ns
+        When, on the clock of the playback [ns].
+    topic
+        After remapping.
+    stamp_ns
+        Log time in the bag [ns].
+    data
+        CDR bytes.
     """
 
     position_ns: int
@@ -40,13 +46,20 @@ class Due(NamedTuple):
 class Selection:
     """What of a bag is played.
 
-    * topics, exclude: regular expressions that match a topic as a whole.
-    * remap: published name by recorded name.
-    * start: after the bag's first message [s].
-    * duration: from there [s].
-    * loop: begin again at the end.
-    * clock_rate: of /clock [1/s of the bag's time], 0 for none; a recorded /clock is played
-      instead.
+    Parameters
+    ----------
+    topics, exclude
+        Regular expressions that match a topic as a whole.
+    remap
+        Published name by recorded name.
+    start
+        After the bag's first message [s].
+    duration
+        From there [s].
+    loop
+        Begin again at the end.
+    clock_rate
+        Of /clock [1/s of the bag's time], 0 for none; a recorded /clock is played instead.
     """
 
     topics: Sequence[str] = (".*",)
@@ -89,14 +102,22 @@ class Selection:
 class Playback:
     """The messages of an open bag in the order in which they are due; iterate once.
 
-    * bag: is open.
-    * selection: what of the bag is played.
+    Parameters
+    ----------
+    bag
+        Is open.
+    selection
+        What of the bag is played.
 
-    Attributes:
+    Attributes
+    ----------
+    topics
+        What the bag says of each topic, by its published name.
 
-    * topics: what the bag says of each topic, by its published name.
-
-    ValueError if nothing is left to play.
+    Raises
+    ------
+    ValueError
+        If nothing is left to play.
     """
 
     def __init__(self, bag: BagReader, selection: Selection):
@@ -164,9 +185,14 @@ BEHIND = 0.5
 class Pace:
     """Position of a playback on a clock.
 
-    * rate: seconds of the bag in a second of the clock; 0: as fast as can be.
-    * now: the time of that clock [s]; every method needs it.
-    * paused: begin only when `pause` says so.
+    Parameters
+    ----------
+    rate
+        Seconds of the bag in a second of the clock; 0: as fast as can be.
+    now
+        The time of that clock [s]; every method needs it.
+    paused
+        Begin only when `pause` says so.
     """
 
     def __init__(self, rate: float, now: float, paused: bool = False):
@@ -216,7 +242,13 @@ class Pace:
         self.rate = _checked(rate)
 
     def pause(self, paused: bool, now: float) -> None:
-        """Stop here, or go on from here. paused: whether to stop."""
+        """Stop here, or go on from here.
+
+        Parameters
+        ----------
+        paused
+            Whether to stop.
+        """
         self._stand(now)
         self.paused = paused
 

@@ -78,13 +78,20 @@ class BagError(ValueError):
 class TopicInfo:
     """A topic of a bag.
 
-    * type_name: as package/msg/Name.
-    * count: messages.
-    * type_hash: RIHS01; empty where the bag does not tell it.
-    * qos: profiles of `rosbags`.
-    * encoding: of the messages.
-    * other_types: of messages on the same topic, where it has several; each message says which it
-      is of.
+    Parameters
+    ----------
+    type_name
+        As package/msg/Name.
+    count
+        Messages.
+    type_hash
+        RIHS01; empty where the bag does not tell it.
+    qos
+        Profiles of `rosbags`.
+    encoding
+        Of the messages.
+    other_types
+        Of messages on the same topic, where it has several; each message says which it is of.
     """
 
     name: str
@@ -100,11 +107,18 @@ class TopicInfo:
 class BagFile:
     """A file of a bag.
 
-    size: in bytes.
-    count: messages; None if it is not known of this file alone.
-    start_ns, end_ns: log times of its first and last message, 0 without messages; None like count.
-    library: its writer.
-    compression: of its chunks, or of all of it.
+    Parameters
+    ----------
+    size
+        In bytes.
+    count
+        Messages; None if it is not known of this file alone.
+    start_ns, end_ns
+        Log times of its first and last message, 0 without messages; None like count.
+    library
+        Its writer.
+    compression
+        Of its chunks, or of all of it.
     """
 
     path: Path
@@ -117,23 +131,38 @@ class BagFile:
 
 
 class BagReader:
-    """An open bag; a context manager. Raises BagError for what is no whole bag.
+    """An open bag; a context manager.
 
-    * path: rosbag2 folder, or .mcap or .db3 file, or .bag file of ROS 1.
-    * types: definitions for topics whose bag holds none (`typestore`); None: those of ROS 2 Jazzy
-      and ours. The attribute of this name decodes the messages. Bags that define the same types
-      share it: make another store to add to it.
+    Parameters
+    ----------
+    path
+        Rosbag2 folder, or .mcap or .db3 file, or .bag file of ROS 1.
+    types
+        Definitions for topics whose bag holds none (`typestore`); None: those of ROS 2 Jazzy and
+        ours. The attribute of this name decodes the messages. Bags that define the same types
+        share it: make another store to add to it.
 
-    Attributes:
+    Attributes
+    ----------
+    topics
+        TopicInfo by name.
+    files
+        A list of BagFile, in order.
+    storage
+        How rosbag2 calls the format of the files: mcap or sqlite3; ros1 for a bag of ROS 1.
+    metadata
+        Of rosbag2, from metadata.yaml or, without it, from the file; empty if neither tells them.
+    custom_data
+        Names and texts of the metadata, as `BagWriter` got them.
+    start_ns, end_ns
+        Log times of the first and last message; 0 for an empty bag.
+    message_count
+        On all topics.
 
-    * topics: TopicInfo by name.
-    * files: a list of BagFile, in order.
-    * storage: how rosbag2 calls the format of the files: mcap or sqlite3; ros1 for a bag of ROS 1.
-    * metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither
-      tells them.
-    * custom_data: names and texts of the metadata, as `BagWriter` got them.
-    * start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
-    * message_count: on all topics.
+    Raises
+    ------
+    BagError
+        For what is no whole bag.
     """
 
     def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
@@ -206,9 +235,16 @@ class BagReader:
     ) -> Iterator[BagMessage]:
         """Messages in order of log time.
 
-        topics: names; None: all. start_ns, stop_ns: log times from the first to before the second;
-        None: no limit. decode: give objects instead of CDR bytes. every_ns: log time at least from
-        a message of a topic to the next one that is given; 0: all are.
+        Parameters
+        ----------
+        topics
+            Names; None: all.
+        start_ns, stop_ns
+            Log times from the first to before the second; None: no limit.
+        decode
+            Give objects instead of CDR bytes.
+        every_ns
+            Log time at least from a message of a topic to the next one that is given; 0: all are.
         """
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
@@ -226,7 +262,12 @@ class BagReader:
 
     def typed(self, message: BagMessage) -> tuple[Typestore, Any]:
         """The types that a raw message is decoded by, those of the bag unless only others fit, and
-        its content. BagError if none does.
+        its content.
+
+        Raises
+        ------
+        BagError
+            If none does.
         """
         from dart_skill.recording.bags.messages import deserialize
 
@@ -258,10 +299,20 @@ class BagReader:
         self, topic: str, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Any:
         """Messages of a topic as a pandas.DataFrame: a row for each, by its log time [ns]; columns
-        as `pose.position.x`, `position[0]`.
+        as
+        `pose.position.x`, `position[0]`.
 
-        Stamps and durations are nanoseconds. start_ns, stop_ns: as for `messages`.
-        ModuleNotFoundError without pandas.
+        Stamps and durations are nanoseconds.
+
+        Parameters
+        ----------
+        start_ns, stop_ns
+            As for `messages`.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            Without pandas.
         """
         from dart_skill.recording.bags.columns import frame_of
 
@@ -306,9 +357,15 @@ class GraphBag(BagReader):
     """An open bag of one graph, whichever namespace it ran in: /arm1/joint_states is called
     /joint_states here.
 
-    namespace: that one, "" without one; found by the topics of commands and of demonstrations.
+    Attributes
+    ----------
+    namespace
+        That one, "" without one; found by the topics of commands and of demonstrations.
 
-    BagError for a bag of several graphs.
+    Raises
+    ------
+    BagError
+        For a bag of several graphs.
     """
 
     def __init__(self, path: str | os.PathLike, types: Typestore | None = None):

@@ -40,11 +40,19 @@ COMPRESSED = (".zstd", ".zst", ".gz")
 def recover(path: str | os.PathLike, output: str | os.PathLike) -> Recovery:
     """Make a new bag of what can be read of a damaged one.
 
-    path: bag folder, with or without metadata.yaml, or a file of MCAP or SQLite, also compressed;
-    it is only read. output: folder of the new bag, which must not exist.
+    Parameters
+    ----------
+    path
+        Bag folder, with or without metadata.yaml, or a file of MCAP or SQLite, also compressed; it
+        is only read.
+    output
+        Folder of the new bag, which must not exist.
 
-    Raises BagError if nothing is left to recover, FileExistsError, and OSError if the new bag
-    cannot be written.
+    Raises
+    ------
+    BagError
+        If nothing is left to recover, FileExistsError, and OSError if the new bag cannot be
+        written.
     """
     path, output = Path(path), Path(output)
     files, told = _input(path)

@@ -68,10 +68,21 @@ def qos_yaml(
 ) -> str:
     """A QoS profile as the YAML text that rosbag2 keeps in `offered_qos_profiles`.
 
-    reliability: "reliable" or "best_effort".
-    durability: "volatile" or "transient_local".
-    history: "keep_last", "keep_all" or "unknown".
-    depth: messages that are kept. ValueError for a value that ROS does not have.
+    Parameters
+    ----------
+    reliability
+        "reliable" or "best_effort".
+    durability
+        "volatile" or "transient_local".
+    history
+        "keep_last", "keep_all" or "unknown".
+    depth
+        Messages that are kept.
+
+    Raises
+    ------
+    ValueError
+        For a value that ROS does not have.
     """
     allowed = {
         "reliability": ("reliable", "best_effort"),
@@ -100,20 +111,27 @@ class BagWriter:
     """A bag that is being written; a context manager. What was written stays, also when the block
     raises.
 
-    * path: folder of the bag, which must not exist; it holds `<name>_0.mcap`, `<name>_1.mcap` ...
-      and, once closed, metadata.yaml.
-    * custom_data: names and texts that go into the metadata (seed, version, who recorded); `note`
-      adds some.
-    * chunk_size: bytes of messages after which they are compressed and handed to the operating
-      system.
-    * flush_period_ns: log time after which they are in any case.
-    * ros_distro: goes into the metadata.
-    * max_bytes: a new file begins before the current one gets larger; 0: never.
-    * max_duration_ns: a new file begins before the current one gets as long in log time; 0: never.
-
     One thread at a time may call its methods. Each of them raises BagWriteError once the disk
     takes no more; what was written until then stays readable (`recover`), and `close` adds no
     second error.
+
+    Parameters
+    ----------
+    path
+        Folder of the bag, which must not exist; it holds `<name>_0.mcap`, `<name>_1.mcap` ... and,
+        once closed, metadata.yaml.
+    custom_data
+        Names and texts that go into the metadata (seed, version, who recorded); `note` adds some.
+    chunk_size
+        Bytes of messages after which they are compressed and handed to the operating system.
+    flush_period_ns
+        Log time after which they are in any case.
+    ros_distro
+        Goes into the metadata.
+    max_bytes
+        A new file begins before the current one gets larger; 0: never.
+    max_duration_ns
+        A new file begins before the current one gets as long in log time; 0: never.
     """
 
     def __init__(
@@ -197,10 +215,23 @@ class BagWriter:
     ) -> None:
         """Announce a topic before its first message.
 
-        name: with its leading slash. type_name: as package/msg/Name. definition_text: with all
-        nested definitions (`definition`). qos_profile_yaml: list of profiles (`qos_yaml`).
-        type_hash: RIHS01 (`type_hash`). ValueError for a name, type or QoS that cannot be, or that
-        contradicts what the bag has.
+        Parameters
+        ----------
+        name
+            With its leading slash.
+        type_name
+            As package/msg/Name.
+        definition_text
+            With all nested definitions (`definition`).
+        qos_profile_yaml
+            List of profiles (`qos_yaml`).
+        type_hash
+            RIHS01 (`type_hash`).
+
+        Raises
+        ------
+        ValueError
+            For a name, type or QoS that cannot be, or that contradicts what the bag has.
         """
         self._check_writable()
         if not name.startswith("/"):
@@ -226,8 +257,21 @@ class BagWriter:
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, cdr_bytes: bytes) -> None:
         """Append a message.
 
-        log_time_ns: when it was received. publish_time_ns: when it was sent. cdr_bytes: any buffer
-        of bytes. topic: as in `add_topic`. ValueError for times or bytes that cannot be.
+        Parameters
+        ----------
+        log_time_ns
+            When it was received.
+        publish_time_ns
+            When it was sent.
+        cdr_bytes
+            Any buffer of bytes.
+        topic
+            As in `add_topic`.
+
+        Raises
+        ------
+        ValueError
+            For times or bytes that cannot be.
         """
         entry = self._writable.get(topic)
         if entry is None:
@@ -259,7 +303,14 @@ class BagWriter:
     ) -> None:
         """Keep a file with the bag: parameters (YAML), robot description (URDF).
 
-        data: its content; media_type: as on the internet; time_ns: when it was made [ns].
+        Parameters
+        ----------
+        data
+            Its content.
+        media_type
+            As on the internet.
+        time_ns
+            When it was made [ns].
         """
         self._check_writable()
         data = data.encode() if isinstance(data, str) else bytes(data)
@@ -268,7 +319,11 @@ class BagWriter:
 
     def note(self, name: str, text: str) -> None:
         """Add to the custom data, or replace what it says by that name; until the bag is closed.
-        text: what it says.
+
+        Parameters
+        ----------
+        text
+            What it says.
         """
         if self._closed:
             raise self._refusal()
@@ -276,10 +331,14 @@ class BagWriter:
 
     def flush(self, to_disk: bool = False) -> None:
         """Hand all to the operating system, safe from a crash of this process, and have it put on
-        the disk soon.
+        the
+        disk soon.
 
-        to_disk: return only when it is there, safe from a crash of the machine. Costs nothing when
-        nothing is new.
+        Parameters
+        ----------
+        to_disk
+            Return only when it is there, safe from a crash of the machine. Costs nothing when
+            nothing is new.
         """
         self._check_writable()
         with self._explained():
@@ -294,9 +353,13 @@ class BagWriter:
 
     def close(self) -> None:
         """Write index, summary and metadata.yaml. Closing twice is no error, nor closing what
-        cannot be written.
+        cannot
+        be written.
 
-        BagWriteError if the bag could not be written.
+        Raises
+        ------
+        BagWriteError
+            If the bag could not be written.
         """
         if self._closed:
             return
@@ -471,7 +534,10 @@ class DiskSync:
     """A thread that syncs files when asked to; what is asked for twice before it begins is done
     once.
 
-    on_error: called in the thread with the OSError of a sync, once; nothing is synced after it.
+    Parameters
+    ----------
+    on_error
+        Called in the thread with the OSError of a sync, once; nothing is synced after it.
     """
 
     def __init__(self, on_error: Callable[[OSError], object]):
@@ -486,7 +552,13 @@ class DiskSync:
         self._hurry = Event()
 
     def request(self, file: FileIO, close: bool = False) -> None:
-        """Sync what `file` holds now, soon; close: and close it then."""
+        """Sync what `file` holds now, soon.
+
+        Parameters
+        ----------
+        close
+            And close it then.
+        """
         if close or file not in self._waiting:
             self._waiting.add(file)
             self._thread.submit(self._sync, file, close)

@@ -35,10 +35,19 @@ STATE_TYPE, POSE_TYPE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseSta
 def throws_to_csv(
     source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None
 ) -> ThrowRecording:
-    """Write a recording of throws as a folder of CSV files and the mapping that reads them;
-    returns what was read.
+    """Write a recording of throws as a folder of CSV files and the mapping that reads them.
 
-    source, mapping: as for `read_recording`. output: folder, which must not exist.
+    Parameters
+    ----------
+    source, mapping
+        As for `read_recording`.
+    output
+        Folder, which must not exist.
+
+    Returns
+    -------
+    ThrowRecording
+        What was read.
     """
     recording = read_recording(source, mapping)
     folder = Path(output)
@@ -63,9 +72,21 @@ def bodies_to_csv(
     source: str | os.PathLike, output: str | os.PathLike, roles: Sequence[str]
 ) -> dict[str, int]:
     """Write poses of tracked bodies and joint states of a bag of ours as CSV files; the number of
-    rows by file. BagError if there are none.
+    rows by file.
 
-    roles: of the bodies. output: folder, which must not exist. source: the bag.
+    Parameters
+    ----------
+    roles
+        Of the bodies.
+    output
+        Folder, which must not exist.
+    source
+        The bag.
+
+    Raises
+    ------
+    BagError
+        If there are none.
     """
     poses, joints = _read_topics(source, roles)
     if not poses:

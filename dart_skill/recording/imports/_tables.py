@@ -30,13 +30,24 @@ def read_table(
     folder: Path, table: Table, unit: str = "s", units: Mapping[str, str] | None = None
 ) -> dict[str, np.ndarray]:
     """Columns of a file by name: `time` (n,) as int64 nanoseconds, the others (n, k) as numbers,
-    nan where a cell is empty.
+    nan
+    where a cell is empty.
 
-    * folder: of the recording.
-    * table: file and columns.
-    * unit: of the times, of TIME_UNITS.
-    * units: what the mapping says of the other columns; ValueError if the header of a text says
-      something else.
+    Parameters
+    ----------
+    folder
+        Of the recording.
+    table
+        File and columns.
+    unit
+        Of the times, of TIME_UNITS.
+    units
+        What the mapping says of the other columns.
+
+    Raises
+    ------
+    ValueError
+        If the header of a text says something else.
     """
     path = folder / table.file
     reader = ARRAYS.get(path.suffix.lower())
@@ -56,9 +67,16 @@ def read_pose_table(
     """Stamps (n,) [ns], positions (n, 3) and quaternions (n, 4) of the rows in which the body was
     seen, as they stand in the table.
 
-    * folder: of the recording.
-    * table: file and columns.
-    * unit: of the times, of TIME_UNITS; length: of the positions, of LENGTH_UNITS.
+    Parameters
+    ----------
+    folder
+        Of the recording.
+    table
+        File and columns.
+    unit
+        Of the times, of TIME_UNITS.
+    length
+        Of the positions, of LENGTH_UNITS.
     """
     columns = read_table(folder, table, unit, {"position": length})
     quaternion = columns["quaternion"]

@@ -54,10 +54,16 @@ SAME_POSE = 1e-6
 class Poses:
     """Poses of a body as they were recorded, in the order of recording.
 
-    * stamps, log: when they are said to be, and when they were recorded (n,) [ns].
-    * rows: x, y, z, qx, qy, qz, qw of each (n, 7).
-    * faults: what was left out, taken for something, or transformed, on account of frames.
-    * frame: name of their frame.
+    Parameters
+    ----------
+    stamps, log
+        When they are said to be, and when they were recorded (n,) [ns].
+    rows
+        x, y, z, qx, qy, qz, qw of each (n, 7).
+    faults
+        What was left out, taken for something, or transformed, on account of frames.
+    frame
+        Name of their frame.
     """
 
     stamps: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
@@ -87,8 +93,14 @@ class Signal(GripSignal):
 
 
 def filled_topics(bag: BagReader, *kinds: str) -> list[str]:
-    """Topics of a bag that have messages of some types, in whichever package. bag: is open; kinds:
-    names of types without their package.
+    """Topics of a bag that have messages of some types, in whichever package.
+
+    Parameters
+    ----------
+    bag
+        Is open.
+    kinds
+        Names of types without their package.
     """
     return [
         name
@@ -103,8 +115,12 @@ def buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
 
 
 def bag_faults(source: Path, mapping: RecordingMapping = OWN) -> list[Fault]:
-    """What a glance at a bag finds wrong with it and with the topics that a mapping names. source:
-    the bag, or what is none.
+    """What a glance at a bag finds wrong with it and with the topics that a mapping names.
+
+    Parameters
+    ----------
+    source
+        The bag, or what is none.
     """
     topics = tuple(where.topic for where in _sources(mapping).values() if where.topic)
     found = glance(source, topics) if topics else []
@@ -123,9 +139,14 @@ def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterat
     """What was collected for each role that is a topic, part by part; all at once for 0, or where
     nobody told the hand to open.
 
-    * source: the bag.
-    * mapping: says which topics.
-    * part_ns: log time of a part, about; 0: all is one part [ns].
+    Parameters
+    ----------
+    source
+        The bag.
+    mapping
+        Says which topics.
+    part_ns
+        Log time of a part, about; 0: all is one part [ns].
     """
     wanted = {role: where for role, where in _sources(mapping).items() if where.topic}
     if not wanted:

@@ -66,9 +66,14 @@ HOUR_NS = 3600 * NS_PER_S
 class Timed:
     """Times of samples as a mapping reads them.
 
-    * stamp_ns: (n,) [ns].
-    * kept: which samples have a time at all (n,).
-    * faults: what is wrong with the stamps that were recorded.
+    Parameters
+    ----------
+    stamp_ns
+        (n,) [ns].
+    kept
+        Which samples have a time at all (n,).
+    faults
+        What is wrong with the stamps that were recorded.
     """
 
     stamp_ns: np.ndarray
@@ -79,10 +84,16 @@ class Timed:
 def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock) -> Timed:
     """The times of samples.
 
-    * body: its name, for faults.
-    * stamps: as recorded (n,) [ns].
-    * log_ns: when each was recorded (n,) [ns], None where that was not kept.
-    * clock: what a mapping says of them.
+    Parameters
+    ----------
+    body
+        Its name, for faults.
+    stamps
+        As recorded (n,) [ns].
+    log_ns
+        When each was recorded (n,) [ns], None where that was not kept.
+    clock
+        What a mapping says of them.
     """
     faults: list[Fault] = []
     kept = np.ones(len(stamps), dtype=bool)
@@ -101,8 +112,14 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
 
 
 def in_seconds(stamps: np.ndarray, unit: str) -> np.ndarray:
-    """Stamps in truth (n,) [ns]. stamps: as recorded (n,) [ns], whose seconds are of a unit of
-    TIME_UNITS. unit: its name.
+    """Stamps in truth (n,) [ns].
+
+    Parameters
+    ----------
+    stamps
+        As recorded (n,) [ns], whose seconds are of a unit of TIME_UNITS.
+    unit
+        Its name.
     """
     return stamps if unit == "s" else stamps // round(NS_PER_S / TIME_UNITS[unit])
 
@@ -221,7 +238,10 @@ def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[F
     """What is wrong with clocks whose stamps differ from those of others, by when both were
     recorded.
 
-    * streams: stamps (n,) and log times (n,) [ns] of each topic by its name in a mapping.
+    Parameters
+    ----------
+    streams
+        Stamps (n,) and log times (n,) [ns] of each topic by its name in a mapping.
     """
     late = {
         name: _lateness(stamps, log_ns)
@@ -341,8 +361,12 @@ def _leap(stamps: np.ndarray, log_ns: np.ndarray, around: np.ndarray) -> int:
 
 
 def without_running_back(stamp_ns: np.ndarray) -> np.ndarray:
-    """Stamps (n,) of a clock that was set back, as if it went on with the next sample. stamp_ns:
-    in the order of recording (n,) [ns].
+    """Stamps (n,) of a clock that was set back, as if it went on with the next sample.
+
+    Parameters
+    ----------
+    stamp_ns
+        In the order of recording (n,) [ns].
     """
     if len(stamp_ns) < 4:
         return stamp_ns
@@ -363,9 +387,14 @@ def steps_at(
 ) -> list[list[float]]:
     """The steps of a clock that was set, as a mapping has them.
 
-    * stamps: as recorded (n,) [ns].
-    * rows: first samples after that, ascending.
-    * by: what is to be added from each of them on [s].
+    Parameters
+    ----------
+    stamps
+        As recorded (n,) [ns].
+    rows
+        First samples after that, ascending.
+    by
+        What is to be added from each of them on [s].
     """
     at = [
         0.5e-9 * float(stamps[row - 1] + stamps[row]) + 0.5 * more
@@ -391,9 +420,14 @@ def _slope(at: np.ndarray, values: np.ndarray) -> float:
 class Rate:
     """How often samples come.
 
-    * period: between two, on average, without silences [s].
-    * interval: between two bursts [s]; as the period where they come one by one.
-    * count: samples of a burst.
+    Parameters
+    ----------
+    period
+        Between two, on average, without silences [s].
+    interval
+        Between two bursts [s]; as the period where they come one by one.
+    count
+        Samples of a burst.
     """
 
     period: float
@@ -423,8 +457,14 @@ def rate_of(time: np.ndarray) -> Rate | None:
 
 
 def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
-    """The rate of samples that come in bursts, and that as a fault; None if they do not. body: its
-    name. stamps: in ascending order.
+    """The rate of samples that come in bursts, and that as a fault; None if they do not.
+
+    Parameters
+    ----------
+    body
+        Its name.
+    stamps
+        In ascending order.
     """
     rate = rate_of((stamps - stamps[:1]) * 1e-9)
     if rate is None or not rate.is_bunched:
@@ -447,8 +487,12 @@ def regular(times: np.ndarray, log_ns: np.ndarray | None) -> np.ndarray:
     frames as fit into it, else no frame is taken to be missing. A sample is late and never early:
     the earliest ones of a stretch say where its frames are.
 
-    * times: stamps of the samples [ns].
-    * log_ns: when they were recorded (n,) [ns], None where that was not kept.
+    Parameters
+    ----------
+    times
+        Stamps of the samples [ns].
+    log_ns
+        When they were recorded (n,) [ns], None where that was not kept.
     """
     ruler = _ruler(times, log_ns)
     order = np.maximum.accumulate(ruler)

@@ -26,18 +26,26 @@ good to know.
 class Fault:
     """What is wrong with the poses of a body, the states of the joints, or their stamps.
 
-    * kind: of poses not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter,
-      swap, leap, outlier; of joints those of `joint_streams`; of stamps those of `clocks`; BAG of
-      the bag itself; or what is no fault: of INFORMATION.
-    * body: its name; of an exchange, both names; `joints` for the arm's; of a bag its file or
-      topic.
-    * start_ns, stop_ns: stamps of the first and last sample that is concerned.
-    * count: of samples; of a gap, of missing frames.
-    * message: what is wrong and what was done, for people.
-    * remedy: what mends it in a mapping, below the body's name, or what to do about a bag; empty
-      if nothing does.
-    * repaired: what is left is right as far as anybody can tell; samples that were left out count
-      as repaired if nothing was known of them.
+    Parameters
+    ----------
+    kind
+        Of poses not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap,
+        leap, outlier; of joints those of `joint_streams`; of stamps those of `clocks`; BAG of the
+        bag itself; or what is no fault: of INFORMATION.
+    body
+        Its name; of an exchange, both names; `joints` for the arm's; of a bag its file or topic.
+    start_ns, stop_ns
+        Stamps of the first and last sample that is concerned.
+    count
+        Of samples; of a gap, of missing frames.
+    message
+        What is wrong and what was done, for people.
+    remedy
+        What mends it in a mapping, below the body's name, or what to do about a bag; empty if
+        nothing does.
+    repaired
+        What is left is right as far as anybody can tell; samples that were left out count as
+        repaired if nothing was known of them.
     """
 
     kind: str
@@ -62,9 +70,14 @@ class Fault:
     ) -> Fault:
         """A fault of some samples.
 
-        * kind, body, message, repaired, remedy: as of the class.
-        * stamps: of the samples that are concerned (n,) [ns].
-        * count: of samples, if not n.
+        Parameters
+        ----------
+        kind, body, message, repaired, remedy
+            As of the class.
+        stamps
+            Of the samples that are concerned (n,) [ns].
+        count
+            Of samples, if not n.
         """
         first, last = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
         count = len(stamps) if count is None else count
@@ -118,7 +131,13 @@ def fault_lines(faults: Iterable[Fault]) -> list[str]:
 
 
 def in_words(fault: Fault) -> str:
-    """What is wrong with which body, and what mends it. fault: the fault."""
+    """What is wrong with which body, and what mends it.
+
+    Parameters
+    ----------
+    fault
+        The fault.
+    """
     if fault.kind == BAG:
         return f"{fault.body}: {fault.message}" + (f" ({fault.remedy})" if fault.remedy else "")
     remedy = f"; in a mapping: {fault.body}: {{{fault.remedy}}}" if fault.remedy else ""

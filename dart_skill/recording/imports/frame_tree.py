@@ -37,8 +37,12 @@ SAME = 1e-9
 class FrameTransform:
     """Poses of a frame in its parent over time.
 
-    * stamp_ns, log_ns: when they are said to be and when they were recorded (n,) [ns].
-    * rows: x, y, z, qx, qy, qz, qw of each (n, 7) [m].
+    Parameters
+    ----------
+    stamp_ns, log_ns
+        When they are said to be and when they were recorded (n,) [ns].
+    rows
+        x, y, z, qx, qy, qz, qw of each (n, 7) [m].
     """
 
     stamp_ns: np.ndarray
@@ -46,8 +50,12 @@ class FrameTransform:
     rows: np.ndarray
 
     def at(self, instants: np.ndarray, by_log: bool) -> np.ndarray:
-        """The pose (n, 7) at instants (n,) [ns], nan where it is not known. by_log: whether they
-        are log times instead of stamps.
+        """The pose (n, 7) at instants (n,) [ns], nan where it is not known.
+
+        Parameters
+        ----------
+        by_log
+            Whether they are log times instead of stamps.
         """
         if np.ptp(self.rows, axis=0).max() < SAME:
             return np.repeat(self.rows[:1], len(instants), axis=0)
@@ -71,7 +79,10 @@ class FrameTransform:
 class FrameTree:
     """The frames of a bag.
 
-    * transforms: by names of parent and child.
+    Parameters
+    ----------
+    transforms
+        By names of parent and child.
     """
 
     def __init__(self, transforms: dict[tuple[str, str], FrameTransform]):
@@ -90,10 +101,21 @@ class FrameTree:
     ) -> np.ndarray:
         """Poses in another frame (n, 7), nan where a transform between them is not known.
 
-        * rows: x, y, z, qx, qy, qz, qw of each pose (n, 7) in `frame` [m].
-        * frame, target: names of the two; ValueError if nothing connects them.
-        * instants: of the poses (n,) [ns].
-        * by_log: whether these are log times instead of stamps.
+        Parameters
+        ----------
+        rows
+            x, y, z, qx, qy, qz, qw of each pose (n, 7) in `frame` [m].
+        frame, target
+            Names of the two.
+        instants
+            Of the poses (n,) [ns].
+        by_log
+            Whether these are log times instead of stamps.
+
+        Raises
+        ------
+        ValueError
+            If nothing connects them.
         """
         path = self._path(frame, target)
         if not path:

@@ -44,10 +44,16 @@ MOVES = 0.01
 class JointStream:
     """The arm's own sensors, in the order of recording.
 
-    * stamp_ns: (n,) [ns].
-    * position: (n, 7) [rad].
-    * velocity: (n, 7) [rad/s].
-    * names: of the joints; may be empty.
+    Parameters
+    ----------
+    stamp_ns
+        (n,) [ns].
+    position
+        (n, 7) [rad].
+    velocity
+        (n, 7) [rad/s].
+    names
+        Of the joints; may be empty.
     """
 
     stamp_ns: np.ndarray
@@ -60,11 +66,17 @@ class JointStream:
 class States:
     """Rows of the arm's joints, in the order of recording, as they were recorded.
 
-    * stamp_ns, log_ns: (n,) [ns].
-    * position, velocity: (n, 7) [rad], [rad/s], in the senses and from the zeros that were
-      recorded; nan where they were not recorded.
-    * names: of the joints; may be empty.
-    * faults: what else was on the topic, and what is wrong.
+    Parameters
+    ----------
+    stamp_ns, log_ns
+        (n,) [ns].
+    position, velocity
+        (n, 7) [rad], [rad/s], in the senses and from the zeros that were recorded; nan where they
+        were not recorded.
+    names
+        Of the joints; may be empty.
+    faults
+        What else was on the topic, and what is wrong.
     """
 
     stamp_ns: np.ndarray
@@ -135,14 +147,23 @@ def read_states(
 ) -> States:
     """The arm's joint states among the messages of a topic.
 
-    * messages: of the topic, in the order of recording.
-    * types: that know them.
-    * decode: a message that has to be read by itself.
-    * where: names the joints that are meant, if they are not those of config/wam.yaml, and the
-      voice.
-    * stamp_of: stamp of a decoded message [ns].
+    Parameters
+    ----------
+    messages
+        Of the topic, in the order of recording.
+    types
+        That know them.
+    decode
+        A message that has to be read by itself.
+    where
+        Names the joints that are meant, if they are not those of config/wam.yaml, and the voice.
+    stamp_of
+        Stamp of a decoded message [ns].
 
-    ValueError says what was seen where it is not clear which joints are the arm's.
+    Raises
+    ------
+    ValueError
+        Says what was seen where it is not clear which joints are the arm's.
     """
     voices = _voices(messages, types, decode, stamp_of, ANGLE_UNITS[where.angle])
     if not voices:
@@ -164,8 +185,14 @@ def joint_stream(
 ) -> tuple[JointStream, list[Fault]]:
     """The states in our angles with their velocities, and what was missing of these.
 
-    * states: as they were recorded; stamps: of each (n,) [ns].
-    * where: signs and zeros.
+    Parameters
+    ----------
+    states
+        As they were recorded.
+    stamps
+        Of each (n,) [ns].
+    where
+        Signs and zeros.
     """
     scale = np.array(where.signs) if where.signs else np.ones(N_JOINTS)
     position = scale * states.position + (np.array(where.zeros) if where.zeros else 0.0)

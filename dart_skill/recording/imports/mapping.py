@@ -65,13 +65,21 @@ class MappingError(ValueError):
 class Clock:
     """How the time of a sample follows from what was recorded.
 
-    * source: one of TIME_SOURCES; a table has its column of times instead.
-    * unit: of what is recorded as seconds, of TIME_UNITS.
-    * is_regular: whether samples are evenly spaced, whatever their stamps say.
-    * shift_ns: added to every stamp [ns].
-    * drift: added to every stamp, as a share of the time since the first one.
-    * steps: stamp at which the clock was set, as recorded, and what is added from then on, in
-      order of recording [s].
+    Parameters
+    ----------
+    source
+        One of TIME_SOURCES; a table has its column of times instead.
+    unit
+        Of what is recorded as seconds, of TIME_UNITS.
+    is_regular
+        Whether samples are evenly spaced, whatever their stamps say.
+    shift_ns
+        Added to every stamp [ns].
+    drift
+        Added to every stamp, as a share of the time since the first one.
+    steps
+        Stamp at which the clock was set, as recorded, and what is added from then on, in order of
+        recording [s].
     """
 
     source: str = "stamp"
@@ -82,8 +90,12 @@ class Clock:
     steps: tuple[tuple[float, float], ...] = ()
 
     def corrected(self, stamp_ns: np.ndarray) -> np.ndarray:
-        """Stamps (n,) [ns] with steps, drift and shift. stamp_ns: as they were recorded (n,) [ns],
-        in the order of recording.
+        """Stamps (n,) [ns] with steps, drift and shift.
+
+        Parameters
+        ----------
+        stamp_ns
+            As they were recorded (n,) [ns], in the order of recording.
         """
         stamps = np.array(stamp_ns, dtype=np.int64)
         row = 0
@@ -119,10 +131,16 @@ def _row_of_step(stamps: np.ndarray, at: float, by: float) -> int:
 class Table:
     """A file of columns: text, or arrays of NumPy, MATLAB or Parquet.
 
-    * file: its name, in the folder of the recording.
-    * columns: names or numbers (from 1) of its columns by what they hold.
-    * delimiter: between columns of text; empty: as the file itself tells.
-    * header_lines: how many stand before the numbers of a text; they name the columns.
+    Parameters
+    ----------
+    file
+        Its name, in the folder of the recording.
+    columns
+        Names or numbers (from 1) of its columns by what they hold.
+    delimiter
+        Between columns of text; empty: as the file itself tells.
+    header_lines
+        How many stand before the numbers of a text; they name the columns.
     """
 
     file: str
@@ -135,14 +153,21 @@ class Table:
 class CaptureFile:
     """A body in a file of a motion capture program, and what the file may not say of itself.
 
-    * file: its name, in the folder of the recording.
-    * body: name of a rigid body, a bone or a marker.
-    * markers: names of the markers that it carries, in place of the body.
-    * rotation: how its orientation is told, words of ROTATIONS and ANGLE_UNITS; empty: as the file
-      says.
-    * rate: frames per second, 0: as the file says [1/s].
-    * space: "global" if positions are those of the world, which a file may not say; empty: as the
-      file says.
+    Parameters
+    ----------
+    file
+        Its name, in the folder of the recording.
+    body
+        Name of a rigid body, a bone or a marker.
+    markers
+        Names of the markers that it carries, in place of the body.
+    rotation
+        How its orientation is told, words of ROTATIONS and ANGLE_UNITS; empty: as the file says.
+    rate
+        Frames per second, 0: as the file says [1/s].
+    space
+        "global" if positions are those of the world, which a file may not say; empty: as the file
+        says.
     """
 
     file: str
@@ -158,23 +183,41 @@ class PoseSource:
     """Where the poses of a body come from: a topic, a table, a file of motion capture, or a fixed
     position.
 
-    * topic: name of the topic; child: of which transform on it.
-    * table: columns of a file.
-    * capture: a body in a file of a motion capture program.
-    * fixed: a position that never changes (3,) [m].
-    * frame: header.frame_id that is wanted, to which /tf takes other poses; "" for any.
-    * axes: where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
-    * orientation_axes: the same for orientations, where a driver turns positions only; None: those
-      of the positions.
-    * length: unit of lengths, of LENGTH_UNITS.
-    * order: of the numbers of a quaternion, of QUATERNION_ORDERS.
-    * is_inverse: whether quaternions turn the axes of the world into those of the body, instead of
-      the other way.
-    * world: from the recorded axes, once they point like ours, to ours.
-    * offset: the frame that we mean, in the axes of the tracked body.
-    * clock: how stamps are read.
-    * told: which of up, xyz and length the mapping itself says: a file of motion capture may say
-      them, too, or nobody does.
+    Parameters
+    ----------
+    topic
+        Name of the topic.
+    child
+        Of which transform on it.
+    table
+        Columns of a file.
+    capture
+        A body in a file of a motion capture program.
+    fixed
+        A position that never changes (3,) [m].
+    frame
+        Header.frame_id that is wanted, to which /tf takes other poses; "" for any.
+    axes
+        Where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
+    orientation_axes
+        The same for orientations, where a driver turns positions only; None: those of the
+        positions.
+    length
+        Unit of lengths, of LENGTH_UNITS.
+    order
+        Of the numbers of a quaternion, of QUATERNION_ORDERS.
+    is_inverse
+        Whether quaternions turn the axes of the world into those of the body, instead of the other
+        way.
+    world
+        From the recorded axes, once they point like ours, to ours.
+    offset
+        The frame that we mean, in the axes of the tracked body.
+    clock
+        How stamps are read.
+    told
+        Which of up, xyz and length the mapping itself says: a file of motion capture may say them,
+        too, or nobody does.
     """
 
     topic: str = ""
@@ -215,15 +258,23 @@ class PoseSource:
 class SignalSource:
     """Where joint states or commands come from: a topic or a table.
 
-    * names: of the seven joints in their order; empty: those of config/wam.yaml where they are
-      there, else as recorded.
-    * angle: unit of the positions, of ANGLE_UNITS.
-    * signs: 1 or -1 for each joint that turns the other way; empty for none.
-    * zeros: what each joint of the arm says where the recording says 0 [rad]; empty for zeros.
-    * listed: names of all joints of the messages that are meant, as these list them; empty for
-      any.
-    * frame: header.frame_id of the messages that are meant, "" for any.
-    * clock: how stamps are read.
+    Parameters
+    ----------
+    names
+        Of the seven joints in their order; empty: those of config/wam.yaml where they are there,
+        else as recorded.
+    angle
+        Unit of the positions, of ANGLE_UNITS.
+    signs
+        1 or -1 for each joint that turns the other way; empty for none.
+    zeros
+        What each joint of the arm says where the recording says 0 [rad]; empty for zeros.
+    listed
+        Names of all joints of the messages that are meant, as these list them; empty for any.
+    frame
+        Header.frame_id of the messages that are meant, "" for any.
+    clock
+        How stamps are read.
     """
 
     topic: str = ""
@@ -241,11 +292,18 @@ class SignalSource:
 class RecordingMapping:
     """What a recording holds, and where.
 
-    * bodies: sources of the poses of hand, ball and basket, by role.
-    * joints: source of the joint states, None for none.
-    * teacher, command: who tells the hand to open: a guiding person, or the arm's own controller.
-    * frame: name of the world's axes, default that of config/world.yaml.
-    * optional: roles that a recording may lack.
+    Parameters
+    ----------
+    bodies
+        Sources of the poses of hand, ball and basket, by role.
+    joints
+        Source of the joint states, None for none.
+    teacher, command
+        Who tells the hand to open: a guiding person, or the arm's own controller.
+    frame
+        Name of the world's axes, default that of config/world.yaml.
+    optional
+        Roles that a recording may lack.
     """
 
     bodies: Mapping[str, PoseSource]
@@ -281,7 +339,13 @@ OWN = RecordingMapping(
 
 
 def load_mapping(path: str | os.PathLike) -> RecordingMapping:
-    """The mapping in a YAML file; MappingError names what is wrong with it, and where."""
+    """The mapping in a YAML file.
+
+    Raises
+    ------
+    MappingError
+        Names what is wrong with it, and where.
+    """
     path = Path(path)
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -293,8 +357,18 @@ def load_mapping(path: str | os.PathLike) -> RecordingMapping:
 
 
 def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
-    """The mapping in nested dictionaries as YAML gives them; MappingError. place: names them in
-    errors. content: of the file.
+    """The mapping in nested dictionaries as YAML gives them.
+
+    Parameters
+    ----------
+    place
+        Names them in errors.
+    content
+        Of the file.
+
+    Raises
+    ------
+    MappingError
     """
     values = _Section(content, place)
     shared = values.section("axes") or _Section({}, f"{place}: axes")
@@ -319,8 +393,14 @@ def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
 
 
 def with_remedies(mapping: RecordingMapping, faults: Iterable[Fault]) -> RecordingMapping:
-    """A mapping with what mends faults of stamps. faults: as a recording has them that was read
-    with it. mapping: the one without.
+    """A mapping with what mends faults of stamps.
+
+    Parameters
+    ----------
+    faults
+        As a recording has them that was read with it.
+    mapping
+        The one without.
     """
     bodies: dict[str, Any] = dict(mapping.bodies)
     signals: dict[str, Any] = dict(mapping.signals)
@@ -402,10 +482,18 @@ def _is_number(value: Any) -> bool:
 
 
 def mended_pose(where: PoseSource, keys: Mapping[str, Any]) -> PoseSource:
-    """A source of poses with other values of some keys, as a mapping has them; MappingError.
+    """A source of poses with other values of some keys, as a mapping has them.
 
-    * where: the source.
-    * keys: of the section of a body: topic, offset and those of axes.
+    Parameters
+    ----------
+    where
+        The source.
+    keys
+        Of the section of a body: topic, offset and those of axes.
+
+    Raises
+    ------
+    MappingError
     """
     section = _Section(keys, "mended")
     found = replace(
@@ -418,12 +506,19 @@ def mended_pose(where: PoseSource, keys: Mapping[str, Any]) -> PoseSource:
 
 
 def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
-    """A source of joint states with other values of some keys, as a mapping has them;
-    MappingError.
+    """A source of joint states with other values of some keys, as a mapping has them.
 
-    * where: the source.
-    * keys: of the section of the joints, but for topic and csv; those of the clock for teacher and
-      command, too.
+    Parameters
+    ----------
+    where
+        The source.
+    keys
+        Of the section of the joints, but for topic and csv; those of the clock for teacher and
+        command, too.
+
+    Raises
+    ------
+    MappingError
     """
     section = _Section(keys, "mended")
     found = replace(_joint_keys(section, where), clock=_clock(section, where.clock))
@@ -443,15 +538,25 @@ def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
 
 
 def flow_text(keys: Mapping[str, Any]) -> str:
-    """Keys and values of a mapping in one line of YAML. keys: by section."""
+    """Keys and values of a mapping in one line of YAML.
+
+    Parameters
+    ----------
+    keys
+        By section.
+    """
     return yaml.safe_dump(
         dict(keys), default_flow_style=True, sort_keys=False, width=10**6
     ).strip()[1:-1]
 
 
 def mapping_text(mapping: RecordingMapping) -> str:
-    """A mapping as the text of a file, which `load_mapping` reads as the same mapping. mapping: to
-    be written.
+    """A mapping as the text of a file, which `load_mapping` reads as the same mapping.
+
+    Parameters
+    ----------
+    mapping
+        To be written.
     """
     content: dict[str, Any] = {"frame": mapping.frame}
     content |= {role: _pose_keys(where) for role, where in mapping.bodies.items()}
@@ -465,7 +570,10 @@ def clocks_of(mapping: RecordingMapping) -> dict[str, dict[str, Any]]:
     """How stamps are read, as the keys of a mapping by body, joints and signals; of those whose
     stamps are taken as they are, nothing.
 
-    * mapping: says it.
+    Parameters
+    ----------
+    mapping
+        Says it.
     """
     sources: dict[str, PoseSource | SignalSource] = {**mapping.bodies, **mapping.signals}
     return {name: keys for name, where in sources.items() if (keys := _clock_keys(where.clock))}

@@ -38,7 +38,10 @@ _MIRROR = np.diag([1.0, 1.0, -1.0])
 def nearest_axes(matrix: np.ndarray) -> Axes:
     """The signed axes whose matrix is nearest to an orthogonal one (3, 3).
 
-    * matrix: takes vectors of other axes into ours.
+    Parameters
+    ----------
+    matrix
+        Takes vectors of other axes into ours.
     """
 
     def likeness(axes: Axes) -> float:
@@ -53,7 +56,10 @@ def axes_matrix(axes: Sequence[str]) -> np.ndarray | None:
     """The matrix (3, 3) that takes vectors of other axes into ours, None unless these are three
     different axes.
 
-    * axes: as `Axes`.
+    Parameters
+    ----------
+    axes
+        As `Axes`.
     """
     if sorted(one.lstrip("-+") for one in axes) != ["x", "y", "z"] or any(
         len(one) > 2 for one in axes
@@ -72,8 +78,12 @@ def axes_matrix(axes: Sequence[str]) -> np.ndarray | None:
 class RigidTransform:
     """p -> R(quaternion) p + position.
 
-    * position: (3,) [m].
-    * quaternion: (4,), x, y, z, w, of norm 1.
+    Parameters
+    ----------
+    position
+        (3,) [m].
+    quaternion
+        (4,), x, y, z, w, of norm 1.
     """
 
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -93,11 +103,18 @@ class RigidTransform:
 class PoseStream:
     """Poses as they were recorded, in their order, good or bad.
 
-    * body: its name.
-    * stamp_ns: (n,) int64.
-    * position: (n, 3) [m].
-    * quaternion: (n, 4), x, y, z, w.
-    * frame_id: name of the axes.
+    Parameters
+    ----------
+    body
+        Its name.
+    stamp_ns
+        (n,) int64.
+    position
+        (n, 3) [m].
+    quaternion
+        (n, 4), x, y, z, w.
+    frame_id
+        Name of the axes.
     """
 
     body: str
@@ -152,11 +169,18 @@ def transformed(
     Orientations are turned as positions are: the body keeps its own axes. Of a body in left-handed
     axes the z axis is mirrored, too.
 
-    * world: takes axes that point like ours into ours.
-    * offset: our body's frame in the axes of the tracked body.
-    * axes: where ours point in those of the stream.
-    * orientation_axes: the same for the orientations; None: as for the positions.
-    * is_inverse: whether the quaternions are those of the inverse rotation.
+    Parameters
+    ----------
+    world
+        Takes axes that point like ours into ours.
+    offset
+        Our body's frame in the axes of the tracked body.
+    axes
+        Where ours point in those of the stream.
+    orientation_axes
+        The same for the orientations; None: as for the positions.
+    is_inverse
+        Whether the quaternions are those of the inverse rotation.
     """
     from scipy.spatial.transform import Rotation  # our own bags need none
 
@@ -207,8 +231,12 @@ CLEARLY = 0.4
 class Leaps:
     """Where the orientation of a body leapt.
 
-    * leapt: (n,) whether each sample shows the solution that was seen less often.
-    * turn: (4,) quaternion of that solution in the axes of the body, as the other one has them.
+    Parameters
+    ----------
+    leapt
+        (n,) whether each sample shows the solution that was seen less often.
+    turn
+        (4,) quaternion of that solution in the axes of the body, as the other one has them.
     """
 
     leapt: np.ndarray
@@ -225,8 +253,12 @@ class Leaps:
         return float(_angles(self.turn[None])[0])
 
     def mended(self, stream: PoseStream) -> PoseStream:
-        """The stream with all samples in the solution that was seen more often. stream: in which
-        they were found.
+        """The stream with all samples in the solution that was seen more often.
+
+        Parameters
+        ----------
+        stream
+            In which they were found.
         """
         back = product(
             stream.quaternion, np.broadcast_to(self.turn * CONJUGATE, stream.quaternion.shape)
@@ -238,7 +270,10 @@ def find_leaps(stream: PoseStream) -> Leaps | None:
     """Where an orientation leaps between two solutions; None where it does not, or leaps
     otherwise.
 
-    * stream: quaternions of norm 1, in order of time.
+    Parameters
+    ----------
+    stream
+        Quaternions of norm 1, in order of time.
     """
     if len(stream) < 2 * LEAST_STRETCH:
         return None

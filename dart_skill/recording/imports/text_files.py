@@ -76,9 +76,14 @@ class Row(NamedTuple):
 class Timing:
     """How the time of a row is told.
 
-    * place: index of the column with times, or with the numbers of frames; None: rows are counted.
-    * unit: of the times, of TIME_UNITS.
-    * rate: frames per second [1/s]; 0 where the column has times.
+    Parameters
+    ----------
+    place
+        Index of the column with times, or with the numbers of frames; None: rows are counted.
+    unit
+        Of the times, of TIME_UNITS.
+    rate
+        Frames per second [1/s]; 0 where the column has times.
     """
 
     place: int | None
@@ -87,10 +92,19 @@ class Timing:
 
 
 class TextFile:
-    """A text file of rows; ValueError, with the file and the line, for what is none.
+    """A text file of rows.
 
-    * path: of the file.
-    * delimiter: between cells, " " for any number of spaces; empty: as the file itself tells.
+    Parameters
+    ----------
+    path
+        Of the file.
+    delimiter
+        Between cells, " " for any number of spaces; empty: as the file itself tells.
+
+    Raises
+    ------
+    ValueError
+        With the file and the line, for what is none.
     """
 
     def __init__(self, path: Path, delimiter: str = ""):
@@ -104,7 +118,13 @@ class TextFile:
         return ValueError(f"{self.path}{'' if row is None else f', line {row.number}'}: {text}")
 
     def rows(self, after: int = 0) -> Iterator[Row]:
-        """The rows below a line, in order. after: number of the line."""
+        """The rows below a line, in order.
+
+        Parameters
+        ----------
+        after
+            Number of the line.
+        """
         try:
             with io.TextIOWrapper(
                 open_file(self.path), self._encoding, errors="replace"
@@ -125,9 +145,14 @@ class TextFile:
         """Stamps (n,) [ns] and numbers (n, k) in some columns of rows; nan where a cell says
         nothing.
 
-        * timing: how time is told.
-        * places: indices of the columns.
-        * is_ragged: whether cells may be missing at the end of a row.
+        Parameters
+        ----------
+        timing
+            How time is told.
+        places
+            Indices of the columns.
+        is_ragged
+            Whether cells may be missing at the end of a row.
         """
         place, last = timing.place, max((*places, timing.place or 0))
         pick = (
@@ -286,12 +311,20 @@ def number_told(text: str) -> float | None:
 
 def nanoseconds(text: str, unit: str = "s") -> int:
     """A time exactly: as a binary fraction of a second, an instant of today would be off by a
-    tenth of a microsecond.
+    tenth
+    of a microsecond.
 
-    ValueError for what is no time.
+    Parameters
+    ----------
+    text
+        A number, or a date with a time as ISO 8601 writes it.
+    unit
+        Of the number, of TIME_UNITS.
 
-    * text: a number, or a date with a time as ISO 8601 writes it.
-    * unit: of the number, of TIME_UNITS.
+    Raises
+    ------
+    ValueError
+        For what is no time.
     """
     try:
         return int((Decimal(text.replace(",", ".", 1)) * SCALES[unit]).to_integral_value())

@@ -74,16 +74,26 @@ STILL = 1e-3
 class ThrowRecording:
     """What a recording holds.
 
-    * source: where it comes from.
-    * bodies: poses of hand, ball and basket, by role.
-    * joints: joint states, None if they were not recorded.
-    * openings: when the hand was told to open, in order of time.
-    * has_button: whether somebody recorded at all when the hand was told to open.
-    * faults: found in poses, joint states and stamps.
-    * frame_id: of the poses, default that of config/world.yaml.
-    * command_stamps: of the commands to the arm (n,) [ns], in order of time; none where they were
-      not recorded.
-    * recorded: how many poses of each body were recorded, by role, whatever was wrong with them.
+    Parameters
+    ----------
+    source
+        Where it comes from.
+    bodies
+        Poses of hand, ball and basket, by role.
+    joints
+        Joint states, None if they were not recorded.
+    openings
+        When the hand was told to open, in order of time.
+    has_button
+        Whether somebody recorded at all when the hand was told to open.
+    faults
+        Found in poses, joint states and stamps.
+    frame_id
+        Of the poses, default that of config/world.yaml.
+    command_stamps
+        Of the commands to the arm (n,) [ns], in order of time; none where they were not recorded.
+    recorded
+        How many poses of each body were recorded, by role, whatever was wrong with them.
     """
 
     source: str
@@ -102,11 +112,19 @@ def read_recording(
 ) -> ThrowRecording:
     """Everything that a mapping names, without the faults that can be repaired.
 
-    source: bag, or folder with CSV files.
-    mapping: None for bags of our own.
-    mend: whether to look for faults at all.
+    Parameters
+    ----------
+    source
+        Bag, or folder with CSV files.
+    mapping
+        None for bags of our own.
+    mend
+        Whether to look for faults at all.
 
-    ValueError says what is missing, in which file and line, and BagError what is wrong with a bag.
+    Raises
+    ------
+    ValueError
+        Says what is missing, in which file and line, and BagError what is wrong with a bag.
     """
     (recording,) = read_in_parts(source, mapping, part_ns=0, mend=mend)
     return recording
@@ -119,16 +137,24 @@ def read_in_parts(
     mend: bool = True,
 ) -> Iterator[ThrowRecording]:
     """As `read_recording`, one part of a bag of ours after the other, so that only a part of a
-    long one is in memory.
+    long
+    one is in memory.
 
     A part ends in a pause, where there is one: a world that is set anew. Faults are looked for in
     each part by itself. Recordings of others, and without the command that opens the hand, are one
     part.
 
-    * source, mapping, mend: as for that.
-    * part_ns: log time of a part, about; 0: all is one part [ns].
+    Parameters
+    ----------
+    source, mapping, mend
+        As for that.
+    part_ns
+        Log time of a part, about; 0: all is one part [ns].
 
-    ValueError and BagError as there; for a body that was never seen at the end.
+    Raises
+    ------
+    ValueError, BagError
+        As there; for a body that was never seen at the end.
     """
     source, mapping = Path(source), mapping or OWN
     if not source.exists():
@@ -332,12 +358,23 @@ def convert(
     storage: str = "mcap",
 ) -> ThrowRecording:
     """Write a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of
-    continuous sign; returns what was read.
-
-    source, mapping: as for `read_recording`. output: folder of the bag, which must not exist.
-    storage: format of its files, mcap or sqlite3.
+    continuous sign.
 
     Where it came from and what was wrong with it stands in the bag's custom data.
+
+    Parameters
+    ----------
+    source, mapping
+        As for `read_recording`.
+    output
+        Folder of the bag, which must not exist.
+    storage
+        Format of its files, mcap or sqlite3.
+
+    Returns
+    -------
+    ThrowRecording
+        What was read.
     """
     recording = read_recording(source, mapping)
     faults = [asdict(fault) for fault in recording.faults if not fault.is_information]

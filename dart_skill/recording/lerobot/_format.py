@@ -43,7 +43,10 @@ class Feature:
 class Camera:
     """A video: its key in the dataset, and its size [pixels].
 
-    * height, width: of its pictures [pixels].
+    Parameters
+    ----------
+    height, width
+        Of its pictures [pixels].
     """
 
     key: str

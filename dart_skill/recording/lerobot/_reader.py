@@ -41,10 +41,15 @@ class Episode:
 @dataclass(frozen=True, eq=False)
 class LeRobotDataset:
     """A dataset: its folder, frames per second, names of the elements by feature (vectors only),
-    and episodes in order.
+    and
+    episodes in order.
 
-    * fps: frames per second.
-    * notes: what is wrong with its names.
+    Parameters
+    ----------
+    fps
+        Frames per second.
+    notes
+        What is wrong with its names.
     """
 
     path: Path
@@ -55,9 +60,18 @@ class LeRobotDataset:
 
     def column(self, episode: Episode, name: str) -> np.ndarray | None:
         """An element (n,) of any feature by its name, of an observation rather than a command;
-        None if there is none of that name.
+        None
+        if there is none of that name.
 
-        episode: which one. ValueError if a feature has several of that name.
+        Parameters
+        ----------
+        episode
+            Which one.
+
+        Raises
+        ------
+        ValueError
+            If a feature has several of that name.
         """
         for key in sorted(self.names, key=lambda key: key.startswith(COMMANDED)):
             found = self.names[key].count(name)
@@ -77,8 +91,12 @@ def is_dataset(path: str | os.PathLike) -> bool:
 
 
 def read_dataset(path: str | os.PathLike) -> LeRobotDataset:
-    """A dataset of version 2 or 3; videos and pictures are not read. ValueError names what is
-    wrong, and where.
+    """A dataset of version 2 or 3; videos and pictures are not read.
+
+    Raises
+    ------
+    ValueError
+        Names what is wrong, and where.
     """
     need("pyarrow")
     path = Path(path)

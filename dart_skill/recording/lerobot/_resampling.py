@@ -34,7 +34,12 @@ def turned_at_frames(
     """Orientations (m, 4), x, y, z, w, at frames (n,): (n, 4) of norm 1 and continuous sign, the
     first one with w >= 0.
 
-    stamps: (m,) [s]. quaternions: the orientations.
+    Parameters
+    ----------
+    stamps
+        (m,) [s].
+    quaternions
+        The orientations.
     """
     if len(stamps) == 1:
         turned = np.tile(Rotation.from_quat(quaternions[0]).as_quat(), (len(frames), 1))
@@ -53,7 +58,12 @@ def held_mean(
     """Mean over each frame (n,), until 1 / fps later, of what holds from each of the stamps (m,)
     until the next one: (n, k) of (m, k).
 
-    hold: so long at most [s]; then, and before the first stamp, it is 0. values: (m, k).
+    Parameters
+    ----------
+    hold
+        So long at most [s]; then, and before the first stamp, it is 0.
+    values
+        (m, k).
     """
     ends = np.minimum(np.append(stamps[1:], np.inf), stamps + hold)
     ends = np.minimum(ends, max(frames[-1] + 1.0 / fps, stamps[-1]) + 1.0)
@@ -67,11 +77,18 @@ def held_mean(
 
 def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: float) -> np.ndarray:
     """1 for each frame (n,) that stands for a sample (m,), or between two that follow each other;
-    0 for one in a gap, or beyond the ends.
+    0
+    for one in a gap, or beyond the ends.
 
     A gap is longer than one and a half periods of the slower of the two: what is on a straight
-    line across it was not seen, however near a sample is to it. fps: frames per second; stamps:
-    (m,) [s].
+    line across it was not seen, however near a sample is to it.
+
+    Parameters
+    ----------
+    fps
+        Frames per second.
+    stamps
+        (m,) [s].
     """
     period = max(1.0 / fps, float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0)
     after = np.searchsorted(stamps, frames)
@@ -85,7 +102,12 @@ def changes_at(share: np.ndarray, fps: float) -> list[tuple[float, bool]]:
     """When a signal (n,) that `held_mean` brought to frames switched [s], and whether on; also one
     that only ever is 0 or 1.
 
-    fps: frames per second. share: the signal, from 0 to 1.
+    Parameters
+    ----------
+    fps
+        Frames per second.
+    share
+        The signal, from 0 to 1.
     """
     found: list[tuple[float, bool]] = []
     on = bool(share[0] >= 1.0 - CERTAIN)

@@ -32,13 +32,23 @@ class DatasetWriter:
     """A new dataset; a context manager, which takes the folder away again where something goes
     wrong.
 
-    * path: folder, which must not exist.
-    * fps: frames per second.
-    * robot_type: as the dataset calls the robot.
-    * features: vectors of each frame.
-    * cameras: videos.
+    Parameters
+    ----------
+    path
+        Folder, which must not exist.
+    fps
+        Frames per second.
+    robot_type
+        As the dataset calls the robot.
+    features
+        Vectors of each frame.
+    cameras
+        Videos.
 
-    FileExistsError for a folder that is there, ModuleNotFoundError without the extra `lerobot`.
+    Raises
+    ------
+    FileExistsError
+        For a folder that is there, ModuleNotFoundError without the extra `lerobot`.
     """
 
     def __init__(
@@ -73,10 +83,19 @@ class DatasetWriter:
         frames: Mapping[str, np.ndarray],
         pictures: Mapping[str, Iterable[np.ndarray]] | None = None,
     ) -> None:
-        """An episode. frames: arrays (n, k) by the key of a feature. pictures: n arrays (height,
-        width, 3), uint8, by the key of a camera.
+        """An episode.
 
-        ValueError for what is not of these shapes, or not finite.
+        Parameters
+        ----------
+        frames
+            Arrays (n, k) by the key of a feature.
+        pictures
+            n arrays (height, width, 3), uint8, by the key of a camera.
+
+        Raises
+        ------
+        ValueError
+            For what is not of these shapes, or not finite.
         """
         n, episode = _n_frames(frames, self.features), len(self._rows)
         number = self._tasks.setdefault(task, len(self._tasks))
@@ -103,7 +122,13 @@ class DatasetWriter:
         self.n_frames += n
 
     def close(self) -> None:
-        """Write what is about all episodes; ValueError without any."""
+        """Write what is about all episodes.
+
+        Raises
+        ------
+        ValueError
+            Without any.
+        """
         if not self._rows:
             raise ValueError(f"{self.path}: a dataset needs at least one episode")
         self._data.close()
@@ -224,7 +249,13 @@ class VideoFile:
         self._sampled: list[tuple[np.ndarray, int]] = []
 
     def write(self, pictures: Iterable[np.ndarray], n: int) -> dict[str, Any]:
-        """n pictures; where they are. ValueError for another number of them, or another size."""
+        """n pictures; where they are.
+
+        Raises
+        ------
+        ValueError
+            For another number of them, or another size.
+        """
         if self._container is None or self._file().stat().st_size > format_.VIDEO_MB * 2**20:
             self._open()
         begin, samples = self._n_frames, []

@@ -49,9 +49,14 @@ _STAMP = itemgetter(2)
 class BagMessage(NamedTuple):
     """A message.
 
-    * stamp_ns: log time.
-    * data: CDR bytes or, decoded, an object with the message's fields.
-    * topic: its name.
+    Parameters
+    ----------
+    stamp_ns
+        Log time.
+    data
+        CDR bytes or, decoded, an object with the message's fields.
+    topic
+        Its name.
     """
 
     topic: str
@@ -63,8 +68,12 @@ class BagMessage(NamedTuple):
 class Part(NamedTuple):
     """A part of a file.
 
-    * start_ns, end_ns: log times of its first and last message.
-    * read: gives its messages in order of log time.
+    Parameters
+    ----------
+    start_ns, end_ns
+        Log times of its first and last message.
+    read
+        Gives its messages in order of log time.
     """
 
     start_ns: int
@@ -73,16 +82,31 @@ class Part(NamedTuple):
 
 
 class McapInput:
-    """A whole MCAP file, open for reading. Raises DamagedError for what is no whole file.
+    """A whole MCAP file, open for reading.
 
-    library: what wrote the file.
-    schemas, channels: by number.
-    counts: messages by the number of their channel.
-    message_count: of all channels.
-    start_ns, end_ns: log times of the first and last message, 0 without messages.
-    strays: messages by the number of a channel that the file does not define.
-    compression: of the chunks; several are separated by commas.
-    storage: how rosbag2 calls the format.
+    Attributes
+    ----------
+    library
+        What wrote the file.
+    schemas, channels
+        By number.
+    counts
+        Messages by the number of their channel.
+    message_count
+        Of all channels.
+    start_ns, end_ns
+        Log times of the first and last message, 0 without messages.
+    strays
+        Messages by the number of a channel that the file does not define.
+    compression
+        Of the chunks; several are separated by commas.
+    storage
+        How rosbag2 calls the format.
+
+    Raises
+    ------
+    DamagedError
+        For what is no whole file.
     """
 
     storage = "mcap"
@@ -131,8 +155,12 @@ class McapInput:
     def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[Part]:
         """The parts of the file that may hold messages of some channels and times.
 
-        wanted: topic and type by number of the channel.
-        start_ns, stop_ns: log times from the first to before the second.
+        Parameters
+        ----------
+        wanted
+            Topic and type by number of the channel.
+        start_ns, stop_ns
+            Log times from the first to before the second.
         """
         if self._chunks is None:
             read = partial(self._found_messages, wanted, start_ns, stop_ns)
@@ -155,10 +183,19 @@ class McapInput:
 
     def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Numbers and log times (n,) [ns] of messages of some channels, some at a time, in the
-        order of writing; DamagedError.
+        order
+        of writing.
 
-        By the message indexes, where there are some: no chunk is unpacked. wanted: number that is
-        given for each channel.
+        By the message indexes, where there are some: no chunk is unpacked.
+
+        Parameters
+        ----------
+        wanted
+            Number that is given for each channel.
+
+        Raises
+        ------
+        DamagedError
         """
         import numpy as np
 
@@ -189,10 +226,18 @@ class McapInput:
 
     def missing(self, wanted: Collection[int]) -> dict[int, int]:
         """Messages that are missing by the sequence numbers of the first and the last one of each
-        channel; DamagedError.
+        channel.
 
         Only the chunks with these two are unpacked; of a file without indexes nothing is told.
-        wanted: numbers of channels.
+
+        Parameters
+        ----------
+        wanted
+            Numbers of channels.
+
+        Raises
+        ------
+        DamagedError
         """
         places = {
             number: [
@@ -388,7 +433,10 @@ def is_complete(summary: Summary) -> bool:
     """Whether the summary tells where all messages are: each is in a chunk that has indexes, of a
     channel that the summary has.
 
-    summary: of a file.
+    Parameters
+    ----------
+    summary
+        Of a file.
     """
     statistics = summary.statistics
     if (

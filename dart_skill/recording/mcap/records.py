@@ -74,12 +74,20 @@ class DamagedError(ValueError):
 class Message(NamedTuple):
     """A message record.
 
-    * place: where it begins among the records that it was read from [bytes].
-    * channel: number of its channel.
-    * sequence: count by its publisher, or 0.
-    * log_time_ns: when it was recorded [ns].
-    * publish_time_ns: when it was published [ns].
-    * data: its bytes.
+    Parameters
+    ----------
+    place
+        Where it begins among the records that it was read from [bytes].
+    channel
+        Number of its channel.
+    sequence
+        Count by its publisher, or 0.
+    log_time_ns
+        When it was recorded [ns].
+    publish_time_ns
+        When it was published [ns].
+    data
+        Its bytes.
     """
 
     place: int
@@ -94,12 +102,20 @@ class Message(NamedTuple):
 class Chunk:
     """A chunk as it stands in the file.
 
-    * start_ns, end_ns: log times of its first and last message.
-    * size: bytes of its records, once they are decompressed.
-    * crc: of the decompressed records; 0 for none.
-    * compression: "zstd", "lz4" or "".
-    * records: compressed.
-    * length: of the chunk's content, as its own sizes say.
+    Parameters
+    ----------
+    start_ns, end_ns
+        Log times of its first and last message.
+    size
+        Bytes of its records, once they are decompressed.
+    crc
+        Of the decompressed records; 0 for none.
+    compression
+        "zstd", "lz4" or "".
+    records
+        Compressed.
+    length
+        Of the chunk's content, as its own sizes say.
     """
 
     start_ns: int
@@ -111,7 +127,12 @@ class Chunk:
     length: int
 
     def unpack(self) -> bytes:
-        """Its records, with their size and CRC (where it has one) checked; DamagedError."""
+        """Its records, with their size and CRC (where it has one) checked.
+
+        Raises
+        ------
+        DamagedError
+        """
         if self.size > LARGEST_CHUNK:
             raise DamagedError(
                 f"the chunk says that it holds {self.size} bytes, more than the {LARGEST_CHUNK}"
@@ -138,11 +159,22 @@ class Chunk:
         return USUAL_RECORDS + len(self.records)
 
     def messages(self) -> Iterator[Message]:
-        """Its messages; DamagedError."""
+        """Its messages.
+
+        Raises
+        ------
+        DamagedError
+        """
         return self.messages_in(self.unpack())
 
     def messages_in(self, raw: bytes) -> Iterator[Message]:
-        """The same of its records. raw: these, unpacked."""
+        """The same of its records.
+
+        Parameters
+        ----------
+        raw
+            These, unpacked.
+        """
         return messages_of(raw, most=self.most_records)
 
     def messages_of_part(self) -> Iterator[Message]:
@@ -162,11 +194,18 @@ class Chunk:
 class Summary:
     """The summary of a file.
 
-    * start: its place in the file.
-    * has_crc: whether a CRC vouches for it.
-    * schemas, channels: by number.
-    * chunks, attachments, metadata: where they are.
-    * statistics: None if it has none.
+    Parameters
+    ----------
+    start
+        Its place in the file.
+    has_crc
+        Whether a CRC vouches for it.
+    schemas, channels
+        By number.
+    chunks, attachments, metadata
+        Where they are.
+    statistics
+        None if it has none.
     """
 
     start: int
@@ -197,12 +236,21 @@ def mapped(path: Path) -> Iterator[memoryview]:
 
 
 def give_back(data: memoryview, held: int, place: int) -> int:
-    """Free the memory of a file's bytes once many were read; returns where those begin that are
-    still held.
+    """Free the memory of a file's bytes once many were read.
 
-    * data: the bytes of `mapped`; what is freed is read again where it is needed again.
-    * held: the same, as it was returned the last time.
-    * place: up to which bytes were read.
+    Parameters
+    ----------
+    data
+        The bytes of `mapped`; what is freed is read again where it is needed again.
+    held
+        The same, as it was returned the last time.
+    place
+        Up to which bytes were read.
+
+    Returns
+    -------
+    int
+        Where those begin that are still held.
     """
     if place - held < READ_AT_ONCE:
         return held
@@ -221,10 +269,17 @@ def crc_of(data: memoryview, end: int) -> int:
 
 
 def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> McapRecord:
-    """A record with an opcode of `PARSED`, as `mcap` reads it; DamagedError unless all of its
-    fields make sense.
+    """A record with an opcode of `PARSED`, as `mcap` reads it.
 
-    check_crc: of an attachment, the only one of them that has one.
+    Parameters
+    ----------
+    check_crc
+        Of an attachment, the only one of them that has one.
+
+    Raises
+    ------
+    DamagedError
+        Unless all of its fields make sense.
     """
     return parse_with_length(opcode, content, check_crc)[0]
 
@@ -264,8 +319,17 @@ def packed(record: McapRecord) -> bytes:
 
 
 def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
-    """A chunk; DamagedError if its parts are longer than it. cut_off: the end of its records may
-    be missing.
+    """A chunk.
+
+    Parameters
+    ----------
+    cut_off
+        The end of its records may be missing.
+
+    Raises
+    ------
+    DamagedError
+        If its parts are longer than it.
     """
     try:
         start, end, size, crc, name_length = _CHUNK_HEAD.unpack_from(content)
@@ -288,8 +352,11 @@ def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
 
 
 def message_index(content: memoryview) -> tuple[int, memoryview]:
-    """Channel, and the bytes of log time and place in the chunk of its messages, 8 each;
-    DamagedError.
+    """Channel, and the bytes of log time and place in the chunk of its messages, 8 each.
+
+    Raises
+    ------
+    DamagedError
     """
     if len(content) < 6:
         raise DamagedError("the MESSAGE_INDEX record is too short")
@@ -302,10 +369,19 @@ def message_index(content: memoryview) -> tuple[int, memoryview]:
 def records_of(
     raw: bytes | memoryview, cut_off: bool = False, most: int | None = None
 ) -> Iterator[tuple[int, int, int]]:
-    """Opcode, begin and end of the content of each record in a chunk; DamagedError where one
-    reaches beyond it.
+    """Opcode, begin and end of the content of each record in a chunk.
 
-    cut_off: stop there instead. most: DamagedError for more records.
+    Parameters
+    ----------
+    cut_off
+        Stop there instead.
+    most
+        DamagedError for more records.
+
+    Raises
+    ------
+    DamagedError
+        Where one reaches beyond it.
     """
     place, size, left = 0, len(raw), len(raw) if most is None else most
     while place < size:
@@ -331,8 +407,17 @@ def records_of(
 
 
 def messages_of(raw: bytes, cut_off: bool = False, most: int | None = None) -> Iterator[Message]:
-    """The messages among the records of a chunk; DamagedError as from `records_of`. raw, cut_off,
-    most: as for that.
+    """The messages among the records of a chunk.
+
+    Parameters
+    ----------
+    raw, cut_off, most
+        As for that.
+
+    Raises
+    ------
+    DamagedError
+        As from `records_of`.
     """
     for opcode, begin, end in records_of(raw, cut_off, most):
         if opcode == Opcode.MESSAGE:
@@ -348,8 +433,16 @@ def messages_of(raw: bytes, cut_off: bool = False, most: int | None = None) -> I
 
 
 def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
-    """The first record of a file, and where it ends; DamagedError. data: the first bytes of the
-    file.
+    """The first record of a file, and where it ends.
+
+    Parameters
+    ----------
+    data
+        The first bytes of the file.
+
+    Raises
+    ------
+    DamagedError
     """
     if bytes(data[:8]) != MAGIC:
         raise DamagedError(
@@ -366,8 +459,16 @@ def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
 
 
 def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
-    """The summary of a file's bytes, None if it has none; DamagedError. with_crc: take one without
-    a CRC for none.
+    """The summary of a file's bytes, None if it has none.
+
+    Parameters
+    ----------
+    with_crc
+        Take one without a CRC for none.
+
+    Raises
+    ------
+    DamagedError
     """
     footer = _footer(data)
     if not footer.summary_start or (with_crc and not footer.summary_crc):
@@ -400,7 +501,12 @@ def defines_all(summary: Summary) -> bool:
     """Whether a summary has all schemas and channels of its file: those that chunks, channels and
     statistics name.
 
-    Without statistics only message indexes tell which channels there are. summary: of the file.
+    Without statistics only message indexes tell which channels there are.
+
+    Parameters
+    ----------
+    summary
+        Of the file.
     """
     schemas, known, told = summary.schemas.keys(), summary.channels.keys(), summary.statistics
     if any(
@@ -425,8 +531,12 @@ def defines_all(summary: Summary) -> bool:
 
 
 def data_end_before(data: memoryview, place: int) -> int | None:
-    """Where the DATA_END record begins that ends at a place; None if none does. data: the bytes of
-    the file.
+    """Where the DATA_END record begins that ends at a place; None if none does.
+
+    Parameters
+    ----------
+    data
+        The bytes of the file.
     """
     for begin in range(place - 13, max(len(MAGIC), place - 13 - MOST_UNKNOWN) - 1, -1):
         if RECORD.unpack_from(data, begin) == (Opcode.DATA_END, place - begin - RECORD.size):

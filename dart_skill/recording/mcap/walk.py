@@ -53,10 +53,16 @@ that a copy left out.
 class Record:
     """A record that was found.
 
-    * offset, end: where it begins and ends in the file [bytes].
-    * opcode: what kind of record it is.
-    * content: its bytes, without opcode and length.
-    * repaired: what was wrong about it and could be made good; else empty.
+    Parameters
+    ----------
+    offset, end
+        Where it begins and ends in the file [bytes].
+    opcode
+        What kind of record it is.
+    content
+        Its bytes, without opcode and length.
+    repaired
+        What was wrong about it and could be made good; else empty.
     """
 
     offset: int
@@ -66,8 +72,12 @@ class Record:
     repaired: str = ""
 
     def parsed(self) -> McapRecord:
-        """What it says, of the kinds of `PARSED`; DamagedError if it is an attachment with a wrong
-        CRC.
+        """What it says, of the kinds of `PARSED`.
+
+        Raises
+        ------
+        DamagedError
+            If it is an attachment with a wrong CRC.
         """
         return parse(self.opcode, self.content)
 
@@ -76,7 +86,12 @@ class Record:
         return parse_chunk(self.content)
 
     def messages(self) -> Iterator[Message]:
-        """Those of a chunk, or the one that it is itself; none for other records. DamagedError."""
+        """Those of a chunk, or the one that it is itself; none for other records.
+
+        Raises
+        ------
+        DamagedError
+        """
         if self.opcode == Opcode.CHUNK:
             yield from self.chunk().messages()
         elif self.opcode == Opcode.MESSAGE:
@@ -94,9 +109,14 @@ class Record:
 class Damage:
     """A place of a file that is not what it should be.
 
-    * offset, end: where it begins and ends in the file [bytes].
-    * reason: what is wrong.
-    * rest: a chunk that was cut off there.
+    Parameters
+    ----------
+    offset, end
+        Where it begins and ends in the file [bytes].
+    reason
+        What is wrong.
+    rest
+        A chunk that was cut off there.
     """
 
     offset: int
@@ -109,8 +129,12 @@ class Damage:
 class Unpacked:
     """What the chunks of a file hold.
 
-    * size: what they say [bytes].
-    * before: of the files that stand before this one in the same [bytes].
+    Parameters
+    ----------
+    size
+        What they say [bytes].
+    before
+        Of the files that stand before this one in the same [bytes].
     """
 
     size: int = 0
@@ -121,12 +145,17 @@ def walk(
     data: memoryview, summary: Summary | None = None, unpacked: Unpacked | None = None
 ) -> Iterator[Record | Damage]:
     """Every record of a file's bytes after the magic, in order, and the places between them that
-    are damaged.
-
-    summary: tells where records begin, also behind damage. unpacked: so far, if this is one of
-    several files in one.
+    are
+    damaged.
 
     Ends after the footer: what follows it is a damaged place, and another file for `extents`.
+
+    Parameters
+    ----------
+    summary
+        Tells where records begin, also behind damage.
+    unpacked
+        So far, if this is one of several files in one.
     """
     known, unpacked = _known_places(summary), unpacked or Unpacked()
     place, size = (len(MAGIC) if bytes(data[:8]) == MAGIC else 0), len(data)
@@ -176,11 +205,15 @@ def walk(
 
 def extents(data: memoryview) -> list[tuple[int, int]]:
     """Where each file begins and ends, of those that were put one after another into one; usually
-    it is only one.
+    it
+    is only one.
 
-    data: the bytes. What follows a footer is a file of its own, also where its head is missing,
-    and so is what follows a header. A file that is kept in another one as an attachment belongs to
-    that.
+    Parameters
+    ----------
+    data
+        The bytes. What follows a footer is a file of its own, also where its head is missing, and
+        so is what follows a header. A file that is kept in another one as an attachment belongs to
+        that.
     """
     if _is_one(data):
         return [(0, len(data))]
@@ -194,9 +227,13 @@ def extents(data: memoryview) -> list[tuple[int, int]]:
 
 def belongs(data: memoryview, summary: Summary) -> bool:
     """Whether a summary is that of the file which it stands in: one of its chunks at least is
-    where and what it says.
+    where
+    and what it says.
 
-    data: the file's bytes.
+    Parameters
+    ----------
+    data
+        The file's bytes.
     """
     for place in summary.chunks:
         found = (
@@ -279,15 +316,25 @@ def _zeros(data: memoryview, begin: int, end: int) -> str:
 class Definitions:
     """What the records of a file define, by kind and number.
 
-    * vouched: by a CRC; the first of each number, however often writers repeat it.
-    * others: all that differ, in order.
+    Parameters
+    ----------
+    vouched
+        By a CRC; the first of each number, however often writers repeat it.
+    others
+        All that differ, in order.
     """
 
     vouched: dict[tuple[type, int], Schema | Channel] = field(default_factory=dict)
     others: dict[tuple[type, int], list[Schema | Channel]] = field(default_factory=dict)
 
     def take(self, record: Schema | Channel, is_vouched: bool) -> None:
-        """Add a definition. is_vouched: whether a CRC does."""
+        """Add a definition.
+
+        Parameters
+        ----------
+        is_vouched
+            Whether a CRC does.
+        """
         key = (type(record), record.id)
         if is_vouched:
             self.vouched.setdefault(key, record)
@@ -306,15 +353,27 @@ def read_definitions(
     data: memoryview, summary: Summary | None = None
 ) -> tuple[dict[int, Schema], dict[int, Channel]]:
     """Schemas and channels of a file by number: best those of the summary, then those in chunks
-    with a CRC, then the others.
+    with
+    a CRC, then the others.
 
-    data: the file's bytes.
+    Parameters
+    ----------
+    data
+        The file's bytes.
     """
     return all_definitions(data, summary).best()
 
 
 def all_definitions(data: memoryview, summary: Summary | None = None) -> Definitions:
-    """All that a file defines. data: its bytes; summary: as for `walk`."""
+    """All that a file defines.
+
+    Parameters
+    ----------
+    data
+        Its bytes.
+    summary
+        As for `walk`.
+    """
     found = Definitions()
     if summary is not None and summary.has_crc:
         for schema in summary.schemas.values():
@@ -339,8 +398,18 @@ def all_definitions(data: memoryview, summary: Summary | None = None) -> Definit
 
 
 def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
-    """Schemas and channels of a chunk; DamagedError. raw: its records; most: as there may be of
-    them.
+    """Schemas and channels of a chunk.
+
+    Parameters
+    ----------
+    raw
+        Its records.
+    most
+        As there may be of them.
+
+    Raises
+    ------
+    DamagedError
     """
     for opcode, begin, end in records_of(raw, most=most):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):

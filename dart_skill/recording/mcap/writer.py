@@ -64,11 +64,16 @@ class McapChannel:
 class McapFile:
     """An MCAP file that is being written. `finish` makes it a whole file and leaves it open.
 
-    * path: must not exist yet.
-    * profile, library: of the header.
-    * chunk_size: bytes of records after which a chunk ends.
-
     Every method may raise OSError, after which the file holds what it held before.
+
+    Parameters
+    ----------
+    path
+        Must not exist yet.
+    profile, library
+        Of the header.
+    chunk_size
+        Bytes of records after which a chunk ends.
     """
 
     def __init__(
@@ -107,8 +112,17 @@ class McapFile:
         )
 
     def add_schema(self, name: str, encoding: str, data: bytes, number: int | None = None) -> int:
-        """Announce a message type; returns its number. encoding: of its definition, such as
-        ros2msg.
+        """Announce a message type.
+
+        Parameters
+        ----------
+        encoding
+            Of its definition, such as ros2msg.
+
+        Returns
+        -------
+        int
+            Its number.
         """
         schema = Schema(
             id=len(self.schemas) + 1 if number is None else number,
@@ -128,8 +142,16 @@ class McapFile:
         metadata: Mapping[str, str],
         number: int | None = None,
     ) -> McapChannel:
-        """Announce a topic; schema: number of its type, 0 for none. encoding: of its messages,
-        such as cdr; metadata: more about it.
+        """Announce a topic.
+
+        Parameters
+        ----------
+        schema
+            Number of its type, 0 for none.
+        encoding
+            Of its messages, such as cdr.
+        metadata
+            More about it.
         """
         number = len(self.channels) + 1 if number is None else number
         channel = McapChannel(
@@ -156,8 +178,14 @@ class McapFile:
         """Append a message; True if it ended a chunk. Raises struct.error for numbers out of
         range.
 
-        channel: its topic; sequence: its number, 0 for none; log_time_ns, publish_time_ns:
-        received and sent.
+        Parameters
+        ----------
+        channel
+            Its topic.
+        sequence
+            Its number, 0 for none.
+        log_time_ns, publish_time_ns
+            Received and sent.
         """
         chunk, index = self._chunk, channel.index
         header = _MESSAGE(
@@ -223,8 +251,12 @@ class McapFile:
         create_time_ns: int = 0,
         log_time_ns: int = 0,
     ) -> None:
-        """Append a file that goes with the messages. create_time_ns, log_time_ns: when it was made
-        and when it was added [ns].
+        """Append a file that goes with the messages.
+
+        Parameters
+        ----------
+        create_time_ns, log_time_ns
+            When it was made and when it was added [ns].
         """
         attachment = Attachment(
             data=data,
@@ -247,7 +279,13 @@ class McapFile:
         self._attachment_indexes.append(index)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append names and texts. values: texts by name."""
+        """Append names and texts.
+
+        Parameters
+        ----------
+        values
+            Texts by name.
+        """
         record, offset = packed(Metadata(name=name, metadata=dict(values))), self.position
         self._append(record)
         self._metadata_indexes.append(MetadataIndex(offset=offset, length=len(record), name=name))

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dart_skill.arm import DART, WamDescription
+from dart_skill.common.situation import Situation
 from dart_skill.common.surface import BOARD_DIAMETER, BoardFace, Game, game_at
 from dart_skill.common.world import the_world
 from dart_skill.darts import place_of, score
 from dart_skill.skills.learning import SkillConfiguration
 from dart_skill.skills.practice import CorrectionSettings
-from dart_skill.skills.protocol import Situation, Skill, SkillSettings, SkillWords, Solid
+from dart_skill.skills.protocol import Skill, SkillSettings, SkillWords, Solid
 from dart_skill.skills.throw import Throw
 
 if TYPE_CHECKING:
@@ -43,16 +44,26 @@ class DartsSettings(SkillSettings):
     """Settings of darts. How throws are learned is in their configuration
     (`dart_skill.skills.learning.SkillConfiguration`).
 
-    * step: of a plan [s]: finer than of a basket's, since its release is moved by milliseconds.
-    * shown: half the height and width of the part of the board that is aimed at when it is shown
-      [m].
-    * cocked: angles of J2, J4 and J6 before the swing of a simulated person (3,) [rad].
-    * offsets, lengths, turns, apart, farthest, memory: how misses are learned from
-      (`CorrectionSettings`).
-    * steady_every: own throws between two looks at when to let go; 0: that is not practised.
-    * window: darts from which the own spread is estimated; least: before the first estimate;
-      every: between two estimates.
-    * tolerance: the board may hang so far from where config/world.yaml has it [m].
+    Parameters
+    ----------
+    step
+        Of a plan [s]: finer than of a basket's, since its release is moved by milliseconds.
+    shown
+        Half the height and width of the part of the board that is aimed at when it is shown [m].
+    cocked
+        Angles of J2, J4 and J6 before the swing of a simulated person (3,) [rad].
+    offsets, lengths, turns, apart, farthest, memory
+        How misses are learned from (`CorrectionSettings`).
+    steady_every
+        Own throws between two looks at when to let go; 0: that is not practised.
+    window
+        Darts from which the own spread is estimated.
+    least
+        Before the first estimate.
+    every
+        Between two estimates.
+    tolerance
+        The board may hang so far from where config/world.yaml has it [m].
     """
 
     step: float = 0.002
@@ -254,7 +265,13 @@ class Darts(Throw):
 
     def points(self, landing: np.ndarray) -> tuple[int, str]:
         """Score of a dart that met the plane of the board at a place (3,) [m], and the bed in
-        which it is. landing: the place.
+        which
+        it is.
+
+        Parameters
+        ----------
+        landing
+            The place.
         """
         hit = self.face.on_board(landing)
         return int(score(hit)), place_of(hit)
@@ -262,7 +279,13 @@ class Darts(Throw):
     def situations(
         self, seed: int, shown: int, tried: int
     ) -> tuple[Iterator[Situation], Iterator[Situation]]:
-        """Points of the board, drawn. shown, tried: how many are needed."""
+        """Points of the board, drawn.
+
+        Parameters
+        ----------
+        shown, tried
+            How many are needed.
+        """
         return Skill.situations(self, seed, shown, tried)
 
     def in_words(self, situation: Situation) -> str:

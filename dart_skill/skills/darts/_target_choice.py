@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dart_skill.common.situation import Situation
 from dart_skill.skills.practice import TargetChoice
-from dart_skill.skills.protocol import Situation, TaskOutcome
+from dart_skill.skills.protocol import TaskOutcome
 
 if TYPE_CHECKING:
     from dart_skill.skills.darts import Darts

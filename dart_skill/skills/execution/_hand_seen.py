@@ -20,7 +20,10 @@ class HandSeen:
     """The distance between two accounts of the hand: of cameras, which are late, and of the arm,
     which is wrong.
 
-    * name: of the hand's body; empty: nobody looks.
+    Parameters
+    ----------
+    name
+        Of the hand's body; empty: nobody looks.
     """
 
     def __init__(self, name: str):
@@ -50,8 +53,12 @@ class HandSeen:
         )
 
     def beside(self, stamp_ns: int, position: np.ndarray) -> np.ndarray:
-        """Where the hand is seen from where the arm takes it to be (3,) [m]; position: by the arm
-        (3,), at an instant [ns].
+        """Where the hand is seen from where the arm takes it to be (3,) [m].
+
+        Parameters
+        ----------
+        position
+            By the arm (3,), at an instant [ns].
         """
         self._arm.append((stamp_ns, position))
         while (stamp_ns - self._arm[0][0]) * 1e-9 > KEPT:

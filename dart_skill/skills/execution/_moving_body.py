@@ -54,7 +54,13 @@ class MovingBody:
         return self._poses[-1][0] if self._poses else None
 
     def at(self, stamp_ns: int) -> BodyMotion:
-        """The motion at an instant [ns]; ValueError before any pose has come."""
+        """The motion at an instant [ns].
+
+        Raises
+        ------
+        ValueError
+            Before any pose has come.
+        """
         if not self._poses:
             raise ValueError(f"nobody has seen the {self.name} yet")
         newest_ns, position, quaternion = self._poses[-1]

@@ -43,11 +43,17 @@ speeds of cables that give.
 class ReactiveSettings:
     """What a motion that reacts is allowed.
 
-    * oldest: of the newest pose of a body that it reacts to [s]; an older one stops the motion.
-    * rotation_stiffness: pull of the hand to its orientation, critically damped [1/s^2].
-    * follow_on: the hand stays with the frames so long after the end of what was shown [s].
-    * catch_up: a hand that is left behind is pulled so that (7.19) makes it no faster than so much
-      above the speed of the motion [m/s].
+    Parameters
+    ----------
+    oldest
+        Of the newest pose of a body that it reacts to [s]; an older one stops the motion.
+    rotation_stiffness
+        Pull of the hand to its orientation, critically damped [1/s^2].
+    follow_on
+        The hand stays with the frames so long after the end of what was shown [s].
+    catch_up
+        A hand that is left behind is pulled so that (7.19) makes it no faster than so much above
+        the speed of the motion [m/s].
     """
 
     oldest: float = 0.15
@@ -59,21 +65,31 @@ class ReactiveSettings:
 class ReactiveGuide:
     """A `Guide` for the position of the hand; its orientation stays that of the start.
 
-    Parameters:
-
-    * model: fitted over [t, x, y, z], so that its movement variables are the position of the hand.
-    * frames: from bodies to task frames.
-    * bodies: their names. `see` tells where they are.
-    * start_posture: joint angles before the motion (7,) [rad].
-    * rotation: of the hand (3, 3).
-    * events: what the fingers do, on the clock of the model's phase.
-    * inputs: further inputs of the model (q,).
-    * registration: of the cameras that see the poses; the frames are those of the arm.
-    * hand: name of the hand's own body. Where the cameras see it counts, and not where the arm
-      takes it to be; empty: nobody looks.
-
-    * speed: that the person chose.
-    * carries: whether the hand holds something.
+    Parameters
+    ----------
+    model
+        Fitted over [t, x, y, z], so that its movement variables are the position of the hand.
+    frames
+        From bodies to task frames.
+    bodies
+        Their names. `see` tells where they are.
+    start_posture
+        Joint angles before the motion (7,) [rad].
+    rotation
+        Of the hand (3, 3).
+    events
+        What the fingers do, on the clock of the model's phase.
+    inputs
+        Further inputs of the model (q,).
+    registration
+        Of the cameras that see the poses; the frames are those of the arm.
+    hand
+        Name of the hand's own body. Where the cameras see it counts, and not where the arm takes
+        it to be; empty: nobody looks.
+    speed
+        That the person chose.
+    carries
+        Whether the hand holds something.
     """
 
     def __init__(

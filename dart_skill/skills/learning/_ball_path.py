@@ -15,11 +15,17 @@ def ball_states(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Places and velocities (n, 3) of the ball in the world [m], [m/s].
 
-    * position: (n, 5), x, y, z [m] of the hand in the world, alpha, beta [rad] in axes turned by
-      the azimuth.
-    * velocity: (n, 5), of these, per s.
-    * azimuth, roll: [rad].
-    * centre: (3,) of the ball in the frame of the hand [m].
+    Parameters
+    ----------
+    position
+        (n, 5), x, y, z [m] of the hand in the world, alpha, beta [rad] in axes turned by the
+        azimuth.
+    velocity
+        (n, 5), of these, per s.
+    azimuth, roll
+        [rad].
+    centre
+        (3,) of the ball in the frame of the hand [m].
     """
     # turned by R_x(roll) R_y(90 degrees)
     ahead = centre[2]

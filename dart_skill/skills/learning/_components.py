@@ -8,26 +8,23 @@ from dataclasses import replace
 import numpy as np
 
 from dart_skill.mixture import best_number
+from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._configuration import SkillConfiguration
 from dart_skill.skills.learning._learning import learn
 from dart_skill.skills.learning._outliers import FEWEST, unlike
 from dart_skill.skills.learning._preparation import PreparedThrow
 from dart_skill.skills.learning._throwing import LEAST_DEMONSTRATIONS, learn_prepared
-from dart_skill.skills.protocol import (
-    BIC,
-    COMPONENTS,
-    CROSS_VALIDATION,
-    Demonstration,
-    Skill,
-    check_way,
-)
+from dart_skill.skills.protocol import BIC, COMPONENTS, CROSS_VALIDATION, Skill, check_way
 
 
 def choose_components(skill: Skill, demonstrations: Sequence[Demonstration], way: str) -> Skill:
     """The skill with the number of components, among COMPONENTS, that is best in a way (BIC or
     CROSS_VALIDATION).
 
-    ValueError names a demonstration that cannot be learned from, or says that there are too few.
+    Raises
+    ------
+    ValueError
+        Names a demonstration that cannot be learned from, or says that there are too few.
     """
 
     def with_number(number: int) -> Skill:
@@ -49,8 +46,15 @@ def choose_throw_components(
 ) -> SkillConfiguration:
     """The configuration with the best number of components, as `choose_components` finds it.
 
-    throws: demonstrations prepared for the configuration. ValueError says that there are too few,
-    or that BIC compares nothing.
+    Parameters
+    ----------
+    throws
+        Demonstrations prepared for the configuration.
+
+    Raises
+    ------
+    ValueError
+        Says that there are too few, or that BIC compares nothing.
     """
 
     def score(number: int) -> float:

@@ -30,46 +30,66 @@ RELEASES = ("shown", "farthest")
 class SkillConfiguration:
     """How demonstrations become a model and a model becomes a plan.
 
-    Parameters:
-
-    * name: str, default "default".
-    * frames: task frames, default "azimuth_target". "thesis": those of (8.2). "start": those of
-      (8.3). "azimuth": one frame at the base, turned to the target's azimuth. "azimuth_target":
-      that frame and one at the target.
-    * components: int, default 16. `n_components` of the DS-GMR.
-    * partition: "time" or "em", default "em". `partition` of the DS-GMR.
-    * overlap: float, default 0.7. `overlap` of the DS-GMR; 0: that of the DS-GMR, which depends on
-      the partition.
-    * inputs_once: bool, default True. Whether time and distance, which all frames see alike, count
-      once in the product of the frames (`n_shared` of the mixture), or once for each frame, as
-      (7.21) stands.
-    * distance_input: bool, default True. Whether the distance of the target is an input of the
-      regression besides time.
-    * alignment: "release" or "start", default "release". Instant that all demonstrations share:
-      the release of the ball or the start of the motion.
-    * relabel: bool, default True. Whether the task parameter of a demonstration is where its ball
-      landed, and not where the basket stood.
-    * width: float, default 0 [m]. Demonstrations are weighted by a Gaussian of this width of the
-      distance between their target and the new one (8.4.2); 0: all count alike.
-    * widths: floats [m], default none. The width is chosen among these by cross-validation.
-    * nearest: int, default 0. Number of the nearest demonstrations that are used (8.4.2); 0: all.
-    * solve_aim: bool, default True. Whether the task parameter is changed until the plan's
-      predicted landing is on the target.
-    * stiffness: float, default 200 [1/s^2]. kp of (7.19), with critical damping.
-    * orientation_stiffness: float, default 0 [1/s^2]. kp of the orientation, if it is another one;
-      0: the same.
-    * stiffness_range: (least, most) [1/s^2], default empty. The plan's stiffness of the position
-      changes within these bounds: high where and in which direction the demonstrations agreed
-      (`stiffness_from_covariance`). Empty: it is constant.
-    * step: float, default 0.004 [s]. Of the plan.
-    * drive: "time" or "state", default "time". What drives the movement: a clock (`DSGMR`), or the
-      state of the arm (`AutonomousDSGMR`, chapter 9).
-    * release: "farthest" or "shown", default "farthest". Release where the ball flies farthest,
-      which depends least on the instant at which the hand opens, or as demonstrated.
-    * board: (x, y, z) [m], default empty. Position of the bull of a board for darts; empty for
-      balls and baskets.
-    * registration: of cameras and arm as it was measured before (`dart-skill check arm`), default
-      None. The demonstrations correct it; None: they tell it alone.
+    Parameters
+    ----------
+    name
+        Str, default "default".
+    frames
+        Task frames, default "azimuth_target". "thesis": those of (8.2). "start": those of (8.3).
+        "azimuth": one frame at the base, turned to the target's azimuth. "azimuth_target": that
+        frame and one at the target.
+    components
+        Int, default 16. `n_components` of the DS-GMR.
+    partition
+        "time" or "em", default "em". `partition` of the DS-GMR.
+    overlap
+        Float, default 0.7. `overlap` of the DS-GMR; 0: that of the DS-GMR, which depends on the
+        partition.
+    inputs_once
+        Bool, default True. Whether time and distance, which all frames see alike, count once in
+        the product of the frames (`n_shared` of the mixture), or once for each frame, as (7.21)
+        stands.
+    distance_input
+        Bool, default True. Whether the distance of the target is an input of the regression
+        besides time.
+    alignment
+        "release" or "start", default "release". Instant that all demonstrations share: the release
+        of the ball or the start of the motion.
+    relabel
+        Bool, default True. Whether the task parameter of a demonstration is where its ball landed,
+        and not where the basket stood.
+    width
+        Float, default 0 [m]. Demonstrations are weighted by a Gaussian of this width of the
+        distance between their target and the new one (8.4.2); 0: all count alike.
+    widths
+        Floats [m], default none. The width is chosen among these by cross-validation.
+    nearest
+        Int, default 0. Number of the nearest demonstrations that are used (8.4.2); 0: all.
+    solve_aim
+        Bool, default True. Whether the task parameter is changed until the plan's predicted
+        landing is on the target.
+    stiffness
+        Float, default 200 [1/s^2]. kp of (7.19), with critical damping.
+    orientation_stiffness
+        Float, default 0 [1/s^2]. kp of the orientation, if it is another one; 0: the same.
+    stiffness_range
+        (least, most) [1/s^2], default empty. The plan's stiffness of the position changes within
+        these bounds: high where and in which direction the demonstrations agreed
+        (`stiffness_from_covariance`). Empty: it is constant.
+    step
+        Float, default 0.004 [s]. Of the plan.
+    drive
+        "time" or "state", default "time". What drives the movement: a clock (`DSGMR`), or the
+        state of the arm (`AutonomousDSGMR`, chapter 9).
+    release
+        "farthest" or "shown", default "farthest". Release where the ball flies farthest, which
+        depends least on the instant at which the hand opens, or as demonstrated.
+    board
+        (x, y, z) [m], default empty. Position of the bull of a board for darts; empty for balls
+        and baskets.
+    registration
+        Of cameras and arm as it was measured before (`dart-skill check arm`), default None. The
+        demonstrations correct it; None: they tell it alone.
     """
 
     name: str = "default"
@@ -153,8 +173,12 @@ class SkillConfiguration:
 
     @classmethod
     def from_saved(cls, values: Mapping[str, Any]) -> SkillConfiguration:
-        """That of which `dataclasses.asdict` made these values; ValueError, or TypeError for a
-        name that is none, if they make no sense.
+        """That of which `dataclasses.asdict` made these values.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For a name that is none, if they make no sense.
         """
         known = values["registration"]
         if known is not None:
@@ -266,8 +290,15 @@ def changed(
     """A configuration with parameters of the node skill_learner, and what they change, in words; 0
     and an empty text change nothing.
 
-    parameters: those of `CHANGED`, least_stiffness and most_stiffness. ValueError names one that
-    makes no sense.
+    Parameters
+    ----------
+    parameters
+        Those of `CHANGED`, least_stiffness and most_stiffness.
+
+    Raises
+    ------
+    ValueError
+        Names one that makes no sense.
     """
     changes = {name: parameters[name] for name in CHANGED if parameters[name]}
     bounds = parameters["least_stiffness"], parameters["most_stiffness"]
@@ -278,8 +309,12 @@ def changed(
 
 
 def configuration(name: str = "") -> SkillConfiguration:
-    """The configuration of that name, also one of LADDER, the default one for an empty name;
-    ValueError lists the names there are.
+    """The configuration of that name, also one of LADDER, the default one for an empty name.
+
+    Raises
+    ------
+    ValueError
+        Lists the names there are.
     """
     if not name:
         return DEFAULT

@@ -9,9 +9,13 @@ NOBODY = np.empty((0, 3))
 
 class Coverage:
     """Points that come and go, oldest first. A point costs work and memory in proportion to how
-    many there are.
+    many
+    there are.
 
-    * points: (n, 3), those at the beginning; default none.
+    Parameters
+    ----------
+    points
+        (n, 3), those at the beginning; default none.
     """
 
     def __init__(self, points: np.ndarray = NOBODY):
@@ -23,14 +27,26 @@ class Coverage:
         return len(self._points)
 
     def add(self, point: np.ndarray) -> None:
-        """The newest one comes. point: (3,)."""
+        """The newest one comes.
+
+        Parameters
+        ----------
+        point
+            (3,).
+        """
         self._nearest = np.append(
             np.minimum(self._nearest, np.linalg.norm(self._points - point, axis=1)), np.inf
         )
         self._points = np.vstack([self._points, point])
 
     def remove(self, index: int) -> None:
-        """A point goes, and those after it move up. index: of the point."""
+        """A point goes, and those after it move up.
+
+        Parameters
+        ----------
+        index
+            Of the point.
+        """
         apart = np.linalg.norm(self._points[:index] - self._points[index], axis=1)
         alone = np.flatnonzero(apart <= self._nearest[:index])
         self._points, self._nearest = (

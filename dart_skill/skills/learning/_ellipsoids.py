@@ -13,7 +13,14 @@ def component_ellipsoids(
     (3,) [m].
 
     x, y, z are the last columns but for the angles, of a throw two: t, [distance,] x, y, z, alpha,
-    beta. mixture: in the world; deviations: half the length of an axis, in standard deviations.
+    beta.
+
+    Parameters
+    ----------
+    mixture
+        In the world.
+    deviations
+        Half the length of an axis, in standard deviations.
     """
     first = mixture.means_.shape[1] - 3 - angles
     xyz = slice(first, first + 3)

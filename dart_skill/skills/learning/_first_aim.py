@@ -23,8 +23,12 @@ target then, as without this.
 class FirstAim:
     """Parabolas in the reach of the landing, coefficients (3,) from the square on.
 
-    * reach: of the aim.
-    * aside: azimuth of the landing less that of the aim.
+    Parameters
+    ----------
+    reach
+        Of the aim.
+    aside
+        Azimuth of the landing less that of the aim.
     """
 
     reach: np.ndarray

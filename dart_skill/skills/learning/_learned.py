@@ -10,6 +10,7 @@ import numpy as np
 
 from dart_skill.arm import Gains, GainsOverTime, HandPath, MotionPlan
 from dart_skill.common.checks import to_the_nanosecond
+from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
     DSGMR,
@@ -22,6 +23,7 @@ from dart_skill.movement import (
     stable_gains,
     stiffness_from_covariance,
 )
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.skills.learning._movement_model import RATE, MovementModel
 from dart_skill.skills.learning._pose_features import (
     VECTORS,
@@ -33,7 +35,7 @@ from dart_skill.skills.learning._pose_features import (
 )
 from dart_skill.skills.learning._prepared import PreparedMovement
 from dart_skill.skills.observation import position_noise
-from dart_skill.skills.protocol import HAND, Demonstration, Situation, Skill
+from dart_skill.skills.protocol import Skill
 
 Encoded = tuple[DSGMR, list[np.ndarray], list[list[TaskFrame]]]
 """A model, and the features and frames of the demonstrations to which it was fitted."""
@@ -46,21 +48,34 @@ class NoPlan(ValueError):
 class LearnedSkill(MovementModel):
     """A skill learned from demonstrations.
 
-    Parameters:
+    Parameters
+    ----------
+    skill
+        What is particular to it.
+    demonstrations
+        At least `skill.settings.least_demonstrations`.
+    demonstrations
+        Tuple, as they were given.
 
-    * skill: what is particular to it.
-    * demonstrations: at least `skill.settings.least_demonstrations`. ValueError names one that
-      cannot be learned from.
+    Attributes
+    ----------
+    movements
+        The same as numbers.
+    duration
+        Float [s], of a movement, the mean of those that were shown. All are stretched to it before
+        they are learned.
+    start
+        Pose of the hand before the movement, the median.
+    registration
+        Of cameras and arm, told from the demonstrations.
+    offset
+        (3,) [m], what practice has found to repeat in the misses, in the axes of the body that the
+        skill corrects.
 
-    Attributes:
-
-    * demonstrations: tuple, as they were given; movements: the same as numbers.
-    * duration: float [s], of a movement, the mean of those that were shown. All are stretched to
-      it before they are learned.
-    * start: Pose of the hand before the movement, the median.
-    * registration: of cameras and arm, told from the demonstrations.
-    * offset: (3,) [m], what practice has found to repeat in the misses, in the axes of the body
-      that the skill corrects.
+    Raises
+    ------
+    ValueError
+        Names one that cannot be learned from.
     """
 
     def __init__(self, skill: Skill, demonstrations: Sequence[Demonstration]):
@@ -136,8 +151,12 @@ class LearnedSkill(MovementModel):
     # planning
 
     def plan(self, situation: Situation) -> MotionPlan:
-        """A movement for a situation, which need not say where the hand starts; NoPlan if there is
-        none.
+        """A movement for a situation, which need not say where the hand starts.
+
+        Raises
+        ------
+        NoPlan
+            If there is none.
         """
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
         aimed = self.skill.corrected(situation, self.offset)

@@ -9,11 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._learned import LearnedSkill
 from dart_skill.skills.learning._model_file import load_model, save_model
 from dart_skill.skills.learning._prepared import check_movement
 from dart_skill.skills.learning._reactive import ReactiveSkill
-from dart_skill.skills.protocol import Demonstration, Skill
+from dart_skill.skills.protocol import Skill
 
 AnySkill = LearnedSkill | ReactiveSkill
 K = TypeVar("K", bound=Skill)
@@ -22,7 +23,13 @@ CHANGED = ("components", "stiffness", "orientation_stiffness", "start_speed", "s
 
 
 def learn(skill: Skill, demonstrations: Sequence[Demonstration]) -> AnySkill:
-    """The skill that demonstrations teach; ValueError names one that cannot be learned from."""
+    """The skill that demonstrations teach.
+
+    Raises
+    ------
+    ValueError
+        Names one that cannot be learned from.
+    """
     return (
         ReactiveSkill(skill, demonstrations)
         if skill.reacts
@@ -33,8 +40,12 @@ def learn(skill: Skill, demonstrations: Sequence[Demonstration]) -> AnySkill:
 def learn_usable(
     skill: Skill, demonstrations: Sequence[Demonstration]
 ) -> tuple[AnySkill, dict[str, str]]:
-    """The skill that demonstrations teach, and why some of them do not, by their ids; ValueError,
-    with all reasons, if too few do.
+    """The skill that demonstrations teach, and why some of them do not, by their ids.
+
+    Raises
+    ------
+    ValueError
+        With all reasons, if too few do.
     """
     usable, left_out = [], {}
     for one in demonstrations:
@@ -53,7 +64,10 @@ def changed_skill(skill: K, parameters: dict[str, Any]) -> tuple[K, str]:
     """A skill with parameters of the node skill_learner, and what they change, in words; 0 and an
     empty text change nothing.
 
-    ValueError names one that makes no sense, and a task frame that the skill does not have.
+    Raises
+    ------
+    ValueError
+        Names one that makes no sense, and a task frame that the skill does not have.
     """
     changes = {name: parameters[name] for name in CHANGED if parameters[name]}
     bounds = parameters["least_stiffness"], parameters["most_stiffness"]
@@ -74,13 +88,23 @@ def changed_skill(skill: K, parameters: dict[str, Any]) -> tuple[K, str]:
 
 
 def save_skill_model(path: str | Path, learned: AnySkill) -> None:
-    """Write a model to `path`, as `save_model` does. learned: the skill."""
+    """Write a model to `path`, as `save_model` does.
+
+    Parameters
+    ----------
+    learned
+        The skill.
+    """
     save_model(path, learned.demonstrations, learned.skill.settings, learned.misses)
 
 
 def load_skill_model(path: str | Path, skill: Skill) -> AnySkill:
     """The model of a file, of the same skill; its settings are those that it was learned with.
-    ValueError if it is none.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
     """
     saved = load_model(path, skill)
     learned = learn(type(skill)(saved.configuration), saved.demonstrations)

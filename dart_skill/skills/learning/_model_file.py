@@ -34,13 +34,21 @@ PLAIN = ("id", "skill", "stamp_ns", "frame_id", "joint_names", "motion_start", "
 class SavedModel(NamedTuple):
     """What is in a model file.
 
-    * demonstrations: list of Demonstration.
-    * configuration: settings with which its skill learned, `Skill.saved_settings`.
-    * practised: (n, d), what trials told: of throws `Correction.throws`, else the misses.
-    * found: dict, what practice has found besides, `PractisingSkill.state`; None before practice.
-    * origin: dict, how the recording was read that it was learned from, where that was not plain;
-      else None.
-    * skill: its name.
+    Parameters
+    ----------
+    demonstrations
+        List of Demonstration.
+    configuration
+        Settings with which its skill learned, `Skill.saved_settings`.
+    practised
+        (n, d), what trials told: of throws `Correction.throws`, else the misses.
+    found
+        Dict, what practice has found besides, `PractisingSkill.state`; None before practice.
+    origin
+        Dict, how the recording was read that it was learned from, where that was not plain; else
+        None.
+    skill
+        Its name.
     """
 
     demonstrations: list[Demonstration]
@@ -62,9 +70,16 @@ def save_model(
     """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at
     all.
 
-    demonstrations: of one skill; the others: as of `SavedModel`, by default without practice.
-    FileNotFoundError if there is no such folder, ValueError if the demonstrations are more than a
-    model may have.
+    Parameters
+    ----------
+    demonstrations
+        Of one skill; the others: as of `SavedModel`, by default without practice.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder, ValueError if the demonstrations are more than a model may
+        have.
     """
     path = Path(path)
     if not path.parent.is_dir():
@@ -87,8 +102,15 @@ def save_model(
 def load_model(path: str | Path, skill: Skill | None = None) -> SavedModel:
     """What is in a model file.
 
-    skill: of which it must be; default None: of any that is installed. ValueError if it is none,
-    of another skill, or of another version.
+    Parameters
+    ----------
+    skill
+        Of which it must be; default None: of any that is installed.
+
+    Raises
+    ------
+    ValueError
+        If it is none, of another skill, or of another version.
     """
     with open_file(path) as file:
         try:

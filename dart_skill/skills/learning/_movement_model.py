@@ -12,8 +12,10 @@ import numpy as np
 
 from dart_skill.arm import ArmModel, Grip, GripEvent, fit_registration
 from dart_skill.common.checks import to_the_nanosecond
+from dart_skill.common.situation import Pose
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
-from dart_skill.skills.protocol import HAND, Demonstration, Pose, Skill, TaskOutcome
+from dart_skill.skills.protocol import Skill, TaskOutcome
 
 RATE = 100.0
 """Rate of the samples that are learned from [1/s]."""

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import MovingFrame, attractor_from_motion
 from dart_skill.skills.execution import BodyMotion
 from dart_skill.skills.learning._pose_features import frame_of
-from dart_skill.skills.protocol import Pose, Situation, Skill
+from dart_skill.skills.protocol import Skill
 
 AROUND = 0.02
 """Frames are asked for so long before and after an instant, to tell how they move [s]; exact where
@@ -26,9 +27,13 @@ def moving_frames(
     offset: np.ndarray = NOTHING,
 ) -> list[MovingFrame]:
     """The task frames of a skill over [t, u, x, y, z] at a moment in which bodies move: each with
-    the motion of its origin.
+    the
+    motion of its origin.
 
-    offset: what practice corrects (3,) [m], as of `Skill.corrected`.
+    Parameters
+    ----------
+    offset
+        What practice corrects (3,) [m], as of `Skill.corrected`.
     """
     before, now, after = (
         skill.chosen_frames(skill.corrected(_ahead(situation, bodies, time), offset))

@@ -25,15 +25,21 @@ class PlannedPath:
     The features are x, y, z [m] in the world and alpha, beta [rad] in axes turned by an azimuth
     (8.4.1).
 
-    Parameters:
-
-    * time: (n,) [s].
-    * attractor, position: (n, 5), in the features.
-    * velocity, acceleration: (n, 5), in the features per s and per s^2.
-    * azimuth: float [rad], by which the axes of the angles are turned about z.
-    * roll: float [rad], the third angle, constant during the movement.
-    * pace_gain: (n, 10), how far the hand is ahead by its differences in the features and their
-      velocities, for a movement that the state drives; default None: time drives it.
+    Parameters
+    ----------
+    time
+        (n,) [s].
+    attractor, position
+        (n, 5), in the features.
+    velocity, acceleration
+        (n, 5), in the features per s and per s^2.
+    azimuth
+        Float [rad], by which the axes of the angles are turned about z.
+    roll
+        Float [rad], the third angle, constant during the movement.
+    pace_gain
+        (n, 10), how far the hand is ahead by its differences in the features and their velocities,
+        for a movement that the state drives; default None: time drives it.
     """
 
     time: np.ndarray

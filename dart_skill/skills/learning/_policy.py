@@ -17,10 +17,12 @@ import numpy as np
 from dart_skill.arm import ArmModel, Grip, GripEvent, Registration
 from dart_skill.common.archive import read_arrays
 from dart_skill.common.pace import PhaseRule
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import AutonomousDSGMR, TaskParameterisedMixture
+from dart_skill.recording import HAND
 from dart_skill.skills.execution import BodyMotion, ReactiveGuide, ReactiveSettings
 from dart_skill.skills.learning._moving_frames import moving_frames
-from dart_skill.skills.protocol import HAND, Pose, ReactiveSkillSettings, Situation, Skill
+from dart_skill.skills.protocol import ReactiveSkillSettings, Skill
 
 FORMAT = "dart_skill policy 1"
 
@@ -37,13 +39,22 @@ def phase_rule(settings: ReactiveSkillSettings) -> PhaseRule:
 class Policy:
     """A learned skill that reacts, without its demonstrations.
 
-    * skill: with the settings that it was learned with.
-    * model: over [t, u, x, x', y] in the task frames of the skill.
-    * start: pose of the hand before the movement, as the cameras see it.
-    * start_posture: joint angles then (7,) [rad].
-    * events: what the fingers are told, on the clock of the model's phase.
-    * registration: of the cameras and the arm, as the demonstrations have it.
-    * offset: what practice corrects (3,) [m], in the axes of the body that the skill corrects.
+    Parameters
+    ----------
+    skill
+        With the settings that it was learned with.
+    model
+        Over [t, u, x, x', y] in the task frames of the skill.
+    start
+        Pose of the hand before the movement, as the cameras see it.
+    start_posture
+        Joint angles then (7,) [rad].
+    events
+        What the fingers are told, on the clock of the model's phase.
+    registration
+        Of the cameras and the arm, as the demonstrations have it.
+    offset
+        What practice corrects (3,) [m], in the axes of the body that the skill corrects.
     """
 
     skill: Skill
@@ -58,10 +69,18 @@ class Policy:
         self, situation: Situation | None = None, registration: Registration | None = None
     ) -> ReactiveGuide:
         """What guides the hand through a movement; the situation need not say where the hand
-        starts, or where the bodies are.
+        starts,
+        or where the bodies are.
 
-        registration: of cameras and arm, where that of the demonstrations does not count.
-        ValueError for another number of inputs.
+        Parameters
+        ----------
+        registration
+            Of cameras and arm, where that of the demonstrations does not count.
+
+        Raises
+        ------
+        ValueError
+            For another number of inputs.
         """
         situation, s, registration = (
             situation or Situation({}),
@@ -135,7 +154,18 @@ class Policy:
 
     @classmethod
     def from_bytes(cls, data: bytes, skill: Skill) -> Policy:
-        """What `to_bytes` wrote of the same skill; ValueError if it is none. data: the bytes."""
+        """What `to_bytes` wrote of the same skill.
+
+        Parameters
+        ----------
+        data
+            The bytes.
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
         try:
             content = read_arrays(io.BytesIO(data))
             if str(content["format"]) != FORMAT:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dart_skill.common.situation import Pose
 from dart_skill.movement import TaskFrame, TaskParameterisedMixture
-from dart_skill.skills.protocol import Pose
 
 VECTORS = {"position": slice(0, 3), "x axis": slice(3, 6), "z axis": slice(6, 9)}
 """Columns of the features, each learned by a model of its own: a handful of demonstrations cannot
@@ -34,8 +34,12 @@ def pose_features(position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
 
 
 def orientations(axes: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) nearest to the x and z axes (n, 6) of features; ValueError where
-    they say none.
+    """Rotation matrices (n, 3, 3) nearest to the x and z axes (n, 6) of features.
+
+    Raises
+    ------
+    ValueError
+        Where they say none.
     """
     x, z = axes[:, :3], axes[:, 3:]
     y = np.cross(z, x)

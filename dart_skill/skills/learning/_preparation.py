@@ -73,27 +73,43 @@ class PreparedThrow:
     The features are x, y, z [m] in the world and alpha, beta [rad] in the axes of the
     configuration (8.4.1).
 
-    Parameters:
-
-    * id: str, of the demonstration.
-    * task: task parameter (3,) [m]: where the ball came down on the plane of the rim (a dart:
-      where it met the board), or where the basket stood.
-    * azimuth: float [rad], of the task.
-    * reach: float [m], distance of the task from the base axis, or its height on the board.
-    * time: (n,) [s], 0 at the instant that all demonstrations share.
-    * motion: (n, 5), the features.
-    * velocity: (n, 5), the features per s.
-    * attractor: (n, 5), computed from the motion by (7.20).
-    * start_pose: (6,) [m, rad], x, y, z, alpha, beta, roll of the hand at rest, all in axes turned
-      by the azimuth.
-    * start, stop: float [s], start and stop of the motion, on the clock of `time`.
-    * release: Release, where hand and ball part, on the clock of the demonstration.
-    * release_time: float [s], the release on the clock of `time`.
-    * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
-    * sightings: the hand at some instants as cameras and arm say.
-    * hand_delay: float [s], time from the command to the release; nan if the command was not seen,
-      or no hand needs so long.
-    * noise: float [m], standard deviation of a coordinate of the hand, as it was recorded.
+    Parameters
+    ----------
+    id
+        Str, of the demonstration.
+    task
+        Task parameter (3,) [m]: where the ball came down on the plane of the rim (a dart: where it
+        met the board), or where the basket stood.
+    azimuth
+        Float [rad], of the task.
+    reach
+        Float [m], distance of the task from the base axis, or its height on the board.
+    time
+        (n,) [s], 0 at the instant that all demonstrations share.
+    motion
+        (n, 5), the features.
+    velocity
+        (n, 5), the features per s.
+    attractor
+        (n, 5), computed from the motion by (7.20).
+    start_pose
+        (6,) [m, rad], x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the
+        azimuth.
+    start, stop
+        Float [s], start and stop of the motion, on the clock of `time`.
+    release
+        Release, where hand and ball part, on the clock of the demonstration.
+    release_time
+        Float [s], the release on the clock of `time`.
+    start_posture
+        (7,) [rad], joints before the motion, J1 relative to the azimuth.
+    sightings
+        The hand at some instants as cameras and arm say.
+    hand_delay
+        Float [s], time from the command to the release; nan if the command was not seen, or no
+        hand needs so long.
+    noise
+        Float [m], standard deviation of a coordinate of the hand, as it was recorded.
     """
 
     id: str
@@ -177,11 +193,15 @@ _KEPT: WeakKeyDictionary[Demonstration, dict[_Reading, PreparedThrow]] = WeakKey
 
 
 def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
-    """One demonstration as numbers to learn from; ValueError names the demonstration and what is
-    wrong with it.
+    """One demonstration as numbers to learn from.
 
     It is worked out once for each demonstration, and kept as long as this is in use: after one
     more, a lesson prepares that one alone. Its arrays are read-only.
+
+    Raises
+    ------
+    ValueError
+        Names the demonstration and what is wrong with it.
     """
     kept, reading = _KEPT.setdefault(demonstration, {}), _Reading.of(configuration)
     if reading not in kept:

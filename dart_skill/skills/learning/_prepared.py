@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dart_skill.arm import ArmModel, Grip, Sightings
+from dart_skill.common.situation import Situation
+from dart_skill.recording import HAND, Demonstration, Track
 from dart_skill.skills.learning._pose_features import pose_features
 from dart_skill.skills.observation import sightings
-from dart_skill.skills.protocol import HAND, Demonstration, Situation, Skill, Track
+from dart_skill.skills.protocol import Skill
 
 BEFORE = 0.1
 """The hand is recorded for so long before a movement starts, at least [s]: derivatives there need
@@ -22,16 +24,25 @@ it.
 class PreparedMovement:
     """A movement, from when it starts to when it stops.
 
-    * id: str, of the demonstration.
-    * situation: for which it is right.
-    * time, features: of the whole recording, (n,) [s] from the start of the movement on, (n, 9).
-    * duration: from start to stop [s].
-    * told: what the fingers were told, (instant from the start on [s], grip).
-    * joint_time, joint_position: (k,) [s] from the start on, (k, 7) [rad]; k = 0 if they were not
-      recorded.
-    * sightings: the hand at some instants as cameras and arm say.
-    * bodies: tracks of the bodies that the skill reacts to, by role, on the clock of `time`; of
-      other skills none.
+    Parameters
+    ----------
+    id
+        Str, of the demonstration.
+    situation
+        For which it is right.
+    time, features
+        Of the whole recording, (n,) [s] from the start of the movement on, (n, 9).
+    duration
+        From start to stop [s].
+    told
+        What the fingers were told, (instant from the start on [s], grip).
+    joint_time, joint_position
+        (k,) [s] from the start on, (k, 7) [rad]; k = 0 if they were not recorded.
+    sightings
+        The hand at some instants as cameras and arm say.
+    bodies
+        Tracks of the bodies that the skill reacts to, by role, on the clock of `time`; of other
+        skills none.
     """
 
     id: str

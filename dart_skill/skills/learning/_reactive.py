@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import AutonomousDSGMR, Motion, MovingFrame, smooth_derivatives
+from dart_skill.recording import Demonstration, Track
 from dart_skill.skills.execution import BodyMotion, ReactiveGuide
 from dart_skill.skills.learning._movement_model import RATE, MovementModel
 from dart_skill.skills.learning._moving_frames import moving_frames
@@ -18,32 +20,31 @@ from dart_skill.skills.learning._policy import Policy, phase_rule
 from dart_skill.skills.learning._pose_features import VECTORS, with_prior
 from dart_skill.skills.learning._prepared import PreparedMovement
 from dart_skill.skills.observation import position_noise
-from dart_skill.skills.protocol import (
-    Demonstration,
-    Pose,
-    ReactiveSkillSettings,
-    Situation,
-    Skill,
-    Track,
-)
+from dart_skill.skills.protocol import ReactiveSkillSettings, Skill
 
 
 class ReactiveSkill(MovementModel):
     """A skill learned from demonstrations of its position among bodies that may move; the hand
-    keeps the orientation of the start.
+    keeps
+    the orientation of the start.
 
     A frame that the skill places at a body stands on the attractor (7.20) of its own motion, so
     that a motion is learned as it is relative to the body, whatever the speed of that.
 
-    Parameters:
-
-    * skill: what is particular to it, with `reacts` and settings derived from
-      `ReactiveSkillSettings`.
-    * demonstrations: at least `skill.settings.least_demonstrations`. ValueError names one that
-      cannot be learned from.
-
     Attributes: movements, duration, start, registration as of `LearnedSkill`; model, the
     AutonomousDSGMR over [t, u, x, y, z].
+
+    Parameters
+    ----------
+    skill
+        What is particular to it, with `reacts` and settings derived from `ReactiveSkillSettings`.
+    demonstrations
+        At least `skill.settings.least_demonstrations`.
+
+    Raises
+    ------
+    ValueError
+        Names one that cannot be learned from.
     """
 
     def __init__(self, skill: Skill, demonstrations: Sequence[Demonstration]):
@@ -114,8 +115,12 @@ class ReactiveSkill(MovementModel):
     def frames_along(
         self, movement: PreparedMovement, clock: np.ndarray
     ) -> list[list[MovingFrame]]:
-        """The task frames at each instant of the clock (m,): a list of m for each frame. movement:
-        what was prepared of a demonstration.
+        """The task frames at each instant of the clock (m,): a list of m for each frame.
+
+        Parameters
+        ----------
+        movement
+            What was prepared of a demonstration.
         """
         moved = {
             role: self._body_motions(movement, track, clock)

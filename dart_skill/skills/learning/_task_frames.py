@@ -20,11 +20,14 @@ def frames_for(
     """Task frames of the features t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2),
     (8.3), or turned ones.
 
-    Parameters:
-
-    * task: task parameter (3,) [m].
-    * start: position of the hand before it moves, x, y, z [m]; further entries are ignored.
-    * configuration: which frames, and whether the distance of the target is an input.
+    Parameters
+    ----------
+    task
+        Task parameter (3,) [m].
+    start
+        Position of the hand before it moves, x, y, z [m]; further entries are ignored.
+    configuration
+        Which frames, and whether the distance of the target is an input.
     """
     start = start[:3]
     if configuration.turns:

@@ -121,22 +121,30 @@ class _Attempt:
 class ThrowingSkill:
     """A throwing skill learned from demonstrations. `learn` and `learn_prepared` make one.
 
-    Parameters:
+    Parameters
+    ----------
+    configuration
+        How demonstrations become a model and a model becomes a plan.
+    throws
+        Demonstrations prepared for this configuration.
+    throws
+        Tuple of the demonstrations.
 
-    * configuration: how demonstrations become a model and a model becomes a plan.
-    * throws: demonstrations prepared for this configuration.
-
-    Attributes:
-
-    * throws: tuple of the demonstrations.
-    * credence: (n,) from 0 to 1, how much each of them counts (`credence_of`).
-    * release: float [s], mean release on the clock that the demonstrations share.
-    * registration: of cameras and arm, told from the demonstrations.
-    * seat: (3,) [m], centre of the held ball in the frame of the hand's tracked body, the median
-      of what was seen.
-    * hand_delay: float [s], median time from the command to the release; 0 if no command was seen.
-    * width: float [m], width of the Gaussian that weights the demonstrations; 0 if all count
-      alike.
+    Attributes
+    ----------
+    credence
+        (n,) from 0 to 1, how much each of them counts (`credence_of`).
+    release
+        Float [s], mean release on the clock that the demonstrations share.
+    registration
+        Of cameras and arm, told from the demonstrations.
+    seat
+        (3,) [m], centre of the held ball in the frame of the hand's tracked body, the median of
+        what was seen.
+    hand_delay
+        Float [s], median time from the command to the release; 0 if no command was seen.
+    width
+        Float [m], width of the Gaussian that weights the demonstrations; 0 if all count alike.
     """
 
     def __init__(self, configuration: SkillConfiguration, throws: Sequence[PreparedThrow]):
@@ -201,7 +209,12 @@ class ThrowingSkill:
 
     def plan(self, target: np.ndarray) -> ThrowPlan:
         """A throw at the basket whose rim is centred at target (3,) [m], or at a target on the
-        board; Unreachable says why not.
+        board.
+
+        Raises
+        ------
+        Unreachable
+            Says why not.
         """
         target = self._checked(target)
         if not self.configuration.solve_aim:
@@ -242,8 +255,12 @@ class ThrowingSkill:
         return self._whole if self._whole is not None else self._fit(self._weights(task))
 
     def bic(self) -> float:
-        """Bayesian information criterion of the model of all demonstrations: lower is better;
-        ValueError where each target has its own.
+        """Bayesian information criterion of the model of all demonstrations: lower is better.
+
+        Raises
+        ------
+        ValueError
+            Where each target has its own.
         """
         if self._whole is None:
             raise ValueError(
@@ -600,8 +617,12 @@ class ThrowingSkill:
 def learn_throwing(
     demonstrations: Sequence[Demonstration], configuration: SkillConfiguration = DEFAULT
 ) -> ThrowingSkill:
-    """A skill from demonstrations; ValueError names a demonstration that cannot be used, or says
-    how many are needed.
+    """A skill from demonstrations.
+
+    Raises
+    ------
+    ValueError
+        Names a demonstration that cannot be used, or says how many are needed.
     """
     return learn_prepared(
         [prepare(demonstration, configuration) for demonstration in demonstrations], configuration
@@ -611,8 +632,12 @@ def learn_throwing(
 def learn_prepared(
     throws: Sequence[PreparedThrow], configuration: SkillConfiguration = DEFAULT
 ) -> ThrowingSkill:
-    """The same from throws that were prepared before, for the same configuration. ValueError if
-    these are too few.
+    """The same from throws that were prepared before, for the same configuration.
+
+    Raises
+    ------
+    ValueError
+        If these are too few.
     """
     if len(throws) < LEAST_DEMONSTRATIONS:
         raise ValueError(

@@ -18,7 +18,13 @@ PARAMETER_FILES = (
 
 
 def attach_arm(writer: BagWriter) -> None:
-    """Attach the arm's description and the parameter files to a bag. writer: of the bag."""
+    """Attach the arm's description and the parameter files to a bag.
+
+    Parameters
+    ----------
+    writer
+        Of the bag.
+    """
     writer.add_attachment("wam.urdf", write_urdf(wam_description()), "application/xml")
     for name in PARAMETER_FILES:
         writer.add_attachment(

@@ -20,19 +20,26 @@ medians, because cameras are noisy.
 
 
 def basket_at_rest(log: ThrowLog, until_ns: int) -> np.ndarray:
-    """Where the basket stood up to an instant (3,) [m]; ValueError if it was not seen, or was
-    moved.
+    """Where the basket stood up to an instant (3,) [m].
+
+    Raises
+    ------
+    ValueError
+        If it was not seen, or was moved.
     """
     _, place = _seen(log, "basket", until_ns)
     return _resting("the basket", place)
 
 
 def check_ball_in_hand(log: ThrowLog, until_ns: int, seat: np.ndarray, tolerance: float) -> None:
-    """ValueError unless the ball rested in a resting hand up to an instant, nearer to its seat
-    (3,) there than `tolerance` [m].
-
-    The seat is in the frame of the hand's tracked body. The message says what is missing: the
+    """The seat is in the frame of the hand's tracked body. The message says what is missing: the
     ball, the hand, or how far off the ball is.
+
+    Raises
+    ------
+    ValueError
+        Unless the ball rested in a resting hand up to an instant, nearer to its seat (3,) there
+        than `tolerance` [m].
     """
     ball_time, ball = _seen(log, "ball", until_ns)
     hand_time, hand = _seen(log, "hand", until_ns)

@@ -49,9 +49,13 @@ def judged(
     game: Game = BASKETS,
 ) -> tuple[Outcome, Release | None]:
     """What became of a throw at the centre (3,) of a rim, or a point of a board, and how the ball
-    or dart left the hand, of what was seen up to an instant.
+    or
+    dart left the hand, of what was seen up to an instant.
 
-    ValueError for a target or radius that cannot be.
+    Raises
+    ------
+    ValueError
+        For a target or radius that cannot be.
     """
     seen = log.ball_between(opened_ns, until_ns)
     outcome = judge_flight(*seen, target, rim_radius, game.projectile, surface=game.surface)
@@ -70,11 +74,17 @@ def seen_down(
 
 class ThrowLog(SensorLog):
     """What the sensors saw since `clear`: pose of the hand, position of the ball, joint states,
-    the hand's button.
+    the
+    hand's button.
 
     joint_period_ns thins the joint states to about the rate of the poses, counted from when the
-    world was set anew. skill: of throwing; it says what its bodies are called, which here are ball
-    and basket in any case. `rejected` counts samples that were stale or not finite.
+    world was set anew.
+
+    Parameters
+    ----------
+    skill
+        Of throwing; it says what its bodies are called, which here are ball and basket in any
+        case. `rejected` counts samples that were stale or not finite.
     """
 
     def __init__(
@@ -120,7 +130,13 @@ class ThrowLog(SensorLog):
             self.add_opening(stamp_ns)
 
     def situation_at(self, stamp_ns: int) -> Situation:
-        """Where the basket was last seen before a stamp; ValueError if it was not."""
+        """Where the basket was last seen before a stamp.
+
+        Raises
+        ------
+        ValueError
+            If it was not.
+        """
         seen = self.basket.part(stamp_ns - LOOKED_NS, stamp_ns)
         if not seen.stamps:
             raise ValueError(f"the {self._aimed_at} was not seen: is it tracked and published?")
@@ -182,9 +198,13 @@ class ThrowLog(SensorLog):
         self, since_ns: int, until_ns: int, projectile: Ball = TENNIS_BALL
     ) -> Release | None:
         """How the ball left the hand between two instants; times after the first one. None if hand
-        or flight was not seen.
+        or
+        flight was not seen.
 
-        projectile: what is thrown.
+        Parameters
+        ----------
+        projectile
+            What is thrown.
         """
         if not (self.ball.stamps and self.hand.stamps):
             return None
@@ -202,8 +222,12 @@ class ThrowLog(SensorLog):
     def cut(
         self, name: str, until_ns: int, thresholds: VelocityThreshold = THRESHOLDS
     ) -> Demonstration:
-        """The throw, up to an instant, as a demonstration; ValueError says what is missing:
-        motion, button, ball, basket.
+        """The throw, up to an instant, as a demonstration.
+
+        Raises
+        ------
+        ValueError
+            Says what is missing: motion, button, ball, basket.
         """
         thrown_ns = self.left_ns if self.opened_ns is None else self.opened_ns
         if thrown_ns is None:

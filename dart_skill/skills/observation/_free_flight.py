@@ -36,9 +36,14 @@ GROWTH = 20  # samples; so far beyond its own a flight is looked for at a time
 class FreeFlight:
     """The first free flight in a series of samples.
 
-    * samples: (m,) indices of those that belong to it.
-    * fit: the flight through them, its state at the first of them.
-    * noise: standard deviation of a coordinate of a sample [m].
+    Parameters
+    ----------
+    samples
+        (m,) indices of those that belong to it.
+    fit
+        The flight through them, its state at the first of them.
+    noise
+        Standard deviation of a coordinate of a sample [m].
     """
 
     samples: np.ndarray
@@ -54,8 +59,14 @@ def find_flight(
     Every window of some samples is fitted, unless it is clearly no flight; runs of windows that
     fly freely are candidates. The first one that is at least half as long as the longest is
     refitted and grown over its neighbours, skipping up to two outliers. A flight that is not this
-    ball's is fitted with a drag of its own: `fit.ball` says which. noise: standard deviation of a
-    coordinate [m]; default None: told from the samples. time, position: the samples.
+    ball's is fitted with a drag of its own: `fit.ball` says which.
+
+    Parameters
+    ----------
+    noise
+        Standard deviation of a coordinate [m]; default None: told from the samples.
+    time, position
+        The samples.
     """
     noise = position_noise(time, position) if noise is None else noise
     runs = _flying_runs(time, position, ball, noise)

@@ -20,7 +20,13 @@ FRAME = 0.025
 def grip_path(
     time: np.ndarray, position: np.ndarray, quaternion: np.ndarray, grip_offset: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Time (m,) and position (m, 3) of a point of the hand; ValueError if the poses are none."""
+    """Time (m,) and position (m, 3) of a point of the hand.
+
+    Raises
+    ------
+    ValueError
+        If the poses are none.
+    """
     time, position = check_samples("hand", time, position, least=8)
     quaternion = check_unit_quaternions("hand", quaternion, len(time))
     offset = np.asarray(grip_offset, dtype=float)
@@ -44,9 +50,14 @@ def seen_grip(
     It holds the seat of the ball, and what the markers of both bodies are off. `nominal` where the
     ball was hidden in the hand, or was seen more than `farthest` [m] from it.
 
-    * ball: time (n,) [s], position (n, 3) [m].
-    * hand: time (m,) [s], position (m, 3) [m], quaternion (m, 4).
-    * released: about when it left the hand [s].
+    Parameters
+    ----------
+    ball
+        Time (n,) [s], position (n, 3) [m].
+    hand
+        Time (m,) [s], position (m, 3) [m], quaternion (m, 4).
+    released
+        About when it left the hand [s].
     """
     time, position, quaternion = hand
     held = (time > released - HELD[0]) & (time < released - HELD[1]) & _seen(ball[0], time)

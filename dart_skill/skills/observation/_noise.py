@@ -38,7 +38,13 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
 
 def column_noise(time: ArrayLike, columns: ArrayLike) -> np.ndarray:
     """Standard deviation of each column of samples (n,) [s], (n, d): (d,), in the columns' units;
-    at least 1e-6. time: (n,) [s].
+    at
+    least 1e-6.
+
+    Parameters
+    ----------
+    time
+        (n,) [s].
     """
     time, columns = fresh(np.asarray(time, dtype=float), np.asarray(columns, dtype=float))
     return np.maximum(estimate_noise(time, columns, apart=True), 1e-6)

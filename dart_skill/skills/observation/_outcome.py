@@ -40,16 +40,22 @@ DEGREE = 4
 class Outcome:
     """Result of one throw.
 
-    * landing_seen: the ball was tracked up to, or at most 0.15 s before, the crossing of the rim's
-      plane.
-    * landing: (3,) where the ball's centre crosses the plane of the rim going down, on its first
-      free flight; a ball that touches the rim counts where it would have crossed; a dart: where it
-      meets the plane of the board [m]; nan if not seen.
-    * landing_time: of the crossing, on the clock of the samples [s]; nan if not seen.
-    * landing_error: distance of the landing from the centre of the rim, or from the target on the
-      board, in that plane [m]; nan if not seen.
-    * in_basket: last seen inside the walls below the rim, or flying down through the rim and never
-      seen again; a dart: it met the board.
+    Parameters
+    ----------
+    landing_seen
+        The ball was tracked up to, or at most 0.15 s before, the crossing of the rim's plane.
+    landing
+        (3,) where the ball's centre crosses the plane of the rim going down, on its first free
+        flight; a ball that touches the rim counts where it would have crossed; a dart: where it
+        meets the plane of the board [m]; nan if not seen.
+    landing_time
+        Of the crossing, on the clock of the samples [s]; nan if not seen.
+    landing_error
+        Distance of the landing from the centre of the rim, or from the target on the board, in
+        that plane [m]; nan if not seen.
+    in_basket
+        Last seen inside the walls below the rim, or flying down through the rim and never seen
+        again; a dart: it met the board.
     """
 
     landing_seen: bool
@@ -63,13 +69,20 @@ class Outcome:
 class Release:
     """How the ball left the hand.
 
-    * time: instant at which the ball stops moving with the hand, on the clock of the samples [s].
-    * time_uncertainty: its standard deviation [s]; large where the hand accelerates as a free ball
-      would.
-    * position, velocity: (3,) of the ball then, from the fit of the flight [m], [m/s].
-    * grip_distance: of the flight from the grip point then [m].
-    * grip: (3,) centre of the held ball in the hand frame, as it was seen [m].
-    * flight: the fit, its state at `time`.
+    Parameters
+    ----------
+    time
+        Instant at which the ball stops moving with the hand, on the clock of the samples [s].
+    time_uncertainty
+        Its standard deviation [s]; large where the hand accelerates as a free ball would.
+    position, velocity
+        (3,) of the ball then, from the fit of the flight [m], [m/s].
+    grip_distance
+        Of the flight from the grip point then [m].
+    grip
+        (3,) centre of the held ball in the hand frame, as it was seen [m].
+    flight
+        The fit, its state at `time`.
     """
 
     time: float
@@ -93,13 +106,21 @@ def judge_flight(
     surface: Surface = RIMS,
 ) -> Outcome:
     """Outcome of a throw at the basket with centre of the rim `rim` (3,) and radius `rim_radius`
-    [m], or at the point `rim` of a board.
+    [m],
+    or at the point `rim` of a board.
 
-    ball_time (n,) [s], ball_position (n, 3) [m], world frame: every sample from the grip until the
-    ball has come to rest or was lost for good. No samples, or none in flight, is an outcome too:
-    not seen. noise: standard deviation of a coordinate of a sample [m], default None: told from
-    the samples; free: what `find_flight` says of these samples, if it was asked before. surface:
-    where the flight ends.
+    Parameters
+    ----------
+    ball_time : (n,) [s]
+    ball_position : (n, 3) [m]
+        World frame: every sample from the grip until the ball has come to rest or was lost for
+        good. No samples, or none in flight, is an outcome too: not seen.
+    noise
+        Standard deviation of a coordinate of a sample [m], default None: told from the samples.
+    free
+        What `find_flight` says of these samples, if it was asked before.
+    surface
+        Where the flight ends.
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position, least=0)
     rim = _check_rim(rim, rim_radius)
@@ -135,14 +156,29 @@ def fit_release(
 ) -> Release:
     """Release of the ball, from its samples and the hand's, in one world frame and on one clock.
 
-    ball_time (n,), ball_position (n, 3), hand_time (m,), hand_position (m, 3), hand_quaternion (m,
-    4); grip_offset: (3,) centre of the held ball in the hand frame [m], where it should be; where
-    it was seen before the release counts. noise: as in `judge_flight`. The flight is fitted and
-    followed back to where it meets the path of the grip point. There the ball moves exactly as the
-    grip does, so that the difference of the two paths is stationary at the release: its derivative
-    is linear in time and tells the instant far better than the distance, which is quadratic. Good
-    to a few tenths of a millisecond where the hand's acceleration differs from a free ball's by 4
-    m/s^2 or more. ValueError if no flight or no hand is seen there. free: as in `judge_flight`.
+    Parameters
+    ----------
+    ball_time : (n,)
+    ball_position : (n, 3)
+    hand_time : (m,)
+    hand_position : (m, 3)
+    hand_quaternion : (m, 4)
+    grip_offset
+        (3,) centre of the held ball in the hand frame [m], where it should be; where it was seen
+        before the release counts.
+    noise
+        As in `judge_flight`. The flight is fitted and followed back to where it meets the path of
+        the grip point. There the ball moves exactly as the grip does, so that the difference of
+        the two paths is stationary at the release: its derivative is linear in time and tells the
+        instant far better than the distance, which is quadratic. Good to a few tenths of a
+        millisecond where the hand's acceleration differs from a free ball's by 4 m/s^2 or more.
+    free
+        As in `judge_flight`.
+
+    Raises
+    ------
+    ValueError
+        If no flight or no hand is seen there.
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position)
     hand_time, grip = grip_path(hand_time, hand_position, hand_quaternion, grip_offset)

@@ -15,13 +15,22 @@ REAL = 1e-7
 
 def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[float, float, float]:
     """Where a polynomial through the differences is slowest, the deviation of that instant, and
-    the distance then.
+    the
+    distance then.
 
-    * time: (n,), increasing.
-    * difference: (n, 3) [m].
-    * degree: of the polynomial, at least 2.
+    Parameters
+    ----------
+    time
+        (n,), increasing.
+    difference
+        (n, 3) [m].
+    degree
+        Of the polynomial, at least 2.
 
-    ValueError if the samples do not determine the polynomial.
+    Raises
+    ------
+    ValueError
+        If the samples do not determine the polynomial.
     """
     powers = polynomial.polyvander(time, degree)
     gram = powers.T @ powers

@@ -47,7 +47,13 @@ class Stream:
 
     def extend(self, stamps: np.ndarray, rows: np.ndarray) -> int:
         """Keep those of many samples, stamps (n,) [ns] and rows (n, d), that `add` would keep one
-        by one; returns how many.
+        by
+        one.
+
+        Returns
+        -------
+        int
+            How many.
         """
         stamps, rows = np.asarray(stamps, dtype=np.int64), np.asarray(rows, dtype=float)
         finite = np.isfinite(rows.sum(axis=1))  # as `all_finite`
@@ -75,12 +81,16 @@ class Stream:
 class SensorLog:
     """Poses of bodies by their role, joint states, and what the fingers were told, since `clear`.
 
-    * roles: of the bodies.
-    * joint_period_ns: joint states are thinned to about this period, the rate of the poses,
-      counted from when the world was set anew [ns].
-
     Attributes: turned, roles of the bodies whose orientation counts; left_out, how many samples of
     each sensor were stale or not finite.
+
+    Parameters
+    ----------
+    roles
+        Of the bodies.
+    joint_period_ns
+        Joint states are thinned to about this period, the rate of the poses, counted from when the
+        world was set anew [ns].
     """
 
     def __init__(self, roles: Sequence[str], joint_period_ns: int = 10_000_000):
@@ -155,8 +165,12 @@ class SensorLog:
         self.told = [one for one in self.told if one[0] >= stamp_ns]
 
     def seen(self, name: str, since_ns: int, until_ns: int, skill: str) -> Demonstration:
-        """All that was seen between two stamps, with the first as the origin of its times;
-        ValueError says which body was never seen.
+        """All that was seen between two stamps, with the first as the origin of its times.
+
+        Raises
+        ------
+        ValueError
+            Says which body was never seen.
         """
         tracks = {}
         for role, stream in self.bodies.items():
@@ -184,9 +198,13 @@ class SensorLog:
 
     def world_begins_ns(self, instant_ns: int | None = None) -> int:
         """Stamp of the first sample of the hand since the world was last set anew before an
-        instant; None: the instant at which the fingers were first told something, or the end.
+        instant;
+        None: the instant at which the fingers were first told something, or the end.
 
-        ValueError if the hand was not seen there.
+        Raises
+        ------
+        ValueError
+            If the hand was not seen there.
         """
         if instant_ns is None:
             instant_ns = self.told[0][0] if self.told else np.iinfo(np.int64).max
@@ -202,8 +220,12 @@ class SensorLog:
         return hand[first]
 
     def situation_at(self, stamp_ns: int) -> Situation:
-        """Where all bodies beside the hand were just before a stamp; ValueError says which one was
-        not seen.
+        """Where all bodies beside the hand were just before a stamp.
+
+        Raises
+        ------
+        ValueError
+            Says which one was not seen.
         """
         poses = {}
         for role, stream in self.bodies.items():

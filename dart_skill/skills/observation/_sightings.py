@@ -14,7 +14,12 @@ INSTANTS = 24
 
 def sightings(demonstration: Demonstration, model: ArmModel) -> Sightings:
     """The hand of a demonstration at some instants; none (k = 0) if the arm's joints were not
-    recorded meanwhile. model: of the arm.
+    recorded meanwhile.
+
+    Parameters
+    ----------
+    model
+        Of the arm.
     """
     d = demonstration
     if not len(d.joint_time):

@@ -24,11 +24,18 @@ MEMORY_NS = 60_000_000_000
 class FoundThrow:
     """A throw in a recording.
 
-    * stamp_ns: when the hand was told to open, or the ball left it.
-    * taught: a person guided it.
-    * demonstration, outcome: None if it could not be cut out.
-    * reason: why it is not learned from, empty if it is.
-    * was: id and target (3,) [m] of a demonstration that was forgotten; None of one that is there.
+    Parameters
+    ----------
+    stamp_ns
+        When the hand was told to open, or the ball left it.
+    taught
+        A person guided it.
+    demonstration, outcome
+        None if it could not be cut out.
+    reason
+        Why it is not learned from, empty if it is.
+    was
+        Id and target (3,) [m] of a demonstration that was forgotten; None of one that is there.
     """
 
     stamp_ns: int
@@ -50,7 +57,13 @@ class FoundThrow:
         )
 
     def forgotten(self, reason: str) -> FoundThrow:
-        """The throw without what was recorded of it. reason: why that is forgotten."""
+        """The throw without what was recorded of it.
+
+        Parameters
+        ----------
+        reason
+            Why that is forgotten.
+        """
         return replace(self, demonstration=None, was=self.shown, reason=reason)
 
     @property
@@ -71,8 +84,12 @@ class ThrowFinder:
         self._since = 0
 
     def add_command(self, data: bytes, guiding: bool) -> None:
-        """A serialised WamCommand, of the person who guides the arm or of its controller. guiding:
-        whether a person guides.
+        """A serialised WamCommand, of the person who guides the arm or of its controller.
+
+        Parameters
+        ----------
+        guiding
+            Whether a person guides.
         """
         signal = self._teacher if guiding else self._controller
         if signal.take_command(data):
@@ -80,9 +97,13 @@ class ThrowFinder:
 
     def until(self, arrived_ns: int) -> list[FoundThrow]:
         """The throws that were watched to their end when everything up to a stamp has come [ns],
-        in order of time.
+        in
+        order of time.
 
-        arrived_ns: the stamp.
+        Parameters
+        ----------
+        arrived_ns
+            The stamp.
         """
         self._openings.sort()
         found = []
@@ -116,7 +137,13 @@ class ThrowFinder:
         return [throw]
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Forget what was seen before an instant: no throw after it needs it. stamp_ns: when [ns]."""
+        """Forget what was seen before an instant: no throw after it needs it.
+
+        Parameters
+        ----------
+        stamp_ns
+            When [ns].
+        """
         self._log.forget_before(stamp_ns)
         self._teacher.forget_before(stamp_ns)
 
@@ -141,7 +168,12 @@ def cut_throw(
 
 def worlds(streams: Iterable[np.ndarray]) -> list[tuple[int, int]]:
     """First and last stamp [ns] of each stretch in which something was seen all the time, of the
-    stamps (n,) of several sensors: a reset sets the clock on. streams: stamps of each sensor.
+    stamps (n,) of several sensors: a reset sets the clock on.
+
+    Parameters
+    ----------
+    streams
+        Stamps of each sensor.
     """
     stamps = np.unique(np.concatenate([np.asarray(stream, dtype=np.int64) for stream in streams]))
     if not len(stamps):

@@ -15,16 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import WamDescription, with_box
-from dart_skill.skills.protocol import (
-    HAND,
-    Demonstration,
-    Pose,
-    Situation,
-    Skill,
-    SkillSettings,
-    Solid,
-    TaskOutcome,
-)
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import HAND, Demonstration
+from dart_skill.skills.protocol import Skill, SkillSettings, Solid, TaskOutcome
 
 LIES = 0.3
 """The part is looked at so long after the fingers were told to open at the earliest [s]: it may
@@ -46,20 +39,33 @@ TABLE = (0.9, 1.8, 0.04)
 class PlaceSettings(SkillSettings):
     """Beside those of every skill:
 
-    * seat: of the part's origin in the frame of the holder when it is in (3,) [m].
-    * depth: of the holder from its rim [m].
-    * seat_tolerance: how far from there it may be along the axis of the holder [m].
-    * side_tolerance: and across; the clearance, and what the cameras are off by [m].
-    * tilt_tolerance: how far its axis may lean to that of the holder [rad].
-    * mass, size: of the part, a box [kg], (3,) [m].
-    * grasp: of its centre in the frame of the hand that holds it (3,) [m].
-    * shown_at: about there the holder stands when it is shown in simulation (2,) [m];
-      shown_within, shown_turn: at most so far away [m] and turned [rad]; asked_within, asked_turn:
-      the same of holders that are tried.
-    * reach: distances from the axis of the base at which the arm points its hand straight down
-      over a holder (2,) [m].
-    * table, floor, raised: height of the table, thickness of the holder's floor, and of what it
-      may stand on [m].
+    Parameters
+    ----------
+    seat
+        Of the part's origin in the frame of the holder when it is in (3,) [m].
+    depth
+        Of the holder from its rim [m].
+    seat_tolerance
+        How far from there it may be along the axis of the holder [m].
+    side_tolerance
+        And across; the clearance, and what the cameras are off by [m].
+    tilt_tolerance
+        How far its axis may lean to that of the holder [rad].
+    mass, size
+        Of the part, a box [kg], (3,) [m].
+    grasp
+        Of its centre in the frame of the hand that holds it (3,) [m].
+    shown_at
+        About there the holder stands when it is shown in simulation (2,) [m].
+    shown_within, shown_turn
+        At most so far away [m] and turned [rad].
+    asked_within, asked_turn
+        The same of holders that are tried.
+    reach
+        Distances from the axis of the base at which the arm points its hand straight down over a
+        holder (2,) [m].
+    table, floor, raised
+        Height of the table, thickness of the holder's floor, and of what it may stand on [m].
     """
 
     seat: tuple[float, ...] = (0.0, 0.0, 0.05)
@@ -167,7 +173,13 @@ class Place(Skill):
         return [hand, situation.pose("holder").place(part.sees(hand))]
 
     def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
-        """Whether the part is in the holder, after the fingers have opened. seen: the movement."""
+        """Whether the part is in the holder, after the fingers have opened.
+
+        Parameters
+        ----------
+        seen
+            The movement.
+        """
         part, opened = seen.track("part"), [one.time for one in seen.events][-1:]
         if not opened or part.time[-1] < opened[0] + LIES:
             return TaskOutcome(

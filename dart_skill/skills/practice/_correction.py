@@ -49,16 +49,25 @@ explains nothing.
 class CorrectionSettings:
     """How misses are learned from.
 
-    * offsets: standard deviations that what all places have in common may have, before the first
-      throw [m]; the evidence weighs them.
-    * lengths: distances over which misses resemble each other; the evidence weighs them [m].
-    * turns: azimuths over which they do [rad]. An arm that turns about its base may make the same
-      throw all around.
-    * surprise: a miss is a surprise from so many standard deviations on.
-    * apart: two surprises nearer to each other than this, in distance [m] and azimuth [rad], may
-      be the fault of the place.
-    * farthest: a plan is moved no farther than this from its target [m].
-    * memory: throws at most, the latest.
+    Parameters
+    ----------
+    offsets
+        Standard deviations that what all places have in common may have, before the first throw
+        [m]; the evidence weighs them.
+    lengths
+        Distances over which misses resemble each other; the evidence weighs them [m].
+    turns
+        Azimuths over which they do [rad]. An arm that turns about its base may make the same throw
+        all around.
+    surprise
+        A miss is a surprise from so many standard deviations on.
+    apart
+        Two surprises nearer to each other than this, in distance [m] and azimuth [rad], may be the
+        fault of the place.
+    farthest
+        A plan is moved no farther than this from its target [m].
+    memory
+        Throws at most, the latest.
     """
 
     offsets: tuple[float, ...] = (0.01, 0.03, 0.1, 0.3)
@@ -221,7 +230,13 @@ class Correction:
         return [[part.tolist() for part in one] for one in self._suspects]
 
     def suspect(self, suspicions: list) -> None:
-        """Wait as another correction did. suspicions: as it gave them."""
+        """Wait as another correction did.
+
+        Parameters
+        ----------
+        suspicions
+            As it gave them.
+        """
         self._suspects = [
             _Suspect(*(np.array(part, dtype=float).reshape(2) for part in one))
             for one in suspicions
@@ -230,11 +245,14 @@ class Correction:
     def add(self, place: np.ndarray, miss: np.ndarray, explained: np.ndarray = NOTHING) -> None:
         """Remember a miss (2,) [m] at a place (2,).
 
-        explained: (2,) [m], default nothing. What of the miss is due to this throw's release by
-        its plan, against the usual release.
-
         A surprise waits: for one like it at another place, then the arm has changed, or for a
         throw that is none, then it was an accident, or the fault of its place.
+
+        Parameters
+        ----------
+        explained
+            (2,) [m], default nothing. What of the miss is due to this throw's release by its plan,
+            against the usual release.
         """
         place, miss, explained = (
             np.asarray(part, dtype=float) for part in (place, miss, explained)

@@ -64,15 +64,25 @@ class HandDelay:
         return {"delays": self._delays, "odd": self._odd}
 
     def restore(self, state: dict) -> None:
-        """Remember what `state` gave, and nothing else. state: as it was returned."""
+        """Remember what `state` gave, and nothing else.
+
+        Parameters
+        ----------
+        state
+            As it was returned.
+        """
         self._delays = [float(delay) for delay in state["delays"]]
         self._odd = None if state["odd"] is None else float(state["odd"])
 
 
 def likely_late(seen: float, uncertainty: float, spread: float = USUAL) -> float:
     """How late [s] a hand most probably let go that was seen to be so late, with an uncertainty
-    [s]; nan stays nan.
+    [s];
+    nan stays nan.
 
-    spread: standard deviation [s] of its delays.
+    Parameters
+    ----------
+    spread
+        Standard deviation [s] of its delays.
     """
     return seen * spread**2 / (spread**2 + uncertainty**2)

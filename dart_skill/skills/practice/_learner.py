@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from dart_skill.arm import KnownRegistration, MotionPlan, ThrowPlan
+from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
-from dart_skill.recording import Demonstration
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.skills.learning import (
     AnySkill,
     Policy,
@@ -27,7 +28,7 @@ from dart_skill.skills.learning import (
     save_skill_model,
     unlike,
 )
-from dart_skill.skills.protocol import HAND, Situation, Skill, check_way
+from dart_skill.skills.protocol import Skill, check_way
 
 Parameters = Callable[[], dict[str, Any]]
 """Values of the parameters of the node skill_learner, as they are now."""
@@ -38,10 +39,18 @@ NOTHING = "nothing is learned yet: call ~/learn, or ~/load a model"
 class Lesson:
     """What came of learning.
 
-    * learned_from: ids of the demonstrations.
-    * model_id: digest of the model.
-    * said: what was learned; facts: what there is to say of it.
-    * left_out: why demonstrations were left out, by their ids.
+    Parameters
+    ----------
+    learned_from
+        Ids of the demonstrations.
+    model_id
+        Digest of the model.
+    said
+        What was learned.
+    facts
+        What there is to say of it.
+    left_out
+        Why demonstrations were left out, by their ids.
     """
 
     learned_from: tuple[str, ...]
@@ -59,9 +68,16 @@ class Lesson:
 class Learned:
     """What was learned from a trial.
 
-    * kept: whether the trial was learned from; message: why not.
-    * demonstrations: number of those that are remembered.
-    * left: what of its error is left (2,) [m].
+    Parameters
+    ----------
+    kept
+        Whether the trial was learned from.
+    message
+        Why not.
+    demonstrations
+        Number of those that are remembered.
+    left
+        What of its error is left (2,) [m].
     """
 
     kept: bool
@@ -74,9 +90,14 @@ class Learned:
 class Standing:
     """How a demonstration counts.
 
-    * weight: in the model.
-    * unlike: its distance from what the others teach [m].
-    * outlier: whether that is far more than usual.
+    Parameters
+    ----------
+    weight
+        In the model.
+    unlike
+        Its distance from what the others teach [m].
+    outlier
+        Whether that is far more than usual.
     """
 
     weight: float
@@ -88,10 +109,18 @@ class Standing:
 class Planned:
     """A plan for a situation.
 
-    * plan: of the hand, or a policy that is asked while the arm moves.
-    * situation: that it is for; aim: for which the model was asked, where that is another one.
-    * model_id: of the model.
-    * held: where bodies are in the hand at its start.
+    Parameters
+    ----------
+    plan
+        Of the hand, or a policy that is asked while the arm moves.
+    situation
+        That it is for.
+    aim
+        For which the model was asked, where that is another one.
+    model_id
+        Of the model.
+    held
+        Where bodies are in the hand at its start.
     """
 
     plan: MotionPlan | ThrowPlan | Policy
@@ -104,16 +133,21 @@ class Planned:
 class Learner:
     """Learns one skill from demonstrations, plans with it, and learns from trials.
 
-    Parameters:
+    Parameters
+    ----------
+    skill
+        That is learned.
+    parameters
+        Of the node skill_learner.
+    registration
+        Of cameras and arm as it was measured before; None: told by the demonstrations.
 
-    * skill: that is learned.
-    * parameters: of the node skill_learner.
-    * registration: of cameras and arm as it was measured before; None: told by the demonstrations.
-
-    Attributes:
-
-    * angles: number of columns of its mixtures after the position.
-    * needs_plan: whether a trial teaches only beside the plan that was carried out.
+    Attributes
+    ----------
+    angles
+        Number of columns of its mixtures after the position.
+    needs_plan
+        Whether a trial teaches only beside the plan that was carried out.
     """
 
     angles = 0
@@ -159,7 +193,13 @@ class Learner:
         return changed_skill(self.skill, self._parameters())
 
     def learn(self, demonstrations: Sequence[Demonstration], configuration: str = "") -> Lesson:
-        """Learn; ValueError says why that cannot be."""
+        """Learn.
+
+        Raises
+        ------
+        ValueError
+            Says why that cannot be.
+        """
         skill, changes = self._changed(configuration)
         model, left_out = learn_usable(skill, demonstrations)
         if way := self._parameters()["choose_components"]:
@@ -175,7 +215,13 @@ class Learner:
         )
 
     def finding(self, one: Demonstration, configuration: str = "") -> str:
-        """What can be made of a demonstration, in words; ValueError says why nothing can."""
+        """What can be made of a demonstration, in words.
+
+        Raises
+        ------
+        ValueError
+            Says why nothing can.
+        """
         skill, _ = self._changed(configuration)
         check_movement(skill, one)
         start, stop = skill.cut(one)
@@ -189,8 +235,17 @@ class Learner:
         check_movement(self.skill, one)
 
     def plan(self, asked: Situation, explore: bool = False) -> Planned:
-        """A plan for a situation; explore: not always the best one. ValueError says why there is
-        none.
+        """A plan for a situation.
+
+        Parameters
+        ----------
+        explore
+            Not always the best one.
+
+        Raises
+        ------
+        ValueError
+            Says why there is none.
         """
         model = self._model
         self.skill.check_known(asked.poses, asked.numbers, model.movements[-1].situation.numbers)

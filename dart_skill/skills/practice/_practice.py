@@ -33,12 +33,19 @@ MOST_FOR_PATTERNS = 30
 class PracticeSettings:
     """How `Practice` keeps its memory, and what it takes for strange.
 
-    * capacity: of the memory, demonstrations included, 0 for no limit.
-    * forget: "oldest" trial first, or "crowded": the older of the two whose tasks are nearest to
-      each other, which keeps the region covered.
-    * largest_deviation: from what the others predict, in units of what is usual.
-    * tolerance: a hand path that strays less is never strange [m].
-    * tail: so long after the release the motion does not matter [s].
+    Parameters
+    ----------
+    capacity
+        Of the memory, demonstrations included, 0 for no limit.
+    forget
+        "oldest" trial first, or "crowded": the older of the two whose tasks are nearest to each
+        other, which keeps the region covered.
+    largest_deviation
+        From what the others predict, in units of what is usual.
+    tolerance
+        A hand path that strays less is never strange [m].
+    tail
+        So long after the release the motion does not matter [s].
     """
 
     capacity: int = 0
@@ -73,15 +80,23 @@ class Verdict:
 class Practice:
     """The memory that a skill is learned from.
 
-    * shown: demonstrations of a teacher.
-    * configuration: SkillConfiguration, default `DEFAULT`.
-    * settings: PracticeSettings, default None: the default ones.
-    * tried: own throws, oldest first.
+    Parameters
+    ----------
+    shown
+        Demonstrations of a teacher.
+    configuration
+        SkillConfiguration, default `DEFAULT`.
+    settings
+        PracticeSettings, default None: the default ones.
+    tried
+        Own throws, oldest first.
 
-    Attributes:
-
-    * demonstrations: what was shown, then what was tried, but for what cannot be read.
-    * kept_out: reason why a demonstration or trial is not learned from, by its id.
+    Attributes
+    ----------
+    demonstrations
+        What was shown, then what was tried, but for what cannot be read.
+    kept_out
+        Reason why a demonstration or trial is not learned from, by its id.
     """
 
     def __init__(
@@ -119,8 +134,12 @@ class Practice:
         return len(self._shown)
 
     def learn(self) -> ThrowingSkill:
-        """The skill that all these demonstrations teach; each is prepared only once. ValueError if
-        they are too few, and what is wrong with the others.
+        """The skill that all these demonstrations teach; each is prepared only once.
+
+        Raises
+        ------
+        ValueError
+            If they are too few, and what is wrong with the others.
         """
         try:
             return learn_prepared(
@@ -158,8 +177,14 @@ class Practice:
         return f"{len(groups)} ways of throwing were shown, and learned as one: {named}"
 
     def withdraw(self, trial_id: str, reason: str) -> None:
-        """Take back a trial that was kept but cannot be learned from. trial_id: of the trial;
-        reason: in words.
+        """Take back a trial that was kept but cannot be learned from.
+
+        Parameters
+        ----------
+        trial_id
+            Of the trial.
+        reason
+            In words.
         """
         self._tried = [one for one in self._tried if one.id != trial_id]
         self._prepared.pop(trial_id, None)

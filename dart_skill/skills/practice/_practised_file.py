@@ -17,8 +17,15 @@ from dart_skill.skills.practice._practising import PractisingSkill
 def save_practised(path: str | Path, skill: PractisingSkill) -> None:
     """Write a model with what practice has found to `path`, which must not exist; the folder must.
 
-    skill: the PractisingSkill. A plan that explores is given up if its throw was not reported.
-    FileNotFoundError if there is no such folder.
+    Parameters
+    ----------
+    skill
+        The PractisingSkill. A plan that explores is given up if its throw was not reported.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder.
     """
     practised = np.empty((0, 6)) if skill.correction is None else skill.correction.throws
     found = (
@@ -36,15 +43,22 @@ def practised_skill(
     settings: CorrectionSettings | None = None,
     steady_every: int = 0,
 ) -> PractisingSkill:
-    """The skill of a model file, which goes on where practice ended; ValueError if what practice
-    found is damaged.
+    """The skill of a model file, which goes on where practice ended.
 
-    Parameters:
+    Parameters
+    ----------
+    saved
+        What `load_model` gave.
+    method
+        How to practise; default "residual". One that has no use for what was found gives way to
+        the method that found it; only "none" leaves it out.
+    memory, settings, steady_every
+        As in `PractisingSkill`.
 
-    * saved: what `load_model` gave.
-    * method: how to practise; default "residual". One that has no use for what was found gives way
-      to the method that found it; only "none" leaves it out.
-    * memory, settings, steady_every: as in `PractisingSkill`.
+    Raises
+    ------
+    ValueError
+        If what practice found is damaged.
     """
     found = saved.found
     method = _of_use(method, saved)

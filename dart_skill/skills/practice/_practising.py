@@ -43,13 +43,17 @@ METHODS = ("residual", "bootstrap", "both", "power", "none")
 class TrialLesson:
     """What became of a throw that was reported.
 
-    Parameters:
-
-    * kept: bool, whether something was learned from it.
-    * reason: str, default "". Why nothing was learned.
-    * left: (along, across) [m], default nan. The part of the error that the delay of the hand does
-      not explain: a perfect skill would have avoided it. nan if it is unknown.
-    * forgotten: ids of the trials that were removed from the memory for this one, default none.
+    Parameters
+    ----------
+    kept
+        Bool, whether something was learned from it.
+    reason
+        Str, default "". Why nothing was learned.
+    left
+        (along, across) [m], default nan. The part of the error that the delay of the hand does not
+        explain: a perfect skill would have avoided it. nan if it is unknown.
+    forgotten
+        Ids of the trials that were removed from the memory for this one, default none.
     """
 
     kept: bool
@@ -83,28 +87,43 @@ class _Steadied:
 class PractisingSkill:
     """A throwing skill that learns from its own throws.
 
-    Parameters:
+    Parameters
+    ----------
+    shown
+        Demonstrations of a teacher.
+    configuration
+        SkillConfiguration, default `DEFAULT`.
+    method
+        One of METHODS, default "residual".
+    memory
+        PracticeSettings, how many demonstrations and trials are kept; default None: all.
+    settings
+        CorrectionSettings, default None: the default ones.
+    rng
+        Random generator for the trials of PoWER, default None: one with seed 0.
+    tried
+        Own throws that are remembered as demonstrations, oldest first; default none.
+    steady_every
+        Int, number of throws in a round; default 0. After each round the release may be moved
+        farther to where the delay of the hand matters least (`steadiness`). 0: the release is not
+        moved.
 
-    * shown: demonstrations of a teacher.
-    * configuration: SkillConfiguration, default `DEFAULT`.
-    * method: one of METHODS, default "residual".
-    * memory: PracticeSettings, how many demonstrations and trials are kept; default None: all.
-    * settings: CorrectionSettings, default None: the default ones.
-    * rng: random generator for the trials of PoWER, default None: one with seed 0.
-    * tried: own throws that are remembered as demonstrations, oldest first; default none.
-    * steady_every: int, number of throws in a round; default 0. After each round the release may
-      be moved farther to where the delay of the hand matters least (`steadiness`). 0: the release
-      is not moved.
-
-    Attributes:
-
-    * skill: the ThrowingSkill that was learned last.
-    * practice: Practice, the memory of demonstrations and trials.
-    * correction: Correction of the repeatable miss; None if the method has none.
-    * search: CorrectionSearch of the method "power"; None with the others.
-    * hand: HandDelay that was learned; None if the method "none" is used or darts are thrown.
-    * steadiness: Steadiness, what was seen of own releases.
-    * release_shift: float [s], by which the release was moved.
+    Attributes
+    ----------
+    skill
+        The ThrowingSkill that was learned last.
+    practice
+        Practice, the memory of demonstrations and trials.
+    correction
+        Correction of the repeatable miss; None if the method has none.
+    search
+        CorrectionSearch of the method "power"; None with the others.
+    hand
+        HandDelay that was learned; None if the method "none" is used or darts are thrown.
+    steadiness
+        Steadiness, what was seen of own releases.
+    release_shift
+        Float [s], by which the release was moved.
     """
 
     def __init__(
@@ -154,7 +173,10 @@ class PractisingSkill:
         """A throw at the basket whose rim has its centre at target (3,) [m]; Unreachable tells why
         there is none.
 
-        explore: bool, default False. Whether PoWER may try another correction than the best one.
+        Parameters
+        ----------
+        explore
+            Bool, default False. Whether PoWER may try another correction than the best one.
         """
         target = np.asarray(target, dtype=float)
         self._move_release(target)
@@ -170,7 +192,12 @@ class PractisingSkill:
 
     def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> TrialLesson:
         """What came of a plan of this skill; without a plan the throw is a demonstration, whatever
-        the method. trial: plan and outcome.
+        the method.
+
+        Parameters
+        ----------
+        trial
+            Plan and outcome.
         """
         if plan is None:
             verdict = self._bootstrap(trial)
@@ -240,10 +267,17 @@ class PractisingSkill:
         }
 
     def restore(self, state: dict) -> None:
-        """Go on from what `state` gave, as far as the method has use for it. ValueError if it is
-        damaged.
+        """Go on from what `state` gave, as far as the method has use for it.
 
-        state: as it was returned.
+        Parameters
+        ----------
+        state
+            As it was returned.
+
+        Raises
+        ------
+        ValueError
+            If it is damaged.
         """
         try:
             self._n_told, self.release_shift = int(state["n_told"]), float(state["release_shift"])

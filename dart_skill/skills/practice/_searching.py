@@ -45,7 +45,10 @@ class _Explored:
 class CorrectionSearch:
     """Offset and slope of a correction of the aim, along and across, by PoWER.
 
-    * rng: numpy Generator of its trials.
+    Parameters
+    ----------
+    rng
+        Numpy Generator of its trials.
     """
 
     def __init__(self, rng: np.random.Generator):
@@ -80,8 +83,12 @@ class CorrectionSearch:
     def shifted(self, target: np.ndarray, trial: SearchTrial | None = None) -> np.ndarray:
         """The point (3,) [m] to plan for, so that the ball comes down on a target.
 
-        * target (3,): centre of the rim [m].
-        * trial: with its correction instead of the best.
+        Parameters
+        ----------
+        target : (3,)
+            Centre of the rim [m].
+        trial
+            With its correction instead of the best.
         """
         along, along_slope, across, across_slope = (
             self.parameters if trial is None else trial.parameters
@@ -95,7 +102,12 @@ class CorrectionSearch:
         self._open = [*self._open[-OPEN + 1 :], _Explored(plan, trial)]
 
     def tell(self, plan: ThrowPlan, landing: np.ndarray) -> None:
-        """What became of a plan, whether it was one that explores or not. landing (3,) [m]."""
+        """What became of a plan, whether it was one that explores or not.
+
+        Parameters
+        ----------
+        landing : (3,) [m]
+        """
         error = landing - plan.target
         explored = next((one for one in self._open if same_plan(one.plan, plan)), None)
         if explored is not None and self._search is not None:
@@ -123,7 +135,13 @@ class CorrectionSearch:
         }  # which has the generator from here on
 
     def restore(self, state: dict) -> None:
-        """Go on from what `state` gave. state: as it was returned."""
+        """Go on from what `state` gave.
+
+        Parameters
+        ----------
+        state
+            As it was returned.
+        """
         self._seen = [
             (float(away), float(along), float(across)) for away, along, across in state["seen"]
         ]
@@ -151,11 +169,17 @@ def correction_of(
     away: np.ndarray, miss: np.ndarray, before: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Offset and slope (2,) that take misses away, by Bayesian linear regression, and their
-    standard deviations (2,).
+    standard
+    deviations (2,).
 
-    * away (n,): distances of the throws, from MIDDLE [m].
-    * miss (n,): how much too far each was [m].
-    * before (2,): standard deviations of offset [m] and slope [1] before any throw.
+    Parameters
+    ----------
+    away : (n,)
+        Distances of the throws, from MIDDLE [m].
+    miss : (n,)
+        How much too far each was [m].
+    before : (2,)
+        Standard deviations of offset [m] and slope [1] before any throw.
     """
     inputs = np.column_stack([np.ones_like(away), away])
     fit, _, rank, _ = np.linalg.lstsq(inputs, miss, rcond=None)

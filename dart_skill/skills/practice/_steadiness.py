@@ -57,7 +57,13 @@ class Steadiness:
         return [[list(kind), late, miss.tolist()] for kind, late, miss in self._throws]
 
     def restore(self, state: list) -> None:
-        """Remember what `state` gave, and nothing else. state: as it was returned."""
+        """Remember what `state` gave, and nothing else.
+
+        Parameters
+        ----------
+        state
+            As it was returned.
+        """
         self._throws = [
             (tuple(map(float, kind)), float(late), np.array(miss, dtype=float))
             for kind, late, miss in state
@@ -108,10 +114,14 @@ class Steadiness:
         self, plan_for: Callable[[float], ThrowPlan], start: float, farthest: float
     ) -> tuple[float, np.ndarray]:
         """The shift of the release [s] at which hits scatter least, and the median (2,) [m] of
-        their deviations there.
+        their
+        deviations there.
 
-        plan_for: the plan for a shift; it is looked for from `start` on, and up to `farthest` to
-        either side.
+        Parameters
+        ----------
+        plan_for
+            The plan for a shift; it is looked for from `start` on, and up to `farthest` to either
+            side.
         """
         shift = best = float(np.clip(start, -farthest, farthest))
         least, centre = np.inf, np.zeros(2)

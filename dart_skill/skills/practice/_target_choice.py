@@ -6,19 +6,23 @@ from importlib import metadata
 
 import numpy as np
 
-from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
+from dart_skill.common.situation import Situation
+from dart_skill.skills.protocol import Skill, TaskOutcome
 
 
 class TargetChoice:
     """Situations that the skill draws, each as good as another.
 
-    Parameters:
-
-    * skill: that is practised.
-    * candidates: number of situations to choose among.
-    * seed: of the random numbers.
-
     Attribute looks: whether a plan needs what the cameras see of the bodies first.
+
+    Parameters
+    ----------
+    skill
+        That is practised.
+    candidates
+        Number of situations to choose among.
+    seed
+        Of the random numbers.
     """
 
     looks = True
@@ -28,14 +32,22 @@ class TargetChoice:
         self._rng = np.random.default_rng([seed, 5])
 
     def candidates(self) -> list[Situation]:
-        """Situations to try next, first the one that teaches most; ValueError if the skill offers
-        none.
+        """Situations to try next, first the one that teaches most.
+
+        Raises
+        ------
+        ValueError
+            If the skill offers none.
         """
         return [self.skill.draw(self._rng, wide=True) for _ in range(self._candidates)]
 
     def tell(self, situation: Situation, error: float, outcome: TaskOutcome) -> str:
-        """Error in a situation [m], nan if it was not seen, and the outcome; returns what there is
-        to say of the next one.
+        """Error in a situation [m], nan if it was not seen, and the outcome.
+
+        Returns
+        -------
+        str
+            What there is to say of the next one.
         """
         return ""
 

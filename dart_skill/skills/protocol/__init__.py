@@ -1,7 +1,5 @@
 """What a skill is: the protocol that all skills follow, and where skills are found by name."""
 
-from dart_skill.common.situation import Pose, Situation
-from dart_skill.recording import HAND, Demonstration, Event, Track
 from dart_skill.skills.protocol._registry import load_skill, skill_names, skill_type
 from dart_skill.skills.protocol._settings import (
     BIC,
@@ -19,19 +17,13 @@ __all__ = [
     "BIC",
     "COMPONENTS",
     "CROSS_VALIDATION",
-    "Demonstration",
-    "Event",
-    "HAND",
     "Planner",
-    "Pose",
     "ReactiveSkillSettings",
-    "Situation",
     "Skill",
     "SkillSettings",
     "SkillWords",
     "Solid",
     "TaskOutcome",
-    "Track",
     "check_way",
     "load_skill",
     "settings_file",

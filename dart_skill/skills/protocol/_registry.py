@@ -30,8 +30,12 @@ def skill_names() -> list[str]:
 
 
 def skill_type(name: str) -> type[Skill]:
-    """Class of the skill of that name; ValueError lists the names that there are, or says why it
-    cannot be used.
+    """Class of the skill of that name.
+
+    Raises
+    ------
+    ValueError
+        Lists the names that there are, or says why it cannot be used.
     """
     # One of ours is found without a look at what is installed, which takes longer than the skill's
     # own import.

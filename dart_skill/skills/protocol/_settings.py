@@ -36,26 +36,38 @@ def check_way(way: str) -> None:
 @dataclass(frozen=True)
 class SkillSettings:
     """How demonstrations become a model and a model becomes a plan. A skill may have more of them,
-    in a class derived from this one.
+    in
+    a class derived from this one.
 
-    Parameters:
-
-    * components: int. `n_components` of the DS-GMR.
-    * stiffness, orientation_stiffness: kp of (7.19) [1/s^2], with critical damping.
-    * step: of a plan [s].
-    * start_speed, stop_speed: thresholds of the hand's speed between which a movement lies [m/s].
-    * shortest: shorter movements are ignored [s].
-    * settle: the hand is at rest for so long after the movement, which is learned, too [s].
-    * grip_time: the fingers have closed, or opened, so long after they were told [s].
-    * prior: how many demonstrations it takes to believe that one direction varies less than
-      another.
-    * least_demonstrations: that are learned from.
-    * partition: "time", every component has its own interval of the same length, or "em", EM finds
-      which samples belong to it, and `TaskParameterisedMixture.fit_around` follows, as in throws.
-    * frames: names of the task frames that count (`Skill.frame_names`); empty: all.
-    * stiffness_range: least and largest stiffness of the position [1/s^2]; between them it is high
-      where and in which direction the demonstrations agreed (`stiffness_from_covariance`). Empty:
-      it is constant. Of a plan that is made beforehand.
+    Parameters
+    ----------
+    components
+        Int. `n_components` of the DS-GMR.
+    stiffness, orientation_stiffness
+        Kp of (7.19) [1/s^2], with critical damping.
+    step
+        Of a plan [s].
+    start_speed, stop_speed
+        Thresholds of the hand's speed between which a movement lies [m/s].
+    shortest
+        Shorter movements are ignored [s].
+    settle
+        The hand is at rest for so long after the movement, which is learned, too [s].
+    grip_time
+        The fingers have closed, or opened, so long after they were told [s].
+    prior
+        How many demonstrations it takes to believe that one direction varies less than another.
+    least_demonstrations
+        That are learned from.
+    partition
+        "time", every component has its own interval of the same length, or "em", EM finds which
+        samples belong to it, and `TaskParameterisedMixture.fit_around` follows, as in throws.
+    frames
+        Names of the task frames that count (`Skill.frame_names`); empty: all.
+    stiffness_range
+        Least and largest stiffness of the position [1/s^2]; between them it is high where and in
+        which direction the demonstrations agreed (`stiffness_from_covariance`). Empty: it is
+        constant. Of a plan that is made beforehand.
     """
 
     components: int = 12
@@ -124,7 +136,13 @@ class SkillSettings:
 
     @classmethod
     def from_file(cls: type[S], path: Path) -> S:
-        """Settings of a YAML file; ValueError names what is unknown, missing, or no number."""
+        """Settings of a YAML file.
+
+        Raises
+        ------
+        ValueError
+            Names what is unknown, missing, or no number.
+        """
         import yaml
 
         try:
@@ -139,7 +157,15 @@ class SkillSettings:
     def from_mapping(cls: type[S], content: dict[str, Any], where: str) -> S:
         """The same from names and values; `where` they stand, for messages.
 
-        content: values by name. ValueError for a name or value that cannot be.
+        Parameters
+        ----------
+        content
+            Values by name.
+
+        Raises
+        ------
+        ValueError
+            For a name or value that cannot be.
         """
         known = {one.name: one for one in fields(cls) if one.name in cls.names()}
         if unknown := sorted(set(content) - set(known)):
@@ -166,14 +192,22 @@ class SkillSettings:
 class ReactiveSkillSettings(SkillSettings):
     """Settings of a skill that reacts (`Skill.reacts`), beside those of every skill:
 
-    * oldest: of the newest pose of a body [s]; an older one stops the motion.
-    * follow_on: the hand stays with the bodies so long after the end of what was shown [s].
-    * slowest, fastest: rates of the phase; 1 is the pace that was shown. What is held back waits,
-      what is pushed ahead skips.
-    * time_constant: of the correction of the phase [s].
-    * ignored: what a hand lags or leads by that nobody disturbs [s].
-    * catch_up: a hand that was left behind catches up no faster than so much above the speed of
-      the motion [m/s].
+    Parameters
+    ----------
+    oldest
+        Of the newest pose of a body [s]; an older one stops the motion.
+    follow_on
+        The hand stays with the bodies so long after the end of what was shown [s].
+    slowest, fastest
+        Rates of the phase; 1 is the pace that was shown. What is held back waits, what is pushed
+        ahead skips.
+    time_constant
+        Of the correction of the phase [s].
+    ignored
+        What a hand lags or leads by that nobody disturbs [s].
+    catch_up
+        A hand that was left behind catches up no faster than so much above the speed of the motion
+        [m/s].
     """
 
     oldest: float = 0.15

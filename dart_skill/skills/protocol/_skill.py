@@ -41,9 +41,13 @@ class Planner(Protocol):
 
 def settings_file(kind: type[Skill]) -> Path | None:
     """YAML file with the settings of a skill: in the folder skills of config/, or of another
-    package the file beside its module.
+    package
+    the file beside its module.
 
-    kind: class of the skill.
+    Parameters
+    ----------
+    kind
+        Class of the skill.
     """
     try:
         return config_path(f"skills/{kind.name}.yaml")
@@ -56,13 +60,20 @@ def settings_file(kind: type[Skill]) -> Path | None:
 class TaskOutcome:
     """What became of a movement, by what the cameras saw.
 
-    * success: whether it did what it was for.
-    * error: how far from perfect it was [m]; nan if nobody can tell.
-    * reason: of a failure, in words; empty for a success.
-    * miss: where the body that practice corrects (`Skill.corrects`) seems to be off (3,) [m], in
-      its own axes; nan if nobody can tell.
-    * observed: places (3,) [m] and velocities (3,) [m/s] at instants that the skill names, as the
-      release of a ball.
+    Parameters
+    ----------
+    success
+        Whether it did what it was for.
+    error
+        How far from perfect it was [m]; nan if nobody can tell.
+    reason
+        Of a failure, in words; empty for a success.
+    miss
+        Where the body that practice corrects (`Skill.corrects`) seems to be off (3,) [m], in its
+        own axes; nan if nobody can tell.
+    observed
+        Places (3,) [m] and velocities (3,) [m/s] at instants that the skill names, as the release
+        of a ball.
     """
 
     success: bool
@@ -78,34 +89,50 @@ class Skill:
 
     Class attributes:
 
-    * name: of the skill, as `--skill` and the entry point have it.
-    * task: what it does, in words, as data sets for other learners have it; empty: its name.
-    * bodies: roles of the tracked bodies that it needs beside the hand.
-    * world: the simulated world in which it is shown and tried (`simulation.WORLDS`); with a real
-      arm it is of no meaning.
-    * reacts: the model is asked at every state of the arm, with the newest poses of the bodies,
-      which may move (`ReactiveSkill` of dart_skill.skills.learning; `settings_type` derives from
-      `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
-    * speed: the level of config/limits.yaml that its movements need.
-    * corrects: role of the body whose place practice corrects; empty: practice corrects nothing.
-    * numbers: names of those that a situation may have, beside those with which the skill was
-      shown.
-    * units: of the numbers of a situation, by name, for who reads them; one that is not here has
-      none.
-    * turned: whether it matters how the bodies are turned that a situation names.
-    * learner: class that learns it (`skills.practice.Learner`), as "module:class".
-    * target_choice: class that chooses what to try next (`skills.practice.TargetChoice`), as
-      "module:class".
-    * practised_by_hand: whether a person can put the bodies to their places while it practises.
-    * by_pointer: whether it is slow enough to be shown with a mouse.
-    * cuts_itself: whether every movement into its world is found and cut without ~/start and
-      ~/stop.
-    * has_configurations: whether its model can be chosen among those of config/configurations.
-    * settings_type: class of its settings.
-    * told_by: how a summary, a table and a page tell of its trials: "trials" (error and result of
-      each), "landings" (where what was thrown came down too) or "darts" (aims and points).
-
     Attribute: settings, as they were given, or the defaults.
+
+    Attributes
+    ----------
+    name
+        Of the skill, as `--skill` and the entry point have it.
+    task
+        What it does, in words, as data sets for other learners have it; empty: its name.
+    bodies
+        Roles of the tracked bodies that it needs beside the hand.
+    world
+        The simulated world in which it is shown and tried (`simulation.WORLDS`); with a real arm
+        it is of no meaning.
+    reacts
+        The model is asked at every state of the arm, with the newest poses of the bodies, which
+        may move (`ReactiveSkill` of dart_skill.skills.learning; `settings_type` derives from
+        `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
+    speed
+        The level of config/limits.yaml that its movements need.
+    corrects
+        Role of the body whose place practice corrects; empty: practice corrects nothing.
+    numbers
+        Names of those that a situation may have, beside those with which the skill was shown.
+    units
+        Of the numbers of a situation, by name, for who reads them; one that is not here has none.
+    turned
+        Whether it matters how the bodies are turned that a situation names.
+    learner
+        Class that learns it (`skills.practice.Learner`), as "module:class".
+    target_choice
+        Class that chooses what to try next (`skills.practice.TargetChoice`), as "module:class".
+    practised_by_hand
+        Whether a person can put the bodies to their places while it practises.
+    by_pointer
+        Whether it is slow enough to be shown with a mouse.
+    cuts_itself
+        Whether every movement into its world is found and cut without ~/start and ~/stop.
+    has_configurations
+        Whether its model can be chosen among those of config/configurations.
+    settings_type
+        Class of its settings.
+    told_by
+        How a summary, a table and a page tell of its trials: "trials" (error and result of each),
+        "landings" (where what was thrown came down too) or "darts" (aims and points).
     """
 
     name = ""
@@ -140,8 +167,12 @@ class Skill:
 
     @classmethod
     def saved_settings(cls, values: Mapping[str, Any], where: str) -> Any:
-        """What a model file has of the settings with which the skill learned; ValueError, with
-        `where` they stand, if these are none of this skill.
+        """What a model file has of the settings with which the skill learned.
+
+        Raises
+        ------
+        ValueError
+            With `where` they stand, if these are none of this skill.
         """
         return cls.settings_type.from_mapping(dict(values), where)
 
@@ -212,11 +243,16 @@ class Skill:
         return {}
 
     def cut(self, demonstration: Demonstration) -> tuple[float, float]:
-        """First and last instant of the movement in a recording [s]; ValueError if there is none.
+        """First and last instant of the movement in a recording [s].
 
         Default: from when the fingers were told something for the first time to when they were
         told for the last time. Where they were told nothing, or only once, the movement between
         the velocity thresholds (8.4.3), the one in which they were told.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
         """
         told = demonstration.events
         if len(told) > 1:
@@ -255,15 +291,29 @@ class Skill:
         """Take what a node was told of the world. Default: nothing of it matters."""
 
     def sensor_log(self, joint_period_ns: int = 10_000_000) -> SensorLog:
-        """A log of what is seen of its bodies; joint_period_ns: as of `SensorLog`."""
+        """A log of what is seen of its bodies.
+
+        Parameters
+        ----------
+        joint_period_ns
+            As of `SensorLog`.
+        """
         return SensorLog((HAND, *self.bodies), joint_period_ns)
 
     def record(
         self, log: SensorLog, until_ns: int, thresholds: VelocityThreshold
     ) -> Demonstration:
-        """What a log saw of a demonstration, up to a stamp; ValueError says what is missing.
+        """What a log saw of a demonstration, up to a stamp.
 
-        thresholds: of the recorder. Default: all since the world was set anew.
+        Parameters
+        ----------
+        thresholds
+            Of the recorder. Default: all since the world was set anew.
+
+        Raises
+        ------
+        ValueError
+            Says what is missing.
         """
         since = log.world_begins_ns()
         seen = log.seen(demonstration_id(since), since, until_ns, self.name)
@@ -275,13 +325,20 @@ class Skill:
     ) -> bool:
         """Whether later poses change nothing about what became of a movement. Default: they may.
 
-        told_ns: stamp at which the fingers were told the last thing.
+        Parameters
+        ----------
+        told_ns
+            Stamp at which the fingers were told the last thing.
         """
         return False
 
     def judged_since(self, begun_ns: int, told_ns: int) -> int:
-        """Stamp from which on a log must remember what is judged. begun_ns, told_ns: as of
-        `outcome`.
+        """Stamp from which on a log must remember what is judged.
+
+        Parameters
+        ----------
+        begun_ns, told_ns
+            As of `outcome`.
         """
         return begun_ns - RUN_UP_NS
 
@@ -290,9 +347,17 @@ class Skill:
     ) -> tuple[TaskOutcome, Situation]:
         """What became of a movement by what a log saw up to a stamp, and in which situation.
 
-        asked: situation that was asked for, as far as it was. begun_ns, told_ns: stamps at which
-        it began, and the fingers were told the last thing; 0: not known. ValueError where the log
-        does not tell.
+        Parameters
+        ----------
+        asked
+            Situation that was asked for, as far as it was.
+        begun_ns, told_ns
+            Stamps at which it began, and the fingers were told the last thing; 0: not known.
+
+        Raises
+        ------
+        ValueError
+            Where the log does not tell.
         """
         since = self.judged_since(begun_ns, told_ns)
         seen = log.seen("trial", since, until_ns, self.name)
@@ -313,8 +378,12 @@ class Skill:
         return self.situation(one, self.cut(one)[0])
 
     def described(self, seen: Demonstration) -> Demonstration:
-        """What was seen with the situation and the instants of the movement that it shows;
-        ValueError if it shows none.
+        """What was seen with the situation and the instants of the movement that it shows.
+
+        Raises
+        ------
+        ValueError
+            If it shows none.
         """
         start, stop = self.cut(seen)
         return replace(
@@ -345,8 +414,12 @@ class Skill:
         return (HAND, *self.bodies)
 
     def chosen_frames(self, situation: Situation) -> list[Pose]:
-        """The task frames that count: those that the settings name, or all; ValueError if the
-        skill does not name its frames.
+        """The task frames that count: those that the settings name, or all.
+
+        Raises
+        ------
+        ValueError
+            If the skill does not name its frames.
         """
         frames, chosen = self.frames(situation), self.settings.frames
         if not chosen:
@@ -388,8 +461,12 @@ class Skill:
         return plan
 
     def goal(self, situation: Situation) -> Pose:
-        """Where a simulated person who shows the skill carries its first body, in the world;
-        ValueError if nobody can show it.
+        """Where a simulated person who shows the skill carries its first body, in the world.
+
+        Raises
+        ------
+        ValueError
+            If nobody can show it.
         """
         raise ValueError(
             f"nobody can show the skill '{self.name}' in simulation: write"
@@ -400,7 +477,10 @@ class Skill:
         """A situation in which the skill is shown in simulation, or, wide, tried: where the bodies
         that can be put somewhere are put.
 
-        ValueError if the skill has none to offer.
+        Raises
+        ------
+        ValueError
+            If the skill has none to offer.
         """
         raise ValueError(
             f"the skill '{self.name}' offers no situations: write {type(self).__name__}.draw, or"
@@ -420,7 +500,10 @@ class Skill:
     def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """What became of a movement that was made in a situation, from what was seen of it.
 
-        NotImplementedError if the skill does not say.
+        Raises
+        ------
+        NotImplementedError
+            If the skill does not say.
         """
         raise NotImplementedError(
             f"the skill '{self.name}' does not say how its outcome is judged: write"
@@ -445,12 +528,13 @@ class Skill:
     ) -> tuple[Iterator[Situation], Iterator[Situation]]:
         """Situations of a seed in which the skill is shown, and then others in which it is tried.
 
-        Parameters:
-
-        * shown, tried: how many are needed. More to be shown follow, for lessons that fail.
-
         Default: both are drawn from one stream of random numbers, so that the second depend on how
         many of the first were taken. Where none is shown they are others than those of a lesson.
+
+        Parameters
+        ----------
+        shown, tried
+            How many are needed. More to be shown follow, for lessons that fail.
         """
         rng = np.random.default_rng([seed, 7])
 

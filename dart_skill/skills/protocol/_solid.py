@@ -12,11 +12,16 @@ KINDS = {"box": 3, "sphere": 1, "cylinder": 2, "cup": 3, "board": 0}
 class Solid:
     """A part of a body, in the frame of the body.
 
-    * kind: "box" with its edges; "sphere" with its radius; "cylinder" along z with radius and
-      length; "cup", upright, open at the top, the middle of its floor at its centre, with inner
-      radius, height and thickness; "board", a dart board that faces against its x axis.
-    * lengths: of the kind [m].
-    * centre: of the solid (3,) [m].
+    Parameters
+    ----------
+    kind
+        "box" with its edges; "sphere" with its radius; "cylinder" along z with radius and length;
+        "cup", upright, open at the top, the middle of its floor at its centre, with inner radius,
+        height and thickness; "board", a dart board that faces against its x axis.
+    lengths
+        Of the kind [m].
+    centre
+        Of the solid (3,) [m].
     """
 
     kind: str

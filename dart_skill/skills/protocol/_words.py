@@ -9,17 +9,32 @@ from dataclasses import dataclass
 class SkillWords:
     """Words for a skill.
 
-    * welcome: what a visitor of the live view reads first.
-    * shown: what demonstrations are.
-    * begin, show: what a person does who guides the arm, before the movement and with it.
-    * do: the button that has the skill carried out once; trials: what that is called, many.
-    * lessons, tries: demonstrations, and trials, that are asked for at first.
-    * done, failed: a trial that succeeded, and one that did not.
-    * off, unseen: what stands behind an error, and in its place.
-    * outcome: what nobody knows without cameras.
-    * result: a trial that succeeded, and one that did not, in a word each.
-    * lesson: a lesson that succeeded, in a word.
-    * unit: of errors, its name and how many are a metre.
+    Parameters
+    ----------
+    welcome
+        What a visitor of the live view reads first.
+    shown
+        What demonstrations are.
+    begin, show
+        What a person does who guides the arm, before the movement and with it.
+    do
+        The button that has the skill carried out once.
+    trials
+        What that is called, many.
+    lessons, tries
+        Demonstrations, and trials, that are asked for at first.
+    done, failed
+        A trial that succeeded, and one that did not.
+    off, unseen
+        What stands behind an error, and in its place.
+    outcome
+        What nobody knows without cameras.
+    result
+        A trial that succeeded, and one that did not, in a word each.
+    lesson
+        A lesson that succeeded, in a word.
+    unit
+        Of errors, its name and how many are a metre.
     """
 
     welcome: str

@@ -13,17 +13,10 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold
-from dart_skill.skills.protocol import (
-    HAND,
-    Demonstration,
-    Pose,
-    ReactiveSkillSettings,
-    Situation,
-    Skill,
-    Solid,
-    TaskOutcome,
-)
+from dart_skill.recording import HAND, Demonstration
+from dart_skill.skills.protocol import ReactiveSkillSettings, Skill, Solid, TaskOutcome
 
 WIDE = 0.05
 """Radius of a cup, as viewers show it: nothing touches it [m]."""
@@ -41,20 +34,28 @@ cup [s].
 class ReachSettings(ReactiveSkillSettings):
     """Beside those of every skill that reacts:
 
-    * middle: where the hand shall end, in the frame of the cup (3,) [m].
-    * rim: height of the cup's rim in its frame [m].
-    * rim_tolerance: how far from the axis of the cup the hand may be when it comes past the rim
-      [m].
-    * end_tolerance: how far from the middle it may be at the end [m].
-    * shown_at, shown_within: in simulation, cups are shown about this place when the hand sets
-      off, and within so much of it (3,) [m].
-    * way, way_time: they go so far at most (3,) [m], in this time [s]: at constant speed, or from
-      rest to rest.
-    * turn: they are turned by so much about the vertical at most [rad]; the belt runs where it
-      likes.
-    * asked: cups that are tried are so many times farther away, and so many times faster, at most.
-    * reach: distances from the axis of the base within which the arm can reach down [m]; the cup
-      keeps them for `awhile` [s].
+    Parameters
+    ----------
+    middle
+        Where the hand shall end, in the frame of the cup (3,) [m].
+    rim
+        Height of the cup's rim in its frame [m].
+    rim_tolerance
+        How far from the axis of the cup the hand may be when it comes past the rim [m].
+    end_tolerance
+        How far from the middle it may be at the end [m].
+    shown_at, shown_within
+        In simulation, cups are shown about this place when the hand sets off, and within so much
+        of it (3,) [m].
+    way, way_time
+        They go so far at most (3,) [m], in this time [s]: at constant speed, or from rest to rest.
+    turn
+        They are turned by so much about the vertical at most [rad]; the belt runs where it likes.
+    asked
+        Cups that are tried are so many times farther away, and so many times faster, at most.
+    reach
+        Distances from the axis of the base within which the arm can reach down [m]; the cup keeps
+        them for `awhile` [s].
     """
 
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -92,9 +93,13 @@ class Reach(Skill):
 
     def cut(self, demonstration: Demonstration) -> tuple[float, float]:
         """From when the hand begins to move to when it rests in the cup, as seen from there: the
-        cup may go on.
+        cup
+        may go on.
 
-        ValueError if the hand does not move.
+        Raises
+        ------
+        ValueError
+            If the hand does not move.
         """
         d, s = demonstration, self.settings
         fast = np.flatnonzero(self._speeds(d.hand_time, d.hand_position) > s.start_speed)
@@ -140,9 +145,18 @@ class Reach(Skill):
 
     def distances(self, seen: Demonstration) -> tuple[float, float]:
         """Distances of the hand from the cup's axis as it passes the rim, and from the middle at
-        the end [m]; ValueError if it did not.
+        the
+        end [m].
 
-        seen: the movement.
+        Parameters
+        ----------
+        seen
+            The movement.
+
+        Raises
+        ------
+        ValueError
+            If it did not.
         """
         at_rim, miss = self._places(seen)
         return float(np.hypot(*at_rim[:2])), float(np.linalg.norm(miss))
@@ -163,7 +177,11 @@ class Reach(Skill):
 
     def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """Whether the hand came into the cup without touching its rim, and ended in its middle.
-        seen: the movement.
+
+        Parameters
+        ----------
+        seen
+            The movement.
         """
         try:
             at_rim, miss = self._places(seen)

@@ -16,10 +16,11 @@ import numpy as np
 
 from dart_skill.arm import Speed
 from dart_skill.common.regions import REGION, Region, targets_for
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.common.surface import BASKETS, Game
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import demonstration_id
+from dart_skill.recording import HAND, Demonstration, demonstration_id
 from dart_skill.skills.observation import (
     Outcome,
     SensorLog,
@@ -28,15 +29,7 @@ from dart_skill.skills.observation import (
     judged,
     seen_down,
 )
-from dart_skill.skills.protocol import (
-    HAND,
-    Demonstration,
-    Pose,
-    Situation,
-    Skill,
-    SkillWords,
-    TaskOutcome,
-)
+from dart_skill.skills.protocol import Skill, SkillWords, TaskOutcome
 
 LANDING, RELEASE = "landing", "release"
 """Instants of a throw at which it is told where the ball was."""
@@ -138,8 +131,12 @@ class Throw(Skill):
         return configuration
 
     def target(self, situation: Situation) -> np.ndarray:
-        """Where a throw shall go (3,) [m], in the world; ValueError if the situation does not say
-        it.
+        """Where a throw shall go (3,) [m], in the world.
+
+        Raises
+        ------
+        ValueError
+            If the situation does not say it.
         """
         return situation.pose("basket").position
 
@@ -148,12 +145,27 @@ class Throw(Skill):
         return Situation({"basket": Pose(target)})
 
     def about(self, situation: Situation) -> Situation:
-        """What a throw needs of a situation; ValueError if it is not there."""
+        """What a throw needs of a situation.
+
+        Raises
+        ------
+        ValueError
+            If it is not there.
+        """
         return self.at(self.target(situation))
 
     def check_seen(self, aimed_at: np.ndarray) -> None:
-        """ValueError if what is thrown at cannot be where it was seen (3,) [m]. A basket can be
-        anywhere. aimed_at: the place.
+        """A basket can be anywhere.
+
+        Parameters
+        ----------
+        aimed_at
+            The place.
+
+        Raises
+        ------
+        ValueError
+            If what is thrown at cannot be where it was seen (3,) [m].
         """
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
@@ -236,8 +248,17 @@ class Throw(Skill):
         return seen
 
     def situation(self, demonstration: Demonstration, start: float) -> Situation:
-        """The one that it shows how to serve: where the throw went; ValueError if nobody saw that.
-        start: of the movement [s].
+        """The one that it shows how to serve: where the throw went.
+
+        Parameters
+        ----------
+        start
+            Of the movement [s].
+
+        Raises
+        ------
+        ValueError
+            If nobody saw that.
         """
         middle = self.at(np.array(self.middle))
         outcome = self.judge(demonstration, middle)
@@ -249,7 +270,13 @@ class Throw(Skill):
 
     def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """Where the ball came down on the plane of the rim, or the dart met the board, and whether
-        it is in. seen: the throw.
+        it
+        is in.
+
+        Parameters
+        ----------
+        seen
+            The throw.
         """
         opened = seen.opened
         thrown, aimed_at = self.bodies
@@ -281,7 +308,10 @@ class Throw(Skill):
     ) -> tuple[Iterator[Situation], Iterator[Situation]]:
         """Baskets spread over the region, each for one lesson or one throw.
 
-        shown, tried: how many are needed.
+        Parameters
+        ----------
+        shown, tried
+            How many are needed.
         """
         to_show, to_try = targets_for(seed, shown, tried)
         spare = REGION.spread(shown, np.random.default_rng([seed, 3]))

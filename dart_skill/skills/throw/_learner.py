@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dart_skill.arm import KnownRegistration, ThrowPlan
-from dart_skill.common.situation import Pose
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning import (
@@ -37,7 +37,7 @@ from dart_skill.skills.practice import (
     save_practised,
     with_components,
 )
-from dart_skill.skills.protocol import Situation, check_way
+from dart_skill.skills.protocol import check_way
 
 if TYPE_CHECKING:
     from dart_skill.skills.throw import Throw

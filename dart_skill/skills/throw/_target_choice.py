@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dart_skill.common.situation import Situation
 from dart_skill.skills.practice import Curriculum, TargetChoice
-from dart_skill.skills.protocol import Situation, TaskOutcome
+from dart_skill.skills.protocol import TaskOutcome
 
 if TYPE_CHECKING:
     from dart_skill.skills.throw import Throw

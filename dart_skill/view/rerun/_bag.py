@@ -47,15 +47,27 @@ class RerunUnavailable(RuntimeError):
 class BagLayout:
     """What of a bag is shown where; see `_blueprint`.
 
-    * files: all files of the bag, in order.
-    * frame: the frame that poses stand in; None without poses.
-    * ball, basket: names of their bodies; None if the bag has none.
-    * joints: topic of the joint states; None if there is none. names: of the joints.
-    * effort: whether joint states hold torques.
-    * arm: name of the robot that is described; None if none is. stands: how high its base is above
-      the ground [m].
-    * dated: whether the clock of the bag shows dates; else it began at zero, as that of a
-      simulator does.
+    Parameters
+    ----------
+    files
+        All files of the bag, in order.
+    frame
+        The frame that poses stand in; None without poses.
+    ball, basket
+        Names of their bodies; None if the bag has none.
+    joints
+        Topic of the joint states; None if there is none.
+    names
+        Of the joints.
+    effort
+        Whether joint states hold torques.
+    arm
+        Name of the robot that is described; None if none is.
+    stands
+        How high its base is above the ground [m].
+    dated
+        Whether the clock of the bag shows dates; else it began at zero, as that of a simulator
+        does.
     """
 
     files: tuple[Path, ...]
@@ -89,8 +101,12 @@ def workspace() -> Path:
 
 
 def find_rerun(folder: Path | None = None) -> Path:
-    """The executable: named by $DART_SKILL_RERUN, on PATH, or in `.venv-rerun` of the workspace;
-    RerunUnavailable names the remedy.
+    """The executable: named by $DART_SKILL_RERUN, on PATH, or in `.venv-rerun` of the workspace.
+
+    Raises
+    ------
+    RerunUnavailable
+        Names the remedy.
     """
     folder = folder or workspace()
     chosen = os.environ.get(VARIABLE)
@@ -112,8 +128,17 @@ def find_rerun(folder: Path | None = None) -> Path:
 
 
 def install(folder: Path | None = None) -> Path:
-    """Make an environment with Rerun in the workspace; returns the executable. RerunUnavailable if
-    that fails.
+    """Make an environment with Rerun in the workspace.
+
+    Returns
+    -------
+    Path
+        The executable.
+
+    Raises
+    ------
+    RerunUnavailable
+        If that fails.
     """
     target = (folder or workspace()) / ENVIRONMENT
     executable = target / "bin" / "rerun"
@@ -209,10 +234,17 @@ def describe(bag: str | os.PathLike) -> BagLayout:
 
 
 def write_layouts(rerun: Path, shown: BagLayout, folder: Path) -> list[Path]:
-    """A layout for each file of a bag, made by Rerun's own interpreter; RerunUnavailable if it has
-    none, or that fails.
+    """A layout for each file of a bag, made by Rerun's own interpreter.
 
-    shown: what to show of the bag.
+    Parameters
+    ----------
+    shown
+        What to show of the bag.
+
+    Raises
+    ------
+    RerunUnavailable
+        If it has none, or that fails.
     """
     python = interpreter_of(rerun)
     if python is None:
@@ -240,8 +272,17 @@ def with_durations(
     """The files of a bag that Rerun opens: those of a simulated world as recordings in the folder,
     whose time is no date of 1970.
 
-    shown: what to show of the bag; environment: as `quiet_environment` makes it. RerunUnavailable
-    if Rerun cannot convert them.
+    Parameters
+    ----------
+    shown
+        What to show of the bag.
+    environment
+        As `quiet_environment` makes it.
+
+    Raises
+    ------
+    RerunUnavailable
+        If Rerun cannot convert them.
     """
     if shown.dated:
         return list(shown.files)
@@ -277,8 +318,14 @@ def command_line(
 ) -> list[str]:
     """The call of Rerun; its servers are bound to this machine alone.
 
-    files: of the bag; layouts: for them; ports: of a web page, which `RerunPage` passes on; None:
-    a window.
+    Parameters
+    ----------
+    files
+        Of the bag.
+    layouts
+        For them.
+    ports
+        Of a web page, which `RerunPage` passes on; None: a window.
     """
     command = [str(rerun), *map(str, files), *map(str, layouts), "--bind", HOST]
     return (
@@ -296,13 +343,23 @@ def command_line(
 
 
 def url_of_page(ports: Ports) -> str:
-    """Where a browser on this machine finds the bag. ports: of the page and its data."""
+    """Where a browser on this machine finds the bag.
+
+    Parameters
+    ----------
+    ports
+        Of the page and its data.
+    """
     return f"http://{HOST}:{ports.page}/?url={quote(f'rerun+http://{HOST}:{ports.data}/proxy', safe='')}"
 
 
 def free_ports(first: int = RERUN_PORT) -> Ports:
-    """The given port for the page, and free ones for what is behind it; RerunUnavailable if the
-    first one is taken.
+    """The given port for the page, and free ones for what is behind it.
+
+    Raises
+    ------
+    RerunUnavailable
+        If the first one is taken.
     """
     with socket.socket() as page, socket.socket() as behind, socket.socket() as data:
         try:

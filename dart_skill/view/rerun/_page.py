@@ -27,7 +27,10 @@ PATIENCE = 60.0
 def policy(data_port: int) -> str:
     """What the page may reach: what it came from, and its data.
 
-    data_port: of Rerun's server of data.
+    Parameters
+    ----------
+    data_port
+        Of Rerun's server of data.
     """
     return (
         "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval';"
@@ -38,11 +41,21 @@ def policy(data_port: int) -> str:
 
 
 class RerunPage:
-    """Serves the page on 127.0.0.1 while the context is open; OSError if its port is taken.
+    """Serves the page on 127.0.0.1 while the context is open.
 
-    * port: of the page.
-    * rerun_port: of Rerun's own web server.
-    * data_port: of its server of data.
+    Parameters
+    ----------
+    port
+        Of the page.
+    rerun_port
+        Of Rerun's own web server.
+    data_port
+        Of its server of data.
+
+    Raises
+    ------
+    OSError
+        If its port is taken.
     """
 
     def __init__(self, port: int, rerun_port: int, data_port: int):

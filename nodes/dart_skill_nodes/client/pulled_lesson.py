@@ -11,7 +11,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.skills.protocol import HAND, Pose, Situation, Skill
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import HAND
+from dart_skill.skills.protocol import Skill
 from dart_skill.view import DemonstrationRow, HeldHand, Panel, Request, how_far, turned
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import ServiceCalls

@@ -43,6 +43,8 @@ from dart_skill.arm import (
 from dart_skill.common.checks import as_place
 from dart_skill.common.constants import N_JOINTS, NS_PER_S
 from dart_skill.common.pace import PhaseRule
+from dart_skill.common.situation import Pose as BodyPose
+from dart_skill.common.situation import Situation
 from dart_skill.recording import (
     WORDS,
     Demonstration,
@@ -52,8 +54,7 @@ from dart_skill.recording import (
     joint_layout,
     named,
 )
-from dart_skill.skills.protocol import Pose as BodyPose
-from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
+from dart_skill.skills.protocol import Skill, TaskOutcome
 from dart_skill.skills.throw import Throw
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.arm import Grip
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import Demonstration, demonstration_message, read_command
+from dart_skill.recording import HAND, Demonstration, demonstration_message, read_command
 from dart_skill.skills.practice import Learner
-from dart_skill.skills.protocol import HAND, Skill
+from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
 

@@ -17,9 +17,10 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 
 from dart_skill.arm import Grip
+from dart_skill.recording import HAND
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.practice import target_choice_of
-from dart_skill.skills.protocol import HAND, load_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, RecorderCalls, ServiceCalls

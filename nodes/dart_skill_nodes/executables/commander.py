@@ -27,9 +27,10 @@ from dart_skill.arm import (
     load_registration,
     wam_description,
 )
+from dart_skill.recording import HAND
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.observation import ARRIVAL_NS
-from dart_skill.skills.protocol import HAND, load_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.arm.arm_watch import QUIET, ArmWatch
 from dart_skill_nodes.arm.goal import GoalUnderWay, Plans, Withdrawn
 from dart_skill_nodes.client.failures import CallFailed

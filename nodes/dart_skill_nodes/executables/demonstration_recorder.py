@@ -24,6 +24,7 @@ from dart_skill.common.configuration import node_parameters
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import (
     DEMONSTRATION_TYPE,
+    HAND,
     MARK_TYPE,
     Demonstration,
     LogTime,
@@ -33,7 +34,7 @@ from dart_skill.recording import (
 )
 from dart_skill.skills.observation import ThrowFinder, watched_until
 from dart_skill.skills.practice import learner_of
-from dart_skill.skills.protocol import HAND, load_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import OfTheArm, StateReader

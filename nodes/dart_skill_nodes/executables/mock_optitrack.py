@@ -19,6 +19,7 @@ from dart_skill.arm import Transform
 from dart_skill.common.checks import as_place
 from dart_skill.common.configuration import limit_parameters, node_parameters, world_parameters
 from dart_skill.common.world import THROW
+from dart_skill.recording import HAND
 from dart_skill.simulation import (
     ArmGeometry,
     BasketWalls,
@@ -27,7 +28,7 @@ from dart_skill.simulation import (
     MotionCapture,
     PlantSettings,
 )
-from dart_skill.skills.protocol import HAND, skill_type
+from dart_skill.skills.protocol import skill_type
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 from dart_skill_nodes.comms.names import CLOCK, pose_topic

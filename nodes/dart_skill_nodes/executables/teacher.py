@@ -22,8 +22,9 @@ from rclpy.action import CancelResponse, GoalResponse
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.arm import REST_SPEED, ArmState, Command, Grip
+from dart_skill.recording import HAND
 from dart_skill.skills.observation import ARRIVAL_NS
-from dart_skill.skills.protocol import HAND, load_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import BodyLocator, Judge, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS

@@ -20,9 +20,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.common.regions import Region
 from dart_skill.common.world import THROW
-from dart_skill.recording import demonstration_from_message
+from dart_skill.recording import HAND, demonstration_from_message
 from dart_skill.simulation import Basket
-from dart_skill.skills.protocol import HAND, Skill, load_skill
+from dart_skill.skills.protocol import Skill, load_skill
 from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from dart_skill_msgs.action import Practice
     from dart_skill_msgs.msg import Outcome
 
+    from dart_skill.common.situation import Situation
     from dart_skill.darts import ModelBasedAgent
     from dart_skill.session import Dart, DartsRun, Hit, TrialResult
-    from dart_skill.skills.protocol import Situation, Skill, SkillWords
+    from dart_skill.skills.protocol import Skill, SkillWords
     from dart_skill_nodes.client.graph_client import GraphClient
 
 EXECUTED = "executed"

@@ -4,8 +4,10 @@ and the cameras say what came of it.
 
 import numpy as np
 
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import Demonstration
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Demonstration, Pose, Situation, Skill, TaskOutcome
+from dart_skill.skills.protocol import Skill, TaskOutcome
 
 STANDS = Pose(np.array([0.0, 0.14, 0.05]))
 """Where the part shall stand, as the holder sees it [m]."""

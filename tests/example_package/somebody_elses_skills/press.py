@@ -2,7 +2,9 @@
 pressed must be said.
 """
 
-from dart_skill.skills.protocol import HAND, Demonstration, Situation, Skill, TaskOutcome
+from dart_skill.common.situation import Situation
+from dart_skill.recording import HAND, Demonstration
+from dart_skill.skills.protocol import Skill, TaskOutcome
 
 NEAR = 0.01
 """The hand presses a button that it is so near to [m]."""

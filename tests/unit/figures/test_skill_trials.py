@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dart_skill.common.situation import Situation
 from dart_skill.figures import draw_trials, svg_text, trials_figure
 from dart_skill.session import TrialResult
-from dart_skill.skills.protocol import Situation, Skill, TaskOutcome
+from dart_skill.skills.protocol import Skill, TaskOutcome
 from tests.unit.skills.task_demonstrations import body_at, draw_body, show
 
 

@@ -16,6 +16,7 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.cli.report import page_beside
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.darts import LegInPlay
 from dart_skill.recording import BagWriter, GraphBag, read_command
 from dart_skill.report import (
@@ -37,7 +38,7 @@ from dart_skill.report._run import machine, versions
 from dart_skill.report._throws import numbers_of, result_of
 from dart_skill.session import Dart, DartsRun, LegSummary, TrialResult
 from dart_skill.skills.learning import component_ellipsoids
-from dart_skill.skills.protocol import Pose, Situation, TaskOutcome, load_skill
+from dart_skill.skills.protocol import TaskOutcome, load_skill
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
 

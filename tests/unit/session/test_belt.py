@@ -8,12 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import ArmModel, Mode
+from dart_skill.common.situation import Situation
 from dart_skill.experiments.studies.reach import Reached, drawn, run_seed, table, teach
+from dart_skill.recording import Demonstration, Track
 from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import BodyMotion
 from dart_skill.skills.learning import Policy, ReactiveSkill
-from dart_skill.skills.protocol import Demonstration, Situation, Track
 from dart_skill.skills.reach import Reach
 
 BELT = Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0))

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from dart_skill.arm import Command, Grip
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.experiments.studies.place import Placed, run_seed, table, teach
+from dart_skill.recording import Demonstration, Event, Track
 from dart_skill.session import BenchSession
 from dart_skill.simulation import PlantSettings, make_world
 from dart_skill.skills.learning import LearnedSkill
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import Demonstration, Event, Pose, Situation, Track
 
 
 @pytest.fixture(scope="module")

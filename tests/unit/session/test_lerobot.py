@@ -11,7 +11,7 @@ import pytest
 
 from dart_skill.arm import Grip
 from dart_skill.cli import main
-from dart_skill.recording import read_demonstrations
+from dart_skill.recording import HAND, Event, Track, read_demonstrations
 from dart_skill.recording.lerobot import DatasetWriter, Feature, read_dataset
 from dart_skill.session import (
     learn_from_bag,
@@ -23,7 +23,7 @@ from dart_skill.session import (
 from dart_skill.session._from_lerobot import movement_in_episode, throw_in_episode
 from dart_skill.session._shown_in_recording import Shown, ShownSkill, read_shown
 from dart_skill.session._to_lerobot import features_of, frames_of
-from dart_skill.skills.protocol import HAND, Event, Track, load_skill
+from dart_skill.skills.protocol import load_skill
 from tests.recorded_session import THROWN_AT
 
 PICTURES = "observation.images.scene"

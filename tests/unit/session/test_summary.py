@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.session import (
     RunSummary,
     TrialResult,
@@ -13,7 +14,7 @@ from dart_skill.session import (
     throws_in_a_line,
     write_summary,
 )
-from dart_skill.skills.protocol import Pose, Situation, TaskOutcome, load_skill
+from dart_skill.skills.protocol import TaskOutcome, load_skill
 
 TARGET = (2.0, 0.0, 0.4)
 NAN = float("nan")

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from dart_skill.arm import ArmModel
-from dart_skill.skills.protocol import Demonstration, Pose, Situation, Track
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import Demonstration, Track
 
 POSTURE = np.array([-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0])
 """The hand points down, where every movement starts [rad]."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dart_skill.arm import DART, wam_description
+from dart_skill.common.situation import Situation
 from dart_skill.common.world import the_world
 from dart_skill.darts import as_target
 from dart_skill.recording import (
@@ -18,7 +19,7 @@ from dart_skill.recording import (
 from dart_skill.simulation import Board, PlantSettings, make_world
 from dart_skill.skills.darts import Darts, DartsSettings
 from dart_skill.skills.learning import DEFAULT, load_model, save_model
-from dart_skill.skills.protocol import Situation, load_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill.skills.throw import Throw
 from tests.throw_demonstrations import throw_demonstration
 from tests.unit.board_points import in_world

@@ -9,7 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Commander, CommanderSettings, Grip, PlanRefused
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import TaskParameterisedMixture
+from dart_skill.recording import Event
 from dart_skill.skills.learning import (
     LearnedSkill,
     choose_components,
@@ -18,7 +20,7 @@ from dart_skill.skills.learning import (
     unlike,
 )
 from dart_skill.skills.learning._pose_features import VECTORS, with_free_length, with_prior
-from dart_skill.skills.protocol import Event, Pose, Situation, Skill, SkillSettings, TaskOutcome
+from dart_skill.skills.protocol import Skill, SkillSettings, TaskOutcome
 from tests.unit.skills.task_demonstrations import (
     GRIP,
     POSTURE,

@@ -6,16 +6,14 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from dart_skill.common.configuration import config_path
+from dart_skill.common.situation import Pose, Situation
+from dart_skill.recording import Event, Track
 from dart_skill.simulation import PlantSettings, make_world
 from dart_skill.skills.place import PlaceSettings
 from dart_skill.skills.protocol import (
-    Event,
-    Pose,
-    Situation,
     Skill,
     SkillSettings,
     TaskOutcome,
-    Track,
     load_skill,
     settings_file,
     skill_names,

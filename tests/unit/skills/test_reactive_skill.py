@@ -9,19 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.arm import Grip, HandState, Registration
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import attractor_from_motion
+from dart_skill.recording import Demonstration, Event, Track
 from dart_skill.skills.execution import BodyMotion
 from dart_skill.skills.learning import ReactiveSkill, moving_frames
-from dart_skill.skills.protocol import (
-    Demonstration,
-    Event,
-    Pose,
-    ReactiveSkillSettings,
-    Situation,
-    Skill,
-    SkillSettings,
-    Track,
-)
+from dart_skill.skills.protocol import ReactiveSkillSettings, Skill, SkillSettings
 from tests.unit.skills.task_demonstrations import NOISE, POSTURE, START, smooth
 
 SETTINGS = ReactiveSkillSettings(components=12, settle=0.3)

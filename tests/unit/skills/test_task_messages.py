@@ -13,6 +13,8 @@ from dart_skill.recording import (
     DEMONSTRATION_TYPE,
     BagError,
     BagWriter,
+    Demonstration,
+    Event,
     definition,
     demonstration_from_message,
     demonstration_message,
@@ -32,14 +34,7 @@ from dart_skill.skills.learning import (
 )
 from dart_skill.skills.observation import SensorLog
 from dart_skill.skills.place import Place
-from dart_skill.skills.protocol import (
-    Demonstration,
-    Event,
-    Skill,
-    SkillSettings,
-    TaskOutcome,
-    load_skill,
-)
+from dart_skill.skills.protocol import Skill, SkillSettings, TaskOutcome, load_skill
 from dart_skill.skills.throw import Throw
 from tests.throw_demonstrations import assert_same
 from tests.unit.skills.task_demonstrations import draw_body, show, situation_of

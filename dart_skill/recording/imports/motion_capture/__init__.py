@@ -55,12 +55,20 @@ def read_capture(
     folder: Path, where: PoseSource
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Axes]:
     """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4), x, y, z, w, of the frames in
-    which a body was seen; and where our axes point in its.
+    which
+    a body was seen; and where our axes point in its.
 
-    * folder: of the recording.
-    * where: which body in which file, and what the mapping says of it.
+    Parameters
+    ----------
+    folder
+        Of the recording.
+    where
+        Which body in which file, and what the mapping says of it.
 
-    ValueError says what is wrong with the file, or what it does not say.
+    Raises
+    ------
+    ValueError
+        Says what is wrong with the file, or what it does not say.
     """
     assert where.capture is not None  # as whoever calls has seen
     path = folder / where.capture.file

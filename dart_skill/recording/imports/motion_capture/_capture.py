@@ -46,15 +46,25 @@ MEASURED = "Marker"
 class Body:
     """A rigid body, bone or marker of a file.
 
-    * name: as the file has it; ident: its number or code there, may be empty.
-    * kind: as the file has it.
-    * position: indices of the columns x, y, z.
-    * rotation: indices of the columns of its orientation; none for a marker.
-    * turn: how these tell it: quaternion, matrix (column by column), a word of ROTATIONS, or empty
-      where the file does not say it.
-    * angle: their unit, of ANGLE_UNITS; empty where the file does not say it, or they are no
-      angles.
-    * refusal: why it cannot be used; empty if it can.
+    Parameters
+    ----------
+    name
+        As the file has it.
+    ident
+        Its number or code there, may be empty.
+    kind
+        As the file has it.
+    position
+        Indices of the columns x, y, z.
+    rotation
+        Indices of the columns of its orientation; none for a marker.
+    turn
+        How these tell it: quaternion, matrix (column by column), a word of ROTATIONS, or empty
+        where the file does not say it.
+    angle
+        Their unit, of ANGLE_UNITS; empty where the file does not say it, or they are no angles.
+    refusal
+        Why it cannot be used; empty if it can.
     """
 
     name: str
@@ -71,12 +81,20 @@ class Body:
 class Capture:
     """A file of motion capture.
 
-    * path: of the file.
-    * bodies: with their columns.
-    * read: gives stamps (n,) [ns] and numbers (n, k) of columns; nan where nothing was seen.
-    * length: unit of positions, of LENGTH_UNITS; empty where the file does not say it.
-    * axes: where ours point in those of the file; None where the file does not say it.
-    * zero_is_lost: whether a position of zeros is a body that was not seen.
+    Parameters
+    ----------
+    path
+        Of the file.
+    bodies
+        With their columns.
+    read
+        Gives stamps (n,) [ns] and numbers (n, k) of columns; nan where nothing was seen.
+    length
+        Unit of positions, of LENGTH_UNITS; empty where the file does not say it.
+    axes
+        Where ours point in those of the file; None where the file does not say it.
+    zero_is_lost
+        Whether a position of zeros is a body that was not seen.
     """
 
     path: Path
@@ -97,7 +115,10 @@ def poses_of(
     """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4) of the frames in which a body was
     seen; where our axes point in theirs.
 
-    * where: which body, and what the mapping says of the file.
+    Parameters
+    ----------
+    where
+        Which body, and what the mapping says of the file.
     """
     assert where.capture is not None  # as whoever calls has seen
     chosen = _chosen(capture, where.capture)
@@ -138,8 +159,14 @@ def capture_of_rows(
     length: str = "",
     axes: Axes | None = None,
 ) -> Capture:
-    """A file of motion capture that is a table. rows: gives those with numbers; timing: how their
-    time is told; the others: as of `Capture`.
+    """A file of motion capture that is a table.
+
+    Parameters
+    ----------
+    rows
+        Gives those with numbers.
+    timing
+        How their time is told; the others: as of `Capture`.
     """
     return Capture(
         file.path,
@@ -151,12 +178,23 @@ def capture_of_rows(
 
 
 def agreed(capture: Capture, key: str, told: str, said: str, choices: Sequence[str] | dict) -> str:
-    """What the file tells, or the mapping says; ValueError if neither does, or they contradict
-    each other.
+    """What the file tells, or the mapping says.
 
-    * key: of the mapping.
-    * told: by the file; said: by the mapping; empty for nothing.
-    * choices: possible values.
+    Parameters
+    ----------
+    key
+        Of the mapping.
+    told
+        By the file.
+    said
+        By the mapping; empty for nothing.
+    choices
+        Possible values.
+
+    Raises
+    ------
+    ValueError
+        If neither does, or they contradict each other.
     """
     if told and said and told != said:
         raise capture.error(
@@ -172,11 +210,21 @@ def agreed(capture: Capture, key: str, told: str, said: str, choices: Sequence[s
 
 
 def agreed_rate(path: Path, told: float, said: float) -> float:
-    """Frames per second [1/s]; ValueError if neither tells it, or file and mapping contradict each
-    other.
+    """Frames per second [1/s].
 
-    * path: of the file.
-    * told: by the file; said: by the mapping; 0 for nothing [1/s].
+    Parameters
+    ----------
+    path
+        Of the file.
+    told
+        By the file.
+    said
+        By the mapping; 0 for nothing [1/s].
+
+    Raises
+    ------
+    ValueError
+        If neither tells it, or file and mapping contradict each other.
     """
     if told and said and abs(told - said) > 1e-6 * told:
         raise ValueError(
@@ -192,7 +240,13 @@ def agreed_rate(path: Path, told: float, said: float) -> float:
 
 
 def length_told(text: str) -> str:
-    """The unit of length that is meant by a word; empty if none is. text: the word."""
+    """The unit of length that is meant by a word; empty if none is.
+
+    Parameters
+    ----------
+    text
+        The word.
+    """
     return next(
         (unit for unit, words in LENGTH_WORDS.items() if text.strip().lower() in words), ""
     )
@@ -346,7 +400,10 @@ def marker_poses(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     and the third lies in the x-y plane, where y is positive. Where some of more than three markers
     are hidden, the body follows from the others. Two markers have no orientation.
 
-    * markers: (n, k, 3), nan where one was not seen.
+    Parameters
+    ----------
+    markers
+        (n, k, 3), nan where one was not seen.
     """
     from scipy.spatial.transform import Rotation
 
@@ -394,7 +451,11 @@ def _shape(markers: np.ndarray) -> np.ndarray:
 def of_frames(rate: float, frames: np.ndarray) -> np.ndarray:
     """Stamps (n,) [ns] of frames.
 
-    * rate: frames per second [1/s].
-    * frames: their numbers (n,).
+    Parameters
+    ----------
+    rate
+        Frames per second [1/s].
+    frames
+        Their numbers (n,).
     """
     return np.rint(frames * (1e9 / rate)).astype(np.int64)

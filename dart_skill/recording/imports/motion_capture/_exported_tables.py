@@ -40,9 +40,14 @@ ANGLES = ("Roll", "Pitch", "Yaw")
 def read_qualisys(file: TextFile, where: CaptureFile, unit: str) -> Capture:
     """Markers and bodies of an export.
 
-    * file: the export.
-    * where: what the mapping says of it.
-    * unit: of times, of TIME_UNITS.
+    Parameters
+    ----------
+    file
+        The export.
+    where
+        What the mapping says of it.
+    unit
+        Of times, of TIME_UNITS.
     """
     about: dict[str, list[str]] = {}
     columns: list[str] = []
@@ -79,7 +84,13 @@ def read_qualisys(file: TextFile, where: CaptureFile, unit: str) -> Capture:
 
 
 def looks_like_qualisys(lines: Sequence[str]) -> bool:
-    """Whether a file is an export. lines: the first ones."""
+    """Whether a file is an export.
+
+    Parameters
+    ----------
+    lines
+        The first ones.
+    """
     return any(line.startswith(("NO_OF_FRAMES", "NO_OF_CAMERAS", *NAMES)) for line in lines[:8])
 
 
@@ -148,8 +159,12 @@ TURNS = ("RX", "RY", "RZ", "RW")
 def read_vicon(file: TextFile, where: CaptureFile) -> Capture:
     """The first block that has what is wanted.
 
-    * file: the export, which has frames and no times.
-    * where: what the mapping says of it.
+    Parameters
+    ----------
+    file
+        The export, which has frames and no times.
+    where
+        What the mapping says of it.
     """
     blocks = [
         capture for above in _headers(file) if (capture := _block(file, above, where)).bodies
@@ -163,7 +178,13 @@ def read_vicon(file: TextFile, where: CaptureFile) -> Capture:
 
 
 def looks_like_vicon(lines: Sequence[str]) -> bool:
-    """Whether a file is an export. lines: the first ones."""
+    """Whether a file is an export.
+
+    Parameters
+    ----------
+    lines
+        The first ones.
+    """
     plain = [line.replace('"', "").replace(";", ",").replace("\t", ",") for line in lines[:8]]
     return any(
         line.strip().strip(",").lower() in TITLES or _is_header(line.split(",")) for line in plain

@@ -52,11 +52,21 @@ OLD_BODY = 11
 
 
 def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
-    """An export; ValueError says what is wrong with it.
+    """An export.
 
-    * file: the export.
-    * where: what the mapping says of it.
-    * unit: of times, of TIME_UNITS.
+    Parameters
+    ----------
+    file
+        The export.
+    where
+        What the mapping says of it.
+    unit
+        Of times, of TIME_UNITS.
+
+    Raises
+    ------
+    ValueError
+        Says what is wrong with it.
     """
     head, numbers = _head(file)
     named = [row for row in head if row.cells[0].strip().lower() == "frame"]
@@ -80,7 +90,13 @@ def read_motive(file: TextFile, where: CaptureFile, unit: str) -> Capture:
 
 
 def looks_like_motive(lines: Sequence[str]) -> bool:
-    """Whether a file is an export. lines: the first ones."""
+    """Whether a file is an export.
+
+    Parameters
+    ----------
+    lines
+        The first ones.
+    """
     first = lines[0].lower()
     if (
         first.startswith(("comment", "righthanded", "lefthanded", "info"))

@@ -34,7 +34,13 @@ from dart_skill.recording.imports.text_files import Row, TextFile, Timing, numbe
 
 
 def read_trc(file: TextFile, unit: str) -> Capture:
-    """Markers of a TRC file, with its own times. unit: of these, of TIME_UNITS."""
+    """Markers of a TRC file, with its own times.
+
+    Parameters
+    ----------
+    unit
+        Of these, of TIME_UNITS.
+    """
     head: list[Row] = []
     for row in file.rows():
         if row.cells[0].strip().isdigit() and len(head) > 3:
@@ -77,8 +83,12 @@ def read_c3d(path: Path, where: CaptureFile) -> Capture:
     """Markers of a C3D file. The axis that is upright on the screen points up, unless the mapping
     says another one.
 
-    * path: of the file.
-    * where: what the mapping says of it.
+    Parameters
+    ----------
+    path
+        Of the file.
+    where
+        What the mapping says of it.
     """
     need("c3d")
     try:
@@ -141,7 +151,13 @@ class _Joint:
 
 
 def read_bvh(path: Path) -> Capture:
-    """The joints of a file. path: of the file."""
+    """The joints of a file.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    """
     file = TextFile(path, " ")
     joints, line, period = _hierarchy(file)
     bodies = tuple(
