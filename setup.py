@@ -35,7 +35,10 @@ NODES = (
     "composed",
 )
 COMMAND = f"dart-skill = {PACKAGE}.cli:main"
-LIBRARY_DATA = ["py.typed", "*.pxd", "*/*.pxd", "*/*/*.pxd"]
+LIBRARY_DATA = [
+    "py.typed",
+    *(f"{'*/' * depth}*{kind}" for depth in range(4) for kind in (".pxd", ".pyi")),
+]
 IN_THE_WHEEL = {"config": ["**/*"], "msg_schemas": ["package.xml", "msg/*", "srv/*", "action/*"]}
 """Folders beside the library that the wheel takes into it, and which of their files."""
 

@@ -87,6 +87,8 @@ def show_as_written(app, what, name, obj, options, lines: list[str]) -> None:
     """Docstrings are text, not reStructuredText, but for the sections of numpydoc: a star is a
     star, and what is indented in the prose, as an equation or a table, stands as it is.
     """
+    if what == "attribute" and isinstance(obj, str):
+        lines.clear()  # of the value: those of str
     rules = [number for number, line in enumerate(lines) if SECTION.match(line)]
     first = rules[0] - 1 if rules else len(lines)
     shown: list[str] = []

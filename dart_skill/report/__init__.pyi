@@ -1,0 +1,11 @@
+from dart_skill.report._page import PAGE as PAGE
+from dart_skill.report._page import page_of as page_of
+from dart_skill.report._page import write_page as write_page
+from dart_skill.report._page import write_report as write_report
+from dart_skill.report._pictures import pictures as pictures
+from dart_skill.report._replay import play as play
+from dart_skill.report._run import About as About
+from dart_skill.report._run import Movement as Movement
+from dart_skill.report._run import Phase as Phase
+from dart_skill.report._run import Run as Run
+from dart_skill.report._run import read_run as read_run
