@@ -72,7 +72,7 @@ def shared_folders(name: str, package: str, below: str = "") -> list[Path]:
     In the library of a wheel, beside the library in a checkout, or in `share/<package>` of an
     installed ROS package, there `below` it.
     """
-    library = Path(__file__).resolve().parent
+    library = Path(__file__).resolve().parents[1]
     prefixes = [
         Path(prefix)
         for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)

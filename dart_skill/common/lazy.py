@@ -26,6 +26,11 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         Its name.
     file
         Its `__init__.py`.
+
+    Raises
+    ------
+    AttributeError
+        By `__getattr__`, as of any module, for a name that the stub does not have.
     """
     tree = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
     lines = [node for node in tree.body if isinstance(node, ast.ImportFrom)]

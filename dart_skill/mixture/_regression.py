@@ -236,6 +236,9 @@ class _MomentsByPairs(_Moments):
         self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray
     ) -> None:
         middles, collector = self._of_pairs
+        if not np.isfinite(collector).all():  # products of lines as steep as 1e154 are none
+            super().write_covariance(inputs, shares, covariance)
+            return
         terms = np.empty((len(inputs), len(collector)))
         write_pairs(inputs, shares, middles, terms)
         np.matmul(terms, collector, out=covariance.reshape(len(inputs), -1))
@@ -249,9 +252,10 @@ class _MomentsByPairs(_Moments):
         p = k * (k - 1) // 2
         middles, collector = np.empty(p), np.empty((k + 3 * p, o, o))
         collector[:k] = self._within
-        write_pair_matrices(
-            self._input_means, self._lines, middles, collector[k:].reshape(3, p, o, o)
-        )
+        with np.errstate(over="ignore", invalid="ignore"):
+            write_pair_matrices(
+                self._input_means, self._lines, middles, collector[k:].reshape(3, p, o, o)
+            )
         return middles, collector.reshape(len(collector), -1)
 
 

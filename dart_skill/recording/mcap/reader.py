@@ -19,6 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata
 
 from dart_skill.common.files import open_file
+from dart_skill.recording.mcap.record_walk import Damage, Record, read_definitions, walk
 from dart_skill.recording.mcap.records import (
     MAGIC,
     RECORD,
@@ -33,7 +34,6 @@ from dart_skill.recording.mcap.records import (
     parse_header,
     read_summary,
 )
-from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, walk
 
 if TYPE_CHECKING:
     import numpy as np

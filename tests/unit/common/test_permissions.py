@@ -36,7 +36,8 @@ def test_every_node_of_a_verb_may_have_its_services():
         name
         for text in texts
         for name in re.findall(
-            r'(?:create_node\(|GraphClient\([^\n]*name=|name: str = )"(\w+)"', text
+            r'(?:create_node\(|node_of_command\(|GraphClient\([^\n]*name=|name: str = )"(\w+)"',
+            text,
         )
     }
     assert {"client", "verb", "status", "foxglove_view"} <= made

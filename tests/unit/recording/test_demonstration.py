@@ -65,7 +65,7 @@ def make(seed=0, **changes):
             "joint_time": [],
             "joint_position": np.empty((0, 7)),
             "joint_velocity": np.empty((0, 7)),
-            "joint_names": (),
+            "joint_names": joint_names(),
         },
     ],
 )

@@ -94,7 +94,7 @@ def test_every_link_anchor_and_picture_of_the_pages_is_there(tmp_path):
     assert done.returncode == 0, done.stderr
     for page in DOCS.glob("*.md"):
         assert (tmp_path / f"{page.stem}.html").stat().st_size > 0
-    assert 'href="practice.html"' in (tmp_path / "index.html").read_text(encoding="utf-8"), (
+    assert 'href="throwing.html"' in (tmp_path / "index.html").read_text(encoding="utf-8"), (
         "README.md is not a part of the index"
     )
 

@@ -55,7 +55,10 @@ def test_parameters_that_docstrings_tell_of_are_those_of_the_signature():
     for name, thing in public():
         names = section(thing, "Parameters")
         told += len(names)
-        known = set(inspect.signature(thing).parameters) if names else set()
+        try:
+            known = set(inspect.signature(thing).parameters) if names else set()
+        except ValueError:  # a compiled class has none
+            continue
         wrong += [f"{name}: {one}" for one in sorted(names - known)]
     assert told > 1000 and not wrong, "\n".join(wrong)
 

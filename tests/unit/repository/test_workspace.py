@@ -399,14 +399,10 @@ def test_everything_that_is_installed_exists(setup_arguments):
     assert [file for file in files if not (ROOT / file).is_file()] == []
     assert setup_arguments["package_dir"] == {"dart_skill_nodes": "nodes/dart_skill_nodes"}
     # without it nobody's type checker looks at the hints
-    assert setup_arguments["package_data"] == {
-        "dart_skill": ["py.typed", "*.pxd", "*/*.pxd", "*/*/*.pxd"]
-    }
-    assert {
-        len(path.relative_to(ROOT / "dart_skill").parts)
-        for path in (ROOT / "dart_skill").rglob("*.pxd")
-    } <= {1, 2, 3}
-    assert (ROOT / "dart_skill" / "py.typed").is_file()
+    library, (patterns,) = ROOT / "dart_skill", setup_arguments["package_data"].values()
+    installed = {path for pattern in patterns for path in library.glob(pattern)}
+    wanted = {path for kind in ("*.pxd", "*.pyi", "py.typed") for path in library.rglob(kind)}
+    assert installed == wanted and library / "py.typed" in wanted
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / "dart_skill").rglob("*.py")}
     folders |= {path.parent.relative_to(ROOT / "nodes") for path in (ROOT / "nodes").rglob("*.py")}
     missing = {str(folder).replace("/", ".") for folder in folders} - set(

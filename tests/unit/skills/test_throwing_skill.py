@@ -776,7 +776,7 @@ def test_a_change_that_cannot_be_is_refused():
 @pytest.mark.parametrize("way", ["bic", "cross_validation"])
 def test_the_number_of_components_is_chosen_on_request(demonstrations, way, monkeypatch):
     few = (3, 8, 16)
-    monkeypatch.setattr("dart_skill.skills.learning._throw_components.COMPONENTS", few)
+    monkeypatch.setattr("dart_skill.skills.learning._components.COMPONENTS", few)
     throws = [prepare(one, DEFAULT) for one in demonstrations]
     models = {
         number: learn_prepared(throws, replace(DEFAULT, components=number)) for number in few
