@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.mapping_option import add_mapping, settle_mapping
 from dart_skill.cli.printable import printable, tell_bag_faults
-from dart_skill.common.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.recording.imports import RecordingMapping, ThrowRecording
@@ -123,7 +122,8 @@ def _to_csv(
     from dart_skill.recording.imports import MAPPING, bodies_to_csv, throws_to_csv
     from dart_skill.skills.protocol import load_skill
 
-    if mapping or (name := skill_of(options.source)) == THROW:
+    skill = load_skill(skill_of(options.source))
+    if mapping or skill.cuts_itself:
         recording = throws_to_csv(options.source, output, mapping)
         folder = shlex.quote(str(output))
         lines = [
@@ -136,7 +136,7 @@ def _to_csv(
             "mapping": str(output / MAPPING),
         }
     tell_bag_faults(options.source)
-    rows = bodies_to_csv(options.source, output, (HAND, *load_skill(name).bodies))
+    rows = bodies_to_csv(options.source, output, (HAND, *skill.bodies))
     lines = [
         ", ".join(f"{file}: {count} rows" for file, count in rows.items()),
         f"new folder: {output}",
@@ -145,7 +145,7 @@ def _to_csv(
         "only throws at baskets are learned from CSV files: 'dart-skill learn' takes the bag, or a"
         " dataset of '--to lerobot'"
     )
-    return "\n".join(lines), {"path": str(output), "skill": name, "rows": rows}
+    return "\n".join(lines), {"path": str(output), "skill": skill.name, "rows": rows}
 
 
 def _to_lerobot(

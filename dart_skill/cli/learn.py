@@ -112,8 +112,8 @@ def _learn(options: argparse.Namespace) -> int:
     if is_dataset(options.bag):
         return _learn_dataset(options, output)
     settle_mapping(options, options.bag, _file_for(options.bag).stem.removesuffix("_model"))
-    if not options.mapping and (name := skill_of(options.bag)) != THROW:
-        return _learn_skill(options, load_skill(name), output)
+    if not options.mapping and not (kind := load_skill(skill_of(options.bag))).cuts_itself:
+        return _learn_skill(options, kind, output)
     mapping = load_mapping(options.mapping) if options.mapping else None
     raw = not options.demonstrations_topic
     if not raw:
@@ -162,7 +162,7 @@ def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
             " the demonstrations"
         )
     dataset = open_dataset(options.bag)
-    if (skill := skill_of_dataset(dataset)).name != THROW:
+    if not (skill := skill_of_dataset(dataset)).cuts_itself:
         return _learn_skill(options, skill, output, dataset)
     learned, report = learn_throws_from_dataset(
         dataset, options.configuration or "default", options.without

@@ -119,7 +119,7 @@ def read_shown(
     """
     name = THROW if mapping else skill_of(path)
     skill = load_skill(name)
-    if name == THROW:
+    if skill.cuts_itself:
         shown, left_out = _throws_at_baskets(path, mapping, with_throws, without)
     else:
         if with_throws:

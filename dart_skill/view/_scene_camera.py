@@ -15,7 +15,6 @@ import numpy as np
 
 from dart_skill.arm import wam_description, write_urdf
 from dart_skill.common import palette
-from dart_skill.common.world import THROW
 from dart_skill.simulation import Basket, connect
 from dart_skill.skills.protocol import Skill
 from dart_skill.view._shapes import bucket, sphere
@@ -117,7 +116,7 @@ class SceneCamera:
 
     @staticmethod
     def _parts(skill: Skill, role: str) -> list[ColouredMesh]:
-        if skill.name == THROW:  # which says nothing of its bodies: the live view knows them
+        if skill.in_the_open:  # it says nothing of its bodies: the live view knows them
             shape = Basket()
             return [
                 ColouredMesh(

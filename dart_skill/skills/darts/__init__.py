@@ -126,7 +126,7 @@ class Darts(Throw):
     bodies = ("dart", "board")
     world = "board"
     corrects = "board"
-    cuts_itself = practised_by_hand = False
+    cuts_itself = in_the_open = practised_by_hand = False
     target_choice = "dart_skill.skills.darts._target_choice:BestAim"
     numbers = AIM
     units = MappingProxyType(dict.fromkeys(AIM, "m"))

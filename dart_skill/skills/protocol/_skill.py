@@ -126,6 +126,8 @@ class Skill:
         Whether it is slow enough to be shown with a mouse.
     cuts_itself
         Whether every movement into its world is found and cut without ~/start and ~/stop.
+    in_the_open
+        Whether its bodies stand in the region of config/world.yaml, out of the reach of the arm.
     has_configurations
         Whether its model can be chosen among those of config/configurations.
     settings_type
@@ -150,6 +152,7 @@ class Skill:
     practised_by_hand = False
     by_pointer = True
     cuts_itself = False
+    in_the_open = False
     has_configurations = False
     settings_type: type[SkillSettings] = SkillSettings
     told_by = "trials"

@@ -54,7 +54,7 @@ class Throw(Skill):
     practised_by_hand = True
     shown_by = "swing"
     by_pointer = False
-    cuts_itself = True
+    cuts_itself = in_the_open = True
     has_configurations = True
     rim_radius = the_world().basket_radius
     region = REGION
@@ -95,7 +95,7 @@ class Throw(Skill):
 
     @property
     def situated(self) -> tuple[str, ...]:
-        return ("basket",)
+        return (self.bodies[1],)
 
     @property
     def game(self) -> Game:
@@ -138,11 +138,11 @@ class Throw(Skill):
         ValueError
             If the situation does not say it.
         """
-        return situation.pose("basket").position
+        return situation.pose(self.bodies[1]).position
 
     def at(self, target: np.ndarray) -> Situation:
         """The situation in which a throw shall go to a point (3,) [m] of the world."""
-        return Situation({"basket": Pose(target)})
+        return Situation({self.bodies[1]: Pose(target)})
 
     def about(self, situation: Situation) -> Situation:
         """What a throw needs of a situation.

@@ -18,7 +18,6 @@ from rosgraph_msgs.msg import Clock
 from dart_skill.arm import Transform
 from dart_skill.common.checks import as_place
 from dart_skill.common.configuration import limit_parameters, node_parameters, world_parameters
-from dart_skill.common.world import THROW
 from dart_skill.recording import HAND
 from dart_skill.simulation import (
     ArmGeometry,
@@ -145,7 +144,7 @@ class MockOptitrack(GuardedLifecycleNode):
         bodies = [
             role
             for role in self._name_of
-            if kind.name != THROW or role in self.get_parameter("bodies").value
+            if not kind.in_the_open or role in self.get_parameter("bodies").value
         ]
         return {name: self.get_parameter(name).value for name in values} | {
             "cameras": self._cameras(),

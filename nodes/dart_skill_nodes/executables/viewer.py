@@ -19,7 +19,6 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.common.regions import Region
-from dart_skill.common.world import THROW
 from dart_skill.recording import HAND, demonstration_from_message
 from dart_skill.simulation import Basket
 from dart_skill.skills.protocol import Skill, load_skill
@@ -104,7 +103,7 @@ class Viewer(GuardedNode):
         self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
         basket = Basket(radius=self.p["basket_radius"], depth=self.p["basket_depth"])
         self._skill = skill = load_skill(self.p["skill"])
-        other = None if skill.name == THROW else skill
+        other = None if skill.in_the_open else skill
         self._scene = Scene(self._server, region=region, basket=basket, skill=other)
         self._demonstrated = partial(_shown, skill)
         self._panel = Panel(self._server, self._scene, self._requests.put, skill)
