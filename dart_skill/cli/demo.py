@@ -184,7 +184,7 @@ def _about(
     summary: RunSummary, options: argparse.Namespace, parser: argparse.ArgumentParser
 ) -> About:
     """What the report says of the run beyond its bag."""
-    from dart_skill.report import About, Phase
+    from dart_skill.report import About, RunPhase
 
     skill, trials = summary.skill, len(summary.trials)
     words, factor = skill.words, summary.trial_real_time_factor
@@ -203,5 +203,5 @@ def _about(
         asked(parser, options),
         parameter_texts(),
         options.configuration,
-        phases=(Phase(f"own {words.trials}", trials),),
+        phases=(RunPhase(f"own {words.trials}", trials),),
     )

@@ -67,7 +67,7 @@ class HeatMap:
 
 
 @dataclass(frozen=True)
-class _Grid:
+class _Raster:
     """Grid of square cells. cell: their size [mm], with centres at its multiples; period: in
     cells; band: highest frequency that is kept, in units of 1 / (period cell).
     """
@@ -123,7 +123,7 @@ def heat_map(
     )
 
 
-def _grid_for(spread: Spread, cell: float, n_half: int) -> _Grid:
+def _grid_for(spread: Spread, cell: float, n_half: int) -> _Raster:
     narrow, wide = spread.deviations
     length = n_half * cell + RADII[-1] + np.abs(spread.bias).max() + TAIL * wide
     # Period and band are rounded up to a few values, so that similar spreads share the board's
@@ -132,12 +132,14 @@ def _grid_for(spread: Spread, cell: float, n_half: int) -> _Grid:
         int(np.ceil(1.12 ** np.ceil(np.log(length / cell) / np.log(1.12)))), real=True
     )
     frequencies = BAND / narrow * period * cell / (2.0 * np.pi)
-    return _Grid(
+    return _Raster(
         cell, period, min(period // 2, int(1.25 ** np.ceil(np.log(frequencies) / np.log(1.25))))
     )
 
 
-def _inverse(transform: np.ndarray, spread: Spread, grid: _Grid, nodes: np.ndarray) -> np.ndarray:
+def _inverse(
+    transform: np.ndarray, spread: Spread, grid: _Raster, nodes: np.ndarray
+) -> np.ndarray:
     """Expected score (n, n) at the nodes (n,) x (n,), in cells from the bull, from the transform
     of the board.
     """
@@ -150,7 +152,7 @@ def _inverse(transform: np.ndarray, spread: Spread, grid: _Grid, nodes: np.ndarr
     return scipy.fft.irfft(rows, n=grid.period, axis=1, overwrite_x=True)[:, nodes % grid.period]
 
 
-def _frequencies(grid: _Grid) -> tuple[np.ndarray, np.ndarray]:
+def _frequencies(grid: _Raster) -> tuple[np.ndarray, np.ndarray]:
     """Wave numbers [1/mm] along y (2 band + 1,), with zero first and the negative ones last, and
     along x (band + 1,).
     """
@@ -158,7 +160,7 @@ def _frequencies(grid: _Grid) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([along_x, -along_x[:0:-1]]), along_x
 
 
-def _gaussian_transform(spread: Spread, grid: _Grid) -> np.ndarray:
+def _gaussian_transform(spread: Spread, grid: _Raster) -> np.ndarray:
     along_y, along_x = _frequencies(grid)
     (xx, xy), (_, yy) = spread.covariance
     bias_x, bias_y = spread.bias
@@ -179,7 +181,7 @@ def _gaussian_transform(spread: Spread, grid: _Grid) -> np.ndarray:
 
 
 @lru_cache(maxsize=12)
-def _board_transform(grid: _Grid) -> np.ndarray:
+def _board_transform(grid: _Raster) -> np.ndarray:
     """Transform (2 band + 1, band + 1) of the mean scores of the cells about the bull, divided by
     the sinc of the cells.
     """

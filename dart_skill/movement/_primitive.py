@@ -26,7 +26,7 @@ from dart_skill.movement._forcing import (
     transformation,
 )
 from dart_skill.movement._runge_kutta import divide, integrate
-from dart_skill.movement._saved import Arrays, SavedModel, array_of
+from dart_skill.movement._saved import Arrays, SavableModel, array_of
 from dart_skill.movement._time import as_stamps
 
 # A tracking error slows a movement down to this share of its pace at least. At zero it could not
@@ -97,7 +97,7 @@ class PhaseClock(NamedTuple):
 AnyPrimitive = TypeVar("AnyPrimitive", bound="Primitive")
 
 
-class Primitive(SavedModel):
+class Primitive(SavableModel):
     """Base of both kinds. A subclass has `fit`, `begin` and `step`.
 
     Its method `_gate` gives the factor by which f fades. Its method `_goal_path` gives the

@@ -22,10 +22,10 @@ from dart_skill.common.hyper_parameters import HyperParameters
 
 VERSION = 1
 Arrays = dict[str, np.ndarray]
-AnySaved = TypeVar("AnySaved", bound="SavedModel")
+AnySaved = TypeVar("AnySaved", bound="SavableModel")
 
 
-class SavedModel(HyperParameters):
+class SavableModel(HyperParameters):
     """Base of models with `save` and `load`. A subclass has `_to_arrays` and `_from_arrays`."""
 
     n_demonstrations_: int
@@ -114,12 +114,12 @@ class SavedModel(HyperParameters):
         return f"{n} demonstration{'s' if n != 1 else ''}, " if n else ""
 
 
-class MixtureModel(SavedModel):
+class MixtureModel(SavableModel):
     """Base of models that fit a mixture: its hyper-parameters are theirs, too, and what it learned
     is what they save.
     """
 
-    _MIXTURE: type[SavedModel]
+    _MIXTURE: type[SavableModel]
     _mixture: Any
     mixture_: Any
     _given_damping: Any

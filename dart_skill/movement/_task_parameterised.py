@@ -57,7 +57,7 @@ from dart_skill.movement._placement import (
     TaskSamples,
     Weights,
 )
-from dart_skill.movement._saved import Arrays, SavedModel, array_of
+from dart_skill.movement._saved import Arrays, SavableModel, array_of
 
 __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 
@@ -111,7 +111,7 @@ def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
     return time
 
 
-class TaskParameterisedMixture(EMEstimator, SavedModel):
+class TaskParameterisedMixture(EMEstimator, SavableModel):
     """Mixture of K components in P task frames over m features, of which column 0 is time.
 
     Fitted attributes: priors_ (K,), means_ (P, K, m), covariances_ (P, K, m, m), log_likelihood_

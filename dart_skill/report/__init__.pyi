@@ -6,6 +6,6 @@ from dart_skill.report._pictures import pictures as pictures
 from dart_skill.report._replay import play as play
 from dart_skill.report._run import About as About
 from dart_skill.report._run import Movement as Movement
-from dart_skill.report._run import Phase as Phase
 from dart_skill.report._run import Run as Run
+from dart_skill.report._run import RunPhase as RunPhase
 from dart_skill.report._run import read_run as read_run

@@ -32,7 +32,7 @@ Stamped = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Phase:
+class RunPhase:
     """Throws of the arm that had one purpose, one after the other.
 
     Parameters
@@ -78,7 +78,7 @@ class About:
     parameters: Mapping[str, str] = field(default_factory=dict)
     configuration: str = ""
     marks: Mapping[int, str] = field(default_factory=dict)
-    phases: tuple[Phase, ...] = ()
+    phases: tuple[RunPhase, ...] = ()
 
     @property
     def changed(self) -> list[tuple[str, Any, Any]]:
@@ -174,14 +174,14 @@ class Run:
         return [one for one in self.movements if one.guided]
 
     @property
-    def phases(self) -> list[tuple[Phase, tuple[TrialResult, ...]]]:
+    def phases(self) -> list[tuple[RunPhase, tuple[TrialResult, ...]]]:
         """What the trials were for, and the results of each purpose; one without a name where it
         is unknown.
         """
         return by_phase(self.about.phases, self.trials)
 
     @property
-    def tests(self) -> list[tuple[Phase, tuple[TrialResult, ...]]]:
+    def tests(self) -> list[tuple[RunPhase, tuple[TrialResult, ...]]]:
         """The phases at the same baskets each, from which nothing was learned; none where nothing
         was practised.
         """
@@ -202,8 +202,8 @@ class Run:
 
 
 def by_phase(
-    phases: Sequence[Phase], trials: Sequence[TrialResult]
-) -> list[tuple[Phase, tuple[TrialResult, ...]]]:
+    phases: Sequence[RunPhase], trials: Sequence[TrialResult]
+) -> list[tuple[RunPhase, tuple[TrialResult, ...]]]:
     """The trials of each phase; all in one without a name where there is none.
 
     Raises
@@ -211,7 +211,7 @@ def by_phase(
     ValueError
         If the phases do not add up to all trials.
     """
-    phases = phases or (Phase("", len(trials)),)
+    phases = phases or (RunPhase("", len(trials)),)
     if sum(phase.throws for phase in phases) != len(trials):
         raise ValueError(
             f"phases {phases} of {len(trials)} throws: their numbers must add up to all throws"
@@ -220,7 +220,7 @@ def by_phase(
     return [(phase, tuple(next(rest) for _ in range(phase.throws))) for phase in phases]
 
 
-def purposes_of(phases: Sequence[Phase], trials: Sequence[TrialResult]) -> list[str]:
+def purposes_of(phases: Sequence[RunPhase], trials: Sequence[TrialResult]) -> list[str]:
     """What each trial was for; empty where all were for the same."""
     if len(phases) < 2:
         return [""] * len(trials)

@@ -18,7 +18,7 @@ from dart_skill.common.world import joint_names
 from dart_skill.recording import HAND
 from dart_skill.recording.imports import RecordingMapping
 from dart_skill.recording.lerobot import (
-    Camera,
+    DatasetCamera,
     DatasetWriter,
     Feature,
     at_frames,
@@ -131,7 +131,7 @@ def write_lerobot(
             " them under 'joints'"
         )
     skill, maker = shown.skill, camera(shown.skill) if camera else None
-    cameras = () if maker is None else (Camera(PICTURES, maker.width, maker.height),)
+    cameras = () if maker is None else (DatasetCamera(PICTURES, maker.width, maker.height),)
     with DatasetWriter(output, fps, ROBOT_TYPE, features_of(shown), cameras) as dataset:
         for one in shown.shown:
             frames = frames_of(one, shown, fps)

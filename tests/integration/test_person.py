@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from dart_skill.arm import wam_description
 from dart_skill.common.world import ROLES
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.person import LOOK, Patience, Person
+from dart_skill_nodes.client.person import LOOK, Patience, PersonAtTheArm
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms.coroutines import start
 
@@ -26,7 +26,7 @@ SECOND = 1_000_000_000
 @pytest.fixture
 def person(ros):
     node = rclpy.create_node("beside_an_arm")
-    yield Person(
+    yield PersonAtTheArm(
         node,
         ServiceCalls(node),
         "world",

@@ -32,7 +32,7 @@ from dart_skill.movement._demonstrations import are_several, complete
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
 from dart_skill.movement._primitive import Primitive, PrimitiveState
 from dart_skill.movement._primitives import DiscretePrimitive, RhythmicPrimitive
-from dart_skill.movement._saved import Arrays, SavedModel, array_of
+from dart_skill.movement._saved import Arrays, SavableModel, array_of
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.pose._chart import nearest, path_about, slope_of, turning
 from dart_skill.movement.pose._derivatives import cross
@@ -101,7 +101,7 @@ class PoseState:
 AnyPosePrimitive = TypeVar("AnyPosePrimitive", bound="PosePrimitive")
 
 
-class PosePrimitive(SavedModel):
+class PosePrimitive(SavableModel):
     """Base of both kinds: a linear primitive over coordinates of the pose, position and e, then
     any others.
     """

@@ -22,7 +22,7 @@ from dart_skill.mixture import (
     sliced_start,
 )
 from dart_skill.movement._placement import Weights
-from dart_skill.movement._saved import Arrays, SavedModel, array_of
+from dart_skill.movement._saved import Arrays, SavableModel, array_of
 from dart_skill.movement._task_parameterised import LEAST_SHARE, STARTS, as_sample_weights
 from dart_skill.movement.pose._em import (
     Blocks,
@@ -45,7 +45,7 @@ PoseFrames = Sequence[Sequence[PoseCourse]]
 """P frames for each demonstration."""
 
 
-class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
+class TaskParameterisedPoseMixture(PoseEstimator, SavableModel):
     """Mixture of K components in P task frames over rows of q numbers, of which column 0 is time,
     and
     a pose.

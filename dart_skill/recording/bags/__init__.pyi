@@ -22,9 +22,9 @@ from dart_skill.recording.bags.messages import vector_content as vector_content
 from dart_skill.recording.bags.playback import CLOCK_TOPIC as CLOCK_TOPIC
 from dart_skill.recording.bags.playback import CLOCK_TYPE as CLOCK_TYPE
 from dart_skill.recording.bags.playback import Due as Due
-from dart_skill.recording.bags.playback import Pace as Pace
 from dart_skill.recording.bags.playback import Playback as Playback
-from dart_skill.recording.bags.playback import Selection as Selection
+from dart_skill.recording.bags.playback import PlaybackPace as PlaybackPace
+from dart_skill.recording.bags.playback import PlaybackSelection as PlaybackSelection
 from dart_skill.recording.bags.playback import clock_message as clock_message
 from dart_skill.recording.bags.reader import BagError as BagError
 from dart_skill.recording.bags.reader import BagMessage as BagMessage

@@ -29,7 +29,7 @@ GIVE_TYPES = "give the folder of its .msg files with --definitions, or read its 
 
 
 @dataclass
-class _Topic:
+class _CheckedTopic:
     """What is learned about a channel while its messages pass.
 
     reason: why its messages cannot be decoded; empty if they can.
@@ -78,7 +78,7 @@ class FileFacts:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         self.is_vouched_for = False
-        self._topics: dict[int, _Topic] = {}  # by channel
+        self._topics: dict[int, _CheckedTopic] = {}  # by channel
 
     @property
     def topic_types(self) -> dict[str, list[str]]:
@@ -107,7 +107,7 @@ class FileFacts:
 
     def take_topic(
         self, number: int, channel: Channel, schema: Schema | None, count: int = 0
-    ) -> _Topic:
+    ) -> _CheckedTopic:
         """Take a topic of the file.
 
         Parameters
@@ -123,7 +123,7 @@ class FileFacts:
         type_name = (
             (full_name(schema.name) if encoding == "cdr" else schema.name) if schema else ""
         )
-        self._topics[number] = topic = _Topic(
+        self._topics[number] = topic = _CheckedTopic(
             channel.topic, type_name, encoding, channel.schema_id != 0 and schema is None, count
         )
         return topic
@@ -294,7 +294,7 @@ class MessageCheck(FileFacts):
             topic.pattern = pattern_of(types, topic.type_name, messages[-1][1])
             topic.has_pattern = topic.pattern is not None
 
-    def _decode(self, types: Typestore, topic: _Topic, stamp_ns: int, data: bytes) -> None:
+    def _decode(self, types: Typestore, topic: _CheckedTopic, stamp_ns: int, data: bytes) -> None:
         try:
             deserialize(types, topic.type_name, data)
         except ValueError as error:
@@ -320,7 +320,7 @@ class MessageCheck(FileFacts):
             }
         )
 
-    def _of_topic(self, topic: _Topic, where: str) -> None:
+    def _of_topic(self, topic: _CheckedTopic, where: str) -> None:
         if (
             topic.undecodable and topic.type_name in self._empty
         ):  # it was taken for one without fields

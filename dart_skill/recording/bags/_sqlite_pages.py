@@ -35,7 +35,7 @@ class BrokenRow(ValueError):
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A row of some table.
 
     Parameters
@@ -140,7 +140,7 @@ class Pages:
             else None
         )
 
-    def rows(self, without: set[int]) -> Iterator[Row]:
+    def rows(self, without: set[int]) -> Iterator[TableRow]:
         """All rows on leaves.
 
         Parameters
@@ -198,13 +198,13 @@ class Pages:
             trunk = following
         return found if len(found) == count else set()
 
-    def _row(self, page: memoryview, place: int) -> Row:
+    def _row(self, page: memoryview, place: int) -> TableRow:
         size, place = _varint(page, place)
         number, place = _varint(page, place)
         self._left -= size
         if size > LARGEST_ROW or self._left < 0:
             raise BrokenRow("larger than any row, or than what is left of the file")
-        return Row(
+        return TableRow(
             number if number < 2**63 else number - 2**64, _values(self._payload(page, place, size))
         )
 

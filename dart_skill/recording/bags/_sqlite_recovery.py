@@ -30,7 +30,7 @@ from dart_skill.recording.bags._recovered_bag import (
     grouped_by_channel,
 )
 from dart_skill.recording.bags._sqlite import copy_with_side_files
-from dart_skill.recording.bags._sqlite_pages import Pages, Row
+from dart_skill.recording.bags._sqlite_pages import Pages, TableRow
 from dart_skill.recording.mcap import McapChannel, mapped
 
 SMALLEST_ROW = 8
@@ -38,7 +38,7 @@ SMALLEST_ROW = 8
 
 
 @dataclass(frozen=True)
-class _Topic:
+class _FoundTopic:
     name: str
     type_name: str
     encoding: str
@@ -60,12 +60,12 @@ class _Tables:
     metadata: text; distro: of ROS.
     """
 
-    topics: dict[int, _Topic] = field(default_factory=dict)
+    topics: dict[int, _FoundTopic] = field(default_factory=dict)
     definitions: dict[str, tuple[str, str]] = field(default_factory=dict)
     metadata: str = ""
     distro: str = ""
 
-    def take(self, row: Row, table: str = "") -> None:
+    def take(self, row: TableRow, table: str = "") -> None:
         """Take a row, by its looks where its table is not known; those of other tables are passed
         over.
         """
@@ -82,10 +82,13 @@ class _Tables:
         if len(kinds) in (4, 5) and set(kinds) == {"s"} and is_topic:
             name, type_name, encoding, qos, *digest = values
             self.topics.setdefault(
-                row.number, _Topic(name, type_name, encoding, qos, digest[0] if digest else "")
+                row.number,
+                _FoundTopic(name, type_name, encoding, qos, digest[0] if digest else ""),
             )
         elif kinds == "sss" and is_topic:  # of the first versions, without QoS
-            self.topics.setdefault(row.number, _Topic(values[0], values[1], values[2], "", ""))
+            self.topics.setdefault(
+                row.number, _FoundTopic(values[0], values[1], values[2], "", "")
+            )
         elif kinds in ("ssss", "sss") and full_name(values[0]).count("/") == 2:
             self.definitions.setdefault(full_name(values[0]), (values[1], values[2]))
         elif kinds == "is" and "relative_file_paths" in values[1]:
@@ -174,7 +177,7 @@ def _small_tables(base: sqlite3.Connection) -> _Tables:
     for name in ("topics", "message_definitions", "metadata", "schema"):
         with suppress(sqlite3.OperationalError):  # no such table
             for row in base.execute(f"SELECT rowid, * FROM {name}"):
-                tables.take(Row(row[0], tuple(row[1:])), name)
+                tables.take(TableRow(row[0], tuple(row[1:])), name)
     return tables
 
 
@@ -218,7 +221,7 @@ def _take_from_pages(one: _SqliteRecovery, pages: Pages, is_whole: bool) -> None
     )
 
 
-def _messages_of(rows: Iterable[Row]) -> Iterator[_Message]:
+def _messages_of(rows: Iterable[TableRow]) -> Iterator[_Message]:
     """Those rows that are messages, by their looks."""
     for row in rows:
         if len(row.values) == 4:
@@ -294,7 +297,7 @@ class _SqliteRecovery(FileRecovery):
         text = installed_definition(type_name)
         return ("ros2msg", text) if text else None
 
-    def _settle(self, topic: _Topic, payloads: list[bytes]) -> None:
+    def _settle(self, topic: _FoundTopic, payloads: list[bytes]) -> None:
         """Take the definition of an installed type where that of the file fits no message, and
         this one fits all.
         """
@@ -311,7 +314,7 @@ class _SqliteRecovery(FileRecovery):
             self.texts[name] = ("ros2msg", text)
             self.decoder = Decoder([schema_of(name, *found) for name, found in self.texts.items()])
 
-    def _lost_topic(self, number: int, payloads: list[bytes]) -> _Topic | None:
+    def _lost_topic(self, number: int, payloads: list[bytes]) -> _FoundTopic | None:
         """The topic of messages whose row is lost: the only one that the metadata name, which has
         no row, and whose type they are.
         """
@@ -325,7 +328,9 @@ class _SqliteRecovery(FileRecovery):
                 and Decoder([schema_of(type_name, *text)]).fits(type_name, payloads)
             ):
                 found.append(
-                    _Topic(name, type_name, str(told.get("serialization_format") or "cdr"), "", "")
+                    _FoundTopic(
+                        name, type_name, str(told.get("serialization_format") or "cdr"), "", ""
+                    )
                 )
         if len(found) != 1:
             return None
@@ -408,7 +413,7 @@ class _SqliteRecovery(FileRecovery):
             self.written[number] = self._write_channel(topic) if topic is not None else None
         return self.written[number]
 
-    def _write_channel(self, topic: _Topic) -> McapChannel:
+    def _write_channel(self, topic: _FoundTopic) -> McapChannel:
         if self.out is None:
             self.out = self.bag.new_file(
                 "ros2" if all(one.encoding == "cdr" for one in self.tables.topics.values()) else ""

@@ -43,7 +43,7 @@ class Due(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Selection:
+class PlaybackSelection:
     """What of a bag is played.
 
     Parameters
@@ -120,7 +120,7 @@ class Playback:
         If nothing is left to play.
     """
 
-    def __init__(self, bag: BagReader, selection: Selection):
+    def __init__(self, bag: BagReader, selection: PlaybackSelection):
         self._bag, self._selection = bag, selection
         chosen = {name: info for name, info in bag.topics.items() if selection.matches(name)}
         if unknown := set(selection.remap) - set(bag.topics):
@@ -182,7 +182,7 @@ BEHIND = 0.5
 """Playing that is later than this does not catch up by itself [s of the clock]."""
 
 
-class Pace:
+class PlaybackPace:
     """Position of a playback on a clock.
 
     Parameters

@@ -44,7 +44,7 @@ class BagWriteError(OSError):
 
 
 @dataclass
-class _Topic:
+class _WrittenTopic:
     name: str
     type_name: str
     qos_text: str
@@ -161,9 +161,9 @@ class BagWriter:
                 f" limit, and at least two chunks ({2 * self._chunk_size} bytes)"
             )
         self._ros_distro, self._flush_period_ns = ros_distro, int(flush_period_ns)
-        self._topics: dict[str, _Topic] = {}
+        self._topics: dict[str, _WrittenTopic] = {}
         self._writable: dict[
-            str, _Topic
+            str, _WrittenTopic
         ] = {}  # the same, empty when nothing can be written any more
         self._types: dict[str, str] = {}
         self._finished: list[FileMetadata] = []
@@ -249,7 +249,7 @@ class BagWriter:
             )
         if self._types.setdefault(type_name, definition_text) != definition_text:
             raise ValueError(f"type {type_name} is in the bag already with another definition")
-        topic = _Topic(name, type_name, qos_profile_yaml, qos, type_hash, channel=None)
+        topic = _WrittenTopic(name, type_name, qos_profile_yaml, qos, type_hash, channel=None)
         with self._explained():
             topic.channel = self._channel(topic)
         self._topics[name] = self._writable[name] = topic
@@ -503,7 +503,7 @@ class BagWriter:
             topic.channel = None
         self._file = None
 
-    def _channel(self, topic: _Topic) -> McapChannel:
+    def _channel(self, topic: _WrittenTopic) -> McapChannel:
         """The topic's channel in the current file."""
         if topic.type_name not in self._schemas:
             definition = self._types[topic.type_name].encode()

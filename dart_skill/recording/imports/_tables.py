@@ -14,7 +14,7 @@ import numpy as np
 from dart_skill.common.constants import UNTURNED
 from dart_skill.common.extras import optional
 from dart_skill.recording.imports.mapping import ANGLE_UNITS, LENGTH_UNITS, TIME_UNITS, Table
-from dart_skill.recording.imports.text_files import Row, TextFile, Timing
+from dart_skill.recording.imports.text_files import TextFile, TextRow, Timing
 
 UNIT = re.compile(r"[\[(]\s*([a-z]+)\s*[\])]$")
 """A unit in brackets at the end of the name of a column."""
@@ -132,7 +132,7 @@ def _of_text(
     )
 
 
-def _names(above: Sequence[Row]) -> list[list[str]]:
+def _names(above: Sequence[TextRow]) -> list[list[str]]:
     """Names of the columns: of each line of the header, the last one first, and of two and of all
     of them together.
     """
@@ -150,7 +150,7 @@ def _names(above: Sequence[Row]) -> list[list[str]]:
 
 
 def _place(
-    file: TextFile, column: str | int, names: Sequence[Sequence[str]], above: Sequence[Row]
+    file: TextFile, column: str | int, names: Sequence[Sequence[str]], above: Sequence[TextRow]
 ) -> int:
     """Index of a column that is called by its name or number."""
     if isinstance(column, int):
@@ -169,7 +169,7 @@ def _place(
     raise file.error(f"{many} called '{column}'; the columns are {', '.join(there)}")
 
 
-def _check_width(file: TextFile, first: Row, above: Sequence[Row]) -> None:
+def _check_width(file: TextFile, first: TextRow, above: Sequence[TextRow]) -> None:
     """ValueError for numbers with decimal commas between commas: twice as many cells as names."""
     filled = [cell for cell in first.cells if cell.strip()]
     if above and file.delimiter == "," and len(filled) >= 2 * len(above[-1].cells) > 2:
@@ -180,7 +180,9 @@ def _check_width(file: TextFile, first: Row, above: Sequence[Row]) -> None:
         )
 
 
-def _check_units(file: TextFile, above: Sequence[Row], said: str, places: Sequence[int]) -> None:
+def _check_units(
+    file: TextFile, above: Sequence[TextRow], said: str, places: Sequence[int]
+) -> None:
     """ValueError if the header names another unit than the mapping."""
     word, known = next((word, units) for word, units in UNITS.items() if said in units)
     for place in places:

@@ -65,7 +65,7 @@ CHUNK = 4096
 """Rows that become numbers at a time."""
 
 
-class Row(NamedTuple):
+class TextRow(NamedTuple):
     """A line that is not empty: its number, from 1, and its cells."""
 
     number: int
@@ -113,11 +113,11 @@ class TextFile:
         self._encoding = self._told_encoding()
         self.delimiter = delimiter or self._told_delimiter()
 
-    def error(self, text: str, row: Row | None = None) -> ValueError:
+    def error(self, text: str, row: TextRow | None = None) -> ValueError:
         """An error that names the file, and the line of a row."""
         return ValueError(f"{self.path}{'' if row is None else f', line {row.number}'}: {text}")
 
-    def rows(self, after: int = 0) -> Iterator[Row]:
+    def rows(self, after: int = 0) -> Iterator[TextRow]:
         """The rows below a line, in order.
 
         Parameters
@@ -131,7 +131,7 @@ class TextFile:
             ) as stream:
                 numbered = self._quoted(stream) if self._is_quoted else self._split(stream)
                 yield from (
-                    Row(number, cells)
+                    TextRow(number, cells)
                     for number, cells in numbered
                     if number > after
                     and (any(map(str.strip, cells[:1])) or any(map(str.strip, cells)))
@@ -140,7 +140,11 @@ class TextFile:
             raise self.error(f"no CSV file: {error}") from error
 
     def read(
-        self, rows: Iterable[Row], timing: Timing, places: Sequence[int], is_ragged: bool = False
+        self,
+        rows: Iterable[TextRow],
+        timing: Timing,
+        places: Sequence[int],
+        is_ragged: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Stamps (n,) [ns] and numbers (n, k) in some columns of rows; nan where a cell says
         nothing.
@@ -162,12 +166,12 @@ class TextFile:
         )
         times: list[int] = []
         parts: list[np.ndarray] = []
-        chunk: list[Row] = []
+        chunk: list[TextRow] = []
         for number, cells in rows:
             if len(cells) <= last:
-                cells = self._filled(Row(number, cells), timing, places, is_ragged)
+                cells = self._filled(TextRow(number, cells), timing, places, is_ragged)
             times.append(len(times) if place is None else self._time(cells[place], number, timing))
-            chunk.append(Row(number, pick(cells)))
+            chunk.append(TextRow(number, pick(cells)))
             if len(chunk) == CHUNK:
                 parts.append(self._numbers(chunk))
                 chunk = []
@@ -176,7 +180,7 @@ class TextFile:
         return np.array(stamps, dtype=np.int64), np.concatenate(parts)
 
     def _filled(
-        self, row: Row, timing: Timing, places: Sequence[int], is_ragged: bool
+        self, row: TextRow, timing: Timing, places: Sequence[int], is_ragged: bool
     ) -> list[str]:
         """The cells of a row that ends too early."""
         missing = [one for one in (*places, timing.place or 0) if one >= len(row.cells)]
@@ -260,7 +264,7 @@ class TextFile:
             else:
                 yield number, (line[:-1] if line[-1:] == "\n" else line).split(delimiter)
 
-    def _numbers(self, chunk: Sequence[Row]) -> np.ndarray:
+    def _numbers(self, chunk: Sequence[TextRow]) -> np.ndarray:
         try:
             return np.array(
                 [[float(cell) if cell else math.nan for cell in cells] for _, cells in chunk]
@@ -272,7 +276,7 @@ class TextFile:
             [[self._number(cell, row, has_points) for cell in row.cells] for row in chunk]
         )
 
-    def _number(self, cell: str, row: Row, has_points: bool) -> float:
+    def _number(self, cell: str, row: TextRow, has_points: bool) -> float:
         text = cell.strip()
         if text.lower() in MISSING:
             return math.nan
@@ -292,11 +296,11 @@ class TextFile:
         try:
             time = nanoseconds(text, timing.unit) if not timing.rate else int(float(text))
         except (ValueError, OverflowError):
-            raise self.error(f"time '{text}' is no number", Row(number, [])) from None
+            raise self.error(f"time '{text}' is no number", TextRow(number, [])) from None
         if abs(time) >= LATEST_NS:
             raise self.error(
                 f"time '{text}' is no time of a recording: is '{timing.unit}' its unit?",
-                Row(number, []),
+                TextRow(number, []),
             )
         return time
 

@@ -6,7 +6,7 @@ is what `lerobot/datasets` of version 0.6 writes: data/ and meta/episodes/ in Pa
 meta/info.json, meta/stats.json, meta/tasks.parquet, videos/ in MP4.
 """
 
-from dart_skill.recording.lerobot._format import Camera, Feature
+from dart_skill.recording.lerobot._format import DatasetCamera, Feature
 from dart_skill.recording.lerobot._reader import Episode, LeRobotDataset, is_dataset, read_dataset
 from dart_skill.recording.lerobot._resampling import (
     at_frames,
@@ -19,7 +19,7 @@ from dart_skill.recording.lerobot._resampling import (
 from dart_skill.recording.lerobot._writer import DatasetWriter
 
 __all__ = [
-    "Camera",
+    "DatasetCamera",
     "DatasetWriter",
     "Episode",
     "Feature",

@@ -40,7 +40,7 @@ class Feature:
 
 
 @dataclass(frozen=True)
-class Camera:
+class DatasetCamera:
     """A video: its key in the dataset, and its size [pixels].
 
     Parameters
@@ -59,7 +59,9 @@ def described(feature: Feature) -> dict[str, Any]:
     return {"dtype": "float32", "shape": [len(feature.names)], "names": list(feature.names)}
 
 
-def described_video(camera: Camera, fps: int, codec: str, pixel_format: str) -> dict[str, Any]:
+def described_video(
+    camera: DatasetCamera, fps: int, codec: str, pixel_format: str
+) -> dict[str, Any]:
     """Entry of a video in info.json."""
     about = {
         "video.height": camera.height,

@@ -15,7 +15,7 @@ import numpy as np
 from dart_skill.common.checks import floats
 from dart_skill.common.extras import need, optional
 from dart_skill.recording.lerobot import _format as format_
-from dart_skill.recording.lerobot._format import Camera, Feature
+from dart_skill.recording.lerobot._format import DatasetCamera, Feature
 
 CODEC = "libx264"
 """How videos are encoded: every browser plays them."""
@@ -57,7 +57,7 @@ class DatasetWriter:
         fps: int,
         robot_type: str,
         features: Sequence[Feature],
-        cameras: Sequence[Camera] = (),
+        cameras: Sequence[DatasetCamera] = (),
     ):
         need("pyarrow", *(["av"] if cameras else []))
         self.path, self.fps, self.features, self.cameras = (
@@ -241,7 +241,7 @@ class VideoFile:
     one is full.
     """
 
-    def __init__(self, path: Path, camera: Camera, fps: int):
+    def __init__(self, path: Path, camera: DatasetCamera, fps: int):
         self._path, self._camera, self._fps = path, camera, fps
         self._number, self._n_frames = -1, 0
         self._container: Any = None

@@ -59,7 +59,7 @@ class Patience:
     basket_tolerance: float
 
 
-class Person:
+class PersonAtTheArm:
     """What `node` asks of the person, as coroutines; each raises CallFailed when it takes too
     long, or when `withdrawn` gives a reason.
 

@@ -23,7 +23,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
 from dart_skill.recording import BagReader, GraphBag, TopicInfo, type_hash, types_for
-from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
+from dart_skill.recording.bags import (
+    CLOCK_TOPIC,
+    CLOCK_TYPE,
+    Due,
+    Playback,
+    PlaybackPace,
+    PlaybackSelection,
+)
 from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm, concern_an_arm
 from dart_skill_nodes.client.server_probe import APPEARS
 from dart_skill_nodes.comms import conversions
@@ -108,7 +115,7 @@ class BagPlayer(GuardedNode):
         self._awaited = self._awaited_topics()
         self._sent: Counter[str] = Counter()  # since everything was last acknowledged
         self._changed = threading.Condition()
-        self._pace = Pace(self.p["rate"], time.monotonic(), self.p["start_paused"])
+        self._pace = PlaybackPace(self.p["rate"], time.monotonic(), self.p["start_paused"])
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Step, "~/step", self._on_step)
         self.add_on_set_parameters_callback(self._on_parameters)
@@ -129,8 +136,8 @@ class BagPlayer(GuardedNode):
 
     # what is played
 
-    def _selection(self) -> Selection:
-        played = Selection(self.p["topics"], self.p["exclude"])
+    def _selection(self) -> PlaybackSelection:
+        played = PlaybackSelection(self.p["topics"], self.p["exclude"])
         own = [
             name
             for name in self._bag.topics
@@ -144,7 +151,7 @@ class BagPlayer(GuardedNode):
             for name, info in chosen.items()
             if self._would_command(remap.get(name, name)) or not self._is_known(info)
         ]
-        return Selection(
+        return PlaybackSelection(
             topics=self.p["topics"],
             exclude=[*self.p["exclude"], *map(re.escape, unknown)],
             remap=remap,

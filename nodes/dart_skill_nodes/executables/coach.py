@@ -22,7 +22,7 @@ from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.practice import target_choice_of
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.person import Patience, Person
+from dart_skill_nodes.client.person import Patience, PersonAtTheArm
 from dart_skill_nodes.client.service_calls import PATIENCE, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
@@ -113,7 +113,7 @@ class CoachNode(GuardedNode):
             self, lambda: (OK, "practising" if self._goal else "waiting", {})
         )
 
-    def _make_person(self) -> Person:
+    def _make_person(self) -> PersonAtTheArm:
         if not self._skill.practised_by_hand:
             raise ValueError(
                 "with simulated:=false a person practises throws; let the skill"
@@ -125,7 +125,7 @@ class CoachNode(GuardedNode):
                 for name in ("longest_wait", "stand_back", "seat_tolerance", "basket_tolerance")
             )
         )
-        return Person(self, self._calls, self.p["frame_id"], self._name_of, patience)
+        return PersonAtTheArm(self, self._calls, self.p["frame_id"], self._name_of, patience)
 
     def _asked(self, situation: Situation):
         """What the skill takes of a situation; ValueError for one that is none."""

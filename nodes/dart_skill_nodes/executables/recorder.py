@@ -13,7 +13,7 @@ from pathlib import Path
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from dart_skill.recording import LogTime, types_for
-from dart_skill.recording.bags import Selection
+from dart_skill.recording.bags import PlaybackSelection
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.conversions import leading_stamp_ns
 from dart_skill_nodes.comms.matching_qos import message_class
@@ -76,7 +76,7 @@ class Recorder(BagKeeper):
     # life cycle
 
     def on_configure(self, state) -> TransitionCallbackReturn:
-        self._selection = Selection(self.p["topics"], self.p["exclude"])
+        self._selection = PlaybackSelection(self.p["topics"], self.p["exclude"])
         notes = dict(_pair(text) for text in self.p["notes"])
         path = Path(self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}")
         limits = {

@@ -39,7 +39,7 @@ from dart_skill_nodes.verbs._trials import practise, teach
 if TYPE_CHECKING:
     import numpy as np
 
-    from dart_skill.report import Phase
+    from dart_skill.report import RunPhase
     from dart_skill.session import TrialResult
     from dart_skill.skills.protocol import Skill
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -414,18 +414,18 @@ def _line(name: str, throws: list[dict]) -> str:
     return f"{name:>18}{inside:>8}{numbers}"
 
 
-def phases_of(summary: dict) -> "list[tuple[Phase, list[dict]]]":
+def phases_of(summary: dict) -> "list[tuple[RunPhase, list[dict]]]":
     """What all throws of a run were for, in order of time, with their rows."""
-    from dart_skill.report import Phase
+    from dart_skill.report import RunPhase
 
     found, done = [], 0
     for test in summary["tests"]:
         if practised := summary["throws"][done : test["after_throws"]]:
-            found.append((Phase("practised", len(practised), learned_from=True), practised))
+            found.append((RunPhase("practised", len(practised), learned_from=True), practised))
         done = max(done, test["after_throws"])
-        found.append((Phase(test["when"], len(test["throws"])), test["throws"]))
+        found.append((RunPhase(test["when"], len(test["throws"])), test["throws"]))
     if rest := summary["throws"][done:]:
-        found.append((Phase("practised", len(rest), learned_from=True), rest))
+        found.append((RunPhase("practised", len(rest), learned_from=True), rest))
     return found
 
 

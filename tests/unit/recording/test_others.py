@@ -39,7 +39,7 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.bags import Playback, Selection
+from dart_skill.recording.bags import Playback, PlaybackSelection
 from tests.unit.recording.bag_files import mcap_file
 
 POSE, TEXT, STATE, TF = (
@@ -243,7 +243,7 @@ THEIRS = {
 def test_bags_of_others_are_planned_message_by_message(tmp_path, writer):
     expected = list(texts())
     with BagReader(THEIRS[writer](tmp_path)) as reader:
-        playback = Playback(reader, Selection(clock_rate=0.0))
+        playback = Playback(reader, PlaybackSelection(clock_rate=0.0))
         assert {topic: info.type_name for topic, info in playback.topics.items()} == {
             "/said": TEXT,
             "/heard": TEXT,
@@ -252,7 +252,9 @@ def test_bags_of_others_are_planned_message_by_message(tmp_path, writer):
         assert due == [(topic, stamp, stamp - START_NS, data) for topic, stamp, data in expected]
         part = Playback(
             reader,
-            Selection(["/said"], remap={"/said": "/new"}, start=1.0, duration=1.0, clock_rate=0.0),
+            PlaybackSelection(
+                ["/said"], remap={"/said": "/new"}, start=1.0, duration=1.0, clock_rate=0.0
+            ),
         )
         since, until = START_NS + 10**9, START_NS + 2 * 10**9
         assert [(one.topic, one.stamp_ns) for one in part] == [

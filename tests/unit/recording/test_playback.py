@@ -12,7 +12,13 @@ from dart_skill.recording import (
     serialize,
     types_for,
 )
-from dart_skill.recording.bags import CLOCK_TYPE, Pace, Playback, Selection, clock_message
+from dart_skill.recording.bags import (
+    CLOCK_TYPE,
+    Playback,
+    PlaybackPace,
+    PlaybackSelection,
+    clock_message,
+)
 from tests.unit.recording.bag_files import write_bag
 
 TEXT = "std_msgs/msg/String"
@@ -37,7 +43,7 @@ def text(due):
 
 
 def test_every_message_is_due_when_it_was_recorded(bag):
-    playback = Playback(bag, Selection(clock_rate=0.0))
+    playback = Playback(bag, PlaybackSelection(clock_rate=0.0))
     dues = list(playback)
     assert not playback.makes_clock
     assert [text(due) for due in dues if due.topic == "/a"] == [f"a{k}" for k in range(31)]
@@ -53,7 +59,10 @@ def test_every_message_is_due_when_it_was_recorded(bag):
 
 def test_part_of_a_bag_under_another_name(bag):
     playback = Playback(
-        bag, Selection(topics=["/a"], remap={"/a": "/z"}, start=0.95, duration=1.0, clock_rate=0.0)
+        bag,
+        PlaybackSelection(
+            topics=["/a"], remap={"/a": "/z"}, start=0.95, duration=1.0, clock_rate=0.0
+        ),
     )
     assert list(playback.topics) == ["/z"]
     assert [text(due) for due in playback] == [f"a{k}" for k in range(10, 20)]
@@ -61,7 +70,7 @@ def test_part_of_a_bag_under_another_name(bag):
 
 
 def test_the_clock_ticks_between_messages_and_never_ahead_of_them(bag):
-    dues = list(Playback(bag, Selection(clock_rate=4.0)))
+    dues = list(Playback(bag, PlaybackSelection(clock_rate=4.0)))
     ticks = [due for due in dues if due.topic == "/clock"]
     assert [due.stamp_ns for due in ticks] == [5 * SECOND + k * SECOND // 4 for k in range(13)]
     assert [due.position_ns for due in dues] == sorted(due.position_ns for due in dues)
@@ -74,7 +83,7 @@ def test_the_clock_ticks_between_messages_and_never_ahead_of_them(bag):
 
 
 def test_a_loop_begins_again_and_its_positions_go_on(bag):
-    playback = iter(Playback(bag, Selection(topics=["/b"], loop=True, clock_rate=0.0)))
+    playback = iter(Playback(bag, PlaybackSelection(topics=["/b"], loop=True, clock_rate=0.0)))
     dues = [next(playback) for _ in range(9)]
     assert [text(due) for due in dues] == ["b0", "b10", "b20", "b30"] * 2 + ["b0"]
     positions = [due.position_ns for due in dues]
@@ -97,11 +106,11 @@ def test_a_loop_begins_again_and_its_positions_go_on(bag):
 )
 def test_what_cannot_be_played_is_refused_with_a_reason(bag, selection, complaint):
     with pytest.raises(ValueError, match=complaint):
-        Playback(bag, Selection(**selection))
+        Playback(bag, PlaybackSelection(**selection))
 
 
 def test_positions_follow_the_clock_at_the_rate():
-    pace = Pace(2.0, now=100.0)
+    pace = PlaybackPace(2.0, now=100.0)
     assert pace.position_ns(101.5) == 3 * SECOND
     assert pace.wait(4 * SECOND, 101.5) == pytest.approx(0.5)
     assert pace.wait(2 * SECOND, 101.5) == 0.0
@@ -111,7 +120,7 @@ def test_positions_follow_the_clock_at_the_rate():
 
 
 def test_a_pause_takes_no_time_of_the_bag():
-    pace = Pace(1.0, now=0.0)
+    pace = PlaybackPace(1.0, now=0.0)
     pace.pause(True, 2.0)
     assert pace.position_ns(50.0) == 2 * SECOND
     assert pace.wait(3 * SECOND, 50.0) == math.inf
@@ -120,7 +129,7 @@ def test_a_pause_takes_no_time_of_the_bag():
 
 
 def test_steps_while_paused_move_where_playing_goes_on():
-    pace = Pace(1.0, now=0.0, paused=True)
+    pace = PlaybackPace(1.0, now=0.0, paused=True)
     assert pace.wait(0, 3.0) == math.inf
     pace.reach(7 * SECOND, 3.0)
     pace.pause(False, 10.0)
@@ -128,7 +137,7 @@ def test_steps_while_paused_move_where_playing_goes_on():
 
 
 def test_as_fast_as_can_be_waits_for_nothing_and_can_slow_down():
-    pace = Pace(0.0, now=0.0)
+    pace = PlaybackPace(0.0, now=0.0)
     assert pace.wait(10**15, 0.0) == 0.0
     pace.reach(9 * SECOND, 1.0)
     pace.set_rate(1.0, 5.0)
@@ -136,8 +145,8 @@ def test_as_fast_as_can_be_waits_for_nothing_and_can_slow_down():
 
 
 def test_playing_hurries_flat_out_or_when_it_is_behind():
-    assert Pace(0.0, now=0.0).hurries(10, now=0.0)
-    pace = Pace(4.0, now=0.0)
+    assert PlaybackPace(0.0, now=0.0).hurries(10, now=0.0)
+    pace = PlaybackPace(4.0, now=0.0)
     assert not pace.hurries(2 * SECOND, now=0.5)
     assert not pace.hurries(2 * SECOND, now=0.99) and pace.hurries(2 * SECOND, now=1.01), (
         "half a second late"
@@ -150,4 +159,4 @@ def test_playing_hurries_flat_out_or_when_it_is_behind():
 @pytest.mark.parametrize("rate", [-1.0, math.nan, math.inf])
 def test_rates_that_are_none_are_refused(rate):
     with pytest.raises(ValueError, match="rate = "):
-        Pace(rate, 0.0)
+        PlaybackPace(rate, 0.0)

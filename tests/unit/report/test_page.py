@@ -22,8 +22,8 @@ from dart_skill.recording import BagWriter, GraphBag, read_command
 from dart_skill.report import (
     About,
     Movement,
-    Phase,
     Run,
+    RunPhase,
     page_of,
     pictures,
     play,
@@ -167,7 +167,11 @@ def test_a_narrow_screen_gets_figures_of_its_own_whose_letters_it_can_read():
 # practice
 
 
-PHASES = (Phase("before practice", 5), Phase("practised", 10, True), Phase("after practice", 5))
+PHASES = (
+    RunPhase("before practice", 5),
+    RunPhase("practised", 10, True),
+    RunPhase("after practice", 5),
+)
 
 
 def practised_run():

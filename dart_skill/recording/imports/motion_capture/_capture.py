@@ -23,7 +23,7 @@ from dart_skill.recording.imports.mapping import (
     PoseSource,
 )
 from dart_skill.recording.imports.pose_stream import UP_AXES, Axes
-from dart_skill.recording.imports.text_files import Row, TextFile, Timing
+from dart_skill.recording.imports.text_files import TextFile, TextRow, Timing
 
 LENGTH_WORDS = {
     "m": ("m", "meter", "meters", "metre", "metres"),
@@ -153,7 +153,7 @@ def marker(name: str, place: int) -> Body:
 
 def capture_of_rows(
     file: TextFile,
-    rows: Callable[[], Iterable[Row]],
+    rows: Callable[[], Iterable[TextRow]],
     timing: Timing,
     bodies: Sequence[Body],
     length: str = "",

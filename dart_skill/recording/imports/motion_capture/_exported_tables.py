@@ -27,7 +27,7 @@ from dart_skill.recording.imports.motion_capture._capture import (
     marker,
 )
 from dart_skill.recording.imports.pose_stream import AS_OURS
-from dart_skill.recording.imports.text_files import Row, TextFile, Timing, number_told
+from dart_skill.recording.imports.text_files import TextFile, TextRow, Timing, number_told
 
 NAMES = ("MARKER_NAMES", "BODY_NAMES")
 """Keys of the lines with the names of markers and of bodies."""
@@ -95,7 +95,7 @@ def looks_like_qualisys(lines: Sequence[str]) -> bool:
 
 
 def _qualisys_bodies(
-    names: list[str], columns: list[str], are_bodies: bool, row: Row
+    names: list[str], columns: list[str], are_bodies: bool, row: TextRow
 ) -> tuple[tuple[Body, ...], int]:
     """Bodies with their columns, none if these do not fit; and how many columns with frame and
     time are before them.
@@ -203,10 +203,10 @@ def _is_header(cells: Sequence[str]) -> bool:
     ]
 
 
-def _headers(file: TextFile) -> list[tuple[Row, Row, Row]]:
+def _headers(file: TextFile) -> list[tuple[TextRow, TextRow, TextRow]]:
     """The rows of each block with rate, names and columns."""
     found = []
-    latest: deque[Row] = deque(maxlen=3)
+    latest: deque[TextRow] = deque(maxlen=3)
     for row in file.rows():
         latest.append(row)
         if _is_header(row.cells) and len(latest) == 3:
@@ -214,7 +214,7 @@ def _headers(file: TextFile) -> list[tuple[Row, Row, Row]]:
     return found
 
 
-def _block(file: TextFile, above: tuple[Row, Row, Row], where: CaptureFile) -> Capture:
+def _block(file: TextFile, above: tuple[TextRow, TextRow, TextRow], where: CaptureFile) -> Capture:
     rate, names, columns = above
     told = number_told(rate.cells[0].strip()) or 0.0
     timing = Timing(0, rate=agreed_rate(file.path, max(0.0, told), where.rate))
@@ -226,7 +226,7 @@ def _block(file: TextFile, above: tuple[Row, Row, Row], where: CaptureFile) -> C
             f"lengths are in {' and '.join(sorted(lengths))}: export them in one unit", units
         )
 
-    def numbered() -> Iterator[Row]:
+    def numbered() -> Iterator[TextRow]:
         return takewhile(
             lambda row: len(row.cells) > 1 and row.cells[0].strip().isdigit(),
             islice(file.rows(columns.number), is_told, None),

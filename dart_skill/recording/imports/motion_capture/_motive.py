@@ -24,7 +24,7 @@ from dart_skill.recording.imports.motion_capture._capture import (
     capture_of_rows,
     length_told,
 )
-from dart_skill.recording.imports.text_files import Row, TextFile, Timing, number_told
+from dart_skill.recording.imports.text_files import TextFile, TextRow, Timing, number_told
 
 KEYS = (
     "format version",
@@ -112,9 +112,9 @@ def looks_like_motive(lines: Sequence[str]) -> bool:
     )
 
 
-def _head(file: TextFile) -> tuple[list[Row], Row | None]:
+def _head(file: TextFile) -> tuple[list[TextRow], TextRow | None]:
     """Rows above the numbers, and the first row of numbers."""
-    head: list[Row] = []
+    head: list[TextRow] = []
     for row in file.rows():
         first = row.cells[0].strip()
         if (
@@ -129,7 +129,7 @@ def _head(file: TextFile) -> tuple[list[Row], Row | None]:
     return head, None
 
 
-def _about(file: TextFile, head: Sequence[Row]) -> dict[str, str]:
+def _about(file: TextFile, head: Sequence[TextRow]) -> dict[str, str]:
     """Values of the known keys of the first line, by the key in small letters; a note may have
     made several lines of it.
     """
@@ -148,7 +148,7 @@ def _about(file: TextFile, head: Sequence[Row]) -> dict[str, str]:
 
 
 def _bodies(
-    file: TextFile, head: Sequence[Row], about: dict[str, str], where: CaptureFile
+    file: TextFile, head: Sequence[TextRow], about: dict[str, str], where: CaptureFile
 ) -> tuple[Body, ...]:
     *above, what, axes = [row.cells for row in head]
     above = [cells for cells in above if not cells[0].strip() and len(cells) > 2]
@@ -247,7 +247,7 @@ def _refused(body: Body, space: str) -> Body:
 
 
 def _timing(
-    file: TextFile, head: Sequence[Row], about: dict[str, str], where: CaptureFile, unit: str
+    file: TextFile, head: Sequence[TextRow], about: dict[str, str], where: CaptureFile, unit: str
 ) -> Timing:
     """The column of times, which is beside that of the frames, else the frames with their rate."""
     *_, what, axes = [row.cells for row in head]
@@ -265,7 +265,7 @@ def _timing(
     return Timing(0, rate=agreed_rate(file.path, rate, where.rate))
 
 
-def _old(file: TextFile, head: Sequence[Row]) -> Capture:
+def _old(file: TextFile, head: Sequence[TextRow]) -> Capture:
     """An export of Motive 1.0 or 1.1: in the line of a frame are the bodies that were seen in it."""
     defining = list(takewhile(lambda row: row.cells[0].strip().lower() != "frame", head))
     if any(row.cells[0].strip().lower() == "lefthanded" for row in defining):
@@ -299,6 +299,6 @@ def _read_old(
             if at < len(cells)
         }
         values = [value for k in wanted for value in seen.get(idents[k], [""] * 7)]
-        lines.append(Row(row.number, [cells[2], *values]))
+        lines.append(TextRow(row.number, [cells[2], *values]))
     order = [1 + 7 * wanted.index(place // 7) + place % 7 for place in places]
     return file.read(lines, Timing(0), order)

@@ -30,7 +30,7 @@ from dart_skill.recording.imports.motion_capture._capture import (
     of_frames,
 )
 from dart_skill.recording.imports.pose_stream import UP_AXES
-from dart_skill.recording.imports.text_files import Row, TextFile, Timing, number_told
+from dart_skill.recording.imports.text_files import TextFile, TextRow, Timing, number_told
 
 
 def read_trc(file: TextFile, unit: str) -> Capture:
@@ -41,7 +41,7 @@ def read_trc(file: TextFile, unit: str) -> Capture:
     unit
         Of these, of TIME_UNITS.
     """
-    head: list[Row] = []
+    head: list[TextRow] = []
     for row in file.rows():
         if row.cells[0].strip().isdigit() and len(head) > 3:
             break
@@ -214,7 +214,7 @@ def _hierarchy(file: TextFile) -> tuple[list[_Joint], int, float]:
     raise file.error("no BVH file: after the hierarchy of joints 'Frame Time:' is missing")
 
 
-def _numbers(file: TextFile, row: Row, cells: Sequence[str]) -> np.ndarray:
+def _numbers(file: TextFile, row: TextRow, cells: Sequence[str]) -> np.ndarray:
     numbers = [number_told(cell) for cell in cells]
     if None in numbers:
         raise file.error(f"'{' '.join(cells)}' are no numbers", row)
