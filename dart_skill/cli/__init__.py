@@ -18,7 +18,7 @@ def main(arguments: list[str] | None = None) -> int:
     int
         The exit status.
     """
-    if arguments is None:  # this process is the command, and nobody else's
+    if arguments is None:  # this process is the command's own
         _seldom_look_for_garbage()
     loads = (
         threading.current_thread() is threading.main_thread()

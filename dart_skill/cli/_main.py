@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
         print("dart-skill: stopped", file=sys.stderr)
         _stopped.set()
         return 128 + signal.SIGINT
-    except BrokenPipeError:  # `dart-skill ... | head`: nobody reads on, and the interpreter would complain about it at its end
+    except BrokenPipeError:  # `dart-skill ... | head`: the reader has gone, and the interpreter would complain about it at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except ImportError as error:

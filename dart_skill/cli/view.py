@@ -235,7 +235,7 @@ def run_to_the_end(command: Sequence[str], environment: dict[str, str]) -> int:
     """Run a program and whatever it starts until it ends, or until Ctrl-C or SIGTERM, which is no
     error; its status, 0 or 1.
     """
-    # Whoever is asked to end ends what it started; a shell may have switched SIGINT off for what
+    # A command that is asked to end ends what it started; a shell may have switched SIGINT off for what
     # runs in the background. A signal that comes while the program starts is kept until there is a
     # process to end.
     early: list[int] = []

@@ -17,7 +17,7 @@ BULL_DISTANCE, BULL_HEIGHT = 2.37, 1.73
 [m].
 """
 REMEMBERED = 2000
-"""So many throws of a bag are learned from at most, where nobody asks for more: a lesson from them
+"""Largest number of throws of a bag that are learned from, by default: a lesson from them
 takes a second.
 """
 PARTITIONS = ("time", "em")

@@ -68,7 +68,7 @@ def optional(module: str) -> ModuleType:
 
 
 class Absent:
-    """Stands for a module that is not installed: whoever asks it for anything gets the error of
+    """Stands for a module that is not installed: what asks it for anything gets the error of
     its import.
     """
 

@@ -28,7 +28,7 @@ class PhaseRule:
         Float, default 0.05 [s]. w, standard deviation of the phase in the correction.
     ignored
         Float, default 0 [s]. |d| is less by so much, and at least 0: what an arm lags or leads by
-        that nobody disturbs.
+        without a disturbance.
     """
 
     slowest: float = 0.05

@@ -245,7 +245,7 @@ def estimate_from_points(
         As in `estimate_from_scores`.
     misses
         Int, default 0. Number of darts that missed the board and have no impact; "unrecorded" if
-        nobody counted them.
+        they were not counted.
     """
     return _estimate(throws_from_points(points, aim, misses), model, bias)
 

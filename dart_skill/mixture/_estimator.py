@@ -100,7 +100,7 @@ class _Estimator(HyperParameters):
 
     def _require_fitted(self) -> None:
         if not hasattr(self, "mixture_"):
-            # Whoever catches scikit-learn's own error has loaded it, and it is a ValueError, too.
+            # Code that catches scikit-learn's own error has loaded it, and it is a ValueError, too.
             kind = getattr(sys.modules.get("sklearn.exceptions"), "NotFittedError", ValueError)
             raise kind(f"this {type(self).__name__} is not fitted yet; call fit first")
 

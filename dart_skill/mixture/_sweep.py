@@ -57,7 +57,7 @@ DEAD_SHARE = 1e-3
 
 # glibc gives the memory of an array above a threshold back to the system, and gets the next one
 # page by page: a tenth of the time of a fit. The threshold grows to the size of the largest array
-# that was freed (mallopt(3), M_MMAP_THRESHOLD), here to 4 MB that nobody touches.
+# that was freed (mallopt(3), M_MMAP_THRESHOLD), here to 4 MB that are not touched.
 np.empty(4 << 20, np.uint8)
 
 

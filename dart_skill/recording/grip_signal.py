@@ -36,7 +36,7 @@ class Opening:
 
 
 class GripSignal:
-    """Instants at which the hand was told to open, and at which somebody pushed the arm, in order
+    """Instants at which the hand was told to open, and at which the arm was pushed, in order
     of time [ns].
     """
 
@@ -72,7 +72,7 @@ class GripSignal:
         self._pressed = pressed
 
     def pushed_before(self, stamp_ns: int) -> bool:
-        """Whether somebody pushed so shortly before an instant that the arm was guided."""
+        """Whether the arm was pushed, and so guided, shortly before an instant."""
         k = bisect_right(self.pushes, stamp_ns)
         return k > 0 and self.pushes[k - 1] > stamp_ns - GUIDED_NS
 

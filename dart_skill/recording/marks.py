@@ -2,7 +2,7 @@
 demonstration counts.
 
 A demonstration is called after the instant at which the hand was told to open, so that its name is
-unique: among those of a recorder that was started again, too, and whoever finds the throw in a
+unique: among those of a recorder that was started again, too, and a reader that finds the throw in a
 recording again calls it the same.
 """
 
@@ -17,7 +17,7 @@ from dart_skill.recording.bags import BagError, GraphBag
 from dart_skill.recording.demonstration import stamp_ns
 
 AS_ASKED = "as asked"
-"""The reason why a demonstration is left out that somebody named."""
+"""The reason why a demonstration is left out that was named."""
 DROPPED = "dropped while it was recorded"
 """The reason why a demonstration is left out that was dropped by its mark."""
 MARK_TYPE = "dart_skill_msgs/msg/DemonstrationMark"
@@ -76,13 +76,13 @@ def read_dropped(bag_path: str | os.PathLike) -> set[str]:
 
 
 def unwanted(bag_path: str | os.PathLike, without: Iterable[str]) -> dict[str, str]:
-    """By its id, the reason why a demonstration of a bag is left out: it was dropped, or somebody
+    """By its id, the reason why a demonstration of a bag is left out: it was dropped, or it was
     asks for that now.
 
     Parameters
     ----------
     without
-        Ids that somebody names.
+        Ids that are named.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A mapping that nobody wrote: roles by the names of topics, and what mends a disagreement of
+"""A mapping that is found: roles by the names of topics, and what mends a disagreement of
 joints and cameras.
 """
 

@@ -65,7 +65,7 @@ def found_in(
 def _openings(
     recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold
 ) -> list[Opening]:
-    """When the hand was told to open between two stamps, or if nobody kept that, when the ball
+    """When the hand was told to open between two stamps, or if that was not kept, when the ball
     left it.
     """
     if recording.has_button:

@@ -1,7 +1,7 @@
 """Learning from a recording alone: throws are found in the raw streams, cut as the recorder cuts
 them, and learned from.
 
-A throw is found by the command that opens the hand; in recordings where nobody kept it, by a
+A throw is found by the command that opens the hand; in recordings without it, by a
 motion of the hand (thesis 8.4.3) out of which the ball flies. A throw that a person guided and
 that went into the basket is a demonstration; the arm's own throws and misses can be learned from
 too, as what they are: throws at where the ball came down (8.2).
@@ -56,7 +56,7 @@ FAR_TURN = 0.2
 FAR_SHIFT = 0.2
 """Shift between cameras and arm that a mapping must say [m]."""
 MISSED = "missed the basket"
-"""Why a throw is left out that somebody guided elsewhere."""
+"""Why a throw is left out that was guided elsewhere."""
 
 
 MOST_FAULTS = 8
@@ -303,7 +303,7 @@ def _reasons(
 
 
 def _unless(throw: FoundThrow, reasons: Mapping[str, str]) -> FoundThrow:
-    """The throw with the reason why somebody did not want it, if so."""
+    """The throw with the reason why it is not wanted, if so."""
     if throw.demonstration is None or throw.reason:
         return throw
     return replace(throw, reason=reasons.get(throw.demonstration.id, ""))

@@ -94,7 +94,7 @@ class ShownSkill:
     left_out
         By the id of a demonstration, or the time of a throw, why it is not among them.
     commands
-        Of each who moves the arm; empty if nobody recorded them.
+        Of each who moves the arm; empty if they were not recorded.
     """
 
     skill: Skill

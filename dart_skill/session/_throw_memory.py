@@ -37,7 +37,7 @@ class ThrowMemory:
         self._kept: dict[bool, list[int]] = {
             True: [],
             False: [],
-        }  # places in `throws`, by whether somebody guided the throw
+        }  # places in `throws`, by whether the throw was guided
         self._crowds = {True: Coverage(), False: Coverage()}
 
     def take(self, throws: Iterable[FoundThrow]) -> None:

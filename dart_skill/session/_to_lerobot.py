@@ -185,7 +185,7 @@ def frames_of(one: Shown, shown: ShownSkill, fps: int) -> dict[str, np.ndarray]:
 
 
 def _pose_rows(one: Shown, role: str, frames: np.ndarray, fps: int) -> np.ndarray:
-    """(n, 8) of a body; where nobody saw it as it was last seen, and of one that was never seen
+    """(n, 8) of a body; where it was not seen as it was last seen, and of one that was never seen
     zeros, unturned.
     """
     if role not in one.tracks:
@@ -200,7 +200,7 @@ def _pose_rows(one: Shown, role: str, frames: np.ndarray, fps: int) -> np.ndarra
 
 
 def _command_rows(one: Shown, stream: CommandStream, frames: np.ndarray, fps: int) -> np.ndarray:
-    """(n, 13), means over the frames; nothing where nobody told the arm anything."""
+    """(n, 13), means over the frames; nothing where the arm was told nothing."""
     begin = one.stamp_ns - round(1e9 * HOLD)
     kept = (stream.stamp_ns >= begin) & (
         stream.stamp_ns <= one.stamp_ns + round(1e9 * (frames[-1] + 1.0 / fps))

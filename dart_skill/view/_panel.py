@@ -36,7 +36,7 @@ says is cut there.
 
 @dataclass(frozen=True)
 class Request:
-    """What somebody asked for with a control, and its details.
+    """What was asked for with a control, and its details.
 
     Parameters
     ----------

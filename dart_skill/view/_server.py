@@ -121,7 +121,7 @@ def is_own_page(headers: Mapping[str, str]) -> bool:
     """Whether a websocket was opened by a page of this server, or by a program that is no browser.
 
     Browsers let every page open a websocket to every address, so a page on the web could move the
-    arm. Its `Origin` gives it away; and a name that somebody else gave to this machine's address
+    arm. Its `Origin` gives it away; and a name that another person gave to this machine's address
     (DNS rebinding) is neither an address nor one of its own names.
     """
     origin = headers.get("Origin")

@@ -224,7 +224,7 @@ def _error_title(throws: ModelThrows) -> str:
     unseen = len(throws.error) - seen.sum() - throws.refused.sum()
     return (
         f"Landing error: {median} of {seen.sum()} throws;\n{throws.refused.sum()} refused,"
-        f" {unseen} whose landing nobody saw"
+        f" {unseen} whose landing was not seen"
     )
 
 

@@ -1,7 +1,7 @@
 """Reaches into cups on belts that were not shown: how many end in the cup, how near, and why the
 others do not.
 
-Some are made a second time while somebody holds the hand for a second, and once the cup goes into
+Some are made a second time while the hand is held for a second, and once the cup goes into
 a tunnel.
 """
 

@@ -1,5 +1,5 @@
 """Figure 8.6: 13 demonstrations with gripper frames and targets, and the throw at a basket that
-nobody demonstrated.
+was not demonstrated.
 
 The thesis draws what its global model (two frames, three components) makes of a new target, and
 says that it is as smooth as the demonstrations. Here the same stands beside what `default` makes

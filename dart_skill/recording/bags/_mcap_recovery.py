@@ -281,7 +281,7 @@ class _McapRecovery(FileRecovery):
         self.bag.unpacked.before = self.begin
         self.counted = (
             self.counted and not self.is_one_of_several
-        )  # whether they are one recording or several, nobody knows
+        )  # whether they are one recording or several is unknown
         for found in walk(self.data, self.summary, self.bag.unpacked):
             if isinstance(found, Damage):
                 self._damage(found)

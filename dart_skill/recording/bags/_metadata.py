@@ -343,7 +343,7 @@ def profiles(topic: str, told: Any) -> tuple[Qos, ...]:
     """QoS profiles of a topic as `rosbags` has them, from a list of them or its YAML text; none of
     what cannot be read.
 
-    What a profile does not say is as ROS 2 has it without being told; a policy that nobody knows
+    What a profile does not say is as ROS 2 has it without being told; an unknown policy
     is UNKNOWN.
     """
     try:

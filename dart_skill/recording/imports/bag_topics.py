@@ -137,7 +137,7 @@ def _sources(mapping: RecordingMapping) -> dict[str, PoseSource | SignalSource]:
 
 def read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterator[dict[str, Any]]:
     """What was collected for each role that is a topic, part by part; all at once for 0, or where
-    nobody told the hand to open.
+    the hand was not told to open.
 
     Parameters
     ----------

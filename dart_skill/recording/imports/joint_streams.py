@@ -334,7 +334,7 @@ def _log_of(voices: list[_Voice], names: tuple[str, ...]) -> np.ndarray:
 
 
 def _are_at_once(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether somebody spoke while somebody else did: log times (n,), (m,), ascending, of both
+    """Whether one publisher spoke while another did: log times (n,), (m,), ascending, of both
     [ns].
     """
     if not (len(one) and len(other)):

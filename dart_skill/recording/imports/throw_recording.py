@@ -85,7 +85,7 @@ class ThrowRecording:
     openings
         When the hand was told to open, in order of time.
     has_button
-        Whether somebody recorded at all when the hand was told to open.
+        Whether anything was recorded when the hand was told to open.
     faults
         Found in poses, joint states and stamps.
     frame_id

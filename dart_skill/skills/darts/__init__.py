@@ -32,7 +32,7 @@ AIM = ("right", "up")
 [m].
 """
 FARTHEST_AIM = BOARD_DIAMETER
-"""Nobody aims farther from the bull than this [m]."""
+"""Largest distance of an aim from the bull [m]."""
 
 
 SEEN = 0.014

@@ -23,7 +23,7 @@ class HandSeen:
     Parameters
     ----------
     name
-        Of the hand's body; empty: nobody looks.
+        Of the hand's body; empty: it is not looked at.
     """
 
     def __init__(self, name: str):

@@ -85,7 +85,7 @@ class ReactiveGuide:
         Of the cameras that see the poses; the frames are those of the arm.
     hand
         Name of the hand's own body. Where the cameras see it counts, and not where the arm takes
-        it to be; empty: nobody looks.
+        it to be; empty: it is not looked at.
     speed
         That the person chose.
     carries

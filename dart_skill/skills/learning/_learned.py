@@ -215,7 +215,7 @@ class LearnedSkill(MovementModel):
         )
         from scipy.spatial.transform import (
             Rotation,
-        )  # whoever learns or carries out throws needs none
+        )  # throws do without
 
         turn = Rotation.from_matrix(orientations(np.hstack([x_axis.position, z_axis.position])))
         spin = angular_velocity(clock, turn.as_quat())

@@ -159,6 +159,6 @@ def _in_words(told: Sequence[Grip]) -> str:
 
 
 def _mean_orientation(quaternions: Sequence[np.ndarray]) -> np.ndarray:
-    from scipy.spatial.transform import Rotation  # whoever learns or carries out throws needs none
+    from scipy.spatial.transform import Rotation  # throws do without
 
     return Rotation.from_quat(np.array(quaternions)).mean().as_quat()

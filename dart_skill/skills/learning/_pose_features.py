@@ -27,7 +27,7 @@ def pose_features(position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
     """Position [m], x axis and z axis of hands (n, 9), from positions (n, 3) and quaternions (n,
     4).
     """
-    from scipy.spatial.transform import Rotation  # whoever learns or carries out throws needs none
+    from scipy.spatial.transform import Rotation  # throws do without
 
     axes = Rotation.from_quat(quaternion).as_matrix()
     return np.hstack([position, axes[:, :, 0], axes[:, :, 2]])

@@ -213,7 +213,7 @@ def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> 
 
 
 def _sealed(throw: PreparedThrow) -> PreparedThrow:
-    """The same, with arrays that nobody can write to, as many lessons share them."""
+    """The same, with read-only arrays, as many lessons share them."""
     for part in (throw, throw.release, throw.release.flight, throw.sightings):
         for value in vars(part).values():
             if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""The throwing skill: DS-GMR over demonstrations, and plans for baskets that nobody demonstrated.
+"""The throwing skill: DS-GMR over demonstrations, and plans for baskets that were not demonstrated.
 
 `DSGMR` learns the movement and makes it for a new task parameter; in configurations in which the
 state of the arm drives the movement it is `AutonomousDSGMR`. docs/learning.md explains both. This

@@ -1,4 +1,4 @@
-"""What somebody needs to understand a bag: the arm, and the parameters in force."""
+"""What a reader needs to understand a bag: the arm, and the parameters in force."""
 
 from __future__ import annotations
 

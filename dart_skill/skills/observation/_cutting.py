@@ -148,7 +148,7 @@ class ThrowLog(SensorLog):
             self.opened_ns = stamp_ns
 
     def add_release(self, stamp_ns: int) -> None:
-        """The ball was seen to leave the hand: where nobody knows when the hand was told to open,
+        """The ball was seen to leave the hand: where it is not known when the hand was told to open,
         this tells which motion is the throw.
         """
         if self.left_ns is None:

@@ -114,7 +114,7 @@ def fit_about_the_middle(
 
 def _of_another_ball(time: np.ndarray, position: np.ndarray, fit: FlightFit) -> FlightFit:
     """The flight with the drag that explains it best, up to four times the ball's, if it explains
-    it much better: nobody may have said that it is another ball.
+    it much better: it may be another ball, which is not said.
     """
     from scipy.optimize import minimize_scalar  # a ball that was expected needs none
 

@@ -1,4 +1,4 @@
-"""How noisy a tracked body is, told from its own samples: nobody has to know the cameras."""
+"""How noisy a tracked body is, told from its own samples, without knowledge of the cameras."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class FoundThrow:
 
 
 class ThrowFinder:
-    """Finds throws while they are made, in a log that somebody fills: tell of every command, then
+    """Finds throws while they are made, in a log that is being filled: tell of every command, then
     ask for the throws that were watched to their end.
     """
 

@@ -444,7 +444,7 @@ def repeatable_miss(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Place (2,) that the plan's own path would send a ball to, how far from it the ball came down
     that was seen (3,), and how far from it the path would have sent a ball that is released `late`
-    [s]: along, across [m] or, on a board, up, left. A release nobody saw, nan, counts as one on
+    [s]: along, across [m] or, on a board, up, left. A release that was not seen, nan, counts as one on
     time.
     """
     meant = landing_if_late(plan, 0.0, game)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 UNKNOWN = 0.05
-"""Error [m] that is expected where nobody has thrown: it takes worse ones than this to be sent
+"""Error [m] that is expected where nothing was thrown: it takes worse ones than this to be sent
 back to a place at once.
 """
 LENGTHS = (0.25, 0.35)
@@ -15,7 +15,7 @@ LENGTHS = (0.25, 0.35)
 FADING = 0.95
 """Weight that an error loses with each later throw: the skill has learned since."""
 UNSEEN = 0.3
-"""Error [m] of a throw whose landing nobody saw."""
+"""Error [m] of a throw whose landing was not seen."""
 ODD = 2.0
 """A throw that was so many times as bad as expected asks for one elsewhere."""
 ELSEWHERE = (0.4, 0.5)
@@ -35,7 +35,7 @@ class Curriculum:
         self._odd: np.ndarray | None = None
 
     def tell(self, target: np.ndarray, error: float) -> None:
-        """A throw at a target (3,) missed by `error` [m], nan if nobody saw by how much."""
+        """A throw at a target (3,) missed by `error` [m], nan if it was not seen."""
         error = UNSEEN if not np.isfinite(error) else float(error)
         odd = error > ODD * self.expected_error(np.asarray(target)[None])[0]
         self._add(target, error, 1.0)

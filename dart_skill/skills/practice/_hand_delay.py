@@ -45,7 +45,7 @@ class HandDelay:
         return float(np.sqrt(squares / (PRIOR_WEIGHT + max(len(self._delays) - 1, 0))))
 
     def add(self, delay: float, uncertainty: float = 0.0) -> None:
-        """One more opening, seen with an uncertainty [s]; nan, of one that nobody saw, tells
+        """One more opening, seen with an uncertainty [s]; nan, of one that was not seen, tells
         nothing. A surprise counts from the second one on.
         """
         if not (np.isfinite(delay) and uncertainty <= CLEARLY):

@@ -43,7 +43,7 @@ class Steadiness:
 
     def add(self, kind: tuple[float, ...], late: float, miss: np.ndarray) -> None:
         """A release that came `late` [s], and the miss (2,) [m] that is not due to it by the plan;
-        one that nobody saw tells nothing.
+        one that was not seen tells nothing.
 
         Throws of one kind, for one target, have the rest of their miss in common.
         """

@@ -204,7 +204,7 @@ class ReactiveSkillSettings(SkillSettings):
     time_constant
         Of the correction of the phase [s].
     ignored
-        What a hand lags or leads by that nobody disturbs [s].
+        What a hand lags or leads by without a disturbance [s].
     catch_up
         A hand that was left behind catches up no faster than so much above the speed of the motion
         [m/s].

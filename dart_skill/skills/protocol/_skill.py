@@ -65,12 +65,12 @@ class TaskOutcome:
     success
         Whether it did what it was for.
     error
-        How far from perfect it was [m]; nan if nobody can tell.
+        How far from perfect it was [m]; nan if it cannot be told.
     reason
         Of a failure, in words; empty for a success.
     miss
         Where the body that practice corrects (`Skill.corrects`) seems to be off (3,) [m], in its
-        own axes; nan if nobody can tell.
+        own axes; nan if it cannot be told.
     observed
         Places (3,) [m] and velocities (3,) [m/s] at instants that the skill names, as the release
         of a ball.
@@ -181,7 +181,7 @@ class Skill:
 
     @property
     def moves(self) -> str:
-        """Role of what the movement moves, without which nobody sees what comes of it: the first
+        """Role of what the movement moves, without which it is not seen what comes of it: the first
         body, or the hand where there is none.
         """
         return self.bodies[0] if self.bodies else HAND
@@ -212,7 +212,7 @@ class Skill:
     ) -> None:
         """ValueError for a body or a number that the skill does not have.
 
-        * bodies, numbers: their names in a situation that somebody asks for.
+        * bodies, numbers: their names in a situation that is asked for.
         * shown: names of further numbers, with which it was shown.
         """
         known = {"body": (HAND, *self.bodies), "number": (*self.numbers, *shown)}
@@ -233,7 +233,7 @@ class Skill:
         return ()
 
     def loaded(self, description: WamDescription) -> WamDescription:
-        """The arm with what its hand may hold, as whoever uses the skill knows it
+        """The arm with what its hand may hold, as the skill's user knows it
         (`robot.with_box`). Default: as it is described.
         """
         return description
@@ -469,7 +469,7 @@ class Skill:
         Raises
         ------
         ValueError
-            If nobody can show it.
+            If it cannot be shown.
         """
         raise ValueError(
             f"nobody can show the skill '{self.name}' in simulation: write"
@@ -495,7 +495,7 @@ class Skill:
         return [self.draw(rng) for _ in range(n)]
 
     def unhurried(self, situation: Situation) -> Situation:
-        """A situation in which the skill is shown, for somebody with a mouse, who takes their
+        """A situation in which the skill is shown, for a person with a mouse, who takes their
         time. Default: the same.
         """
         return situation

@@ -28,7 +28,7 @@ class SkillWords:
     off, unseen
         What stands behind an error, and in its place.
     outcome
-        What nobody knows without cameras.
+        What is not known without cameras.
     result
         A trial that succeeded, and one that did not, in a word each.
     lesson

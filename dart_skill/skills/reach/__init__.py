@@ -1,7 +1,7 @@
 """Reach into a cup that moves: over its rim, and down to its middle.
 
 Two task frames: where the hand starts, and the cup, which moves. The model is asked at every state
-of the arm with the cup where it is seen then, so nobody must know what the cup will do.
+of the arm with the cup where it is seen then, so it need not be known what the cup will do.
 """
 
 from __future__ import annotations

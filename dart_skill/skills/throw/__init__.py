@@ -258,7 +258,7 @@ class Throw(Skill):
         Raises
         ------
         ValueError
-            If nobody saw that.
+            If that was not seen.
         """
         middle = self.at(np.array(self.middle))
         outcome = self.judge(demonstration, middle)

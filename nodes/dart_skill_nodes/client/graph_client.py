@@ -130,8 +130,8 @@ class GraphClient:
         self.reach(self._learn, limit)
 
     def reach(self, client, limit: float | None = None) -> None:
-        """Wait until a client of the node can ask its service and is answered; GraphFailure if
-        nobody serves it.
+        """Wait until a client of the node can ask its service and is answered; GraphFailure if it
+        is not served.
 
         Each client has a link of its own, made after it: an older link says nothing of whether the
         server has found a younger client. limit: default: the client's patience where there is a

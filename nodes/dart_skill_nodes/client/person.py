@@ -3,7 +3,7 @@ cameras see it.
 
 The arm moves to where a throw begins, the person puts the ball into its hand and stands back.
 Where targets are given, the person puts the basket there. Nothing here moves the arm but `bring`,
-which a commander refuses whose arm somebody may hold.
+which a commander refuses whose arm a person may hold.
 """
 
 import time

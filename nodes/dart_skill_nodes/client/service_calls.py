@@ -32,7 +32,7 @@ class ServiceCalls:
         self._links: dict[object, ServerProbe] = {}
 
     async def call(self, client, request, may_refuse: bool = False, patience: float = PATIENCE):
-        """Response of a service; CallFailed with the remedy if nobody serves it, does not answer
+        """Response of a service; CallFailed with the remedy if it is not served, does not answer
         within patience [s], or says no.
         """
         link = await self._linked(client, client.service_name, client.service_is_ready)
@@ -46,7 +46,7 @@ class ServiceCalls:
         return response
 
     async def send(self, client: ActionClient, name: str, goal, on_feedback):
-        """Handle of a goal that was accepted; CallFailed if nobody serves the action, does not
+        """Handle of a goal that was accepted; CallFailed if the action is not served, does not
         answer, or refuses it.
         """
         name = full_name(self._node, name)
@@ -157,7 +157,7 @@ class Judge:
         is not known [ns].
 
         Where nothing more of it arrives within ARRIVAL, the throw is judged by what has come.
-        CallFailed if nobody judges.
+        CallFailed if no outcome is judged.
         """
         request = JudgeService.Request(
             situation=situation,

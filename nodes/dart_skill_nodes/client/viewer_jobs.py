@@ -107,7 +107,7 @@ class ViewerJobs:
             self._handle.cancel_goal_async()
 
     def obey(self, request: Request) -> None:
-        """Begin what somebody asked for; refuse a second job while there is one."""
+        """Begin what was asked for; refuse a second job while there is one."""
         what, values = request.what, request.values
         if what == "place_basket":
             self._wanted = values["place"]
@@ -169,7 +169,7 @@ class ViewerJobs:
         return f"{shown} of {demonstrations} demonstrations shown{then}"
 
     def trial_in_words(self, what: str, number: int) -> str:
-        """Such as "throw 3 of 10"; without the second number where somebody else asked for them."""
+        """Such as "throw 3 of 10"; without the second number where another client asked for them."""
         return f"{what} {number}" + (
             f" of {self._wanted_trials}" if self._wanted_trials >= number else ""
         )

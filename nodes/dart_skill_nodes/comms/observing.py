@@ -75,7 +75,7 @@ class Observer:
         return conversions.asked(request.situation, self._skill)
 
     def judge(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> OutcomeMsg:
-        """What became of a movement; ValueError says why nobody can tell."""
+        """What became of a movement; ValueError says why that cannot be told."""
         asked, told = self._asked(request), conversions.stamp_ns(request.told)
         begun = conversions.stamp_ns(request.begun) or told
         if not begun or not tracked.remembers(self._skill.judged_since(begun, told)):

@@ -29,7 +29,7 @@ class Showing(Protocol):
         """What the person does, in a word."""
 
     def check(self, situation: Situation, again: bool) -> None:
-        """ValueError where nobody could show it; again: after one that missed."""
+        """ValueError where it cannot be shown; again: after one that missed."""
 
     def begin(self, situation: Situation, state: ArmState, again: bool) -> None:
         """From a state of the arm on; situation: as asked for, or as it is seen."""
@@ -184,7 +184,7 @@ class ReachShowing:
 
 
 class PointerShowing(_AtOneGlance):
-    """Somebody in front of a screen, who pulls the hand with a pointer. ValueErrors say what
+    """A person in front of a screen, who pulls the hand with a pointer. ValueErrors say what
     cannot be, and why.
     """
 

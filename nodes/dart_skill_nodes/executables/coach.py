@@ -192,7 +192,7 @@ class CoachNode(GuardedNode):
         return result
 
     def _withdrawn(self) -> str:
-        """Why nothing shall be thrown any more; empty if it may. An arm that somebody stopped does
+        """Why nothing shall be thrown any more; empty if it may. An arm that was stopped does
         not go on by itself.
         """
         return "cancelled" if self._goal.is_cancel_requested else self._stopped
@@ -206,7 +206,7 @@ class CoachNode(GuardedNode):
         self._stopped = "the arm was stopped with /commander/stop"
 
     def _watch(self) -> None:
-        """Practice ends when nobody waits for it any more, and when this node was away for so long
+        """Practice ends when no client waits for it any more, and when this node was away for so long
         that it was given up.
         """
         frozen = self._awake.frozen()
@@ -302,7 +302,7 @@ class CoachNode(GuardedNode):
             if made.code != Execute.Goal.OUTCOME_EXECUTED:
                 raise CallFailed(
                     f"throw {number}: {made.message}"
-                )  # somebody should look at the arm before it moves again
+                )  # a person should look at the arm before it moves again
             await self._person.bring(
                 np.array(made.plan.start_posture), conversions.stamp_ns(made.outcome.header.stamp)
             )

@@ -350,7 +350,7 @@ class CommanderNode(GuardedNode):
             )
 
     async def _let_judge(self, begun_ns: int, told_ns: int, until_ns: int, result) -> None:
-        """What the cameras saw of the movement; one that nobody judges has been made all the same.
+        """What the cameras saw of the movement; one that is not judged has been made all the same.
         until_ns: 0: what has come.
         """
         try:
@@ -483,7 +483,7 @@ class CommanderNode(GuardedNode):
         self._commander.stop(STOPPED, until_reset=True)
         self._stops.publish(
             conversions.time_msg(0 if self._state is None else self._state.stamp_ns)
-        )  # whoever would move it next
+        )  # by what would move it next
         response.success = True
         return response
 

@@ -360,7 +360,7 @@ class DemonstrationRecorder(BagKeeper):
 
     @property
     def _cameras_gone(self) -> str:
-        """What to say when poses have come, and nobody publishes any more; empty else."""
+        """What to say when poses have come, and nothing publishes any more; empty else."""
         gone = [one.missing for one in self._cameras]
         return gone[0] if self._tracked.newest_ns and all(gone) else ""
 

@@ -5,7 +5,7 @@ Action /teach. While it guides, the teacher takes part in the simulator's handsh
 every /joint_states once, on /wam/teacher_wrench. It sees all bodies through the motion capture
 like everybody else, and starts and stops the recorder.
 
-A lesson with `by_pointer` is given by somebody else: the hands follow the poses on ~/pointer, the
+A lesson with `by_pointer` is given by another person: the hands follow the poses on ~/pointer, the
 fingers do what ~/grip says, and ~/done ends it.
 """
 
@@ -191,7 +191,7 @@ class TeacherNode(GuardedNode):
             self._over.keep()
 
     def _notice_a_jump(self, ns: int) -> None:
-        """A person lets go of an arm that is suddenly elsewhere: somebody reset the world, or
+        """A person lets go of an arm that is suddenly elsewhere: the world was reset, or
         states got lost.
         """
         gap = 0.0 if self._last_ns is None else (ns - self._last_ns) * 1e-9
@@ -230,11 +230,11 @@ class TeacherNode(GuardedNode):
             )
         return push
 
-    # somebody else's hands
+    # another person's hands
 
     @staticmethod
     def _obey(what: Callable, request, response):
-        """Do what somebody asks of the hand that they hold; the answer says why that cannot be."""
+        """Do what is asked of the hand that is held; the answer says why that cannot be."""
         try:
             what(request)
             response.success = True

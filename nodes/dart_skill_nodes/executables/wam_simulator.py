@@ -2,7 +2,7 @@
 k + 1.
 
 Lockstep (the default): the commander always, and the teacher while it guides, answer every state
-with a WamCommand that echoes its stamp. Nothing else moves time. A state that nobody answers is
+with a WamCommand that echoes its stamp. Nothing else moves time. A state that is not answered is
 published again, and /diagnostics says who is silent. Real time: steps follow the machine's clock,
 the last command is held, and without a fresh one the arm is braked. A simulated person is a part
 of the world, which waits for their hands.

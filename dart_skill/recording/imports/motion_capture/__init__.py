@@ -70,7 +70,7 @@ def read_capture(
     ValueError
         Says what is wrong with the file, or what it does not say.
     """
-    assert where.capture is not None  # as whoever calls has seen
+    assert where.capture is not None  # as the caller has seen
     path = folder / where.capture.file
     try:
         return poses_of(_opened(path, where.capture, where.clock.unit), where)

@@ -120,7 +120,7 @@ def poses_of(
     where
         Which body, and what the mapping says of the file.
     """
-    assert where.capture is not None  # as whoever calls has seen
+    assert where.capture is not None  # as the caller has seen
     chosen = _chosen(capture, where.capture)
     if refusal := next((body.refusal for body in chosen if body.refusal), ""):
         raise capture.error(f"'{chosen[0].name}': {refusal}")
