@@ -162,7 +162,7 @@ PROFILE = Elsewhere(
     "integration/test_discovery.py::test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds_it"
 )
 POLICY = Elsewhere(
-    "unit/test_permissions.py::test_the_command_writes_the_policy_and_no_file_over_another"
+    "unit/common/test_permissions.py::test_the_command_writes_the_policy_and_no_file_over_another"
 )
 SECURITY = Not(
     "needs a full ROS installation with SROS 2; what the policy allows is compared with a graph in"
@@ -190,7 +190,7 @@ TYPED = {
     "python3 -m mypy": TESTS,
     "python3 -m pytest tests/unit/repository/test_imports.py": TESTS,
     'python3 -m pytest tests/unit -k "spring and damper" -n 2': TESTS,
-    "python3 -m venv build/oldest": NETWORK,
+    "make test-oldest": MAKE,
     "python3 -m pytest tests/integration/test_strangers.py -x": TESTS,
     "HYPOTHESIS_PROFILE=long python3 -m pytest tests/integration/test_fuzz.py": TESTS,
     "python3 -m tests.reference.results tests/reference/results.json": TESTS,
@@ -553,7 +553,7 @@ TYPED = {
         "integration/test_demo.py::test_the_report_tells_of_this_run"
     ),
     "dart-skill demo --arm elastic": Elsewhere(
-        "unit/test_fleet.py::test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind"
+        "unit/common/test_fleet.py::test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind"
     ),
     "dart-skill demo --set mock_optitrack.noise=0.002": Elsewhere(
         "unit/cli/test_usage.py::test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes"

@@ -119,7 +119,7 @@ def nodes(ros, tmp_path_factory):
         )
         made += [kind() for kind in kinds]
         named = {node.get_name(): node for node in made}
-        named["skill_learner"]._learning.take(
+        named["skill_learner"]._learner.take(
             read_demonstrations(BAGS / "demonstrations")[:4], DEFAULT
         )
         yield named
@@ -211,7 +211,7 @@ def test_every_service_answers(nodes, random):
 def thrown(nodes):
     """A demonstration and a plan as messages, both as good as can be."""
     one = replace(read_demonstrations(BAGS / "demonstrations")[4], id="trial")
-    return one, nodes["skill_learner"]._learning.practising.plan(one.target)
+    return one, nodes["skill_learner"]._learner.practising.plan(one.target)
 
 
 @given(random=randoms)
@@ -241,7 +241,7 @@ def test_a_demonstration_with_a_few_wrong_numbers_does_not_keep_the_others_from_
     )
     message.id = "spoiled"
     learner._heard = {
-        one.id: one for one in learner._learning.practising.practice.demonstrations[:4]
+        one.id: one for one in learner._learner.practising.practice.demonstrations[:4]
     }
     with contextlib.suppress(ValueError):
         learner._on_demonstration(message)

@@ -145,7 +145,7 @@ def test_a_chunk_of_more_records_than_its_bytes_can_tell_apart_is_not_walked(tmp
 
 
 def test_many_chunks_that_hold_too_much_together_are_left_out(tmp_path, monkeypatch):
-    module = importlib.import_module("dart_skill.recording.mcap.walk")
+    module = importlib.import_module("dart_skill.recording.mcap.record_walk")
     monkeypatch.setattr(module, "LARGEST_UNPACKED", 2 * LIMIT)
     monkeypatch.setattr(module, "USUAL_RATIO", 10)
     raw = record(0x90, bytes(LIMIT - 9))
