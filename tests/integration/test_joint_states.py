@@ -269,7 +269,7 @@ def test_a_gripper_on_the_same_topic_is_not_heard(beside):
 def test_who_hears_a_gripper_only_says_whose_joints_come(beside):
     driver = beside(CommanderNode(), QoSProfile(depth=10), ["finger_left", "finger_right"])
     driver.until(lambda: driver.beside._states.of_the_arm.others, "a state")
-    missing = driver.beside._missing_now()
+    missing = driver.beside._missing()
     assert (
         "names none of the arm's joints wam_j1 to wam_j7, but finger_left, finger_right" in missing
         and not driver.answers
