@@ -1,11 +1,14 @@
 """What the skill learner learns from, without a graph."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dart_skill.common.configuration import load_yaml
 from dart_skill.recording import read_demonstrations
-from dart_skill.skills.learning import _preparation
+from dart_skill.skills.darts import Darts
+from dart_skill.skills.learning import DEFAULT, _preparation, save_model
 from dart_skill.skills.practice import learner_of
 from dart_skill.skills.protocol import load_skill
 from tests.paths import BAGS
@@ -47,3 +50,20 @@ def test_one_that_cannot_be_learned_from_is_left_to_the_lesson(throws):
     throws.expect(blind)
     lesson = throws.learn([*shown, blind], "")
     assert len(lesson.learned_from) == 3 and "blind" in lesson.left_out["blind"]
+
+
+@pytest.mark.parametrize("name", ["start_speed", "stop_speed"])
+def test_speeds_that_cut_throws_are_the_recorders(throws, name):
+    parameters = load_yaml("skill_learner.yaml")["skill_learner"]["ros__parameters"]
+    throws.check(parameters)
+    with pytest.raises(ValueError, match=f"{name} is of the demonstration_recorder"):
+        throws.check({**parameters, name: 0.1})
+
+
+def test_a_model_of_another_board_is_refused(tmp_path):
+    parameters = load_yaml("skill_learner.yaml")["skill_learner"]["ros__parameters"]
+    shown = replace(read_demonstrations(BAGS / "demonstrations")[0], skill="darts")
+    save_model(tmp_path / "darts.npz", [shown], Darts().configured_for(DEFAULT))
+    elsewhere = Darts.at_board((3.0, 0.0, 1.7))
+    with pytest.raises(ValueError, match="learned for another game or board"):
+        learner_of(elsewhere, lambda: parameters).load(tmp_path / "darts.npz")

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from dart_skill.arm import KnownRegistration, Registration, same_plan
 from dart_skill.common import archive
+from dart_skill.common.situation import Situation
 from dart_skill.skills.learning import (
     CONFIGURATIONS,
     DEFAULT,
@@ -68,6 +69,13 @@ def test_demonstrations_come_back_as_they_were(saved, demonstrations):
     assert len(loaded) == len(demonstrations)
     for original, copy in zip(demonstrations, loaded, strict=True):
         assert_same(original, copy)
+
+
+def test_numbers_of_a_situation_come_back(tmp_path, demonstrations):
+    poses = demonstrations[0].situation.poses
+    heavy = replace(demonstrations[0], situation=Situation(poses, {"mass": 0.3}))
+    save_model(tmp_path / "one.npz", [heavy], DEFAULT)
+    assert_same(heavy, load_model(tmp_path / "one.npz").demonstrations[0])
 
 
 def test_unknown_events_and_joint_names_come_back(tmp_path, demonstrations):
