@@ -230,9 +230,8 @@ def build_messages() -> None:
     """
     source = Path(__file__).resolve().parent / "msg_schemas"
     prefix, build = Path(sys.prefix), _build_base()
-    if build is None or not hasattr(
-        sys, "real_prefix"
-    ):  # colcon's own mark, with the prefix to install into: nobody else installs nodes
+    # colcon's own mark, with the prefix to install into: nobody else installs nodes
+    if build is None or not hasattr(sys, "real_prefix"):
         return
     merged = (prefix / ".colcon_install_layout").is_file()
     here = prefix if merged else prefix.parent / MESSAGES

@@ -94,9 +94,8 @@ def pytest_collection(session):
         _import_in_turns(session.config)
     yield
     gc.freeze()
-    gc.set_threshold(
-        10_000, 10, 5
-    )  # a seventh of the time of tests that make many objects went there
+    # a seventh of the time of tests that make many objects went there
+    gc.set_threshold(10_000, 10, 5)
     gc.enable()
 
 
@@ -112,9 +111,8 @@ def _import_in_turns(config):
     ]
     first = len(files) * WORKER // config.workerinput["workercount"]
     for file in files[first:] + files[:first]:
-        with contextlib.suppress(
-            Exception, pytest.skip.Exception
-        ):  # collecting tells what is wrong with a module
+        # collecting tells what is wrong with a module
+        with contextlib.suppress(Exception, pytest.skip.Exception):
             importlib.import_module(
                 ".".join(Path(os.path.relpath(file, ROOT)).with_suffix("").parts)
             )

@@ -61,9 +61,8 @@ class FoxgloveClient:
 
     def _take(self, data):
         if isinstance(data, bytes):
-            if (
-                data[0] == MESSAGE
-            ):  # opcode, number of the subscription (4 bytes), log time (8 bytes), message
+            # opcode, number of the subscription (4 bytes), log time (8 bytes), message
+            if data[0] == MESSAGE:
                 self.messages.append((self._asked[int.from_bytes(data[1:5], "little")], data[13:]))
             return
         told = json.loads(data)

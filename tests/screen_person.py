@@ -136,9 +136,8 @@ class MouseHands:
         self._page, self._watch, (self._eye, self._look_at) = page, watch, sight
         forward = self._look_at - self._eye
         up = np.cross(np.cross(forward, [0.0, 0.0, 1.0]), forward)
-        self._rise = (
-            up / up[2]
-        )  # of the ball that is dragged up on the screen, for a metre in height
+        # of the ball that is dragged up on the screen, for a metre in height
+        self._rise = up / up[2]
         self._let_go()
 
     def _let_go(self):

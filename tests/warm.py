@@ -56,9 +56,8 @@ def _decisive(environment) -> dict[str, str]:
         name: value for name, value in environment.items() if name.startswith(OF_THE_INTERPRETER)
     }
     if Path(environment.get("DART_SKILL_CONFIG") or os.devnull, "world.yaml").exists():
-        decisive["DART_SKILL_CONFIG"] = environment[
-            "DART_SKILL_CONFIG"
-        ]  # the other files are read when somebody asks for them
+        # the other files are read when somebody asks for them
+        decisive["DART_SKILL_CONFIG"] = environment["DART_SKILL_CONFIG"]
     return decisive
 
 
@@ -147,9 +146,8 @@ class WarmPopen(subprocess.Popen):
             told = self._line.recv(4)
         except BlockingIOError:
             return 0, 0
-        self._status = (
-            int.from_bytes(told, "big") if told else signal.SIGKILL
-        )  # who forked it is gone, and it with that
+        # who forked it is gone, and it with that
+        self._status = int.from_bytes(told, "big") if told else signal.SIGKILL
         return self.pid, self._status
 
 
@@ -228,9 +226,8 @@ class Server:
             os.set_blocking(end, False)
         signal.set_wakeup_fd(told, warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda *_: None)
-        signal.signal(
-            signal.SIGINT, signal.SIG_IGN
-        )  # a Ctrl-C at the terminal is for the tests, and for what they started
+        # a Ctrl-C at the terminal is for the tests, and for what they started
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         self._lines: dict[int, socket.socket] = {}
         self._ends_with: set[int] = set()
         self._doomed: dict[int, float] = {}

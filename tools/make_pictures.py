@@ -171,9 +171,8 @@ def show_view(folder: Path) -> Path:
         for target in REGION.spread(13, np.random.default_rng([0, 1])):
             client.teach(target)
         client.learn()
-        with PageClient(
-            url, origin=url
-        ) as page:  # after the lessons, as a page that does not listen is closed
+        # after the lessons, as a page that does not listen is closed
+        with PageClient(url, origin=url) as page:
             _press(page, client, "Practise", "throws made")
             _press(page, client, "Throw", "from the middle")
         return _picture(folder, url, client, DOCS / "view.png")

@@ -19,9 +19,8 @@ from pathlib import Path
 from dart_skill.common.permissions import PARAMETERS
 from dart_skill_nodes.process.discovery import choose_domain
 
-os.environ.pop(
-    "ROS_DOMAIN_ID", None
-)  # where another commander is, its topics would be taken for those of this one
+# where another commander is, its topics would be taken for those of this one
+os.environ.pop("ROS_DOMAIN_ID", None)
 choose_domain()
 
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts

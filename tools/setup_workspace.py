@@ -35,9 +35,8 @@ LOG = ROOT / "log" / "setup.log"
 ORIGIN = VENV / "origin.json"
 REQUIREMENTS = ROOT / "requirements"
 LOCK = REQUIREMENTS / "lock.txt"
-STAND_IN = (
-    VENV / "ros2_stand_in" / "ros2"
-)  # its folder goes to the end of PATH, so a real ros2 always wins
+# its folder goes to the end of PATH, so a real ros2 always wins
+STAND_IN = VENV / "ros2_stand_in" / "ros2"
 
 SYSTEM_ROS = Path("/opt/ros/jazzy")
 PREFERRED = ((3, 11), (3, 10), (3, 12), (3, 13))  # Bullet itself has wheels up to 3.11
@@ -297,9 +296,8 @@ def choose_interpreter(ros: SystemRos | None, named: str) -> Interpreter:
             )
         return choose([found], versions)
     paths: Iterable[str] = interpreter_paths(versions)
-    if (
-        ros is not None
-    ):  # the one beside it (conda), or the system's, before what happens to be on PATH
+    # the one beside it (conda), or the system's, before what happens to be on PATH
+    if ros is not None:
         folders = (ros.prefix / "bin", "/usr/bin")
         paths = [
             *(f"{folder}/python{dotted(version)}" for folder in folders for version in versions),
@@ -756,11 +754,12 @@ def write_prefix_scripts() -> None:
         (VENV / f"local_setup.{shell}").write_text(text)
 
 
+# colcon hands on what the compiler says, as it comes
 TELL = (
     "--event-handlers",
     "console_direct+",
     "console_cohesion-",
-)  # colcon hands on what the compiler says, as it comes
+)
 
 
 TF_MESSAGES = "tools/interfaces/tf2_msgs"  # of geometry2, which has no wheels

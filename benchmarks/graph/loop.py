@@ -84,9 +84,8 @@ def of_layout(layout: str, seconds: float, left_out: Sequence[str] = ()) -> tupl
         awake = {"composed" if layout == "composed" else "wam_simulator": {"rest_after": 0.0}}
         graph.start_all(layout, 0, Path(folder) / "bag", awake)
         until = time.monotonic() + 60.0
-        while (
-            len(marks) < 3 and time.monotonic() < until
-        ):  # the first seconds are those of starting
+        # the first seconds are those of starting
+        while len(marks) < 3 and time.monotonic() < until:
             executor.spin_once(timeout_sec=0.1)
             if fallen := graph.dead():
                 raise SystemExit(fallen)

@@ -25,8 +25,7 @@ ELBOW = 4
 
 class ArmTerms:
     """Kinematics and dynamics of the arm in the state that was taken last. The dynamics are
-    computed
-    when they are asked for.
+    computed when they are asked for.
 
     , which the next state overwrites:
 
@@ -63,9 +62,8 @@ class ArmTerms:
 
     def __init__(self, pinocchio: ModuleType, model: Any, hand: Any, reflected: np.ndarray):
         data, weightless = model.createData(), model.copy()
-        weightless.gravity.linear = np.zeros(
-            3
-        )  # there the bias torque is that of Coriolis and centrifugal terms alone
+        # there the bias torque is that of Coriolis and centrifugal terms alone
+        weightless.gravity.linear = np.zeros(3)
         self._kinematics = partial(pinocchio.computeJointJacobians, model, data)
         self._weight = partial(pinocchio.computeGeneralizedGravity, model, data)
         self._inertia = partial(pinocchio.crba, model, data)
@@ -244,9 +242,8 @@ class ArmTerms:
             _add_cross(twist, 3, column, 3, rate, 3)
         _copy(rate, drift)
         _add_cross(rate, 3, self.position, 0, drift, 0)
-        _add_cross(
-            twist, 3, self.velocity, 0, drift, 0
-        )  # of the point that is the hand's origin, not of the body's twist
+        # of the point that is the hand's origin, not of the body's twist
+        _add_cross(twist, 3, self.velocity, 0, drift, 0)
 
 
 def _differ(kept: np.ndarray, values: np.ndarray) -> bool:

@@ -121,9 +121,8 @@ class HeldCommand:
             )
         self._newest = command
         if command.grip != Grip.UNSPECIFIED:
-            self._told = (
-                command.grip
-            )  # a newer command that comes before the next state must not swallow it
+            # a newer command that comes before the next state must not swallow it
+            self._told = command.grip
 
     def answer_to(self, stamp_ns: int) -> Command | None:
         """The newest command as the answer to a state; None if there is none that is young enough.

@@ -194,9 +194,8 @@ class Commander:
         self._range = JointRange(self._lower, self._upper)
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
-        self._model = ArmModel(
-            self._description
-        )  # always in the state of the arm, not in that of an expected motion
+        # always in the state of the arm, not in that of an expected motion
+        self._model = ArmModel(self._description)
         self._servo = JointServo(Impedance(self._model, share))
         s = self.settings
         self._safety = SafetyModule(s.limits, self._description)

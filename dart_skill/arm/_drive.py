@@ -53,8 +53,7 @@ def pull(
     damping: np.ndarray,
 ) -> np.ndarray:
     """Acceleration (6,) of a hand that spring and damper pull to a pose with a velocity, linear
-    over
-    angular: k (y - x) + d (v_y - v).
+    over angular: k (y - x) + d (v_y - v).
 
     Parameters
     ----------
@@ -441,8 +440,7 @@ class JointSpring:
         shortest: float,
     ) -> np.ndarray:
         """Torque (7,) [N m], within twice the limits, of a motion that dies away exponentially,
-        and
-        of the pull to it.
+        and of the pull to it.
 
         Parameters
         ----------
@@ -522,8 +520,7 @@ def least_jerk(
     start: np.ndarray, end: np.ndarray, duration: float, time: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity and acceleration (n,) at a time [s] of the motion of least jerk from
-    start
-    to end (n,) of a duration [s].
+    start to end (n,) of a duration [s].
 
     Raises
     ------

@@ -125,8 +125,7 @@ class EffortBridge:
 
     def on_command(self, command: Command, frame_id: str, now: float) -> bool | None:
         """Take a command; whether the hand shall open (True) or close (False) now, None if nothing
-        is
-        said of it anew.
+        is said of it anew.
 
         Parameters
         ----------

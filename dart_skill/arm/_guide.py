@@ -96,8 +96,7 @@ class Guide(Protocol):
 
 class PlanGuide:
     """Guides through a plan; where the plan has a pace, the state of the hand drives its clock,
-    else
-    time does.
+    else time does.
 
     Parameters
     ----------
@@ -148,8 +147,7 @@ class PlanGuide:
 
 class Fingers:
     """What the fingers do on the clock of a guide, and where that clock waits for a hand that is
-    held
-    back.
+    held back.
 
     Attribute: fault, why the motion was given up, once the hand was held back for too long; empty
     until then.

@@ -145,9 +145,8 @@ def _better_positions(
     back = (seen - fit.shift) @ fit.world / fit.scale
     n = len(body)
     design = np.zeros((n, 3, 10))
-    design[:, :, :3] = np.cross(np.eye(3)[None], body[:, None]).transpose(
-        0, 2, 1
-    )  # a small turn of the body about each axis
+    # a small turn of the body about each axis
+    design[:, :, :3] = np.cross(np.eye(3)[None], body[:, None]).transpose(0, 2, 1)
     design[:, :, 3], design[:, :, 4:7], design[:, :, 7:] = body, np.eye(3), rotation
     prior = np.zeros((3, 10))
     prior[:, 7:] = np.eye(3) / LEVER
@@ -168,8 +167,7 @@ def similarity(
     seen: np.ndarray, bodies: np.ndarray, may_mirror: bool = True
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scales (m,), orthogonal matrices (m, 3, 3) and shifts (m, 3) that take each of m sets of
-    points
-    to the same points (n, 3).
+    points to the same points (n, 3).
 
     Least squares by Umeyama, "Least-squares estimation of transformation parameters between two
     point patterns", 1991.

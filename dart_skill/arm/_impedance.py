@@ -178,8 +178,7 @@ class Impedance:
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same for a state of the model itself, and the joint acceleration (7,) that it then
-        has.
-        Friction is that of joints that move: a joint that shall rest is held by its own.
+        has. Friction is that of joints that move: a joint that shall rest is held by its own.
 
         Parameters
         ----------
@@ -303,8 +302,7 @@ def minimum_jerk(
     start: np.ndarray, end: np.ndarray, duration: float, time: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity and acceleration of the rest-to-rest motion of least jerk from start to
-    end
-    (n,) at `time` [s].
+    end (n,) at `time` [s].
 
     Parameters
     ----------

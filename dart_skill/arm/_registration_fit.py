@@ -92,8 +92,7 @@ class Sightings:
         quaternion: np.ndarray,
     ) -> Sightings:
         """Sightings from joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m],
-        (k,
-        4) that the cameras saw then.
+        (k, 4) that the cameras saw then.
 
         Parameters
         ----------
@@ -161,8 +160,7 @@ def fit_registration(
     seen: Sequence[Sightings], known: KnownRegistration | None = None
 ) -> Registration:
     """The most probable registration: least squares with a prior, by the method of Gauss and
-    Newton
-    on rotation vectors.
+    Newton on rotation vectors.
 
     The prior is a registration that was measured before (`known`), or that of a system that was
     set up with care (`USUAL`).
@@ -287,9 +285,8 @@ def _first_guess(seen: Sightings) -> Registration:
     seen_axes, arm_axes = (
         to_vectors(product(one[first], one[second] * CONJUGATE)) for one in (camera, arm)
     )
-    clear = (
-        np.linalg.norm(arm_axes, axis=1) < HALF_TURN
-    )  # which way round is not sure of half a turn
+    # which way round is not sure of half a turn
+    clear = np.linalg.norm(arm_axes, axis=1) < HALF_TURN
     base = of_matrices(_best_turn(seen_axes[clear].T @ arm_axes[clear])[None])[0]
     turned = product(base, arm)
     hands = product(turned * CONJUGATE, camera)
@@ -388,8 +385,7 @@ def linearised(
     seen: Sightings, unknown: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What is left of positions (n, 3) and rotations (n, 3), and the first derivatives (n, 3, 13)
-    of
-    both.
+    of both.
 
     Parameters
     ----------

@@ -187,9 +187,8 @@ class SafetyModule:
             abs(at - middle) - half
             for at, middle, half in zip(position.tolist(), self._middle, self._half, strict=True)
         ]
-        if not math.isfinite(
-            elbow_speed + hand_speed + sum(torques) + sum(overruns)
-        ):  # max overlooks what is not a number
+        # max overlooks what is not a number
+        if not math.isfinite(elbow_speed + hand_speed + sum(torques) + sum(overruns)):
             self.fault = "the state of the arm, or the torque that is asked for, is not finite"
         elif not all(low <= at <= high for low, at, high in self._box(hand)):
             self.fault = self._outside(hand)

@@ -38,8 +38,7 @@ def fixed_transforms(description: WamDescription, world: str = "world") -> list[
 
 def joint_transforms(description: WamDescription, position: np.ndarray) -> list[Transform]:
     """Those of the joints at angles `position` (7,) [rad]: a turn about the parent's x by the
-    joint's
-    roll, then about z by the angle.
+    joint's roll, then about z by the angle.
 
     Raises
     ------

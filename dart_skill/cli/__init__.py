@@ -40,9 +40,8 @@ def _seldom_look_for_garbage() -> None:
     again took a fifth of its time.
     """
     gc.set_threshold(50_000, 20, 20)
-    atexit.register(
-        gc.freeze
-    )  # or the interpreter looks through all of them once more before it ends
+    # or the interpreter looks through all of them once more before it ends
+    atexit.register(gc.freeze)
 
 
 __all__ = ["main"]

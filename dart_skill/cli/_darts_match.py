@@ -93,9 +93,8 @@ def _match(options: argparse.Namespace) -> int:
     from dart_skill.darts import aims_apart, match_chance, solve_match
 
     mine, theirs = _spread(options, "", "sigma"), _spread(options, "against_", "against")
-    match_chance(
-        0.5, 0.5, options.legs, options.first
-    )  # what cannot be is said before anything is computed
+    # what cannot be is said before anything is computed
+    match_chance(0.5, 0.5, options.legs, options.first)
     best = solve_match(mine, theirs, options.start)
     me, them = best.me.player, best.them.player
     answer, fewest = (

@@ -27,8 +27,7 @@ def in_a_line(text: str) -> str:
 
 def tell_bag_faults(bag: Path, mapping: RecordingMapping | None = None) -> None:
     """Say on standard error what a glance at a bag finds, for what becomes no recording with
-    faults
-    of its own.
+    faults of its own.
 
     Parameters
     ----------

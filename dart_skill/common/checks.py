@@ -215,9 +215,8 @@ def as_place(value: ArrayLike, name: str) -> np.ndarray:
         For what is no place.
     """
     place = floats(value)
-    if place.shape != (3,) or not bool(
-        (np.abs(place) <= FARTHEST).all()
-    ):  # NaN is not within it either
+    # NaN is not within it either
+    if place.shape != (3,) or not bool((np.abs(place) <= FARTHEST).all()):
         raise ValueError(
             f"{name} is at {place.tolist()}: give three finite numbers in metres, none beyond"
             f" {FARTHEST:.0f} m"

@@ -6,8 +6,7 @@ from pathlib import Path
 
 def config_path(name: str) -> Path:
     """Path of a file of config/: in $DART_SKILL_CONFIG, in a wheel, beside the library in a
-    checkout,
-    or in a package's share folder.
+    checkout, or in a package's share folder.
 
     Raises
     ------

@@ -32,8 +32,7 @@ def remedy(module: str) -> str:
 
 def explained(error: ImportError) -> str:
     """An import that failed, in a line: what is missing, and what brings it, where that is an
-    extra
-    of ours.
+    extra of ours.
 
     Parameters
     ----------

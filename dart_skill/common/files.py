@@ -80,9 +80,8 @@ def new_file(path: str | os.PathLike, replace: bool = False) -> Iterator[BinaryI
     except OSError as error:
         if error.errno is None or error.filename is not None:
             raise
-        raise OSError(
-            error.errno, error.strerror, str(place)
-        ) from error  # a disk that is full says of no file that it was this one
+        # a disk that is full says of no file that it was this one
+        raise OSError(error.errno, error.strerror, str(place)) from error
     finally:
         with suppress(OSError):
             beside.unlink()

@@ -86,8 +86,7 @@ cross-section. The drag of a dart, 0.05 m/s^2, is then a seventh of a tennis bal
 @dataclass(frozen=True)
 class Landing:
     """Where and when balls cross a plane: a horizontal one going down, or a vertical one; nan
-    where
-    they never do.
+    where they never do.
 
     Parameters
     ----------

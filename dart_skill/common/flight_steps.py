@@ -58,8 +58,7 @@ def cross(
     gravity: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where balls cross planes against their normal: positions and velocities (n, 3), times (n,);
-    nan
-    for balls that never do.
+    nan for balls that never do.
 
     Newton's iteration on the height above the plane, normal . p - offset.
 
@@ -112,8 +111,7 @@ def fit(
     accuracy: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """State (2, 3) at time 0 of the flight that fits n samples best, and the distances (n,) of
-    these
-    [m].
+    these [m].
 
     The method of Gauss and Newton with one sensitivity for all repetitions. A change of the state
     by c leaves an error of about k t c^2: where that is small enough, the flight moves as its
@@ -164,8 +162,7 @@ def fit(
 
 def lines(time: np.ndarray, position: np.ndarray, gravity: float) -> np.ndarray:
     """States (w, 2, 3) at time 0 of the w flights in vacuum that fit n samples each best: lines,
-    but
-    for gravity.
+    but for gravity.
 
     Parameters
     ----------
@@ -248,8 +245,7 @@ def fit_together(
     accuracy: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """States (w, 2, 3) at time 0 of the w flights that fit n samples each best, and the distances
-    (w,
-    n) of these [m].
+    (w, n) of these [m].
 
     Lines are fitted to what the last flights leave of the samples, until they are flat.
 
@@ -500,9 +496,8 @@ def _sensitivity(
         for k in range(3):
             points[j, k] = probed[j, k]
             for axis in range(3):
-                directions[axis, 3 * j + k] = (
-                    1.0 if axis == k else 0.0
-                )  # a flight that begins elsewhere is the same flight there
+                # a flight that begins elsewhere is the same flight there
+                directions[axis, 3 * j + k] = 1.0 if axis == k else 0.0
                 directions[3 + axis, 3 * j + k] = (
                     probed[(axis + 1) * n + j, k] - probed[j, k]
                 ) / PROBE

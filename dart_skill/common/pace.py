@@ -13,8 +13,7 @@ from dart_skill.common.checks import as_number
 @dataclass(frozen=True)
 class PhaseRule:
     """How the state changes the phase: s' = clip(1 + d / T, slowest, fastest), where d [s] is how
-    far
-    the state is ahead of the phase.
+    far the state is ahead of the phase.
 
     Parameters
     ----------

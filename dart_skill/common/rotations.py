@@ -38,8 +38,7 @@ def least_length(quaternions: np.ndarray, unit: np.ndarray) -> float:
 
 def turned(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, 3) turned by unit quaternions (n, 4); one of them may have one row for all rows
-    of
-    the other.
+    of the other.
 
     Parameters
     ----------

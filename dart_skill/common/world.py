@@ -130,8 +130,7 @@ def joint_names() -> tuple[str, ...]:
 @lru_cache(maxsize=64)
 def joint_order(names: tuple[str, ...], wanted: tuple[str, ...] = ()) -> list[int] | slice:
     """Where the arm's joints are among the names of a joint state, which may have more: indices,
-    or a
-    slice if they are the first in order.
+    or a slice if they are the first in order.
 
     Parameters
     ----------

@@ -246,8 +246,7 @@ def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np
 
 def score_derivatives(aims: ArrayLike, spread: Spread | float | ArrayLike) -> Derivatives:
     """Expected score of aims (n, 2) [mm], with gradient and Hessian with respect to the aim; all
-    are
-    exact to round-off.
+    are exact to round-off.
 
     Parameters
     ----------

@@ -128,8 +128,7 @@ def solve_leg(
     spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 501, objective: str = "turns"
 ) -> LegPolicy:
     """The policy with the fewest expected turns (or darts) to finish from `start`, double out, for
-    a
-    thrower without opponent.
+    a thrower without opponent.
 
     Parameters
     ----------

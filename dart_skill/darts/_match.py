@@ -183,8 +183,7 @@ def _side(player: MatchPlayer, play: str) -> Side:
 
 class AimsApart(NamedTuple):
     """A score at which the first dart of a turn is aimed at another bed against another score of
-    the
-    other player, made by `aims_apart`.
+    the other player, made by `aims_apart`.
 
     Parameters
     ----------
@@ -209,8 +208,7 @@ class AimsApart(NamedTuple):
 
 def aims_apart(side: MatchSide, near: int = 40, far: int = 140) -> AimsApart | None:
     """Where the best aim depends most on what the other player has left, near or far; None if it
-    is
-    in the same bed everywhere.
+    is in the same bed everywhere.
 
     Parameters
     ----------

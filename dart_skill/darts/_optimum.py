@@ -354,9 +354,8 @@ def _tie(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> floa
             _follow(below.point, low, sigma, shape),
             _follow(above.point, high, sigma, shape),
         )
-        assert (
-            from_below is not None and from_above is not None
-        )  # neither ends between the two sigmas
+        # neither ends between the two sigmas
+        assert from_below is not None and from_above is not None
         return from_below.expected_score - from_above.expected_score
 
     if advantage(low) < 0.0 or advantage(high) > 0.0:

@@ -72,16 +72,14 @@ def run_all(
         jobs, mp_context=_workers(function), initializer=_end_with_parent
     ) as pool:
         try:  # from the first task on: workers are being started then
-            with (
-                _signals_held_back()
-            ):  # or a worker that was just asked for is not known, and not ended
+            # or a worker that was just asked for is not known, and not ended
+            with _signals_held_back():
                 futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
             for future in as_completed(futures):
                 yield futures[future], future.result()
         except (KeyboardInterrupt, SystemExit, GeneratorExit):
-            for worker in list(
-                pool._processes.values()
-            ):  # it has no public way to end a task that runs (from Python 3.14 on)
+            # it has no public way to end a task that runs (from Python 3.14 on)
+            for worker in list(pool._processes.values()):
                 worker.terminate()
             raise
         finally:

@@ -227,9 +227,8 @@ def _legend_between(axes: Axes, columns: int) -> None:
         borderaxespad=0.0,
         **look,
     )
-    legend.set_in_layout(
-        False
-    )  # it would make the panel narrower; the title keeps its height free
+    # it would make the panel narrower; the title keeps its height free
+    legend.set_in_layout(False)
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=6.0 + 14.0 * rows)
 
 

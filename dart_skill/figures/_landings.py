@@ -187,9 +187,8 @@ def _draw_middle(
     half = float(np.ceil(1.3 * np.quantile(np.abs(places).max(axis=1), 0.9)))
     if half > radius_cm / 4.0:
         return
-    inset = zoomed_inset(
-        axes, half, (0.66, 0.61, 0.32, 0.32)
-    )  # its title ends below that of the panel
+    # its title ends below that of the panel
+    inset = zoomed_inset(axes, half, (0.66, 0.61, 0.32, 0.32))
     inset.axhline(0.0, color=LIGHT, linewidth=0.8)
     inset.axvline(0.0, color=LIGHT, linewidth=0.8)
     _draw_points(inset, seen, places, "middle")

@@ -89,8 +89,7 @@ def plot_frames(
     names: bool = True,
 ) -> None:
     """Draw task frames in the plane of two of their dimensions: where they stand, and where their
-    two
-    axes point to.
+    two axes point to.
 
     Parameters
     ----------
@@ -140,8 +139,7 @@ def plot_reproduction(
     labels: bool = True,
 ) -> None:
     """Draw a movement that was reproduced in the plane of two movement variables, with the
-    attractor
-    that it follows.
+    attractor that it follows.
 
     Parameters
     ----------

@@ -131,8 +131,7 @@ def legend_below(
 
 def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool) -> None:
     """One colour bar for all panels of a figure: to the right of them, or, for a narrow screen,
-    above
-    them.
+    above them.
 
     Parameters
     ----------
@@ -195,9 +194,8 @@ def _settle(figure: Figure) -> None:
     ):
         engine.execute(figure)  # for their titles one pass may not find room
     positions = _positions(figure)
-    figure.set_layout_engine(
-        None
-    )  # "none" would leave a placeholder, for which every file is drawn twice
+    # "none" would leave a placeholder, for which every file is drawn twice
+    figure.set_layout_engine(None)
     for axes, position in zip(figure.axes, positions, strict=True):
         axes.set_position(position)
         if axes.get_aspect() != "auto":
@@ -225,8 +223,7 @@ def basket_from_above(
     axes: Axes, centre: np.ndarray | Sequence[float], radius: float, **look: Any
 ) -> Circle:
     """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the
-    units
-    of the axes.
+    units of the axes.
 
     Parameters
     ----------
@@ -277,8 +274,7 @@ def gaussian_ellipse(
 
 def ellipse_axes(covariance: np.ndarray, deviations: float) -> tuple[np.ndarray, np.ndarray]:
     """Diameters (..., 2) of the contours of planar Gaussians along their axes, and the angles
-    (...,)
-    [degrees] of the first of these.
+    (...,) [degrees] of the first of these.
 
     Parameters
     ----------
@@ -308,8 +304,7 @@ def zoomed_inset(
     axes: Axes, half_width: float, bounds: tuple[float, float, float, float], unit: str = "cm"
 ) -> Axes:
     """A square about the middle of `axes`, so many units to either side, drawn larger in a corner
-    of
-    it; where hits are a blob.
+    of it; where hits are a blob.
 
     Parameters
     ----------

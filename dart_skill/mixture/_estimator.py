@@ -141,8 +141,7 @@ class _Estimator(HyperParameters):
 
 class GaussianMixtureEstimator(_Estimator):
     """`GaussianMixture` with the interface of scikit-learn's: full covariances, fitted by EM to X
-    (n,
-    d).
+    (n, d).
 
     After `fit`:
 
@@ -304,8 +303,7 @@ class GaussianMixtureEstimator(_Estimator):
 
 class GaussianMixtureRegressor(_Estimator):
     """Gaussian mixture regression (3.3) to (3.5) with the interface of scikit-learn's regressors:
-    a
-    mixture of X and y together.
+    a mixture of X and y together.
 
     After `fit`:
 
@@ -399,8 +397,7 @@ class GaussianMixtureRegressor(_Estimator):
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Coefficient of determination R^2 of `predict`, the mean over the outputs: 1 is best, 0
-        is
-        no better than a constant.
+        is no better than a constant.
 
         Parameters
         ----------

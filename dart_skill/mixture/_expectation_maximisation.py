@@ -443,8 +443,7 @@ def expectation_maximisation(
     least_scales: Sequence[ArrayLike] | None = None,
 ) -> EmFit:
     """EM on blocks (n, d_p) with weights (n,), in the units of the data; samples with weight zero
-    are
-    ignored.
+    are ignored.
 
     Parameters
     ----------

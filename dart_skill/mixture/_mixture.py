@@ -495,8 +495,7 @@ class GaussianMixture(EMEstimator):
         mixtures: Sequence[GaussianMixture], weights: ArrayLike | None = None
     ) -> GaussianMixture:
         """All components of several mixtures, each mixture with its weight (positive, any sum;
-        equal
-        by default).
+        equal by default).
 
         Raises
         ------

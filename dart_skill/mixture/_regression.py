@@ -69,9 +69,8 @@ class Conditionals(NamedTuple):
         try:
             write_conditionals(means, covariances, into, out, *parts)
         except ValueError:
-            cholesky(
-                covariances[:, into[:, None], into], "covariance of the inputs of component"
-            )  # says which one, and how flat it is
+            # says which one, and how flat it is
+            cholesky(covariances[:, into[:, None], into], "covariance of the inputs of component")
             raise
         return cls(means.take(into, axis=1), *parts)
 
@@ -124,8 +123,7 @@ class Regression:
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
         """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call
-        to
-        the last bit.
+        to the last bit.
 
         Parameters
         ----------
@@ -273,8 +271,7 @@ def regress(
     mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
     """(3.3) to (3.5): mean (n, o) and covariance (n, o, o) of the output dimensions, given inputs
-    (n,
-    i).
+    (n, i).
 
     With one input dimension, inputs (n,) are n queries. For more than one call, prepare a
     `Regression`.
@@ -300,8 +297,7 @@ def regress_each(
     output_dims: ArrayLike,
 ) -> tuple[np.ndarray, np.ndarray]:
     """`regress` with a mixture of its own for each query: means (n, K, d), covariances (n, K, d,
-    d),
-    inputs (n, i); the priors (K,) are common to all.
+    d), inputs (n, i); the priors (K,) are common to all.
 
     Parameters
     ----------

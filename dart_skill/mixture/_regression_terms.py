@@ -139,8 +139,7 @@ def write_lines(
     inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray, terms: np.ndarray
 ) -> None:
     """Write the terms of the mean (3.4): for each component its share, and that times the inputs
-    from
-    their mean.
+    from their mean.
 
     Parameters
     ----------
@@ -166,8 +165,7 @@ def write_pair_matrices(
     input_means: np.ndarray, lines: np.ndarray, middles: np.ndarray, matrices: np.ndarray
 ) -> None:
     """Write what each pair of components adds to the covariance with one input: the outer square
-    of
-    the difference of their lines.
+    of the difference of their lines.
 
     Parameters
     ----------
@@ -203,8 +201,7 @@ def write_pairs(
     inputs: np.ndarray, shares: np.ndarray, middles: np.ndarray, terms: np.ndarray
 ) -> None:
     """Write the terms of the covariance with one input: shares, and the product of two shares
-    times
-    1, s and s s.
+    times 1, s and s s.
 
     Parameters
     ----------

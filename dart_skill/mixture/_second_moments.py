@@ -22,8 +22,7 @@ def write_components(
     precisions: np.ndarray,
 ) -> bool:
     """Write the components whose counts have these sums, as of `Components`; False if a covariance
-    is
-    not positive definite.
+    is not positive definite.
 
     The means of the products are [[1, mean'], [mean, S + mean mean']]. The covariance is S = L L'.
 
@@ -108,8 +107,7 @@ def write_coefficients(
     coefficients: np.ndarray,
 ) -> None:
     """Add the coefficients of the products of (1, z) in the log densities: those of log peak - |A
-    (1,
-    z)|^2 / 2.
+    (1, z)|^2 / 2.
 
     Parameters
     ----------

@@ -27,8 +27,7 @@ def mean_log_likelihood(
     mixture: GaussianMixture, samples: ArrayLike, weights: ArrayLike | None = None
 ) -> float:
     """(6.4): sum of w_n log P(x_n) over samples (n, d); the weights (n,) are scaled to sum one,
-    and
-    are equal when None.
+    and are equal when None.
 
     Parameters
     ----------
@@ -48,8 +47,7 @@ def resampled_mean_log_likelihood(
     rng: np.random.Generator,
 ) -> float:
     """(6.3): mean of log P over n_drawn of the samples (n, d), drawn by stochastic universal
-    sampling
-    with weights (n,).
+    sampling with weights (n,).
 
     Parameters
     ----------
@@ -154,8 +152,7 @@ def select_by_bic(
     **options: Any,
 ) -> Selection:
     """Fit a mixture with each number of components to samples (n, d) with weights (n,), and score
-    it
-    by BIC.
+    it by BIC.
 
     In the BIC the sum of the weights counts as the number of samples.
 

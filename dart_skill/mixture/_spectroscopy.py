@@ -104,11 +104,8 @@ def data_spectroscopy(
     kernel = np.exp(-0.5 * np.square(distances / bandwidth))
     values, functions = _eigenfunctions(kernel, weights / weights.max(), reading)
     kept = _keep_their_sign(functions, weights, core, tolerance)
-    kept[
-        0
-    ] |= (
-        not kept.any()
-    )  # the first has no change of sign, unless equal eigenvalues mix several eigenfunctions
+    # the first has no change of sign, unless equal eigenvalues mix several eigenfunctions
+    kept[0] |= not kept.any()
     functions = functions[:, kept]
     return Spectroscopy(
         np.abs(functions).argmax(axis=1), values[kept], functions, float(bandwidth)
@@ -130,9 +127,8 @@ def _bandwidth(distances: np.ndarray, weights: np.ndarray, n_dims: int) -> float
 
     near = _quantiles(distances, weights, NEAR)
     reach = _quantiles(near[None], weights, ALMOST_ALL)[0]
-    quantile = np.sqrt(
-        2.0 * gammaincinv(n_dims / 2.0, ALMOST_ALL)
-    )  # of chi with n_dims degrees of freedom
+    # of chi with n_dims degrees of freedom
+    quantile = np.sqrt(2.0 * gammaincinv(n_dims / 2.0, ALMOST_ALL))
     if reach == 0.0:
         # Most points have 5 % of all weight at distance zero: take the least distance between
         # different points instead.

@@ -451,9 +451,8 @@ class Sweep:
             products = self._products_of(i)
             rows = coefficients @ products
             counts = rows[:n]
-            counts.clip(
-                LEAST_LOG, np.inf, out=counts
-            )  # an exponential that underflows takes many times as long
+            # an exponential that underflows takes many times as long
+            counts.clip(LEAST_LOG, np.inf, out=counts)
             density = np.add.reduce(np.exp(counts, out=counts), 0)
             if density[density.argmin()] > LEAST_DENSITY:
                 counts *= self.weights[span] / density

@@ -701,10 +701,11 @@ def _flow(
     parts = [discretise(step, float(p), float(v)) for p, v in zip(stiffness, damping, strict=True)]
     units = np.stack([np.ones(d), np.sqrt(stiffness)])
     transition = np.stack([part[0] for part in parts])  # (d, 2, 2)
+    # (2, d)
     first, second = (
         np.stack([part[1] for part in parts]).T,
         np.stack([part[2] for part in parts]).T,
-    )  # (2, d)
+    )
 
     def flow(state: np.ndarray, now: np.ndarray, later: np.ndarray) -> np.ndarray:
         scaled = state.reshape(2, d) / units

@@ -356,8 +356,7 @@ class DSGMR(AttractorModel):
         smoothness: float | None = None,
     ) -> np.ndarray:
         """Attractors (n, T, d) that vary as the demonstrations did, and keep what these had in
-        common
-        (7.5.2).
+        common (7.5.2).
 
         At each stamp they are distributed as `retrieve` says: normally, with its mean and its
         covariance. From stamp to stamp they vary smoothly: the deviations, in units of that

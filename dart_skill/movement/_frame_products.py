@@ -79,8 +79,7 @@ class FrameProducts:
         covariance: np.ndarray,
     ) -> int:
         """Write the products at n moments, and return the first feature that the frames do not
-        tell
-        from others, or m.
+        tell from others, or m.
 
         Parameters
         ----------

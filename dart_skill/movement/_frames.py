@@ -146,9 +146,8 @@ def _frame(axes: np.ndarray, position: np.ndarray, angles: np.ndarray) -> TaskFr
     """
     matrix = np.eye(4 + len(angles))
     matrix[1:4, 1:4] = axes
-    return TaskFrame._made(
-        matrix, np.concatenate([[0.0], position, angles])
-    )  # turns are invertible
+    # turns are invertible
+    return TaskFrame._made(matrix, np.concatenate([[0.0], position, angles]))
 
 
 def turn_matrix(azimuth: float) -> np.ndarray:
@@ -271,8 +270,7 @@ def features(
     time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azimuth: float = 0.0
 ) -> np.ndarray:
     """Features t, x, y, z, alpha, beta (n, 6) of hand poses in the world: stamps (n,), positions
-    (n,
-    3), quaternions (n, 4).
+    (n, 3), quaternions (n, 4).
 
     Positions stay in the world. The angles are relative to axes turned by the azimuth [rad]. A
     frame that is used with these features must have the same azimuth. The roll is

@@ -88,8 +88,7 @@ def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
     """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of
-    the
-    other.
+    the other.
 
     Raises
     ------

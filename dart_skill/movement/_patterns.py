@@ -226,8 +226,7 @@ def _best_groups(distances: np.ndarray) -> tuple[np.ndarray, float]:
 
 def silhouette(distances: np.ndarray, labels: np.ndarray) -> float:
     """Mean over the points of (b - a) / max(a, b), with the mean distances a to the own group and
-    b
-    to the nearest other one.
+    b to the nearest other one.
 
     A point alone in its group counts 0, and so does one for which all are the same (Rousseeuw
     1987).

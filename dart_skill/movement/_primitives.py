@@ -145,8 +145,7 @@ class DiscretePrimitive(Primitive):
         noise: float | None = None,
     ) -> DiscretePrimitive:
         """Learn from one demonstration, time (n,) [s], n >= 2, and position (n, d), or from
-        sequences
-        of several.
+        sequences of several.
 
         Velocity and acceleration (n, d) that are not given are computed: by differences if the
         samples are clean, by `smooth_derivatives` if they are noisy.

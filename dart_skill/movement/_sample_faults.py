@@ -115,8 +115,7 @@ def without_repeats(time: ArrayLike, samples: ArrayLike) -> tuple[np.ndarray, np
 
 def retimed(samples: ArrayLike, duration: float, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Stamps (n,) [s] and positions (n, d) of a movement along the path of samples whose stamps
-    say
-    nothing, from rest to rest.
+    say nothing, from rest to rest.
 
     The length s of the path that is covered follows the law of least jerk (Flash and Hogan,
     Journal of Neuroscience 5, 1985), s / L = 10 u^3 - 15 u^4 + 6 u^5 with u = t / duration.

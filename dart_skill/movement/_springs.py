@@ -158,8 +158,7 @@ class SpringMixture:
 
     def attractor(self, time: ArrayLike, position: ArrayLike, stiffness: float) -> np.ndarray:
         """The attractor (n, d) of (7.19), with this constant stiffness [1/s^2] and the same
-        damping,
-        that pulls a mass at position (n, d) as all springs do.
+        damping, that pulls a mass at position (n, d) as all springs do.
 
         Parameters
         ----------
@@ -178,9 +177,8 @@ class SpringMixture:
         position0, velocity0
             The state at the first stamp.
         """
-        from scipy.integrate import (
-            solve_ivp,
-        )  # a lesson of throws needs none, and would wait for it
+        # a lesson of throws needs none, and would wait for it
+        from scipy.integrate import solve_ivp
 
         stamps, d = as_stamps(time, minimum=2), self.centres.shape[1]
         start = np.concatenate(

@@ -56,8 +56,7 @@ def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) 
 
 def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
     """2 K^(1/2) (n, d, d): critical damping along every principal axis of stiffness matrices (n,
-    d,
-    d).
+    d, d).
 
     Raises
     ------
@@ -140,8 +139,7 @@ def hold_to(
     time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLike | None = None
 ) -> Motion:
     """Motion (n, d) of a unit mass that follows a reference motion with time-varying stiffness,
-    and
-    is pushed.
+    and is pushed.
 
     x'' = x''_ref + K (x_ref - x) + 2 K^(1/2) (x'_ref - x') + push. Without a push the result is
     the reference, whatever the stiffness; the stiffness changes only the response to pushes.

@@ -285,8 +285,7 @@ class TaskParameterisedMixture(EMEstimator, SavableModel):
         rng: np.random.Generator | None = None,
     ) -> TaskParameterisedMixture:
         """EM on demonstrations (n_i, m) in the world with P frames each; weights per
-        demonstration,
-        per sample (a list of arrays), or None.
+        demonstration, per sample (a list of arrays), or None.
 
         Raises
         ------

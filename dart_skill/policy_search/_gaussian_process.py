@@ -31,9 +31,8 @@ from __future__ import annotations
 import numpy as np
 
 LENGTHS = 2.0 ** np.arange(-3.0, 1.5, 0.5)  # [spreads per root of the dimension]
-NOISES = 10.0 ** np.arange(
-    -4, 2
-)  # variance of the noise of a return, relative to that of the landscape
+# variance of the noise of a return, relative to that of the landscape
+NOISES = 10.0 ** np.arange(-4, 2)
 EXACT = 2  # largest index into NOISES for returns without noise
 SURE = 0.25  # standard deviation of the length about the one that was given [octaves]
 FIRST = (5, 1)  # first indices into LENGTHS and NOISES
@@ -170,9 +169,8 @@ class BlurredNoise:
         self._ones, self._scores = ones, self._whiten.T @ residual
         self.variance = max(float(residual @ residual) / max(len(values) - 1, 1), 1e-300)
         volume = float(np.log(root.diagonal()).sum() + 0.5 * np.log(self._left))
-        self.log_likelihood = (
-            -0.5 * (len(values) - 1) * float(np.log(self.variance)) - volume
-        )  # less a constant; the mean is integrated out
+        # less a constant; the mean is integrated out
+        self.log_likelihood = -0.5 * (len(values) - 1) * float(np.log(self.variance)) - volume
 
     def predict(self, places: np.ndarray, blur: float) -> tuple[np.ndarray, np.ndarray]:
         """Mean (m,) and standard deviation (m,) at places (m, d), seen through that blur.

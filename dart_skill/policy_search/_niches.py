@@ -325,9 +325,8 @@ class Niches(NicheSearch):
         best = int(hope.argmax())
         if hope[best] + self._repair < self._best().value:
             return None
-        self._remember(
-            number, places[best], float(mean[best])
-        )  # the prediction stands until the return is told, or if it fails
+        # the prediction stands until the return is told, or if it fails
+        self._remember(number, places[best], float(mean[best]))
         return places[best]
 
     def _cloud(self) -> np.ndarray:

@@ -26,8 +26,7 @@ def with_constant_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
 
 def with_proportional_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
     """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the
-    eigenvalues
-    (d,); the shape is kept.
+    eigenvalues (d,); the shape is kept.
 
     Parameters
     ----------

@@ -158,18 +158,16 @@ class PrimitivePoWER(Search):
         return trial.output
 
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
-        noise = self._rng.standard_normal(
-            (len(self._stretches), self._policy.start.size)
-        )  # (7.15)
+        # (7.15)
+        noise = self._rng.standard_normal((len(self._stretches), self._policy.start.size))
         tried = self._policy.draw(noise)
         return noise, tried[0] if len(tried) == 1 else tried
 
     def _present(self, number: int, tried: np.ndarray) -> PrimitiveTrial:
         weights = tried.reshape(len(self._stretches), -1, self._n_dims)
         over_time = weights[np.arange(len(self._activations)) // self._hold]
-        return PrimitiveTrial(
-            number, tried, np.einsum("tb,tbd->td", self._activations, over_time)
-        )  # (7.14)
+        # (7.14)
+        return PrimitiveTrial(number, tried, np.einsum("tb,tbd->td", self._activations, over_time))
 
     def _read(self, outcome: ArrayLike) -> np.ndarray:
         """Returns to go (n_steps,)."""

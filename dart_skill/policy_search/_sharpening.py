@@ -50,9 +50,8 @@ NEAR = (
 # radius of trials about a new top, in lengths of the blur; about the first one, in spreads
 FIRST_RADIUS = 0.3
 LARGEST_RADIUS = 0.4  # largest radius of trials about a top, in lengths of the blur
-ERRORS = 10.0 ** np.arange(
-    -7.0, -2.9, 0.5
-)  # variance of the error of a value, relative to that of the landscape
+# variance of the error of a value, relative to that of the landscape
+ERRORS = 10.0 ** np.arange(-7.0, -2.9, 0.5)
 FIRST_ERROR = 4  # first index into ERRORS
 
 
@@ -221,9 +220,8 @@ class Sharpening(NicheSearch):
         )
         if not hopeful.any() and missing[best] > self._purse:
             return None
-        self._remember(
-            number, places[best], float(mean[best])
-        )  # the prediction stands until the return is told, or if it fails
+        # the prediction stands until the return is told, or if it fails
+        self._remember(number, places[best], float(mean[best]))
         return places[best]
 
     def _cloud(self) -> np.ndarray:

@@ -83,8 +83,7 @@ class GripSignal:
 
 def read_command(data: bytes) -> tuple[int, bool, int]:
     """Stamp [ns], whether there is a wrench, and grip of a serialised WamCommand: of 500 in a
-    second
-    one opens the hand.
+    second one opens the hand.
 
     Raises
     ------

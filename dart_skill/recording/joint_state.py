@@ -48,8 +48,7 @@ class JointLayout:
 
     def row(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (..., 7) of the arm's joints; velocities are nan where there
-        are
-        none.
+        are none.
 
         Parameters
         ----------

@@ -15,10 +15,11 @@ class LogTime:
 
     def __init__(self) -> None:
         self.now_ns = 0
+        # the last stamp that was not believed, and the topics of all that were like it
         self._ahead_ns, self._topics = (
             0,
             [""],
-        )  # the last stamp that was not believed, and the topics of all that were like it
+        )
 
     def take(self, topic: str, stamp_ns: int) -> None:
         """Move on to the stamp of a message.

@@ -1,6 +1,4 @@
-"""What pages of a report are made of: one HTML file that stands alone and fetches
-nothing.
-"""
+"""What pages of a report are made of: one HTML file that stands alone and fetches nothing."""
 
 from __future__ import annotations
 

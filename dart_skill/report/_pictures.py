@@ -169,11 +169,12 @@ def embeddable(svg: str, prefix: str) -> str:
     """
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    # a pattern for all of them would take ten times as long
     for mark in (
         ' id="',
         'href="#',
         "url(#",
-    ):  # a pattern for all of them would take ten times as long
+    ):
         svg = svg.replace(mark, f"{mark}{prefix}-")
     return svg.replace("'DejaVu Sans'", FONTS).strip()
 

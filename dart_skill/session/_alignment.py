@@ -85,8 +85,7 @@ class Instants:
 
 def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
     """By how much the stamps of joints and cameras differ, from when the arm and when the hand
-    moves;
-    any unit and order will do.
+    moves; any unit and order will do.
 
     Parameters
     ----------
@@ -101,9 +100,8 @@ def clock_offset(hand: PoseStream, joints: JointStream) -> ClockOffset:
         return ClockOffset((), 0.0, 0.0)
     lags, correlation, shared = correlations(*map(np.nan_to_num, (seen[1], arm[1])))
     offsets = lags / RATE + arm[0] - seen[0]
-    merit = correlation * np.sqrt(
-        shared
-    )  # of movements that repeat themselves, what explains more of them
+    # of movements that repeat themselves, what explains more of them
+    merit = correlation * np.sqrt(shared)
     best = [int(np.argmax(merit))]
     near = round(APART * RATE)
     while len(best) < CANDIDATES:
@@ -192,9 +190,8 @@ def joints_at(joints: JointStream, seconds: np.ndarray) -> tuple[np.ndarray, np.
     after = np.clip(np.searchsorted(time, seconds), 1, len(time) - 1)
     step = time[after] - time[after - 1]
     share = np.clip((seconds - time[after - 1]) / step, 0.0, 1.0)[:, None]
-    leaps = (
-        np.abs(values[after] - values[after - 1]).max(axis=1) > 0.5 * np.pi
-    )  # as where an angle is counted within a turn
+    # as where an angle is counted within a turn
+    leaps = np.abs(values[after] - values[after - 1]).max(axis=1) > 0.5 * np.pi
     nearest = values[np.where(share[:, 0] < 0.5, after - 1, after)]
     found = np.where(
         leaps[:, None], nearest, (1.0 - share) * values[after - 1] + share * values[after]

@@ -357,8 +357,7 @@ def _belt(situation: Situation) -> Belt:
 
 class ReachingPerson:
     """A person who shows how to reach into a cup: their hands, and what they see of cup and hand,
-    as
-    well as the cameras do, and as late.
+    as well as the cameras do, and as late.
 
     Tell what is seen by `see`; `begin`, then `step` once per state until `done`.
 

@@ -129,9 +129,8 @@ def changes_of_movements(hand: PoseStream, joints: JointStream) -> list[Change]:
     offsets = lags / RATE + arm[0] - seen[0]
     apart = np.abs(offsets - offsets[np.argmin(cost.sum(axis=0))])
     leaps = 1e-9 * np.abs(np.concatenate([[0], np.diff(hand.stamp_ns), np.diff(joints.stamp_ns)]))
-    leaps = leaps[
-        (leaps > DISTINCT) | (leaps == 0.0)
-    ]  # of stamps; of movements that repeat themselves they tell which
+    # of stamps; of movements that repeat themselves they tell which
+    leaps = leaps[(leaps > DISTINCT) | (leaps == 0.0)]
     apart = np.where(np.abs(apart[:, None] - leaps).min(axis=1) < DISTINCT, 0.0, apart)
     cost += FARTHER * apart / (apart + 1.0) * _misfit(seen[1], np.zeros(1), len(seen[1]))[:, None]
     stamps = origin + 1e9 * (seen[0] + np.arange(len(cost)) * EVERY / RATE)
@@ -159,9 +158,8 @@ def changes(
     found = []
     for row, low, high in zip(rows, [0, *rows], [*rows[1:], len(path)], strict=False):
         one, other = path[row - 1], path[row]
-        total = np.cumsum(
-            np.concatenate([[0.0], (cost[:, one] - cost[:, other])[low:high]])
-        )  # of a change at each row from `low` on
+        # of a change at each row from `low` on
+        total = np.cumsum(np.concatenate([[0.0], (cost[:, one] - cost[:, other])[low:high]]))
         good = total <= total[row - low] + chance
         begin = row - int(np.argmin(np.concatenate([good[: row - low][::-1], [False]])))
         end = row + int(np.argmin(np.concatenate([good[row - low :], [False]]))) - 1

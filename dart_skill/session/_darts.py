@@ -166,8 +166,7 @@ class DartsRun:
 
     def blocks(self, block: int = BLOCK) -> list[dict[str, Any]]:
         """One row per block of throws: standard deviation and mean of the misses across and up
-        [mm],
-        beds aimed at, mean and expected score.
+        [mm], beds aimed at, mean and expected score.
 
         Parameters
         ----------
@@ -237,8 +236,7 @@ class Hit:
 
 def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np.ndarray) -> Hit:
     """A dart at a point (2,) [mm] of the board, which is learned from; its note says why there is
-    no
-    plan for it, or it was stopped.
+    no plan for it, or it was stopped.
 
     Parameters
     ----------

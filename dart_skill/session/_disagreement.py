@@ -199,8 +199,7 @@ def disagreement(
     path: str | os.PathLike, mapping: RecordingMapping | None = None
 ) -> Disagreement | None:
     """Why joints and cameras of a recording disagree; None where they agree, or where one of them
-    was
-    not recorded.
+    was not recorded.
 
     Parameters
     ----------
@@ -450,9 +449,8 @@ class _Search:
             one = RecordingMapping(
                 {"hand": replace(_as_it_stands(self._told).bodies["hand"], topic=topic, frame="")}
             )
-            with suppress(
-                ValueError
-            ):  # of a topic that cannot be read, as of poses in several frames, nothing is known
+            # of a topic that cannot be read, as of poses in several frames, nothing is known
+            with suppress(ValueError):
                 yield (
                     read_recording(self._path, one, mend=False).bodies["hand"],
                     replace(self._where, topic=topic, frame=""),
@@ -627,9 +625,8 @@ class _Search:
         """
         instants = diverse_instants(self._hand, self._joints, 0.0, slow=False)
         offsets = np.arange(-REACH, REACH + FINE, FINE)
-        misfit = np.array(
-            [self._misfit(found, instants, one) for one in offsets]
-        )  # (offsets, instants)
+        # (offsets, instants)
+        misfit = np.array([self._misfit(found, instants, one) for one in offsets])
         best = float(offsets[np.argmin(np.nanmean(misfit, axis=1))])
         pieces = [
             rows for rows in np.array_split(np.argsort(instants.seconds), PIECES) if len(rows) >= 4
@@ -860,9 +857,8 @@ class _Search:
         """The mapping with all that mends the recording."""
         told, axes, joints = self._told, self._mending["axes"], self._mending["joints"]
         sources = dict(told.bodies)
-        if (
-            self._is_hand is not None
-        ):  # what the mapping takes for the hand stands for the body that is
+        # what the mapping takes for the hand stands for the body that is
+        if self._is_hand is not None:
             sources = {
                 role: self._where if where is self._is_hand else where
                 for role, where in sources.items()

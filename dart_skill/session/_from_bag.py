@@ -187,9 +187,8 @@ def learn_from_bag(
         _refuse_disagreement(path, mapping, report)
     if too_few:
         raise NothingLearned(_too_few(report, has_joints), report)
-    from dart_skill.skills.practice import (
-        PractisingSkill,
-    )  # who only looks for throws does not practise
+    # who only looks for throws does not practise
+    from dart_skill.skills.practice import PractisingSkill
 
     learned = PractisingSkill(list(report.learned_from), chosen, method)
     if raw and _is_far(learned.skill.registration):
@@ -215,9 +214,8 @@ def _refuse_disagreement(
     path: str | os.PathLike, mapping: RecordingMapping | None, report: LearnReport
 ) -> None:
     """`NothingLearned` that says why joints and cameras disagree, if they do."""
-    from dart_skill.session._disagreement import (
-        disagreement,
-    )  # a recording that can be learned from needs none
+    # a recording that can be learned from needs none
+    from dart_skill.session._disagreement import disagreement
 
     found = disagreement(path, mapping)
     if found is None:

@@ -39,8 +39,7 @@ RESTING = (Mode.HOLDING, Mode.STOPPING)
 @dataclass(frozen=True)
 class Trial:
     """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's
-    own
-    word on it: whether the ball is in the basket, or the dart in the board.
+    own word on it: whether the ball is in the basket, or the dart in the board.
 
     Parameters
     ----------

@@ -191,8 +191,7 @@ class Explanation:
 
 class ConventionSearch:
     """The search for the convention by which the hand moves as cameras saw it, wherever these
-    stand
-    and whatever their unit is.
+    stand and whatever their unit is.
 
     Parameters
     ----------

@@ -45,8 +45,7 @@ LAYOUT = "in-process"
 
 class SessionBag:
     """What a session tells it is written when a movement is over; a context manager, which closes
-    the
-    bag.
+    the bag.
 
     Parameters
     ----------

@@ -34,10 +34,11 @@ class ThrowMemory:
             )
         self.throws: list[FoundThrow] = []
         self._capacity, self._configuration = capacity, configuration
+        # places in `throws`, by whether the throw was guided
         self._kept: dict[bool, list[int]] = {
             True: [],
             False: [],
-        }  # places in `throws`, by whether the throw was guided
+        }
         self._crowds = {True: Coverage(), False: Coverage()}
 
     def take(self, throws: Iterable[FoundThrow]) -> None:

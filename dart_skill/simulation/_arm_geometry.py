@@ -20,8 +20,7 @@ from dart_skill.common.constants import N_JOINTS
 
 class ArmGeometry:
     """Frames in the world: that of a joint stands at `xyz`, rolled about x, in the frame before
-    it,
-    and turns about its own z axis.
+    it, and turns about its own z axis.
 
     Parameters
     ----------
@@ -68,8 +67,7 @@ class ArmGeometry:
 
     def in_joints(self, position: np.ndarray, wrench: np.ndarray) -> np.ndarray | None:
         """A wrench at the hand as torques of the joints, J' wrench (7,) [N m]; None for none,
-        which
-        spares the kinematics.
+        which spares the kinematics.
 
         About the axis z of a joint at p, force f and moment m at the hand turn with z . (m + (hand
         - p) x f).
@@ -192,9 +190,8 @@ class ArmDynamics(ArmGeometry):
             np.zeros((n + 1, 3)),
             np.zeros((n + 1, 3)),
         )
-        self._acceleration[0, 2] = (
-            description.gravity
-        )  # a base that is lifted feels what one under gravity does
+        # a base that is lifted feels what one under gravity does
+        self._acceleration[0, 2] = description.gravity
         self._force, self._moment = np.zeros((n + 2, 3)), np.zeros((n + 2, 3))
         self._offset, self._moved, self._momentum = np.zeros(3), np.zeros(3), np.zeros(3)
         self._centre, self._inertia = np.zeros(3), np.zeros((3, 3))
@@ -209,8 +206,7 @@ class ArmDynamics(ArmGeometry):
 
     def terms(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mass matrix (7, 7) [kg m^2], and the torque at zero acceleration (7,) [N m], in arrays
-        that
-        the next call writes anew.
+        that the next call writes anew.
 
         Parameters
         ----------

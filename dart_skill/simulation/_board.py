@@ -31,8 +31,7 @@ class Board:
 
     def hit(self, before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
         """Where a dart that moved from one point (3,) to another met the face of the board (3,),
-        if
-        it did.
+        if it did.
 
         Parameters
         ----------

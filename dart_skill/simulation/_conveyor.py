@@ -95,8 +95,7 @@ class Belt:
     @classmethod
     def of(cls, cup: Pose | None, numbers: Mapping[str, float]) -> Belt:
         """The belt of a situation: where the cup is at `start`, and `NUMBERS`, as far as they
-        differ
-        from the defaults.
+        differ from the defaults.
 
         Raises
         ------

@@ -18,8 +18,7 @@ MOST_LEFT = np.repeat([0.02, 0.3], 3)
 
 class Guiding:
     """Guides one movement at a time: `_begin_guiding`, then `step` once per state. Who derives
-    from
-    it writes `_wanted`.
+    from it writes `_wanted`.
 
     Parameters
     ----------

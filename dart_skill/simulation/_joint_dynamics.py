@@ -105,8 +105,7 @@ class JointDynamics:
         velocity: np.ndarray,
     ) -> list[float]:
         """The torque (7,) [N m] with which PyBullet's arm without rotors and friction moves in a
-        step
-        as the arm with them does.
+        step as the arm with them does.
 
         Parameters
         ----------

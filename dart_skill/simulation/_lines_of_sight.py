@@ -43,9 +43,8 @@ class LinesOfSight:
     ):
         right, down, forward = axes[:, 0], axes[:, 1], axes[:, 2]
         wide, high = (tangent[:, None] * forward for tangent in np.tan(half_angles).T)
-        self._sides = np.stack(
-            [wide - right, wide + right, high - down, high + down], axis=1
-        )  # their normals, inwards
+        # their normals, inwards
+        self._sides = np.stack([wide - right, wide + right, high - down, high + down], axis=1)
         self._positions, self._ranges, self._clearance = (
             np.array(positions),
             np.array(ranges),

@@ -25,8 +25,7 @@ from dart_skill.simulation._lines_of_sight import LinesOfSight
 @dataclass(frozen=True)
 class Camera:
     """A camera at `position` (3,) that looks at `look_at` (3,), its image upright, in the world
-    frame
-    [m].
+    frame [m].
 
     Parameters
     ----------
@@ -248,8 +247,7 @@ NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 @dataclass(frozen=True)
 class Frame:
     """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same
-    names
-    say.
+    names say.
 
     Parameters
     ----------
@@ -303,8 +301,7 @@ class MotionCapture:
         number: int | None = None,
     ) -> list[Sample]:
         """Samples of the frame exposed at `stamp_ns`, in the order of `config.bodies`, without
-        lost
-        bodies.
+        lost bodies.
 
         Parameters
         ----------
@@ -322,8 +319,7 @@ class MotionCapture:
 
     def observe_frames(self, episode: int, frames: Sequence[Frame]) -> list[Sample]:
         """The samples that `observe` gives of one frame after the other, at a tenth of its cost
-        per
-        frame.
+        per frame.
 
         Every frame has the same bodies, as many capsules, and a basket if another one has.
 
@@ -368,9 +364,8 @@ class MotionCapture:
         self._episode = episode
         self._rng = np.random.default_rng([self.seed, int(episode)])
         self._frames_drawn = 0
-        self._lost_until = np.zeros(
-            len(self.config.bodies), dtype=int
-        )  # frame at which the dropout of each body is over
+        # frame at which the dropout of each body is over
+        self._lost_until = np.zeros(len(self.config.bodies), dtype=int)
 
     def _draw(self, numbers: Sequence[int | None]) -> _Draws:
         """Draw all random numbers of frames, whether they are needed or not, and also those of

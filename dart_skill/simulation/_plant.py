@@ -43,8 +43,7 @@ loads until it is disconnected.
 @dataclass(frozen=True)
 class PlantState:
     """Everything about the world at one instant, in the axes of the world; for models of sensors
-    and
-    for tests, never for learning.
+    and for tests, never for learning.
 
     Parameters
     ----------
@@ -127,8 +126,7 @@ class Plant(ArmInWorld):
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
         """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes
-        on.
-        A board stays where it hangs.
+        on. A board stays where it hangs.
 
         Parameters
         ----------

@@ -52,8 +52,7 @@ class Pulling:
 
 class PulledHand(Guiding):
     """Guides one movement at a time: `begin`, then `pull`, `tell` and `finish` as the person
-    wants,
-    and `step` once per state.
+    wants, and `step` once per state.
 
     Parameters
     ----------
@@ -65,9 +64,8 @@ class PulledHand(Guiding):
 
     def __init__(self, pulling: Pulling | None = None, step: float = 0.002):
         p = self.pulling = pulling or Pulling()
-        person = Person(
-            tremble=0.0, firm_hand=p.firm_hand, strongest_push=p.strongest_push
-        )  # the person with the mouse trembles enough
+        # the person with the mouse trembles enough
+        person = Person(tremble=0.0, firm_hand=p.firm_hand, strongest_push=p.strongest_push)
         super().__init__(0, person, p.follows, p.firm_wrist, step)
         self._guides, self._now = False, 0.0
 
@@ -83,9 +81,8 @@ class PulledHand(Guiding):
 
     def begin(self, state: ArmState) -> None:
         """Take hold of the hand where it is now."""
-        from scipy.spatial.transform import (
-            Rotation,
-        )  # a teacher of throws has such a hand, too, and never begins
+        # a teacher of throws has such a hand, too, and never begins
+        from scipy.spatial.transform import Rotation
 
         self._begin_guiding(state)
         hand = self._model.hand_state(state.position, state.velocity)

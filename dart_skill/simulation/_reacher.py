@@ -89,8 +89,7 @@ class Reacher(Guiding):
         self, state: ArmState, cup: np.ndarray, speed: np.ndarray, beside: np.ndarray
     ) -> None:
         """What the person sees now: the cup (3,) [m] and how it moves (3,) [m/s], and the hand
-        from
-        where the arm takes it to be (3,) [m].
+        from where the arm takes it to be (3,) [m].
 
         Encoders that read wrong do not mislead them: what they see of the hand counts.
 

@@ -206,8 +206,7 @@ class _Motion:
 
 class Teacher:
     """Guides one throw at a time: `begin` with a target, then `step` once per state until the
-    phase
-    is WATCHING.
+    phase is WATCHING.
 
     `learn_from(landing)` corrects the next throw at the same target, as a person does who saw
     where the ball went.
@@ -318,10 +317,11 @@ class Teacher:
         time = (state.stamp_ns - self._started_ns) * 1e-9
         self._phase = self._phase_at(time)
         q, qd = self._wanted(time)
+        # one after the other, as the model keeps one state
         hand, elbow = (
             self._model.hand_state(q, qd),
             self._model.at(q).elbow(),
-        )  # one after the other, as the model keeps one state
+        )
         wrench = self._push_hand(state, hand) + self._tremor()
         return Command(
             state.stamp_ns, wrench, self._push_elbow(state, elbow, float(q[0])), self._button(time)
@@ -387,9 +387,8 @@ class Teacher:
         def miss(speed: float) -> float:
             position, velocity = self._ball_at_release(speed)
             reached = surface.reached(position, velocity, target, self._game.projectile)
-            return (
-                reached - reach if np.isfinite(reached) else -reach
-            )  # too slow to rise above the rim
+            # too slow to rise above the rim
+            return reached - reach if np.isfinite(reached) else -reach
 
         low, high = 0.05, 1.0
         where = (

@@ -126,8 +126,7 @@ class Transmission:
 
 class Encoders:
     """What a driver says of the joints: angles with an offset, in steps, and speeds that are
-    filtered
-    differences of them.
+    filtered differences of them.
 
     Parameters
     ----------

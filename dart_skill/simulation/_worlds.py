@@ -88,9 +88,8 @@ def make_world(
     if name == "board":
         return BoardWorld(settings, seed, board)
     if name == "belt":
-        from dart_skill.simulation._conveyor import (
-            Conveyor,
-        )  # with rotations of SciPy, which throws do without
+        # with rotations of SciPy, which throws do without
+        from dart_skill.simulation._conveyor import Conveyor
 
         return Conveyor(settings, seed)
     raise ValueError(f"no world '{name}': choose one of {', '.join(WORLDS)}")

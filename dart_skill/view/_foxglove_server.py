@@ -134,8 +134,7 @@ def serve_bag(
     stopped: Callable[[], bool] = lambda: False,
 ) -> int:
     """Publish the messages of a bag at the pace of their log times, and go on until all are out,
-    or
-    it is stopped; how many were.
+    or it is stopped; how many were.
 
     Parameters
     ----------

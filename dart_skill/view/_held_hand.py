@@ -205,8 +205,7 @@ def turned(quaternion: np.ndarray, degrees: float) -> np.ndarray:
 
 def how_far(lies: np.ndarray, turn: np.ndarray) -> str:
     """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3), whose z
-    axis
-    points up.
+    axis points up.
 
     Parameters
     ----------

@@ -113,9 +113,8 @@ class Panel:
         self._words, self._has_basket = self._skill.words, "basket" in self._skill.bodies
         self._shown_nodes: tuple[NodeStatus, ...] = ()
         self._knobs: dict[tuple[str, str], Any] = {}
-        self._first: dict[
-            tuple[str, str], float
-        ] = {}  # values of the knobs when they were heard of
+        # values of the knobs when they were heard of
+        self._first: dict[tuple[str, str], float] = {}
         self._errors: list[tuple[float, bool]] = []
         self._stop = self._button("Stop", lambda: Request("stop"), palette.STOP)
         self._reset = self._button("Reset after a stop", lambda: Request("reset"))
@@ -225,8 +224,7 @@ class Panel:
 
     def add_throw(self, error: float, in_basket: bool) -> None:
         """A point of the learning curve: error [m], nan if it was not seen, and whether it
-        succeeded:
-        a ball, whether it went in.
+        succeeded: a ball, whether it went in.
 
         Parameters
         ----------

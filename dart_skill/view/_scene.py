@@ -204,8 +204,7 @@ class Scene:
         self, group: str, centres: np.ndarray, quaternions: np.ndarray, diameters: np.ndarray
     ) -> None:
         """Ellipsoids: centres (K, 3), quaternions (K, 4) of their axes, diameters (K, 3) along
-        these;
-        they replace those of the group.
+        these; they replace those of the group.
 
         Parameters
         ----------
@@ -384,9 +383,8 @@ class Scene:
             )
 
     def _add_arm(self) -> None:
-        self._angles = np.full(
-            len(self._description.joints), np.inf
-        )  # so that every joint moves at first
+        # so that every joint moves at first
+        self._angles = np.full(len(self._description.joints), np.inf)
         self._scene.add_frame("/arm", show_axes=False)
         paths, capsules = {"world": "/arm"}, self._description.capsules
         base, hand = fixed_transforms(self._description)

@@ -68,9 +68,8 @@ def open_server(
     """
     viser = load_viser()
     _check_free(host, port)
-    with contextlib.redirect_stdout(
-        io.StringIO()
-    ):  # viser prints a panel; our callers say it in their own way
+    # viser prints a panel; our callers say it in their own way
+    with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     _refuse_strangers(server, token)
     # any client may ask viser for a public address; an arm is not to be had from outside
@@ -99,8 +98,7 @@ def new_token() -> str:
 
 def with_token(url: str, token: str) -> str:
     """The address of a page, of which the browser opens the websocket with the token: viser takes
-    its
-    address as a parameter.
+    its address as a parameter.
 
     Parameters
     ----------
@@ -142,9 +140,8 @@ def _is_own_name(name: str) -> bool:
 
 
 def _refuse_strangers(server: Any, token: str) -> None:
-    websockets = (
-        server._websock_server
-    )  # viser has no public way to see the request of a connection
+    # viser has no public way to see the request of a connection
+    websockets = server._websock_server
 
     async def check(connection: Any) -> None:
         socket_of_client = websockets._live_connections[connection.client_id]

@@ -1,5 +1,4 @@
-"""Movement primitives, of positions and of poses
-==============================================
+"""Movement primitives, of positions and of poses ==============================================
 
 A primitive (thesis 7.6 to 7.13) learns a movement from one demonstration. Its goal and its
 duration may change at any step. The same for poses turns on the unit quaternions, so no angle can

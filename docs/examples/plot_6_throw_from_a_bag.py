@@ -1,5 +1,4 @@
-"""Learn to throw from a bag, and throw
-====================================
+"""Learn to throw from a bag, and throw ====================================
 
 A recording of thirteen guided throws teaches the arm (``bags/demonstrations``). Then it throws in
 the simulated world, at a basket that nobody demonstrated. Everything runs in this process, without

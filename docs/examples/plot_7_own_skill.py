@@ -1,5 +1,4 @@
-"""A skill of one's own
-====================
+"""A skill of one's own ====================
 
 A skill says what is particular to it: which bodies it needs, and what counts as done. The rest,
 from recordings to plans, is the same for all skills. Here the hand presses a button from above.
@@ -43,9 +42,8 @@ class Press(Skill):
 POSTURE = np.array([-0.7, 0.6, 0.0, 1.9, 0.0, 0.6416, 0.0])  # where every movement starts [rad]
 place, turn = ArmModel().hand_pose(POSTURE)
 START = Pose(place, Rotation.from_matrix(turn).as_quat())
-ABOVE = Pose(
-    np.array([0.0, 0.0, 0.15]), np.array([0.0, 1.0, 0.0, 0.0])
-)  # of the hand at the end, as the button sees it
+# of the hand at the end, as the button sees it
+ABOVE = Pose(np.array([0.0, 0.0, 0.15]), np.array([0.0, 1.0, 0.0, 0.0]))
 time = np.arange(0.0, 4.0, 0.01)  # [s]
 
 

@@ -1,5 +1,4 @@
-"""The mixture against that of scikit-learn
-========================================
+"""The mixture against that of scikit-learn ========================================
 
 Both fit Gaussian mixtures by EM. From the same start they find the same mixture. The one of this
 package takes weights of the samples, too, and answers what robots ask: regression, products, maps

@@ -29,10 +29,11 @@ PATIENCE = 5.0  # lockstep: wall-clock time after which a state counts as not an
 # after it [s]
 LATEST = 0.01
 STATES = QoSProfile(depth=1000)  # reliable: 2 s
+# of the joint states: a driver may have more, in an order of its own
 NAMES = [
     "bhand_spread",
     *reversed(published.JOINTS),
-]  # of the joint states: a driver may have more, in an order of its own
+]
 
 
 def nanoseconds(stamp):

@@ -83,10 +83,11 @@ def hardware_graph(folder):
     """The hardware layout, until the end of the context; its log and the bag of demonstrations are
     in the folder.
     """
+    # a machine that is busy holds up this laboratory for longer than 0.5 s
     settings = (
         "coach.stand_back=1.0",
         "commander.states_timeout=20.0",
-    )  # a machine that is busy holds up this laboratory for longer than 0.5 s
+    )
     command = ["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")]
     command += [word for setting in settings for word in ("--set", setting)]
     return running(command, folder / "up.log")
@@ -105,10 +106,11 @@ class Outsider(Node):
         self.create_subscription(
             Practice.Impl.FeedbackMessage, "/practice/_action/feedback", self._hear, 50
         )
+        # what the coach asked of the person, in words, and whether the person does it
         self.asked, self.helps = (
             [],
             False,
-        )  # what the coach asked of the person, in words, and whether the person does it
+        )
 
     def wait_for_graph(self, limit=LIMIT):
         """Until every service and the action are there, and a second longer: a server may find its
@@ -159,9 +161,8 @@ class Outsider(Node):
             started = self.call(f"{self.recorder}/start")
             if started.success:
                 break
-            self.driver.run(
-                0.1
-            )  # a recorder that has just been started has not heard of everything yet
+            # a recorder that has just been started has not heard of everything yet
+            self.driver.run(0.1)
         assert started.success, started.message
         self.do(person.throw(rim))
         hit = person.in_basket(rim)

@@ -24,10 +24,11 @@ HAND_GRASP = (4000.0, 250.0)  # stiffness and damping of the hold at the hand [N
 HAND_TWIST = (30.0, 0.6)  # the same for turning [N m/rad, N m s/rad]
 ELBOW_GRASP = (1500.0, 60.0)
 STRONGEST_PUSH, STRONGEST_TWIST = 150.0, 12.0  # [N, N m]
+# standard deviation of a force [N] and its corner frequency [rad/s]
 TREMBLE, TREMBLE_RATE = (
     0.5,
     60.0,
-)  # standard deviation of a force [N] and its corner frequency [rad/s]
+)
 
 
 def minimum_jerk(count):

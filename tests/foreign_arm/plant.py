@@ -18,9 +18,8 @@ MOUNT_HEIGHT = yaml.safe_load((CONFIG / "wam.yaml").read_text(encoding="utf-8"))
 SHOULDER = np.array([0.0, 0.0, MOUNT_HEIGHT + published.SHOULDER_HEIGHT])
 
 FINGER_RADIUS = 0.070  # of the knuckles about the hand's axis [m]
-FINGERTIP = np.array(
-    [-0.0305, 0.0, 0.052]
-)  # from the knuckle, x outwards: on the ball, 25 degrees beyond its equator [m]
+# from the knuckle, x outwards: on the ball, 25 degrees beyond its equator [m]
+FINGERTIP = np.array([-0.0305, 0.0, 0.052])
 FINGERTIP_RADIUS = 0.010
 FINGER_OPEN = 1.1  # angle of an open finger, 0: tip on the ball [rad]
 GRIP_TORQUE = 0.5  # at a knuckle: 8 N at the tip, published are 15 [N m]
@@ -63,10 +62,11 @@ def add_link(parent, joint, place, laboratory):
         pos=text(place[0]),
         quat=text(quaternion(place[1])),
     )
+    # stiction does not creep
     hard = {
         "solimpfriction": "0.9999 0.9999 0.001",
         "solreffriction": "0.002 1",
-    }  # stiction does not creep
+    }
     common = {"axis": "0 0 1", "type": "hinge", **hard}
     ends = text([published.LOWER[joint], published.UPPER[joint]])
     motor = {

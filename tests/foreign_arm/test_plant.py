@@ -89,10 +89,11 @@ def test_energy_is_conserved_without_friction():
     plant.hand.act = lambda now: 0.0
     for name in ("knuckle1", "knuckle2", "knuckle3"):
         address = plant.model.joint(name).dofadr[0]
+        # fingers hardly move
         plant.model.dof_damping[address], plant.model.dof_armature[address] = (
             0.0,
             10.0,
-        )  # fingers hardly move
+        )
     before, energies, kinetic = None, [], []
     for _ in range(200):
         plant.step(np.zeros(7))

@@ -55,9 +55,8 @@ def graphs(folder):
     def make(layout="composed", seed=0, extra=None, remappings=None, skill="", namespace=""):
         graph = Graph(folder / f"logs_{len(started)}", remappings or {}, namespace=namespace)
         name = f"coach_{len(started)}"
-        client = GraphClient(
-            graph.dead, name, appears=60.0, namespace=namespace
-        )  # a busy machine starts nodes slowly
+        # a busy machine starts nodes slowly
+        client = GraphClient(graph.dead, name, appears=60.0, namespace=namespace)
         started.append((graph, client))
         if layout is not None:
             graph.start_all(layout, seed, folder / f"bag_{len(started)}", extra, skill)

@@ -123,9 +123,8 @@ def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
     opened, too. The last test.
     """
     commander = laboratory.graph.processes.pop("commander")
-    commander.send_signal(
-        signal.SIGINT
-    )  # one that is killed stays on the graph for 20 s, and its successor is the second one there
+    # one that is killed stays on the graph for 20 s, and its successor is the second one there
+    commander.send_signal(signal.SIGINT)
     commander.wait(20)
     laboratory.wait(lambda: laboratory.phase == "stopped", "a bridge that stops")
     assert (

@@ -85,9 +85,8 @@ def test_no_more_layouts_are_remembered_than_a_few():
 
 
 def test_what_lies_between_the_fields_does_not_count():
-    example = PoseStamped(
-        header=Header(frame_id="world")
-    )  # 6 bytes of name, so that two lie between
+    # 6 bytes of name, so that two lie between
+    example = PoseStamped(header=Header(frame_id="world"))
     layout, written = FixedLayout(example), bytearray(FixedLayout(example).pack(1, np.arange(7.0)))
     written[22:28] = b"\xff" * 6
     assert layout.fits(bytes(written))

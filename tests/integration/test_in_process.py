@@ -123,9 +123,8 @@ def test_no_message_overtakes_another_where_nobody_has_heard_the_last_ones_yet(p
 
     def say_while(subscriptions):
         limit = time.monotonic() + 60.0
-        while (
-            Publisher.get_subscription_count(publisher) != subscriptions
-        ):  # this process is late: nobody spins it
+        # this process is late: nobody spins it
+        while Publisher.get_subscription_count(publisher) != subscriptions:
             assert time.monotonic() < limit, f"{subscriptions} subscriptions are not discovered"
             time.sleep(1e-3)
         process.exchange.turns += 1  # as one that is over before anybody has heard anything
@@ -250,9 +249,8 @@ def test_a_turn_calls_all_that_is_ready(process):
     before it.
     """
     ping = process.speaker.create_publisher(Int32, "ping", RELIABLE)
-    process.speaker.create_subscription(
-        Int32, "ping", ping.publish, RELIABLE
-    )  # answers itself for ever: turns last a slice
+    # answers itself for ever: turns last a slice
+    process.speaker.create_subscription(Int32, "ping", ping.publish, RELIABLE)
     process.until(lambda: ping.get_subscription_count() == 1, "a subscription that is discovered")
     ticks = []
     timers = [

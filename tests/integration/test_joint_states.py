@@ -107,9 +107,8 @@ def beside(ros):
             end = time.monotonic() + PATIENCE
             while not condition():
                 assert time.monotonic() < end, f"{what} did not come true in {PATIENCE:.0f} s"
-                if (
-                    time.monotonic() > self._due
-                ):  # more of them than the node takes would leave no turn to its timers
+                # more of them than the node takes would leave no turn to its timers
+                if time.monotonic() > self._due:
                     self.said, self._due = self.said + 1, time.monotonic() + 0.002
                     self.publisher.publish(state(self.names, 2_000_000 * self.said))
                     if self._others is not None:

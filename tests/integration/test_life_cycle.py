@@ -108,9 +108,8 @@ def test_a_recorder_that_was_cleaned_up_begins_another_bag(
     def told():
         return len(speaker.node.get_publishers_info_by_topic("/diagnostics"))
 
-    own = {
-        f"/{node.get_name()}/{service}" for service in (*PARAMETERS, *LIFE_CYCLE)
-    }  # they are discovered one after the other
+    # they are discovered one after the other
+    own = {f"/{node.get_name()}/{service}" for service in (*PARAMETERS, *LIFE_CYCLE)}
     speaker.until(lambda: own <= {name for name, _ in offered()}, "the services of the node")
     speaker.until(lambda: writes() and told() == 1, "a bag that is written to")
     before, begun = offered(), time.strftime("%S")

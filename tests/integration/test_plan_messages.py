@@ -29,9 +29,8 @@ CHANGING = replace(PLAN, position_gains=GainsOverTime(SOLID, 0.1 * SOLID))
     "plan", [PLAN, PACED, CHANGING, replace(PACED, position_gains=CHANGING.position_gains)]
 )
 def test_a_plan_comes_out_as_it_went_in(plan):
-    times = {
-        name: round(getattr(plan, name) * 1e9) * 1e-9 for name in ("release", "open_hand")
-    }  # a duration counts nanoseconds
+    # a duration counts nanoseconds
+    times = {name: round(getattr(plan, name) * 1e9) * 1e-9 for name in ("release", "open_hand")}
     back = conversions.throw_plan(conversions.throw_plan_msg(plan, "world"))
     path = replace(back.path, time=plan.path.time)
     assert np.abs(back.path.time - plan.path.time).max() < 1e-9

@@ -61,9 +61,8 @@ def come(node, count=1, name="busy"):
     while True:
         there = servers(node, f"/{name}/serve")
         if sum(there._endpoints.values()) >= count and not there.gone:
-            time.sleep(
-                4 * PULSE
-            )  # it has said so: who dies before that is missed only when its lease is over
+            # it has said so: who dies before that is missed only when its lease is over
+            time.sleep(4 * PULSE)
             return there
         assert time.monotonic() < until, "it never came"
         time.sleep(0.05)

@@ -228,11 +228,12 @@ def test_somebody_with_a_pointer_shows_it_in_a_cup_that_moves_slowly(graph, reac
     teacher = ActionClient(client.node, Teach, "/teach")
     wait_for(client, teacher.server_is_ready, what="the teacher")
     lesson = begin_by_pointer(client, teacher, reach.unhurried(reach.draw(graph.rng)))
+    # over the rim for a moment, in the cup for a second
     for height, poses in (
         (0.15, 10),
         (0.08, 10),
         (0.0, 100),
-    ):  # over the rim for a moment, in the cup for a second
+    ):
         person.follow("cup", [0.0, 0.0, height], poses)
     person.hands.done()
     shown = client.wait(lesson, "the end of the lesson").result

@@ -146,9 +146,8 @@ def test_the_status_of_a_graph_that_is_well(quiet):
 def test_the_status_names_a_second_commander(quiet):
     _, client = quiet
     stranger = client.node.create_publisher(WamCommand, "/wam/command", 10)
-    code, said = status(
-        client, "--duration", "8"
-    )  # on a machine that stalls for seconds a part of the graph is found late
+    # on a machine that stalls for seconds a part of the graph is found late
+    code, said = status(client, "--duration", "8")
     client.node.destroy_publisher(stranger)
     assert (
         code == 1
@@ -345,9 +344,8 @@ def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(taught):
     """The last test of this graph: it has no learner any more."""
     graph, client = taught
     joints = Joints(client)
-    result, _ = begin_slow_throw(
-        client, joints, BETWEEN, speed_factor=0.15
-    )  # a dead node is missed after 4 s
+    # a dead node is missed after 4 s
+    result, _ = begin_slow_throw(client, joints, BETWEEN, speed_factor=0.15)
     learner = graph.processes.pop("skill_learner")
     learner.kill()
     learner.wait()

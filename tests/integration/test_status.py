@@ -102,9 +102,8 @@ def test_what_is_wrong_is_said_in_one_line(report, problem):
 @pytest.mark.parametrize(
     "report",
     [
-        with_topics(
-            STATES, replace(COMMANDS, publishers=("commander", "commander"))
-        ),  # one was killed and started again
+        # one was killed and started again
+        with_topics(STATES, replace(COMMANDS, publishers=("commander", "commander"))),
         with_topics(replace(STATES, lost=4, reliable=False), COMMANDS),
         replace(WELL, safety=None, limits={}),
         with_commander(state=WARNING, says="no answer yet"),

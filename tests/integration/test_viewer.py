@@ -181,10 +181,11 @@ def test_everything_is_taught_learned_thrown_and_practised_from_the_page(live):
             120.0,
         )
         page.click("Throw")
+        # Stop says it, too
         until(
             lambda: page.says("no throw") and page.says("press Reset after a stop"),
             "an arm that stays stopped",
-        )  # Stop says it, too
+        )
         page.click("Reset after a stop")
         until(lambda: page.says("the arm may move again"), "the reset")
 
@@ -194,13 +195,14 @@ def test_a_taken_port_is_told_in_one_line(tmp_path):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
+        # one of the graph has the name
         arguments = [
             "--ros-args",
             "-p",
             f"port:={port}",
             "-r",
             "__node:=another",
-        ]  # one of the graph has the name
+        ]
         command = [sys.executable, "-m", "dart_skill_nodes.executables.viewer", *arguments]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
@@ -285,12 +287,10 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         wait_for(client, lambda: page.button("Throw"), 90.0, "the page")
         begin = truth.basket.copy()
         pause = client.node.create_client(SetBool, "/simulation/pause")
-        client.set_parameters(
-            "/wam_simulator", {"speed_factor": 0.2}
-        )  # somebody drags for seconds: the world need not hurry meanwhile
-        client.call(
-            pause, SetBool.Request(data=False)
-        )  # in a world that is held the cameras see nothing new
+        # somebody drags for seconds: the world need not hurry meanwhile
+        client.set_parameters("/wam_simulator", {"speed_factor": 0.2})
+        # in a world that is held the cameras see nothing new
+        client.call(pause, SetBool.Request(data=False))
 
         def look(condition, what, limit=60.0):
             """Take pictures until one fulfils the condition."""
@@ -309,9 +309,8 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
             "the basket where it stands",
         )
         wanted = begin * [1.1, 1.1, 1.0]
-        for _ in range(
-            5
-        ):  # a page that is late on a busy machine lets go too early: whoever drags does it again
+        # a page that is late on a busy machine lets go too early: whoever drags does it again
+        for _ in range(5):
             now, grip = truth.basket.copy(), front_of(truth.basket)[3]
             page.drag(*project(np.array([grip, grip + wanted - now]), EYE, LOOK_AT, SMALL))
             if _comes(client, lambda: np.linalg.norm(truth.basket - wanted) < 0.02):
@@ -338,9 +337,8 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         )
         assert len(flight) > 20
         vermilion = hue_of(palette.BALL)
-        with (
-            PageClient(url, origin=url) as other
-        ):  # what one page hides is hidden on all: Gaussians may stand before path and hand
+        # what one page hides is hidden on all: Gaussians may stand before path and hand
+        with PageClient(url, origin=url) as other:
             other.wait_for(
                 lambda: other.says("Gaussians"),
                 meanwhile=client.spin,

@@ -59,13 +59,11 @@ def _reach(role: str, stream: HeardPoses, heard: Heard, model: ArmModel | None) 
         )
     others = [one.stamp_ns for one in heard.poses.values() if len(one)]
     first, last = (states[0], states[-1]) if len(states) else (stamps[0], stamps[-1])
-    first = max(
-        first, min(int(one.min()) for one in others)
-    )  # cameras may be discovered later than the arm
+    # cameras may be discovered later than the arm
+    first = max(first, min(int(one.min()) for one in others))
     if heard.simulated:
-        last = max(
-            int(one.max()) for one in others
-        )  # and simulated ones may be behind it when the listening ends
+        # and simulated ones may be behind it when the listening ends
+        last = max(int(one.max()) for one in others)
     lost = _lost(stamps, first, last)
     if len(states) > 1:  # what was lost while the arm was silent, too, is no fault of the cameras
         after = np.clip(np.searchsorted(states, lost), 1, len(states) - 1)

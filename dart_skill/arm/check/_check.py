@@ -76,9 +76,8 @@ def check_arm(
     lines = [
         publisher_line(joints, "the arm's driver"),
         quality_line(joints, better_reliable=True),
-        rate_line(
-            joints, STATE_RATE, None if heard.simulated else float(limits["longest_gap"])
-        ),  # a reset leaves a gap
+        # a reset leaves a gap
+        rate_line(joints, STATE_RATE, None if heard.simulated else float(limits["longest_gap"])),
         stamps_line(joints, heard.simulated),
     ]
     of_joints = joint_lines(joints, model.description)

@@ -145,9 +145,8 @@ def stamps_line(stream: HeardTopic, simulated: bool) -> Line:
         )
     verdict = graded(late, old, too_old)
     if simulated and verdict is Grade.NO_GO:
-        verdict = (
-            Grade.WARN
-        )  # in a simulation that runs as fast as it can, ages tell how busy the machine is
+        # in a simulation that runs as fast as it can, ages tell how busy the machine is
+        verdict = Grade.WARN
     remedy = (
         f"the driver's clock and the {clock} of this machine differ, or messages wait: chrony on"
         " all machines (docs/machines.md)"

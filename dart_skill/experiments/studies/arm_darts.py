@@ -53,8 +53,7 @@ def teach(
     session: Session, skill: Darts, situations: Iterable[Situation]
 ) -> tuple[list[Demonstration], np.ndarray]:
     """A demonstration for each aim with which the teacher hit the board; misses (m, 2) [mm] of all
-    of
-    the teacher's darts.
+    of the teacher's darts.
 
     Parameters
     ----------
@@ -222,7 +221,6 @@ def _row_of_seed(run: DartsRun) -> np.ndarray:
 
 
 def _on_the_board(run: DartsRun) -> str:
-    on = sum(
-        np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in run.darts
-    )  # what was not seen is nan, and not on it
+    # what was not seen is nan, and not on it
+    on = sum(np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in run.darts)
     return f"{on} of {len(run.darts)}"

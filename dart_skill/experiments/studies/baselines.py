@@ -42,8 +42,7 @@ def _settings(
 
 class CrossEntropy(VectorSearch):
     """Cross-entropy method: after every `batch` returns the Gaussian gets mean and covariance of
-    the
-    `best` M of them.
+    the `best` M of them.
 
     P. T. de Boer et al., A tutorial on the cross-entropy method, Annals of OR 134, 2005. Noise: I.
     Szita and A. Loerincz, Learning Tetris using the noisy cross-entropy method, Neural Computation

@@ -46,8 +46,7 @@ KINDS: dict[str, dict[str, Any]] = {
 @dataclass(frozen=True)
 class GrabbedThrow:
     """One throw. `varied` and `agreed` are the instants and axes in which the demonstrations
-    varied
-    most, and least.
+    varied most, and least.
 
     Parameters
     ----------
@@ -109,9 +108,8 @@ def _swing(session: Session, kind: str, skill: ThrowingSkill, plan: ThrowPlan) -
     trial = session.throw(plan)
     if session.commander.opened_ns is None:
         raise PlanRefused(trial.message)
-    stamps = np.array(
-        [one.stamp_ns for one in trial.states]
-    )  # each was answered by a command with its stamp
+    # each was answered by a command with its stamp
+    stamps = np.array([one.stamp_ns for one in trial.states])
     clock = (stamps - plan.begin_ns(session.commander.opened_ns, stamps)) * 1e-9
     swing = (clock >= 0.0) & (clock <= plan.release)
     time, states = clock[swing], [trial.states[k] for k in np.flatnonzero(swing)]

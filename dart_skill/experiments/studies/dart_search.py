@@ -227,8 +227,7 @@ class SearchRun:
 @lru_cache(maxsize=8)
 def best_scores(schedule: str) -> np.ndarray:
     """Expected score (n,) of the best aim at every throw, interpolated between the knots of the
-    exact
-    path, piece by piece.
+    exact path, piece by piece.
 
     Parameters
     ----------

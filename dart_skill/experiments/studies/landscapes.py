@@ -182,8 +182,7 @@ OBSTACLE = 0.9
 @dataclass(frozen=True, eq=False)
 class Hills:
     """Gaussian hills with tops (k, 2) and heights (k,), the highest of those at each place; none
-    of
-    it within the disc of that radius about the first top.
+    of it within the disc of that radius about the first top.
 
     Parameters
     ----------

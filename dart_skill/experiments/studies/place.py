@@ -71,8 +71,7 @@ def run_seed(
     seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = ""
 ) -> list[Placed]:
     """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for
-    every
-    seed.
+    every seed.
 
     Parameters
     ----------

@@ -58,8 +58,7 @@ NOTHING = 1e-12
 
 def optimal_baseline(scores: ArrayLike, returns: ArrayLike) -> np.ndarray:
     """The constant (p,), in the unit of the returns, with which each element of the gradient has
-    the
-    least variance: (G2).
+    the least variance: (G2).
 
     Parameters
     ----------
@@ -97,9 +96,8 @@ def reinforce_gradient(scores: ArrayLike, returns: ArrayLike) -> np.ndarray:
         As `optimal_baseline`, and for less than 2 trials.
     """
     scores, returns = _read(scores, returns, 2)
-    centred = (returns - returns.mean())[
-        :, None
-    ]  # changes nothing but rounding: the baseline moves along
+    # changes nothing but rounding: the baseline moves along
+    centred = (returns - returns.mean())[:, None]
     squares = np.square(scores)
     total = squares.sum(axis=0)
     others = total - squares
@@ -252,9 +250,10 @@ class _GradientSearch(VectorSearch):
             return False
         if self._step == "normalised":
             returns = returns / np.abs(returns).max()  # so that no square overflows
+        # (G5)
         fisher = np.concatenate([1 / self._sigma**2, np.full(self._start.size, 2.0)])[
             : self._n_elements
-        ]  # (G5)
+        ]
         scores = self._scores(np.array([trial.noise for trial in told]))
         with np.errstate(over="ignore", invalid="ignore"):  # `_go` refuses what comes of it
             direction = self._direction(scores, returns, fisher)

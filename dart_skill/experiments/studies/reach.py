@@ -105,8 +105,7 @@ def run_seed(
     partition: str = "",
 ) -> list[Reached]:
     """Show, learn, and reach into cups; the first few of them again with a hand that is held, and
-    the
-    first with a cup that is lost.
+    the first with a cup that is lost.
 
     An arm "fleet" is another one for every seed.
 

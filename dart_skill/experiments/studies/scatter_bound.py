@@ -35,8 +35,7 @@ def best_share(
     seed: int = 0,
 ) -> float:
     """Largest share of throws that come down within `radius` [m] of the target, over all
-    directions
-    and speeds.
+    directions and speeds.
 
     Parameters
     ----------

@@ -112,8 +112,7 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
 
 def taught(session: Session, target: np.ndarray) -> Trial | None:
     """The guided throw that went in, or None: a person who does not get it in, or whom the
-    recorder
-    cannot follow, goes on elsewhere.
+    recorder cannot follow, goes on elsewhere.
 
     Parameters
     ----------
@@ -249,8 +248,7 @@ def summary(results: list[ThrowResult]) -> dict:
 
 def best_possible(results: list[ThrowResult], settings: tuple[str, ...] = ()) -> float | None:
     """Share of these throws that would be in with the best of all plans, given how the arm's
-    fingers
-    scatter direction and speed.
+    fingers scatter direction and speed.
 
     Parameters
     ----------

@@ -186,8 +186,7 @@ def all_demonstrated(seed: int, name: str) -> list[DrawnThrow]:
 @dataclass(frozen=True, eq=False)
 class Angles:
     """alpha and beta (n_throws, n_steps, 2) [rad] of several throws on one clock, time (n_steps,)
-    [s]
-    since the start of the motion.
+    [s] since the start of the motion.
 
     Parameters
     ----------

@@ -197,9 +197,8 @@ def _draw_shares(axes: Axes, places: Sequence[float], shares: np.ndarray) -> Non
                 "marker": "so"[c],
                 "markersize": 4.5,
             }
-            beside = np.asarray(places) + 0.006 * max(places) * (
-                2 * m + c - 1.5
-            )  # so that no error covers another
+            # so that no error covers another
+            beside = np.asarray(places) + 0.006 * max(places) * (2 * m + c - 1.5)
             axes.errorbar(
                 beside,
                 mean[:, m, c],

@@ -41,8 +41,7 @@ def long_vectors(rotations: np.ndarray) -> np.ndarray:
 
 def path_about(rotations: np.ndarray, base: np.ndarray, last: bool) -> np.ndarray:
     """Coordinates e (n, 3) of a path (n, 4) without jumps; at its last sample, or its first one,
-    at
-    most half a turn.
+    at most half a turn.
 
     Raises
     ------

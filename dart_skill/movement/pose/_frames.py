@@ -24,8 +24,7 @@ IDENTITY = np.array(UNTURNED)
 @dataclass(frozen=True, eq=False)
 class PoseFrame:
     """Task frame of poses: a place and axes of its own. Columns before the pose, such as time,
-    pass
-    through.
+    pass through.
 
     Parameters
     ----------

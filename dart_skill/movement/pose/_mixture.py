@@ -47,8 +47,7 @@ FORMAT = "dart_skill pose mixture 1"
 
 def product_of_poses(means: ArrayLike, covariances: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Product of P Gaussians on R^n x S3: its mode (n + 4,) and its covariance (n + 3, n + 3) in
-    the
-    tangent space there.
+    the tangent space there.
 
     The mode is where the product of the densities is largest; the covariance is that of its
     quadratic approximation. With little spread and near means both are those of (3.8).
@@ -167,8 +166,7 @@ class PoseMixture(PoseEstimator):
         cls, priors: ArrayLike, means: ArrayLike, covariances: ArrayLike
     ) -> PoseMixture:
         """Mixture with given priors (K,), means (K, q + 7) and positive definite covariances (K, q
-        +
-        6, q + 6).
+        + 6, q + 6).
 
         Raises
         ------
@@ -310,8 +308,7 @@ class PoseMixture(PoseEstimator):
         self, inputs: ArrayLike, input_dims: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Mean (n, o + 4) and covariance (n, o + 3, o + 3) of all other columns, given inputs (n,
-        i):
-        regression on the manifold.
+        i): regression on the manifold.
 
         The mean is a row of the columns that are left, in order, and a unit quaternion. The
         covariance is in the tangent space there: within the components, and between them.

@@ -162,8 +162,7 @@ def follow_pose_attractor(
     push: ArrayLike | None = None,
 ) -> PoseMotion:
     """Motion of n poses that follows an attractor (n, 7), one each `step` [s]; between them it
-    moves
-    along geodesics.
+    moves along geodesics.
 
     Positions are exact (`follow_attractor`). Orientations are integrated by a Runge-Kutta method
     of fourth order in steps of a twentieth of the fastest time constant at most, which is stable

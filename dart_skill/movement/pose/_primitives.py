@@ -302,8 +302,7 @@ class DiscretePosePrimitive(PosePrimitive):
         noise: ArrayLike | None = None,
     ) -> DiscretePosePrimitive:
         """Learn from one demonstration, time (n,) [s], n >= 2, and pose (n, 7), or from sequences
-        of
-        several.
+        of several.
 
         Parameters
         ----------
@@ -431,8 +430,7 @@ class DiscretePosePrimitive(PosePrimitive):
 
 class RhythmicPosePrimitive(PosePrimitive):
     """Limit cycle on poses: a movement that repeats about a baseline, `RhythmicPrimitive` on
-    position
-    and orientation.
+    position and orientation.
 
     Parameters are those of `RhythmicPrimitive`: n_basis (default 50), stiffness (156.25),
     regression ("joint").

@@ -47,8 +47,7 @@ PoseFrames = Sequence[Sequence[PoseCourse]]
 
 class TaskParameterisedPoseMixture(PoseEstimator, SavableModel):
     """Mixture of K components in P task frames over rows of q numbers, of which column 0 is time,
-    and
-    a pose.
+    and a pose.
 
     Frames are given as P entries per demonstration: a PoseFrame, a list of them with one for each
     sample, or None, in the list too, where the frame is missing.

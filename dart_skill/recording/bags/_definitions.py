@@ -82,9 +82,8 @@ def embedded_types(
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(found)
-    except (
-        Exception
-    ):  # two definitions that cannot be in one store, or names that are none: as many as can be
+    # two definitions that cannot be in one store, or names that are none: as many as can be
+    except Exception:
         for name, fields in found.items():
             try:
                 store.register({name: fields})

@@ -65,9 +65,8 @@ class McapCheck(MessageCheck):
         self.topic_findings()
         self._chunk_findings()
         self._summary_findings()
-        if (
-            not self._topics and not self._n_records[Opcode.ATTACHMENT]
-        ):  # recovery makes no bag of nothing
+        # recovery makes no bag of nothing
+        if not self._topics and not self._n_records[Opcode.ATTACHMENT]:
             self.findings = [
                 replace(one, remedy="") if one.remedy == REWRITE else one for one in self.findings
             ]
@@ -87,9 +86,8 @@ class McapCheck(MessageCheck):
                 self.add("note", "the summary has no CRC")
         except DamagedError as error:
             self.add("error", str(error), RECOVER)
-        schemas, channels = read_definitions(
-            data, self._summary
-        )  # all of them, before the first message needs them
+        # all of them, before the first message needs them
+        schemas, channels = read_definitions(data, self._summary)
         self.define(schemas.values(), channels)
         for found in walk(data, self._summary):
             self._visit(found, data)
@@ -330,8 +328,7 @@ class SqliteCheck(MessageCheck):
 
 class FileGlance(FileFacts):
     """What a file says of its messages, and their log times by its indexes: nothing is
-    decompressed
-    where they are.
+    decompressed where they are.
 
     Parameters
     ----------

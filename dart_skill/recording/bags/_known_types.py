@@ -114,9 +114,8 @@ class Decoder:
         ]
         self._types, self.unknown = embedded_types(texts, None)
         self._patterns: dict[str, Pattern | None] = {}
-        self._proved: set[str] = (
-            set()
-        )  # types of which a message could be decoded, or that are as they are installed here
+        # types of which a message could be decoded, or that are as they are installed here
+        self._proved: set[str] = set()
 
     def decodable(self, type_name: str, payloads: Sequence[bytes]) -> list[bool]:
         """Which of the payloads are messages of a type.

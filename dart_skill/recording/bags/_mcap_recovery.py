@@ -139,9 +139,8 @@ class _McapRecovery(FileRecovery):
             None  # of the chunk before, as long as its message indexes come
         )
         self.kept_marks: set[int] = set()  # of messages of a channel in a chunk
-        self.claims: list[
-            tuple[int, tuple[int, int, int]]
-        ] = []  # places of chunks that were left out, and what their indexes say
+        # places of chunks that were left out, and what their indexes say
+        self.claims: list[tuple[int, tuple[int, int, int]]] = []
         self.n_wrong_indexes = self.n_foreign = 0
         self.in_summary, self.verified, self.is_changed = False, False, False
         self.n_unverified = 0
@@ -167,9 +166,8 @@ class _McapRecovery(FileRecovery):
                 f"the profile is 'ros2', as that of its messages is, and no longer '{profile}'"
             )
         self.decoder = Decoder(self.schemas.values())
-        self.decoders: dict[
-            int, Decoder
-        ] = {}  # by number of the schema, of types that the file defines in several ways
+        # by number of the schema, of types that the file defines in several ways
+        self.decoders: dict[int, Decoder] = {}
 
     def _read_ends(self) -> str:
         """Take header and summary; returns the profile."""
@@ -279,9 +277,8 @@ class _McapRecovery(FileRecovery):
         self.marks_elsewhere = marks | self.bag.chunks_before
         self.n_places_before = len(self.bag.places)
         self.bag.unpacked.before = self.begin
-        self.counted = (
-            self.counted and not self.is_one_of_several
-        )  # whether they are one recording or several is unknown
+        # whether they are one recording or several is unknown
+        self.counted = self.counted and not self.is_one_of_several
         for found in walk(self.data, self.summary, self.bag.unpacked):
             if isinstance(found, Damage):
                 self._damage(found)

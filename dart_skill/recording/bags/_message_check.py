@@ -206,9 +206,8 @@ class MessageCheck(FileFacts):
         ]
         self._types, self._unknown = embedded_types(texts, self._others, names)
         ways = Counter(name for name, _encoding, _text in set(texts))
-        self._own_types: dict[
-            int, Typestore
-        ] = {}  # by channel, of types that the file defines in several ways
+        # by channel, of types that the file defines in several ways
+        self._own_types: dict[int, Typestore] = {}
         self._empty = {name for name, _encoding, text in texts if not text.strip()}
         self._defined = embedded_types(texts, None)[0].fielddefs.keys()
         for number, channel in channels.items():
@@ -285,12 +284,13 @@ class MessageCheck(FileFacts):
         types = self._own_types.get(number, self._types)
         for stamp_ns, data in messages:
             self._decode(types, topic, stamp_ns, data)
+        # those that come may be like this one
         if (
             topic.has_pattern
             and not topic.undecodable
             and not topic.by_other
             and len(messages) > 1
-        ):  # those that come may be like this one
+        ):
             topic.pattern = pattern_of(types, topic.type_name, messages[-1][1])
             topic.has_pattern = topic.pattern is not None
 
@@ -321,9 +321,8 @@ class MessageCheck(FileFacts):
         )
 
     def _of_topic(self, topic: _CheckedTopic, where: str) -> None:
-        if (
-            topic.undecodable and topic.type_name in self._empty
-        ):  # it was taken for one without fields
+        # it was taken for one without fields
+        if topic.undecodable and topic.type_name in self._empty:
             topic.reason, topic.undecodable = NOT_DEFINED, 0
         if topic.encoding != "cdr":
             self.add(

@@ -446,11 +446,12 @@ def load(text: str, what: str) -> Any:
     check(text, what)
     try:
         return yaml.load(text, Loader=_LOADER)
+    # the second: numbers and dates that are none
     except (
         yaml.YAMLError,
         ValueError,
         RecursionError,
-    ) as error:  # the second: numbers and dates that are none
+    ) as error:
         raise ValueError(f"{what} is no YAML: {error}") from error
 
 
@@ -489,9 +490,8 @@ class _Count:
 
     def take(self, event: yaml.Event) -> None:
         if isinstance(event, yaml.AliasEvent):
-            self.total += self.sizes.get(
-                event.anchor, MOST_NODES
-            )  # one that is within itself never ends
+            # one that is within itself never ends
+            self.total += self.sizes.get(event.anchor, MOST_NODES)
         elif isinstance(event, yaml.CollectionStartEvent):
             self.open.append((event.anchor, self.total))
             self.total += 1

@@ -191,9 +191,8 @@ class RecoveredBag:
 
     def __init__(self, path: Path, output: Path, told: dict):
         self.path, self.output = path, output
-        self.from_start = (
-            path.is_dir() or part_number(path)[1] <= 0
-        )  # and not a later part of a split bag
+        # and not a later part of a split bag
+        self.from_start = path.is_dir() or part_number(path)[1] <= 0
         self.topics: dict[str, RecoveredTopic] = {}
         self.places: list[LostPlace] = []
         self.repairs: list[str] = []
@@ -253,8 +252,7 @@ class RecoveredBag:
 
     def free_name(self, name: str, type_name: str, own: set[str]) -> str:
         """The name of a topic in the new bag: another one where it was that of another type in a
-        file
-        before.
+        file before.
 
         Parameters
         ----------

@@ -286,8 +286,9 @@ class SqliteInput:
 def _explained() -> Iterator[None]:
     try:
         yield
+    # the second where what SQLite says is no text, as it quotes damaged bytes
     except (
         sqlite3.Error,
         UnicodeDecodeError,
-    ) as error:  # the second where what SQLite says is no text, as it quotes damaged bytes
+    ) as error:
         raise DamagedError(f"SQLite cannot read it ({error})") from error

@@ -109,9 +109,8 @@ def _found_in(path: Path, look: Callable[[Path, TimeLine, str], FileFacts]) -> l
         findings += _gap_findings(path, checked)
     findings += _one_bag_findings(path, checked)
     findings += line.findings(path.name)
-    findings = [
-        finding for finding in findings if finding.message != NO_MESSAGES
-    ]  # a part of a bag may well hold none
+    # a part of a bag may well hold none
+    findings = [finding for finding in findings if finding.message != NO_MESSAGES]
     if checked and not any(check.counts for check in checked):
         findings.append(Finding("warning", path.name, "the bag holds no messages"))
     return findings

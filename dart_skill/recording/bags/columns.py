@@ -62,8 +62,7 @@ class Columns:
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """What messages of a topic have in common with one of them: their length, and all but their
-    stamp
-    and their float64.
+    stamp and their float64.
 
     Parameters
     ----------
@@ -112,8 +111,7 @@ class Pattern:
 
 def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | None:
     """The pattern of a message; None for a type that does not begin with a stamp, where its
-    numbers
-    are not found in its bytes, and for bytes that are no such message.
+    numbers are not found in its bytes, and for bytes that are no such message.
 
     Parameters
     ----------
@@ -149,8 +147,7 @@ def columns_by_layout(
     types: Typestore, type_name: str, payloads: Sequence[bytes]
 ) -> tuple[list[Columns], list[int]]:
     """Messages of a topic by their layouts, and the places of those (ascending) that have to be
-    read
-    one by one.
+    read one by one.
 
     Parameters
     ----------
@@ -184,9 +181,8 @@ def _places(types: Typestore, type_name: str, example: Any, length: int) -> np.n
     """Where each float64 of a message begins in its bytes (k,); None if the message is not written
     back as it came.
     """
-    marks = (
-        1e300 + k * 1e285 for k in itertools.count()
-    )  # numbers that nothing else in a message looks like
+    # numbers that nothing else in a message looks like
+    marks = (1e300 + k * 1e285 for k in itertools.count())
     marked = copy.deepcopy(example)
     used = list(_marked(types, type_name, marked, marks))
     data = bytes(types.serialize_cdr(marked, type_name))

@@ -177,9 +177,8 @@ def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
         return types.deserialize_cdr(data, type_name)
     except Exception as error:  # generated code meets arbitrary bytes
         if len(data) == 4 and dict(types.fielddefs[type_name][1]).keys() == {_NO_FIELD}:
-            return types.deserialize_cdr(
-                bytes(data) + b"\0", type_name
-            )  # some writers leave out what stands for no field
+            # some writers leave out what stands for no field
+            return types.deserialize_cdr(bytes(data) + b"\0", type_name)
         kind = _ENCAPSULATIONS.get(bytes(data[:2]), "")
         reason = f"they are encoded as {kind}, not as plain CDR" if kind else repr(error)
         raise ValueError(f"{len(data)} bytes are no {type_name}: {reason}") from error
@@ -298,9 +297,8 @@ def _known(types: Typestore, type_name: str) -> str:
 
 
 def _is_mapping(value: Any) -> bool:
-    return type(value) is dict or isinstance(
-        value, Mapping
-    )  # a dictionary is told in a tenth of the time
+    # a dictionary is told in a tenth of the time
+    return type(value) is dict or isinstance(value, Mapping)
 
 
 def _get(value: Any, name: str) -> Any:

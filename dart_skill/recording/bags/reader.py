@@ -299,8 +299,7 @@ class BagReader:
         self, topic: str, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Any:
         """Messages of a topic as a pandas.DataFrame: a row for each, by its log time [ns]; columns
-        as
-        `pose.position.x`, `position[0]`.
+        as `pose.position.x`, `position[0]`.
 
         Stamps and durations are nanoseconds.
 
@@ -423,9 +422,8 @@ class _Source:
         self.start_ns = min((file.start_ns for file in filled), default=0)
         self.end_ns = max((file.end_ns for file in filled), default=0)
         self.metadata = metadata or self._embedded_metadata()
-        self._names: dict[
-            tuple[int, int], str
-        ] = {}  # of topics, by number of the file and number of the channel
+        # of topics, by number of the file and number of the channel
+        self._names: dict[tuple[int, int], str] = {}
         self.topics = self._topics()
         told = self.metadata.get("compression_format") or ""
         self.files = [

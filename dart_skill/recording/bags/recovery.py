@@ -89,9 +89,8 @@ def _input(path: Path) -> tuple[list[Path], dict]:
         require_file(path)
         files, told = [path], {}
     else:
-        there = {
-            file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()
-        }  # also where only the log of one is left
+        # also where only the log of one is left
+        there = {file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()}
         files = sorted((file for file in there if _is_for_messages(file)), key=part_number)
         try:
             told = read_metadata_file(path)

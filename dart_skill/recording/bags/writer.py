@@ -162,9 +162,8 @@ class BagWriter:
             )
         self._ros_distro, self._flush_period_ns = ros_distro, int(flush_period_ns)
         self._topics: dict[str, _WrittenTopic] = {}
-        self._writable: dict[
-            str, _WrittenTopic
-        ] = {}  # the same, empty when nothing can be written any more
+        # the same, empty when nothing can be written any more
+        self._writable: dict[str, _WrittenTopic] = {}
         self._types: dict[str, str] = {}
         self._finished: list[FileMetadata] = []
         self._file: McapFile | None = None  # none between two files
@@ -331,8 +330,7 @@ class BagWriter:
 
     def flush(self, to_disk: bool = False) -> None:
         """Hand all to the operating system, safe from a crash of this process, and have it put on
-        the
-        disk soon.
+        the disk soon.
 
         Parameters
         ----------
@@ -353,8 +351,7 @@ class BagWriter:
 
     def close(self) -> None:
         """Write index, summary and metadata.yaml. Closing twice is no error, nor closing what
-        cannot
-        be written.
+        cannot be written.
 
         Raises
         ------
@@ -541,9 +538,8 @@ class DiskSync:
     """
 
     def __init__(self, on_error: Callable[[OSError], object]):
-        from concurrent.futures import (
-            ThreadPoolExecutor,
-        )  # takes longer to import than all of bags, and who reads needs none
+        # takes longer to import than all of bags, and who reads needs none
+        from concurrent.futures import ThreadPoolExecutor
 
         self._on_error, self._failed = on_error, False
         self._thread = ThreadPoolExecutor(1, "bag sync")
@@ -577,9 +573,8 @@ class DiskSync:
         self._thread.shutdown()
 
     def _sync(self, file: FileIO, close: bool) -> None:
-        self._waiting.discard(
-            file
-        )  # before it is synced: what is written from now on needs another request
+        # before it is synced: what is written from now on needs another request
+        self._waiting.discard(file)
         try:
             if not self._failed:
                 os.fdatasync(file.fileno())

@@ -30,8 +30,7 @@ def read_table(
     folder: Path, table: Table, unit: str = "s", units: Mapping[str, str] | None = None
 ) -> dict[str, np.ndarray]:
     """Columns of a file by name: `time` (n,) as int64 nanoseconds, the others (n, k) as numbers,
-    nan
-    where a cell is empty.
+    nan where a cell is empty.
 
     Parameters
     ----------

@@ -433,9 +433,8 @@ def _signal(
             signal.take_command(payloads[k])
     elif name == "Bool":
         for message in messages:
-            signal.take_button(
-                message.stamp_ns, bool(bag.typed(message)[1].data)
-            )  # these types have no stamp of their own
+            # these types have no stamp of their own
+            signal.take_button(message.stamp_ns, bool(bag.typed(message)[1].data))
     else:
         signal.openings = [message.stamp_ns for message in messages]
     return signal

@@ -100,9 +100,8 @@ def timed(body: str, stamps: np.ndarray, log_ns: np.ndarray | None, clock: Clock
     by_log = clock.source == "log" and log_ns is not None
     times = log_ns if by_log and log_ns is not None else stamps
     if not by_log and log_ns is not None:
-        times = in_seconds(
-            stamps, clock.unit
-        )  # of a table that was done when its numbers were read
+        # of a table that was done when its numbers were read
+        times = in_seconds(stamps, clock.unit)
         if not clock.is_regular:
             kept, faults = _stamp_faults(body, times, log_ns)
             times = times[kept]
@@ -374,9 +373,8 @@ def without_running_back(stamp_ns: np.ndarray) -> np.ndarray:
     following = np.lib.stride_tricks.sliding_window_view(
         np.pad(stamp_ns[1:], (0, 2), mode="edge"), 3
     ).max(axis=1)
-    back = (steps < -BEHIND_NS) & (
-        following < stamp_ns[:-1]
-    )  # what is late is followed by what is not
+    # what is late is followed by what is not
+    back = (steps < -BEHIND_NS) & (following < stamp_ns[:-1])
     return stamp_ns + np.concatenate(
         [[0], np.cumsum(np.where(back, round(float(np.median(steps))) - steps, 0))]
     )

@@ -766,9 +766,8 @@ def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransfo
 
 def _turned(degrees: Sequence[float]) -> np.ndarray:
     """Quaternion (4,) of roll, pitch and yaw about fixed axes."""
-    from scipy.spatial.transform import (
-        Rotation,
-    )  # our own bags need none, and it takes longer to import than all that reads them
+    # our own bags need none, and it takes longer to import than all that reads them
+    from scipy.spatial.transform import Rotation
 
     return Rotation.from_euler("xyz", degrees, degrees=True).as_quat()
 

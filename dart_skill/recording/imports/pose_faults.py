@@ -141,9 +141,8 @@ def _sorted(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     stamps, order = stream.stamp_ns, np.argsort(stream.stamp_ns, kind="stable")
     latest = np.maximum.accumulate(stamps)
     late = stamps < latest
-    last = np.flatnonzero(
-        np.maximum.accumulate(order) == np.arange(len(stamps))
-    )  # of each stretch within which samples change places
+    # of each stretch within which samples change places
+    last = np.flatnonzero(np.maximum.accumulate(order) == np.arange(len(stamps)))
     first = np.concatenate([[0], last[:-1] + 1])
     usual = float(np.median(_steps(stream.position)))
     index, faults = [], []
@@ -514,9 +513,8 @@ def _frames_in_flight(stamps: np.ndarray, position: np.ndarray, period: float) -
         FLYING_FRAMES - 0.5
     )
     places = np.arange(-half, half + 1)
-    weights = (
-        np.linalg.pinv(np.vander(places * period, 3))[0] * 2.0
-    )  # second derivative of the parabola through the samples
+    # second derivative of the parabola through the samples
+    weights = np.linalg.pinv(np.vander(places * period, 3))[0] * 2.0
     windows = np.lib.stride_tricks.sliding_window_view(position, FLYING_FRAMES, axis=0)
     acceleration = windows @ weights
     return int(

@@ -185,9 +185,8 @@ def transformed(
     from scipy.spatial.transform import Rotation  # our own bags need none
 
     matrix, of_turns = axes_matrix(axes), axes_matrix(orientation_axes or axes)
-    assert (
-        matrix is not None and of_turns is not None
-    )  # as they were checked when the mapping was read
+    # as they were checked when the mapping was read
+    assert matrix is not None and of_turns is not None
     turn = Rotation.from_quat(world.quaternion)
     position = turn.apply(stream.position @ matrix.T) + world.position
     norm = np.linalg.norm(stream.quaternion, axis=1, keepdims=True)
@@ -307,9 +306,8 @@ def _leapt(steps: np.ndarray, turn: np.ndarray) -> np.ndarray:
     little as it can between two of them.
     """
     n = len(steps)
-    away = product(
-        steps, np.broadcast_to(turn * CONJUGATE, steps.shape)
-    )  # the step, if the second sample has leapt
+    # the step, if the second sample has leapt
+    away = product(steps, np.broadcast_to(turn * CONJUGATE, steps.shape))
     home = product(np.broadcast_to(turn, steps.shape), steps)  # ... and if the first one has
     both = product(home, np.broadcast_to(turn * CONJUGATE, steps.shape))
     stays, goes, comes, remains = map(_angles, (steps, away, home, both))

@@ -315,8 +315,7 @@ def number_told(text: str) -> float | None:
 
 def nanoseconds(text: str, unit: str = "s") -> int:
     """A time exactly: as a binary fraction of a second, an instant of today would be off by a
-    tenth
-    of a microsecond.
+    tenth of a microsecond.
 
     Parameters
     ----------

@@ -137,8 +137,7 @@ def read_in_parts(
     mend: bool = True,
 ) -> Iterator[ThrowRecording]:
     """As `read_recording`, one part of a bag of ours after the other, so that only a part of a
-    long
-    one is in memory.
+    long one is in memory.
 
     A part ends in a pause, where there is one: a world that is set anew. Faults are looked for in
     each part by itself. Recordings of others, and without the command that opens the hand, are one
@@ -443,11 +442,12 @@ def _body(
         )
     else:
         stamps, position, quaternion, axes = read_capture(folder, where)
+        # as the file itself says
         where, scale, order = (
             replace(where, axes=axes),
             1.0,
             QUATERNION_ORDERS["xyzw"],
-        )  # as the file itself says
+        )
     time = timed(role, stamps, log_ns, where.clock)
     stream = PoseStream(
         role, time.stamp_ns, scale * position[time.kept], quaternion[time.kept][:, order], frame

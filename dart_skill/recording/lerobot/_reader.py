@@ -41,8 +41,7 @@ class Episode:
 @dataclass(frozen=True, eq=False)
 class LeRobotDataset:
     """A dataset: its folder, frames per second, names of the elements by feature (vectors only),
-    and
-    episodes in order.
+    and episodes in order.
 
     Parameters
     ----------
@@ -60,8 +59,7 @@ class LeRobotDataset:
 
     def column(self, episode: Episode, name: str) -> np.ndarray | None:
         """An element (n,) of any feature by its name, of an observation rather than a command;
-        None
-        if there is none of that name.
+        None if there is none of that name.
 
         Parameters
         ----------

@@ -77,8 +77,7 @@ def held_mean(
 
 def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: float) -> np.ndarray:
     """1 for each frame (n,) that stands for a sample (m,), or between two that follow each other;
-    0
-    for one in a gap, or beyond the ends.
+    0 for one in a gap, or beyond the ends.
 
     A gap is longer than one and a half periods of the slower of the two: what is on a straight
     line across it was not seen, however near a sample is to it.

@@ -144,9 +144,8 @@ class DatasetWriter:
             for key, one in totals.items()
         }
         _write_json(self.path / format_.STATS, plain)
-        _write_json(
-            self.path / format_.INFO, self._info()
-        )  # the last one: without it there is no dataset
+        # the last one: without it there is no dataset
+        _write_json(self.path / format_.INFO, self._info())
 
     def _write_tables(self) -> None:
         pa, pq = optional("pyarrow"), optional("pyarrow.parquet")

@@ -183,8 +183,7 @@ class McapInput:
 
     def log_times(self, wanted: Mapping[int, int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Numbers and log times (n,) [ns] of messages of some channels, some at a time, in the
-        order
-        of writing.
+        order of writing.
 
         By the message indexes, where there are some: no chunk is unpacked.
 

@@ -145,8 +145,7 @@ def walk(
     data: memoryview, summary: Summary | None = None, unpacked: Unpacked | None = None
 ) -> Iterator[Record | Damage]:
     """Every record of a file's bytes after the magic, in order, and the places between them that
-    are
-    damaged.
+    are damaged.
 
     Ends after the footer: what follows it is a damaged place, and another file for `extents`.
 
@@ -205,8 +204,7 @@ def walk(
 
 def extents(data: memoryview) -> list[tuple[int, int]]:
     """Where each file begins and ends, of those that were put one after another into one; usually
-    it
-    is only one.
+    it is only one.
 
     Parameters
     ----------
@@ -227,8 +225,7 @@ def extents(data: memoryview) -> list[tuple[int, int]]:
 
 def belongs(data: memoryview, summary: Summary) -> bool:
     """Whether a summary is that of the file which it stands in: one of its chunks at least is
-    where
-    and what it says.
+    where and what it says.
 
     Parameters
     ----------
@@ -353,8 +350,7 @@ def read_definitions(
     data: memoryview, summary: Summary | None = None
 ) -> tuple[dict[int, Schema], dict[int, Channel]]:
     """Schemas and channels of a file by number: best those of the summary, then those in chunks
-    with
-    a CRC, then the others.
+    with a CRC, then the others.
 
     Parameters
     ----------
@@ -452,9 +448,8 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
         elif opcode == Opcode.MESSAGE and length < 22:
             raise DamagedError("the message is too short")
         elif opcode in PARSED:
-            _, known = parse_with_length(
-                opcode, content, check_crc=False
-            )  # one whose CRC is wrong is still a record, to be left out
+            # one whose CRC is wrong is still a record, to be left out
+            _, known = parse_with_length(opcode, content, check_crc=False)
         elif opcode >= 0x80 and _chunk_at(data, place, "") is not None:
             raise DamagedError("the chunk's opcode is damaged")
         if known < length and (

@@ -58,13 +58,14 @@ MOST_UNKNOWN = 64
 """At the end of a record, of fields that are not known here, where it is searched [bytes]."""
 READ_AT_ONCE = 2**24
 """Part of a file that stays in memory while the file is gone through [bytes]."""
+# what `mcap` makes of bytes that are no records
 _UNREADABLE = (
     ValueError,
     struct.error,
     McapError,
     OverflowError,
     MemoryError,
-)  # what `mcap` makes of bytes that are no records
+)
 
 
 class DamagedError(ValueError):
@@ -586,10 +587,11 @@ def _zstd(records: memoryview, size: int) -> bytes:
 
 
 def _lz4(records: memoryview, size: int) -> bytes:
+    # the chunk's size may be what is damaged: then its CRC tells
     for limit in (
         size,
         LARGEST_CHUNK,
-    ):  # the chunk's size may be what is damaged: then its CRC tells
+    ):
         decompressor = lz4.frame.LZ4FrameDecompressor()
         raw: bytes = decompressor.decompress(bytes(records), max_length=limit + 1)
         if decompressor.eof or len(raw) <= limit:

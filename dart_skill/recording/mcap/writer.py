@@ -38,12 +38,10 @@ from dart_skill.recording.mcap.records import MAGIC, packed
 CHUNK_SIZE = 256 * 1024
 COMPRESSION_LEVEL = 1
 
-_MESSAGE = struct.Struct(
-    "<BQHIQQ"
-).pack  # opcode, length, channel, sequence, log time, publish time
-_CHUNK = struct.Struct(
-    "<BQQQQI8sQ"
-).pack  # opcode, length, first and last time, size, CRC, "zstd", compressed size
+# opcode, length, channel, sequence, log time, publish time
+_MESSAGE = struct.Struct("<BQHIQQ").pack
+# opcode, length, first and last time, size, CRC, "zstd", compressed size
+_CHUNK = struct.Struct("<BQQQQI8sQ").pack
 _CHUNK_HEAD_LENGTH = 8 + 8 + 8 + 4 + 8 + 8  # of a chunk's content, before the compressed records
 _INDEX = struct.Struct("<BQHI").pack  # opcode, length, channel, bytes of entries
 _ZSTD = struct.pack("<I4s", 4, b"zstd")

@@ -200,9 +200,8 @@ class Darts(Throw):
 
     def agent(self) -> ModelBasedAgent:
         """Who chooses what to aim at, by the spread of the own darts (6.1)."""
-        from dart_skill.darts import (
-            ModelBasedAgent,
-        )  # a graph that throws at baskets has a coach that knows of darts, too
+        # a graph that throws at baskets has a coach that knows of darts, too
+        from dart_skill.darts import ModelBasedAgent
 
         s = self.settings
         return ModelBasedAgent(learns_from="hits", window=s.window, least=s.least, every=s.every)
@@ -265,8 +264,7 @@ class Darts(Throw):
 
     def points(self, landing: np.ndarray) -> tuple[int, str]:
         """Score of a dart that met the plane of the board at a place (3,) [m], and the bed in
-        which
-        it is.
+        which it is.
 
         Parameters
         ----------

@@ -107,12 +107,10 @@ class SkillConfiguration:
     step: float = 0.004
     drive: str = "time"
     release: str = "farthest"
-    board: tuple[float, ...] = field(
-        default=(), repr=False
-    )  # left out of a model's name, which its tasks decide anyway
-    registration: KnownRegistration | None = field(
-        default=None, repr=False
-    )  # a model's name has these if they are given
+    # left out of a model's name, which its tasks decide anyway
+    board: tuple[float, ...] = field(default=(), repr=False)
+    # a model's name has these if they are given
+    registration: KnownRegistration | None = field(default=None, repr=False)
     orientation_stiffness: float = field(default=0.0, repr=False)
     stiffness_range: tuple[float, ...] = field(default=(), repr=False)
     overlap: float = field(default=0.7, repr=False)

@@ -9,8 +9,7 @@ NOBODY = np.empty((0, 3))
 
 class Coverage:
     """Points that come and go, oldest first. A point costs work and memory in proportion to how
-    many
-    there are.
+    many there are.
 
     Parameters
     ----------

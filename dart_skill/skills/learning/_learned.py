@@ -213,9 +213,8 @@ class LearnedSkill(MovementModel):
             )
             for vector, columns in VECTORS.items()
         )
-        from scipy.spatial.transform import (
-            Rotation,
-        )  # throws do without
+        # throws do without
+        from scipy.spatial.transform import Rotation
 
         turn = Rotation.from_matrix(orientations(np.hstack([x_axis.position, z_axis.position])))
         spin = angular_velocity(clock, turn.as_quat())

@@ -27,8 +27,7 @@ def moving_frames(
     offset: np.ndarray = NOTHING,
 ) -> list[MovingFrame]:
     """The task frames of a skill over [t, u, x, y, z] at a moment in which bodies move: each with
-    the
-    motion of its origin.
+    the motion of its origin.
 
     Parameters
     ----------

@@ -69,8 +69,7 @@ class Policy:
         self, situation: Situation | None = None, registration: Registration | None = None
     ) -> ReactiveGuide:
         """What guides the hand through a movement; the situation need not say where the hand
-        starts,
-        or where the bodies are.
+        starts, or where the bodies are.
 
         Parameters
         ----------

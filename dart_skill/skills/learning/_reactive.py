@@ -25,8 +25,7 @@ from dart_skill.skills.protocol import ReactiveSkillSettings, Skill
 
 class ReactiveSkill(MovementModel):
     """A skill learned from demonstrations of its position among bodies that may move; the hand
-    keeps
-    the orientation of the start.
+    keeps the orientation of the start.
 
     A frame that the skill places at a body stands on the attractor (7.20) of its own motion, so
     that a motion is learned as it is relative to the body, whatever the speed of that.

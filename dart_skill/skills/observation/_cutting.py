@@ -49,8 +49,7 @@ def judged(
     game: Game = BASKETS,
 ) -> tuple[Outcome, Release | None]:
     """What became of a throw at the centre (3,) of a rim, or a point of a board, and how the ball
-    or
-    dart left the hand, of what was seen up to an instant.
+    or dart left the hand, of what was seen up to an instant.
 
     Raises
     ------
@@ -74,8 +73,7 @@ def seen_down(
 
 class ThrowLog(SensorLog):
     """What the sensors saw since `clear`: pose of the hand, position of the ball, joint states,
-    the
-    hand's button.
+    the hand's button.
 
     joint_period_ns thins the joint states to about the rate of the poses, counted from when the
     world was set anew.
@@ -198,8 +196,7 @@ class ThrowLog(SensorLog):
         self, since_ns: int, until_ns: int, projectile: Ball = TENNIS_BALL
     ) -> Release | None:
         """How the ball left the hand between two instants; times after the first one. None if hand
-        or
-        flight was not seen.
+        or flight was not seen.
 
         Parameters
         ----------

@@ -14,10 +14,11 @@ import numpy as np
 from dart_skill.common.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, may_fly
 from dart_skill.skills.observation._noise import position_noise
 
+# samples and time [s] of the shortest window in which a flight is told from another motion
 WINDOW, WINDOW_TIME = (
     10,
     0.09,
-)  # samples and time [s] of the shortest window in which a flight is told from another motion
+)
 MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
 # what a marker centre moves about the centre of a turning ball, beside the noise of single samples
 # [m]

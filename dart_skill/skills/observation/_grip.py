@@ -93,6 +93,5 @@ def _later(stamps: np.ndarray, time: np.ndarray) -> np.ndarray:
     """The first of increasing stamps (n,), but for the very first, that is not before instants
     (m,); else the last.
     """
-    return np.minimum(
-        np.maximum(np.searchsorted(stamps, time), 1), len(stamps) - 1
-    )  # of integers, clip takes five times as long
+    # of integers, clip takes five times as long
+    return np.minimum(np.maximum(np.searchsorted(stamps, time), 1), len(stamps) - 1)

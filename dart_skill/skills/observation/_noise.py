@@ -38,8 +38,7 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
 
 def column_noise(time: ArrayLike, columns: ArrayLike) -> np.ndarray:
     """Standard deviation of each column of samples (n,) [s], (n, d): (d,), in the columns' units;
-    at
-    least 1e-6.
+    at least 1e-6.
 
     Parameters
     ----------

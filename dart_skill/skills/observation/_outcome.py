@@ -106,8 +106,7 @@ def judge_flight(
     surface: Surface = RIMS,
 ) -> Outcome:
     """Outcome of a throw at the basket with centre of the rim `rim` (3,) and radius `rim_radius`
-    [m],
-    or at the point `rim` of a board.
+    [m], or at the point `rim` of a board.
 
     Parameters
     ----------

@@ -15,8 +15,7 @@ REAL = 1e-7
 
 def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[float, float, float]:
     """Where a polynomial through the differences is slowest, the deviation of that instant, and
-    the
-    distance then.
+    the distance then.
 
     Parameters
     ----------
@@ -44,9 +43,8 @@ def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[floa
     curve = np.linalg.solve(factor.T, np.linalg.solve(factor, powers.T @ difference))
     best = _slowest(curve, time[0], time[-1])
     left = np.sum((difference - powers @ curve) ** 2) / max(difference.size - curve.size, 1)
-    rate = np.append(
-        0.0, polynomial.polyvander(best, degree - 1) * np.arange(1, degree + 1)
-    )  # the derivative is rate @ curve
+    # the derivative is rate @ curve
+    rate = np.append(0.0, polynomial.polyvander(best, degree - 1) * np.arange(1, degree + 1))
     spread = np.linalg.norm(np.linalg.solve(factor, rate))
     bend = np.linalg.norm(polynomial.polyval(best, polynomial.polyder(curve, 2)))
     return (

@@ -47,8 +47,7 @@ class Stream:
 
     def extend(self, stamps: np.ndarray, rows: np.ndarray) -> int:
         """Keep those of many samples, stamps (n,) [ns] and rows (n, d), that `add` would keep one
-        by
-        one.
+        by one.
 
         Returns
         -------
@@ -198,8 +197,7 @@ class SensorLog:
 
     def world_begins_ns(self, instant_ns: int | None = None) -> int:
         """Stamp of the first sample of the hand since the world was last set anew before an
-        instant;
-        None: the instant at which the fingers were first told something, or the end.
+        instant; None: the instant at which the fingers were first told something, or the end.
 
         Raises
         ------

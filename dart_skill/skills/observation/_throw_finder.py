@@ -97,8 +97,7 @@ class ThrowFinder:
 
     def until(self, arrived_ns: int) -> list[FoundThrow]:
         """The throws that were watched to their end when everything up to a stamp has come [ns],
-        in
-        order of time.
+        in order of time.
 
         Parameters
         ----------

@@ -393,10 +393,11 @@ class Correction:
         )
         usual, difference = self._grid.offset**2, self._grid.difference**2
         alike = np.einsum("smn,snj->smj", kernel, axes)
+        # (s, k, m, n)
         towards = (
             difference[:, None, None] * alike[:, None]
             + usual[:, None, None] * common[:, None, None]
-        )  # (s, k, m, n)
+        )
         told = np.einsum("skmn,skn->skm", towards**2, precision)
         told -= (
             doubt[..., None]

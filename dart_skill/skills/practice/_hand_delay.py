@@ -77,8 +77,7 @@ class HandDelay:
 
 def likely_late(seen: float, uncertainty: float, spread: float = USUAL) -> float:
     """How late [s] a hand most probably let go that was seen to be so late, with an uncertainty
-    [s];
-    nan stays nan.
+    [s]; nan stays nan.
 
     Parameters
     ----------

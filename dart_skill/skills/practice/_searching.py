@@ -54,9 +54,8 @@ class CorrectionSearch:
     def __init__(self, rng: np.random.Generator):
         self._rng = rng
         self._search: PoWER | None = None
-        self._seen: list[
-            tuple[float, float, float]
-        ] = []  # distance from MIDDLE, miss along, miss across
+        # distance from MIDDLE, miss along, miss across
+        self._seen: list[tuple[float, float, float]] = []
         self._open: list[_Explored] = []
 
     @property
@@ -128,11 +127,12 @@ class CorrectionSearch:
         seen = [list(one) for one in self._seen]
         if self._search is None:
             return {"seen": seen, "generator": generator_state(self._rng), "search": None}
+        # which has the generator from here on
         return {
             "seen": seen,
             "generator": None,
             "search": self._search.state(),
-        }  # which has the generator from here on
+        }
 
     def restore(self, state: dict) -> None:
         """Go on from what `state` gave.
@@ -169,8 +169,7 @@ def correction_of(
     away: np.ndarray, miss: np.ndarray, before: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Offset and slope (2,) that take misses away, by Bayesian linear regression, and their
-    standard
-    deviations (2,).
+    standard deviations (2,).
 
     Parameters
     ----------

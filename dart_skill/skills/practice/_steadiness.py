@@ -102,20 +102,17 @@ class Steadiness:
                 for hit in landing_if_late(plan, grid, self._game)
             ]
         )
-        hits += (grid - late.mean())[
-            :, None
-        ] * self.slopes  # what is due to the mean belongs to the repeatable miss
-        scattered = np.stack(
-            [np.interp(when, grid, axis) for axis in hits.T], axis=-1
-        )  # (n, throws, 2)
+        # what is due to the mean belongs to the repeatable miss
+        hits += (grid - late.mean())[:, None] * self.slopes
+        # (n, throws, 2)
+        scattered = np.stack([np.interp(when, grid, axis) for axis in hits.T], axis=-1)
         return np.sqrt(scattered.var(axis=1).sum(axis=-1)), np.median(scattered, axis=1)
 
     def steadiest(
         self, plan_for: Callable[[float], ThrowPlan], start: float, farthest: float
     ) -> tuple[float, np.ndarray]:
         """The shift of the release [s] at which hits scatter least, and the median (2,) [m] of
-        their
-        deviations there.
+        their deviations there.
 
         Parameters
         ----------

@@ -48,9 +48,8 @@ def skill_type(name: str) -> type[Skill]:
     point = found[name]
     try:
         kind = point.load()
-    except (
-        Exception
-    ) as error:  # of another package's module: whatever it raises when it is imported
+    # of another package's module: whatever it raises when it is imported
+    except Exception as error:
         raise ValueError(
             f"the skill '{name}' ({point.value}) cannot be imported: {type(error).__name__}:"
             f" {error}"

@@ -36,8 +36,7 @@ def check_way(way: str) -> None:
 @dataclass(frozen=True)
 class SkillSettings:
     """How demonstrations become a model and a model becomes a plan. A skill may have more of them,
-    in
-    a class derived from this one.
+    in a class derived from this one.
 
     Parameters
     ----------
@@ -81,9 +80,8 @@ class SkillSettings:
     grip_time: float = 0.1
     prior: float = 2.0
     least_demonstrations: int = 2
-    partition: str = field(
-        default="time", repr=False
-    )  # the names of models have these three only where they are given
+    # the names of models have these three only where they are given
+    partition: str = field(default="time", repr=False)
     frames: tuple[str, ...] = field(default=(), repr=False)
     stiffness_range: tuple[float, ...] = field(default=(), repr=False)
 

@@ -41,8 +41,7 @@ class Planner(Protocol):
 
 def settings_file(kind: type[Skill]) -> Path | None:
     """YAML file with the settings of a skill: in the folder skills of config/, or of another
-    package
-    the file beside its module.
+    package the file beside its module.
 
     Parameters
     ----------

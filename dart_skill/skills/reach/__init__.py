@@ -93,8 +93,7 @@ class Reach(Skill):
 
     def cut(self, demonstration: Demonstration) -> tuple[float, float]:
         """From when the hand begins to move to when it rests in the cup, as seen from there: the
-        cup
-        may go on.
+        cup may go on.
 
         Raises
         ------
@@ -145,8 +144,7 @@ class Reach(Skill):
 
     def distances(self, seen: Demonstration) -> tuple[float, float]:
         """Distances of the hand from the cup's axis as it passes the rim, and from the middle at
-        the
-        end [m].
+        the end [m].
 
         Parameters
         ----------

@@ -270,8 +270,7 @@ class Throw(Skill):
 
     def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:
         """Where the ball came down on the plane of the rim, or the dart met the board, and whether
-        it
-        is in.
+        it is in.
 
         Parameters
         ----------

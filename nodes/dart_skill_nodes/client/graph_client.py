@@ -78,10 +78,11 @@ class GraphClient:
         self._links: dict[object, ServerProbe] = {}
         self._setters: dict[str, Client] = {}
         self._taught, self.throw_seconds = 0, np.zeros(2)
+        # when the simulator told its steps last [s, wall clock]
         self.simulated_steps, self.counted_at = (
             0,
             time.monotonic(),
-        )  # when the simulator told its steps last [s, wall clock]
+        )
         self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
 
     def close(self) -> None:

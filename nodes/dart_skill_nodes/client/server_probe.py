@@ -149,9 +149,8 @@ class ServerProbe:
         for name, space in self._node.get_node_names_and_namespaces():
             try:
                 services = self._node.get_service_names_and_types_by_node(name, space)
-            except (
-                RuntimeError
-            ):  # rclpy raises NodeNameNonExistentError for one that has just left
+            # rclpy raises NodeNameNonExistentError for one that has just left
+            except RuntimeError:
                 continue
             if any(service == self._service for service, _ in services):
                 return f"{space.rstrip('/')}/{name}"

@@ -193,9 +193,8 @@ class ViewerJobs:
 
     async def _throw(self) -> str:
         if not self._has_basket:
-            result = await self._practice(
-                1, False, only_throw=True
-            )  # the coach draws a situation, or chooses what to aim at
+            # the coach draws a situation, or chooses what to aim at
+            result = await self._practice(1, False, only_throw=True)
             return (
                 in_words(result.outcomes[-1], self._skill.words)
                 if result.success
@@ -203,9 +202,8 @@ class ViewerJobs:
             )
         target = await self._target()
         if not self._sequence.reset_client.service_is_ready():
-            return await self._practise(
-                1, True, only_throw=True
-            )  # a person puts the ball into the hand: the coach says when
+            # a person puts the ball into the hand: the coach says when
+            return await self._practise(1, True, only_throw=True)
         first_stamp = await self._sequence.reset()
         under_way = await self._sequence.begin(
             conversions.at_place(target),
@@ -248,9 +246,8 @@ class ViewerJobs:
                 self._place,
                 PlaceBody.Request(body=conversions.BASKET, pose=conversions.pose_at(place)),
             )
-            await self._calls.call(
-                self._step, Step.Request(steps=LOOK_STEPS), may_refuse=True
-            )  # refused while the world runs anyway
+            # refused while the world runs anyway
+            await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS), may_refuse=True)
             self._placed_at = place
 
     def _placed(self, _, error: Exception | None) -> None:

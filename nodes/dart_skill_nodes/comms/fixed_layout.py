@@ -60,9 +60,8 @@ class FixedLayout:
         self.count, self.numbers = len(cdr.numbers), np.array(cdr.values, dtype=float)
         self._at = (np.array(cdr.numbers, dtype=int) - BODY) // 8
         self._words = int(self._at.max(initial=-1)) + 1
-        self._fixed = [
-            (start, end, data[start:end]) for start, end in _joined(cdr.meant[2:])
-        ]  # behind the two parts of the stamp
+        # behind the two parts of the stamp
+        self._fixed = [(start, end, data[start:end]) for start, end in _joined(cdr.meant[2:])]
         self._bytes = bytearray(cdr.at)  # what lies between aligned fields is 0
         for start, end, fixed in [(0, BODY, data[:BODY]), *self._fixed]:
             self._bytes[start:end] = fixed
@@ -84,11 +83,12 @@ class FixedLayout:
         """
         if len(data) < len(self._bytes) or data[:2] != self._bytes[:2]:
             return False
+        # not all(...): this is asked of every message of the arm
         for (
             start,
             end,
             fixed,
-        ) in self._fixed:  # not all(...): this is asked of every message of the arm
+        ) in self._fixed:
             if data[start:end] != fixed:
                 return False
         return True

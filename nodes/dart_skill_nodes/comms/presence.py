@@ -102,9 +102,8 @@ class _Pulse:
     def __init__(self, node: Node, name: str):
         self._node, self._topic = node, f"{name}/_alive"
         self._there, self._silent, self.losses, self._worse = 0, 0, 0, 0.0
-        self._all_said = (
-            time.monotonic()
-        )  # when all that are on the graph had last said which processes they are
+        # when all that are on the graph had last said which processes they are
+        self._all_said = time.monotonic()
         self.looked = 0.0  # when this was last done [s, wall clock]
         self._lives: dict[SystemProcess, bool] = {}
         self._died: dict[SystemProcess, float] = {}  # when that was last noticed
@@ -323,9 +322,7 @@ def others(node: Node, topic: str) -> list[str]:
 
 
 class Cameras:
-    """Whether the poses of a body are published; to be asked often. met: whether they ever
-    were.
-    """
+    """Whether the poses of a body are published; to be asked often. met: whether they ever were."""
 
     def __init__(self, node: Node, topic: str):
         self._node, self._topic, self._there, self.met = node, topic, None, False

@@ -104,9 +104,8 @@ class CarryShowing(_AtOneGlance):
     looks = True
 
     def __init__(self, skill: Skill, p: dict[str, Any]):
-        from dart_skill.simulation import (
-            Carrier,
-        )  # with rotations of SciPy, which a teacher of throws does without
+        # with rotations of SciPy, which a teacher of throws does without
+        from dart_skill.simulation import Carrier
 
         self._skill, self._carrier, self._carries = (
             skill,

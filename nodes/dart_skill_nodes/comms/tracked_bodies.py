@@ -72,13 +72,11 @@ class TrackedBodies:
     ):
         self._clock = clock
         self._readers: dict[str, LayoutReader] = {}  # by role
-        self._behind: dict[
-            str, float
-        ] = {}  # by role, since when poses of others come that are newer than its own by LAG_NS
+        # by role, since when poses of others come that are newer than its own by LAG_NS
+        self._behind: dict[str, float] = {}
         self.log, self._newest_of, self._forgotten_ns = ThrowLog() if log is None else log, {}, 0
-        self._awaited: dict[
-            str, tuple[int, float]
-        ] = {}  # by role, up to where poses are waited for, and since when on the wall clock
+        # by role, up to where poses are waited for, and since when on the wall clock
+        self._awaited: dict[str, tuple[int, float]] = {}
         self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
 
     @property
@@ -144,9 +142,8 @@ class TrackedBodies:
             return
         sample = _sample(role, numbers, role in self.log.turned)
         newest = self._newest_of.get(role, 0)
-        if (
-            ns < newest - RESET_NS
-        ):  # the clock was set back: another simulator, or a bag that is played again
+        # the clock was set back: another simulator, or a bag that is played again
+        if ns < newest - RESET_NS:
             self.log.clear()
             self._newest_of = {}
             self._behind = {}

@@ -18,9 +18,8 @@ def _is_program() -> bool:
     )
 
 
-if _is_program() or sys.argv[:1] == [
-    "-m"
-]:  # what Python calls a program of `python3 -m` while it looks for it
+# what Python calls a program of `python3 -m` while it looks for it
+if _is_program() or sys.argv[:1] == ["-m"]:
     # nearly all that is imported stays, and to look through it takes a tenth of the time; `run`
     # takes up the search again
     gc.disable()

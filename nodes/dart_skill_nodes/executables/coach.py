@@ -145,10 +145,11 @@ class CoachNode(GuardedNode):
         self._goal = goal_handle
         result = Practice.Result()
         self._stopped = ""
+        # the latter: of the last throw that was not made
         self._client, self._why_not = (
             subscribers(self, "practice/_action/feedback"),
             "",
-        )  # the latter: of the last throw that was not made
+        )
         try:
             situations = list(goal_handle.request.situations)
             for one in situations:
@@ -269,9 +270,8 @@ class CoachNode(GuardedNode):
             and situation is not None
             and not (planned := await self._plan_for(situation)).success
         ):
-            self._not_made(
-                number, situation, planned.message, result
-            )  # before a person carries a basket there
+            # before a person carries a basket there
+            self._not_made(number, situation, planned.message, result)
             return
         prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
         situation, stamp = await prepare(number, situation)
@@ -300,9 +300,8 @@ class CoachNode(GuardedNode):
         self._goal.publish_feedback(feedback)
         if self._person:
             if made.code != Execute.Goal.OUTCOME_EXECUTED:
-                raise CallFailed(
-                    f"throw {number}: {made.message}"
-                )  # a person should look at the arm before it moves again
+                # a person should look at the arm before it moves again
+                raise CallFailed(f"throw {number}: {made.message}")
             await self._person.bring(
                 np.array(made.plan.start_posture), conversions.stamp_ns(made.outcome.header.stamp)
             )
@@ -406,9 +405,8 @@ class CoachNode(GuardedNode):
         """
         asked, outcome = self._asked(situation), conversions.task_outcome(made.outcome)
         told_ns = conversions.stamp_ns(made.outcome.header.stamp)
-        opens = any(
-            event.name == conversions.WORDS[Grip.OPEN] for event in made.plan.events
-        )  # else it is stamped when it is over
+        # else it is stamped when it is over
+        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in made.plan.events)
         watched_ns = round(self.p["watch_time"] * 1e9) if opens else 0
         cut = await self._recording.stop(told_ns + watched_ns - ARRIVAL_NS, False, "practice")
         if not cut.success:

@@ -219,9 +219,8 @@ class CommanderNode(GuardedNode):
             executing = self._commander.executing
             goal.feed(self._commander.mode.value if executing else "watching", self._commander)
             self._plans.show_attractor(state.stamp_ns)
-        rests = (
-            self._commander.mode != Mode.STOPPING
-        )  # who holds the world at the result finds an arm that can be reset
+        # who holds the world at the result finds an arm that can be reset
+        rests = self._commander.mode != Mode.STOPPING
         if goal.ended_ns is None and not self._commander.executing and rests:
             opened = self._commander.opened_ns
             watch = (
@@ -481,9 +480,10 @@ class CommanderNode(GuardedNode):
     def _on_stop(self, request, response):
         self._withdraw(STOPPED)
         self._commander.stop(STOPPED, until_reset=True)
+        # by what would move it next
         self._stops.publish(
             conversions.time_msg(0 if self._state is None else self._state.stamp_ns)
-        )  # by what would move it next
+        )
         response.success = True
         return response
 

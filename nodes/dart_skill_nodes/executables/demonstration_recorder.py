@@ -101,10 +101,11 @@ class DemonstrationRecorder(BagKeeper):
         self._bag, self._recording = None, False
         self._count, self._time, self._up_to = 0, LogTime(), 0
         self._reader, self._of_the_arm = StateReader(), OfTheArm()
+        # what is wrong with the arm's states, and the newest of them, serialised
         self._fault, self._joints = (
             "",
             b"",
-        )  # what is wrong with the arm's states, and the newest of them, serialised
+        )
         self._marked = Marks()
         self._unwritten: list[DemonstrationMark] = []
         self._newest: dict[str, int] = {}
@@ -146,10 +147,11 @@ class DemonstrationRecorder(BagKeeper):
         self._finder, self._arrivals, self._has_marks = None, Arrivals(), False
         if self.p["automatic"]:
             self._finder = ThrowFinder(self._observer.log, self._thresholds)
+        # the latter: names in full, by how the node calls them
         self._messages, self._full = (
             RawBatches(self),
             {},
-        )  # the latter: names in full, by how the node calls them
+        )
         for topic in [*self._topics, *sorted((self._needed | self._recorded) - set(self._topics))]:
             self._subscribe(topic)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
@@ -194,9 +196,8 @@ class DemonstrationRecorder(BagKeeper):
             return  # a last tick of the timer, when all is closed
         for message in self._messages.take():
             stamp_ns = self._bag.stamp_ns(message.topic, message.data)
-            usable = message.topic != JOINT_STATES or self._of_the_arm(
-                message.data
-            )  # else it is another's, as of a gripper
+            # else it is another's, as of a gripper
+            usable = message.topic != JOINT_STATES or self._of_the_arm(message.data)
             usable = usable and (
                 stamp_ns is None
                 or self.refusals.accepts(
@@ -315,9 +316,8 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, fault
             return response
         self._tracked.clear()
-        self._tracked.log.add_joints(
-            state.stamp_ns, state.position, state.velocity
-        )  # of this world, in case it is set anew at once
+        # of this world, in case it is set anew at once
+        self._tracked.log.add_joints(state.stamp_ns, state.position, state.velocity)
         self._newest.clear()
         self._heard.clear()
         self._recording, self._up_to = True, 0
@@ -333,9 +333,8 @@ class DemonstrationRecorder(BagKeeper):
             return response
         self._take()
         until = conversions.stamp_ns(request.until)
-        self._up_to = (
-            until or self._up_to or self._time.now_ns
-        )  # who gives no stamp asks for what there is, and again for the same
+        # who gives no stamp asks for what there is, and again for the same
+        self._up_to = until or self._up_to or self._time.now_ns
         if not self._cameras_gone and (
             (until and self._streams_lag(until)) or any(map(self._body_lags, self._skill.awaited))
         ):

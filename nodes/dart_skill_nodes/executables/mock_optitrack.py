@@ -212,9 +212,8 @@ class MockOptitrack(GuardedLifecycleNode):
         ns, frame_ns = truth.stamp_ns, self._between_frames
         if not self._active or (truth.step * STEP_NS) % frame_ns or ns == self._frame_ns:
             return  # an unanswered state is published again: it is the same frame
-        if (
-            truth.episode != self._episode or ns < self._frame_ns
-        ):  # the latter: a simulator that was started again
+        # the latter: a simulator that was started again
+        if truth.episode != self._episode or ns < self._frame_ns:
             self._episode = truth.episode
             self._capture.begin(truth.episode)
             self._queue.clear()

@@ -135,9 +135,8 @@ class Viewer(GuardedNode):
         self._pictures_timer = None
         self._hurry(False)
         self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
-        url = url_of(
-            self._server
-        )  # the giver of the token knows the rest of the address, and a log need not
+        # the giver of the token knows the rest of the address, and a log need not
+        url = url_of(self._server)
         self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
 
     def _subscribe(self, name_of: dict[str, str]) -> None:

@@ -39,9 +39,8 @@ def hear_loopback_alone() -> None:
         if limited and not chosen:
             os.environ[name] = ours
         elif os.environ.get(name) == ours:
-            del os.environ[
-                name
-            ]  # of a process that started this one, before the range was changed
+            # of a process that started this one, before the range was changed
+            del os.environ[name]
 
 
 def choose_domain() -> None:

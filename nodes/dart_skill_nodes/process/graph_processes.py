@@ -91,9 +91,8 @@ def parameters_of(
     if registration != "" and executable in ("commander", "skill_learner"):
         parameters["registration_file"] = registration
     if layout == "hardware" and executable == "commander":
-        from dart_skill.common.fleet import (
-            arm_named,
-        )  # costs NumPy, which completion with TAB does without
+        # costs NumPy, which completion with TAB does without
+        from dart_skill.common.fleet import arm_named
 
         parameters |= arm_named("unmeasured")["commander"]
     if layout == "hardware" and executable == "coach":

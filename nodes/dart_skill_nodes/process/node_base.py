@@ -177,9 +177,8 @@ def run(
     program = program or Path(sys.argv[0]).stem
     if args is None:
         heed_arguments(make_nodes, program)
-    atexit.register(
-        gc.freeze
-    )  # or the interpreter looks through all that was imported once more before it ends
+    # or the interpreter looks through all that was imported once more before it ends
+    atexit.register(gc.freeze)
     hear_loopback_alone()
     find_log_folder()
     interrupts = Interrupts()
@@ -236,9 +235,8 @@ def _started(
                 f"there is no parameter '{name}' here: it changes nothing (--help lists them)"
             )
         return nodes
-    except (
-        Exception
-    ) as error:  # rclpy has its own for parameters and arguments that it does not take
+    # rclpy has its own for parameters and arguments that it does not take
+    except Exception as error:
         defect = isinstance(
             error, TypeError | LookupError | AttributeError | ArithmeticError | AssertionError
         )

@@ -70,9 +70,8 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
         say(f"{what} failed: {error}")
         say(f"logs: {options.output / 'logs'}")
     finally:
-        with suppress(
-            RuntimeError
-        ):  # a signal that rclpy hears at this very moment has shut it down already
+        # a signal that rclpy hears at this very moment has shut it down already
+        with suppress(RuntimeError):
             rclpy.try_shutdown()
     return None
 

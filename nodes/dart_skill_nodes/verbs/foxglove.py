@@ -82,9 +82,8 @@ class GraphView:
         from dart_skill_nodes.comms.matching_qos import message_class
 
         for topic, types in self._node.get_topic_names_and_types():
-            hidden = (
-                "/_" in topic
-            )  # what passes between actions, and signs of life, as `ros2 topic list` hides them
+            # what passes between actions, and signs of life, as `ros2 topic list` hides them
+            hidden = "/_" in topic
             if hidden or topic in {*self._batches.topics, *self._server.topics, *self.refused}:
                 continue
             try:

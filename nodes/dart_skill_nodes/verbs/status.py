@@ -120,9 +120,8 @@ def as_text(report: GraphReport) -> str:
         _refusals(report),
         _problems(report),
     ]
-    return printable(
-        "\n\n".join(part for part in parts if part)
-    )  # nodes of strangers may say anything
+    # nodes of strangers may say anything
+    return printable("\n\n".join(part for part in parts if part))
 
 
 def _heading(report: GraphReport) -> str:

@@ -304,9 +304,8 @@ class Bench:
                 self._let_come(KNOWN if case.fault == ATTACK else 0.0)
             until = time.monotonic() + BACK
             succeeded, answer, asked = self._try(lambda: self._job(case))
-            while (
-                not injection.at and not succeeded and time.monotonic() < until
-            ):  # a node that was started anew is not yet known to all
+            # a node that was started anew is not yet known to all
+            while not injection.at and not succeeded and time.monotonic() < until:
                 self._let_come(SETTLE)
                 succeeded, answer, asked = self._try(lambda: self._job(case))
             answered = time.monotonic()
@@ -454,9 +453,8 @@ class Bench:
             if case.fault in OF_NODES:
                 self._reach(case.node)
             elif not succeeded:
-                self.client.call(
-                    self._reset_arm, Trigger.Request(), may_refuse=True
-                )  # an arm that was stopped stays so until then
+                # an arm that was stopped stays so until then
+                self.client.call(self._reset_arm, Trigger.Request(), may_refuse=True)
             self._works(*self._jobs_afterwards(case, succeeded))
         except FAILURES as failure:
             return f"does not work again: {failure}"
@@ -543,9 +541,8 @@ class ReplayBench(Bench):
         seconds, begun = time.monotonic() - asked, time.monotonic()
         bag = self._mend(case)
         if case.node == DEMONSTRATIONS and case.fault == KILL:
-            self._graph.processes.pop(
-                "bag_player"
-            ).kill()  # who records anew wants the bag from its beginning
+            # who records anew wants the bag from its beginning
+            self._graph.processes.pop("bag_player").kill()
             self._start("bag_player")
         afterwards = self._learns()
         self._graph.stop()

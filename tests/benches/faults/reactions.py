@@ -62,9 +62,8 @@ class Reaction:
     def _wrong_answer(self, answered: float) -> list[str]:
         if self.case.goes_on:
             return [] if self.succeeded else ["the client noticed it"]
-        known = (
-            not self.succeeded and self.case.expected != ANY
-        )  # else nobody knows which of the messages did it
+        # else nobody knows which of the messages did it
+        known = not self.succeeded and self.case.expected != ANY
         late = (
             [f"answered after {self.seconds:.1f} s"] if known and self.seconds > answered else []
         )

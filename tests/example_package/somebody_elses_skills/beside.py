@@ -26,11 +26,12 @@ class Beside(Skill):
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         holder = Place.configured().draw(rng, wide=False).pose("holder")
+        # it stands on the table itself
         level = holder.position * [1.0, 1.0, 0.0] + [
             0.0,
             0.0,
             1.1603,
-        ]  # it stands on the table itself
+        ]
         return Situation({"holder": Pose(level, holder.quaternion)})
 
     def judge(self, seen: Demonstration, situation: Situation) -> TaskOutcome:

@@ -25,11 +25,12 @@ def played(start, *beds):
         (32, ["S16", "S15"], [16, 32]),  # and so is 1
         (32, ["T20"], [32]),  # and less
         (60, ["S20", "S20", "S18", "D1"], [40, 20, 2, 0]),
+        # a bust costs the whole turn
         (
             60,
             ["S20", "S20", "T20", "S20", "S20", "D10"],
             [40, 20, 60, 40, 20, 0],
-        ),  # a bust costs the whole turn
+        ),
     ],
 )
 def test_what_is_left_is_what_the_rules_say(start, beds, left):

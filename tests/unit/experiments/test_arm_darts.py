@@ -380,9 +380,8 @@ def test_a_model_file_knows_that_it_is_about_darts(arm, tmp_path):
 def steadiness_of(lates, slope=(0.0, 0.0)):
     steadiness = Steadiness(game_at(BOARD.position))
     for k, late in enumerate(lates):
-        common = np.array([0.01, -0.02]) * (
-            k % 2
-        )  # two kinds of throws, each with its own repeatable miss
+        # two kinds of throws, each with its own repeatable miss
+        common = np.array([0.01, -0.02]) * (k % 2)
         steadiness.add(k % 2, late, common + late * np.array(slope))
     return steadiness
 
@@ -395,9 +394,8 @@ def test_the_slope_of_what_a_plan_does_not_explain_is_found_for_all_kinds_of_thr
 
 def test_scatter_is_that_of_hits_after_such_releases(arm):
     game, plan = game_at(BOARD.position), arm[2].plan(in_world(FACE, [0.0, 0.0]))
-    lates = (
-        np.random.default_rng(6).normal(0.001, 0.004, 80).round(3)
-    )  # between whole milliseconds the scatter is interpolated
+    # between whole milliseconds the scatter is interpolated
+    lates = np.random.default_rng(6).normal(0.001, 0.004, 80).round(3)
     rms, middle = steadiness_of(lates).scatter(plan, np.array([-0.004, 0.0]))
     for k, shift in enumerate((-0.004, 0.0)):
         hits = np.array(

@@ -86,9 +86,8 @@ def figure(tmp_path_factory):
 
 @pytest.fixture
 def fewer_runs(monkeypatch):
-    monkeypatch.setattr(
-        os, "cpu_count", lambda: 1
-    )  # all in this process, which keeps what is costly to prepare
+    # all in this process, which keeps what is costly to prepare
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
     monkeypatch.setattr(chapter_3, "CANDIDATES", range(4, 6))
     monkeypatch.setattr(figure_7_1, "STEP", 0.01)
     monkeypatch.setattr(dart_figures, "N_AIMS_8_2", 3)

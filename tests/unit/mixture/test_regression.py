@@ -64,10 +64,11 @@ def test_whichever_way_the_spread_is_summed_it_is_that_of_the_conditional_mixtur
         rng.normal(0.0, 3.0, size=(5, n_inputs)),
     )
     dims = rng.permutation(n_inputs + n_outputs)
+    # `condition` leaves the others in ascending order
     into, out = (
         dims[:n_inputs],
         np.sort(dims[n_inputs:]),
-    )  # `condition` leaves the others in ascending order
+    )
     regression = Regression(mixture, into, out)
     mean, covariance = regression(queries)
     np.testing.assert_array_equal(regression.mean(queries), mean)

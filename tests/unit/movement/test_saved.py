@@ -218,9 +218,10 @@ def test_every_flipped_byte_is_noticed_or_does_no_harm(tmp_path):
         flipped[place] ^= 0xFF
         (tmp_path / "flipped.npz").write_bytes(flipped)
         try:
+            # a time stamp of the archive
             assert np.array_equal(
                 moved(DiscretePrimitive.load(tmp_path / "flipped.npz")), moved(model)
-            )  # a time stamp of the archive
+            )
         except ValueError as error:
             assert "holds no DiscretePrimitive" in str(error)
 

@@ -310,9 +310,8 @@ def test_the_trend_is_the_posterior_of_linear_regression():
     visits, drift = [(1.0, 0.5, 0.2), (2.0, 0.1, 0.1), (4.0, 0.2, 0.3)], 0.4
     clocks, values, errors = np.array(visits).T
     ages = clocks - 4.0
-    prior = 1e6 + drift**2 * np.outer(
-        ages, ages
-    )  # covariance of the line at the visits, its height unknown
+    # covariance of the line at the visits, its height unknown
+    prior = 1e6 + drift**2 * np.outer(ages, ages)
     noise = np.diag(errors**2 + (0.5 * drift * ages) ** 2)
     ahead = 1e6 + drift**2 * 2.0 * ages
     expected = ahead @ np.linalg.solve(prior + noise, values)

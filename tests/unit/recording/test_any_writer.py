@@ -113,9 +113,8 @@ def test_what_rosbags_writes(folder, topics, stamps, way, version):
     described=st.booleans(),
 )
 def test_what_mcap_writes(folder, topics, stamps, options, profile, described):
-    assume(
-        options["use_chunking"] or not options["enable_data_crcs"] or stamps
-    )  # mcap 1.6.0 leaves records out of the CRC then
+    # mcap 1.6.0 leaves records out of the CRC then
+    assume(options["use_chunking"] or not options["enable_data_crcs"] or stamps)
     names = [type_name for type_name, _told in topics]
     texts = [{"text": definition(TYPES, name) if described else ""} for name in names]
     messages = [(k % len(names), stamp, CONTENTS[names[k % len(names)]]) for k, stamp in stamps]

@@ -182,9 +182,8 @@ def test_statistics_and_chunk_indexes_that_disagree_are_found(bag):
 
     def other_chunk(summary):
         place = summary.index(struct.pack("<Q", START_NS))
-        place = summary.index(
-            struct.pack("<Q", START_NS), place + 8
-        )  # the first chunk's, after that of the statistics
+        # the first chunk's, after that of the statistics
+        place = summary.index(struct.pack("<Q", START_NS), place + 8)
         struct.pack_into("<Q", summary, place, START_NS + 1)
         return summary
 
@@ -332,9 +331,8 @@ def test_types_encodings_and_messages_that_cannot_be_read_are_found(tmp_path):
         ),
     }
     for reason, (severity, options) in cases.items():
-        (found,) = check_file(
-            plain(tmp_path / "bad.mcap", good, **options)
-        )  # and nothing of the topic without messages
+        # and nothing of the topic without messages
+        (found,) = check_file(plain(tmp_path / "bad.mcap", good, **options))
         assert reason in str(found) and found.severity == severity, (reason, found)
     bad = [*good, (1, 7, 2, POSE_CDR[:40]), (1, 8, 3, b"\0\1\0\0" + b"\xff" * 80)]
     (found,) = texts(check_file(plain(tmp_path / "bad.mcap", bad)))

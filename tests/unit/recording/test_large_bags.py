@@ -52,9 +52,8 @@ def record(path, seconds, pause_after=2):
         **dict.fromkeys(the_world().pose_topics().values(), POSE),
     }
     rng = np.random.default_rng(0)
-    places = {
-        topic: np.full(3, float(k)) for k, topic in enumerate(topics)
-    }  # apart: nobody takes one body for another
+    # apart: nobody takes one body for another
+    places = {topic: np.full(3, float(k)) for k, topic in enumerate(topics)}
     with BagWriter(path, chunk_size=2**15) as bag:
         for topic, name in topics.items():
             bag.add_topic(topic, name, definition(TYPES, name), qos_yaml(), type_hash(TYPES, name))

@@ -55,10 +55,11 @@ def padded(monkeypatch):
 
     def with_unknown(record):
         data = plain(record)
+        # the one has data to its end, the other a fixed place
         if data[0] in (
             Opcode.MESSAGE,
             Opcode.FOOTER,
-        ):  # the one has data to its end, the other a fixed place
+        ):
             return data
         return data[:1] + struct.pack("<Q", len(data) - 9 + 3) + data[9:] + b"\1\2\3"
 
@@ -109,9 +110,8 @@ def test_a_length_that_is_damaged_hides_no_records_as_unknown_bytes(tmp_path):
     following = first_chunk + 9 + length
     assert data[following] == Opcode.MESSAGE_INDEX and place
     (index_length,) = struct.unpack_from("<Q", data, following + 1)
-    struct.pack_into(
-        "<Q", data, first_chunk + 1, length + 9 + index_length
-    )  # as if the index belonged to the chunk
+    # as if the index belonged to the chunk
+    struct.pack_into("<Q", data, first_chunk + 1, length + 9 + index_length)
     file.write_bytes(data)
     recovery = recover(file, tmp_path / "new")
     assert recovery.messages == {"/p": 60}

@@ -14,11 +14,12 @@ MS = 1_000_000
 FRAME = 10 * MS
 START = 1_700_000_000_000_000_000
 N = 800
+# frames: the hand begins to move, the ball leaves it, and lies in the basket
 SWING, RELEASE, LANDED = (
     200,
     240,
     290,
-)  # frames: the hand begins to move, the ball leaves it, and lies in the basket
+)
 
 
 def clean(seed=0, noise=1e-4):

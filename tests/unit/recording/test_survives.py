@@ -82,9 +82,8 @@ def killed_recorder(start, path, n_messages, flush_at, max_bytes):
     os.mkfifo(told)
     start([str(path), str(told), flush_at, max_bytes])
     written = flushed = 0
-    with open(
-        told, "rb"
-    ) as said:  # when it is closed, nobody hears a recorder any more, and it ends
+    # when it is closed, nobody hears a recorder any more, and it ends
+    with open(told, "rb") as said:
         (pid,) = struct.unpack("<q", said.read(8))
         while data := said.read(8):
             (number,) = struct.unpack("<q", data)

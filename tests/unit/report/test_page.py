@@ -541,9 +541,8 @@ def test_the_page_lies_beside_the_bag():
 def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatch):
     monkeypatch.setattr("dart_skill.report.read_run", lambda bag, about: run_of("demonstrations"))
     monkeypatch.setattr("dart_skill.report._page.pictures", lambda run: [])
-    monkeypatch.setattr(
-        "dart_skill.report._page.page_of", lambda run, drawn: "<html>" + "\ud800"
-    )  # no text that a file takes
+    # no text that a file takes
+    monkeypatch.setattr("dart_skill.report._page.page_of", lambda run, drawn: "<html>" + "\ud800")
     assert (
         main(["report", str(BAGS / "demonstrations"), "--output", str(tmp_path / "page.html")])
         == 1

@@ -31,8 +31,7 @@ def test_an_example_runs_and_draws(example, at_home):
     if wanted and importlib.util.find_spec(wanted) is None:
         pytest.skip(f"{wanted} is not installed")
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", message=".*non-interactive.*"
-        )  # plt.show() without a screen
+        # plt.show() without a screen
+        warnings.filterwarnings("ignore", message=".*non-interactive.*")
         runpy.run_path(str(example))
     assert plt.get_fignums(), "it draws nothing"

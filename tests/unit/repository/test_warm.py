@@ -45,11 +45,12 @@ def test_it_works_in_its_own_folder(popen, tmp_path):
 
 
 def test_a_signal_ends_it_and_a_killed_one_says_so(popen, tmp_path):
+    # starts in half the time of those that move an arm
     node = [
         sys.executable,
         "-m",
         "dart_skill_nodes.executables.recorder",
-    ]  # starts in half the time of those that move an arm
+    ]
     for number, status in ((signal.SIGINT, 0), (signal.SIGKILL, -signal.SIGKILL)):
         folder = tmp_path / signal.Signals(number).name  # a bag is named after the second
         folder.mkdir()

@@ -119,10 +119,11 @@ def _keep_compiled(source):
     """What set-up compiled from the same sources with the same setup.py is newer than they are,
     and not compiled again.
     """
+    # of `make setup`, and of a build by hand
     places = [
         ROOT / "build" / "dart_skill" / "build" / "cython",
         ROOT / "build" / "cython",
-    ]  # of `make setup`, and of a build by hand
+    ]
     if there := [place for place in places if place.is_dir()]:
         shutil.copytree(max(there, key=newest), source / "build" / "cython")
     built = source / "build" / f"lib.{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
@@ -149,9 +150,8 @@ def wheel(tmp_path_factory):
                 ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.so")
             )
         else:
-            shutil.copy2(
-                ROOT / name, source
-            )  # as old as it is: what is older than setup.py is compiled anew
+            # as old as it is: what is older than setup.py is compiled anew
+            shutil.copy2(ROOT / name, source)
     _keep_compiled(source)
     pip = [
         sys.executable,

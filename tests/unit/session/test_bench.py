@@ -112,9 +112,8 @@ def test_a_holder_that_is_moved_after_planning_is_missed_and_said_so(taught):
 def test_what_the_commander_stops_is_a_failure_with_its_reason(taught):
     session, learned, _, rng = taught
     plan = learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
-    sinks = np.outer(
-        np.linspace(0.0, 1.2, len(plan.path.time)), [0.0, 0.0, 1.0]
-    )  # it pulls the hand away from where it is expected
+    # it pulls the hand away from where it is expected
+    sinks = np.outer(np.linspace(0.0, 1.2, len(plan.path.time)), [0.0, 0.0, 1.0])
     away = replace(plan, attractor_position=plan.attractor_position + sinks)
     trial = session.execute(away)
     assert not trial.outcome.success and "from the plan" in trial.message

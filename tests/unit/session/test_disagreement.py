@@ -336,9 +336,8 @@ def test_learn_finds_the_mapping_of_another_laboratory_and_writes_it(
     )
     model = [line for line in told.splitlines() if line.startswith("model ")]
     assert model[0].split(":")[0] in capsys.readouterr().out
-    assert (
-        main(["learn", str(in_w_x_y_z), "--mapping", "auto", "--output", "third.npz"]) == 1
-    )  # what was written is not overwritten
+    # what was written is not overwritten
+    assert main(["learn", str(in_w_x_y_z), "--mapping", "auto", "--output", "third.npz"]) == 1
     assert "thursday_mapping.yaml exists already" in capsys.readouterr().err
 
 

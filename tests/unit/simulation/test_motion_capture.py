@@ -153,9 +153,8 @@ def test_inside_the_basket_only_cameras_that_look_in_from_above_see_the_ball():
     basket = BasketWalls(rim, radius=0.15, depth=0.3)
     low = Camera([2.0, -3.0, 0.5], [2.0, 0.0, 0.5])
     slanted = Camera([2.0, -1.0, 1.6], [2.0, 0.0, 0.5])
-    over_the_edge = (
-        rim + [0.0, -0.15, 0.0] + 0.1 * np.array([0.0, 0.85, -1.0])
-    )  # on its line over the near edge
+    # on its line over the near edge
+    over_the_edge = rim + [0.0, -0.15, 0.0] + 0.1 * np.array([0.0, 0.85, -1.0])
     above_rim, inside = rim + [0.0, 0.0, 0.05], rim - [0.0, 0.0, 0.05]
     higher, deeper = over_the_edge + [0.0, 0.0, 0.002], over_the_edge - [0.0, 0.0, 0.002]
     for camera, ball, seen in (

@@ -56,11 +56,12 @@ def launch(plant, position, velocity=(0.0, 0.0, 0.0)):
     """Put the free ball somewhere; the plant itself offers no such thing."""
     world, ball = plant._world, plant._ball
     world.resetBasePositionAndOrientation(ball, list(position), [0, 0, 0, 1])
+    # the plant's steps are a leapfrog
     half_a_step_earlier = np.array(velocity) + [
         0.0,
         0.0,
         0.5 * STEP * WAM.gravity,
-    ]  # the plant's steps are a leapfrog
+    ]
     world.resetBaseVelocity(ball, half_a_step_earlier.tolist(), [0, 0, 0])
     plant._observe()
 
@@ -258,9 +259,8 @@ def test_a_joint_above_its_coulomb_torque_moves_as_newton_says(make_plant, joint
     torque, duration = 4.0 * COULOMB[joint], 0.06
     before, *_, after = run(plant, round(duration / STEP), joint_torque=one(joint, torque))
     others_free = np.linalg.norm(np.delete(after.velocity, joint)) > 1e-3
-    if (
-        others_free
-    ):  # what moves with it moves under its own friction: integrate the whole arm finely
+    # what moves with it moves under its own friction: integrate the whole arm finely
+    if others_free:
         expected = finely_integrated(before, one(joint, torque), duration)[joint]
     else:
         inertia, damping = (
@@ -443,9 +443,8 @@ def test_the_ball_bounces_off_the_floor_with_its_restitution(make_plant):
         ]
     )
     np.testing.assert_allclose(drops[:, 1], WAM.ball.restitution, rtol=0.01)
-    _, velocity = flight(
-        np.array([0.0, 0.0, 2.54]), np.zeros(3), np.array([0.7294])
-    )  # it hits the floor then
+    # it hits the floor then
+    _, velocity = flight(np.array([0.0, 0.0, 2.54]), np.zeros(3), np.array([0.7294]))
     up = WAM.ball.restitution * -velocity[0, 2]
     rise, _ = flight(np.zeros(3), np.array([0.0, 0.0, up]), np.linspace(0.3, 0.8, 300))
     np.testing.assert_allclose(drops[:4, 0], rise[:, 2].max(), atol=0.02)

@@ -37,9 +37,7 @@ def draw_body(rng, size=1.0):
 
 
 def show(rng, body, role="button", told=(), name="", way=None):
-    """One demonstration (Demonstration); told: (instant after the start [s], grip) of the
-    fingers.
-    """
+    """One demonstration (Demonstration); told: (instant after the start [s], grip) of the fingers."""
     way = 2.0 * rng.uniform(0.9, 1.1) if way is None else way
     time = np.arange(-1.0, way + 1.0, 0.01) + 5.0
     since = (time - 5.0) / way

@@ -386,9 +386,8 @@ def test_what_repeats_in_the_misses_is_taken_out(learned, demonstrations):
     )
     bias, off = np.array([0.004, -0.002, 0.0]), []
     for _ in range(15):
-        off.append(
-            end_of(own.plan(situation_of(body)), body)[0][:2] * [-1.0, 1.0]
-        )  # GRIP is turned about y
+        # GRIP is turned about y
+        off.append(end_of(own.plan(situation_of(body)), body)[0][:2] * [-1.0, 1.0])
         miss = np.append(off[-1], 0.0) + bias + 0.001 * rng.standard_normal(3) * [1.0, 1.0, 0.0]
         own.tell(TaskOutcome(False, 0.0, miss=miss))
     assert np.linalg.norm(off[0]) < 1e-3 and np.linalg.norm(off[-1] + bias[:2]) < 1e-3

@@ -292,9 +292,8 @@ def test_of_two_instants_at_which_hand_and_ball_move_alike_the_one_where_they_to
     moves even more alike. Once such a throw was read as released 64 ms late, and the next throws
     opened the hand so much earlier.
     """
-    rates = 0.25 * np.polynomial.polynomial.polyfromroots(
-        [-0.3, -0.3, 0.5, 0.5]
-    )  # of the way between them
+    # of the way between them
+    rates = 0.25 * np.polynomial.polynomial.polyfromroots([-0.3, -0.3, 0.5, 0.5])
     way = np.polynomial.polynomial.polyint(rates)
     way[0] -= np.polynomial.polynomial.polyval(-0.3, way)
     curve = np.full((len(way), 3), 1e-12)

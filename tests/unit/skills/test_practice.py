@@ -40,9 +40,8 @@ def bulged(demonstration, name, size):
         "joint_position": np.empty((0, 7)),
         "joint_velocity": np.empty((0, 7)),
     }
-    return changed_throw(
-        demonstration, id=name, hand_position=hand, ball_position=ball, **nobody
-    )  # joints would say that it did not
+    # joints would say that it did not
+    return changed_throw(demonstration, id=name, hand_position=hand, ball_position=ball, **nobody)
 
 
 def test_a_trial_is_a_demonstration_of_where_it_landed(demonstrations):

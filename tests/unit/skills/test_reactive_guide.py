@@ -125,9 +125,8 @@ class Reach:
                     cup + rng.normal(0.0, NOISE, 3),
                     np.array([0.0, 0.0, 0.0, 1.0]),
                 )
-                self.guide.see(
-                    "basket", arm.stamp_ns, np.full(3, np.nan), np.zeros(4)
-                )  # of no concern
+                # of no concern
+                self.guide.see("basket", arm.stamp_ns, np.full(3, np.nan), np.zeros(4))
             command = self.commander.step(arm)
             plant.step(
                 command, holder.push(arm, begun is not None and holds[0] <= time < sum(holds))

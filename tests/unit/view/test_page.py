@@ -100,11 +100,12 @@ def volume(mesh):
     [
         (shapes.box(np.array([1.0, 2.0, 3.0])), 6.0, 1e-12),
         (shapes.sphere(0.5, 96), np.pi / 6.0, 3e-3),
+        # a prism
         (
             shapes.cylinder(0.5, 2.0),
             0.25 * shapes.SIDES * np.sin(2 * np.pi / shapes.SIDES),
             1e-12,
-        ),  # a prism
+        ),
         (shapes.pyramid((np.pi / 4, np.arctan(0.5)), 3.0), 6.0 * 3.0 * 3.0 / 3.0, 1e-12),
         (shapes.bucket(0.15, 0.35, 0.01), np.pi * (0.16**2 * 0.36 - 0.15**2 * 0.35), 1e-2),
         (
@@ -655,10 +656,11 @@ def test_the_curve_has_a_point_for_each_throw_in_one_of_its_two_colours(scene, a
         ({"Host": "127.0.0.1:8080", "Origin": "http://example.org"}, False),
         ({"Host": "127.0.0.1:8080", "Origin": "http://127.0.0.1:9999"}, False),
         ({"Host": "127.0.0.1:8080", "Origin": "null"}, False),
+        # a name that was given to this machine
         (
             {"Host": "example.org:8080", "Origin": "http://example.org:8080"},
             False,
-        ),  # a name that was given to this machine
+        ),
         ({"Origin": "http://example.org"}, False),
     ],
 )

@@ -55,8 +55,7 @@ def read_capture(
     folder: Path, where: PoseSource
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Axes]:
     """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4), x, y, z, w, of the frames in
-    which
-    a body was seen; and where our axes point in its.
+    which a body was seen; and where our axes point in its.
 
     Parameters
     ----------

@@ -66,9 +66,8 @@ def read_trc(file: TextFile, unit: str) -> Capture:
         for place, cell in enumerate(head[3].cells)
         if place > 1 and cell.strip()
     ]
-    if (
-        len(names) > 1 and names[1][0] - names[0][0] == 1
-    ):  # separated by spaces, or without the empty cells of y and z
+    # separated by spaces, or without the empty cells of y and z
+    if len(names) > 1 and names[1][0] - names[0][0] == 1:
         names = [(2 + 3 * k, name) for k, (_, name) in enumerate(names)]
     return capture_of_rows(
         file,
