@@ -227,8 +227,12 @@ def test_what_is_too_long_ago_is_not_judged(graph):
 
 
 def test_the_bag_teaches_the_same_without_nodes(graph, place):
+    told = graph.client.demonstrations().demonstrations
     graph.stop()  # closes the bag; the last test that needs the nodes
     shown = read_demonstrations(graph.bag, place.name)
+    begun = [one.stamp_ns + round(1e9 * one.motion_start) for one in shown]
+    assert [conversions.stamp_ns(one.header.stamp) for one in told] == begun
+    assert all(list(one.situation.bodies) == ["hand", "part", "holder"] for one in told)
     assert LearnedSkill(place, shown).model_id == graph.learned.model_id
     with BagReader(graph.bag) as bag:
         assert {"/vrpn_mocap/part/pose", "/vrpn_mocap/holder/pose", "/joint_states"} <= set(

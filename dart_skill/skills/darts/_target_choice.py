@@ -9,6 +9,7 @@ import numpy as np
 from dart_skill.common.situation import Situation
 from dart_skill.skills.practice import TargetChoice
 from dart_skill.skills.protocol import TaskOutcome
+from dart_skill.skills.throw import LANDING
 
 if TYPE_CHECKING:
     from dart_skill.skills.darts import Darts
@@ -30,7 +31,7 @@ class BestAim(TargetChoice):
     def tell(self, situation: Situation, error: float, outcome: TaskOutcome) -> str:
         if not np.isfinite(outcome.error):
             return "nobody saw where the dart went"
-        landing, _ = outcome.observed["landing"]
+        landing, _ = outcome.observed[LANDING]
         points, where = self.skill.points(landing)
         said, before = f"{where}, {points} points", self._agent.bed
         # a dart at what was asked for by others says nothing of how the own aims were met

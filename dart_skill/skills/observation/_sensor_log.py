@@ -227,9 +227,9 @@ class SensorLog:
         """
         poses = {}
         for role, stream in self.bodies.items():
-            part = stream.part(stamp_ns - LOOK_BACK_NS, stamp_ns)
             if role == HAND:
                 continue
+            part = stream.part(stamp_ns - LOOK_BACK_NS, stamp_ns)
             if not part.stamps:
                 raise ValueError(f"the {role} was not seen: is it tracked and published?")
             rows = np.array(part.rows)

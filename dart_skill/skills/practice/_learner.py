@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from dart_skill.skills.learning import (
     save_skill_model,
     unlike,
 )
-from dart_skill.skills.protocol import Skill, check_way
+from dart_skill.skills.protocol import Skill, check_way, part_of
 
 Parameters = Callable[[], dict[str, Any]]
 """Values of the parameters of the node skill_learner, as they are now."""
@@ -315,5 +314,4 @@ def learner_of(
     skill: Skill, parameters: Parameters, registration: KnownRegistration | None = None
 ) -> Learner:
     """The learner that a skill names (`Skill.learner`)."""
-    kind = metadata.EntryPoint(skill.name, skill.learner, "dart_skill.learners").load()
-    return kind(skill, parameters, registration)
+    return part_of(skill, "learner")(skill, parameters, registration)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import metadata
-
 import numpy as np
 
 from dart_skill.common.situation import Situation
-from dart_skill.skills.protocol import Skill, TaskOutcome
+from dart_skill.skills.protocol import Skill, TaskOutcome, part_of
 
 
 class TargetChoice:
@@ -57,5 +55,4 @@ class TargetChoice:
 
 def target_choice_of(skill: Skill, candidates: int, seed: int) -> TargetChoice:
     """The choice that a skill names (`Skill.target_choice`); parameters as of `TargetChoice`."""
-    point = metadata.EntryPoint(skill.name, skill.target_choice, "dart_skill.target_choices")
-    return point.load()(skill, candidates, seed)
+    return part_of(skill, "target_choice")(skill, candidates, seed)

@@ -1,6 +1,6 @@
 """What a skill is: the protocol that all skills follow, and where skills are found by name."""
 
-from dart_skill.skills.protocol._registry import load_skill, skill_names, skill_type
+from dart_skill.skills.protocol._registry import load_skill, part_of, skill_names, skill_type
 from dart_skill.skills.protocol._settings import (
     BIC,
     COMPONENTS,
@@ -26,6 +26,7 @@ __all__ = [
     "TaskOutcome",
     "check_way",
     "load_skill",
+    "part_of",
     "settings_file",
     "skill_names",
     "skill_type",

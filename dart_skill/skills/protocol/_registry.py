@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from dart_skill.skills.protocol._skill import Skill
 
@@ -46,14 +47,7 @@ def skill_type(name: str) -> type[Skill]:
             " that has it"
         )
     point = found[name]
-    try:
-        kind = point.load()
-    # of another package's module: whatever it raises when it is imported
-    except Exception as error:
-        raise ValueError(
-            f"the skill '{name}' ({point.value}) cannot be imported: {type(error).__name__}:"
-            f" {error}"
-        ) from error
+    kind = _loaded(point, f"skill '{name}'")
     if not (isinstance(kind, type) and issubclass(kind, Skill)):
         raise ValueError(
             f"the skill '{name}' ({point.value}) is no class derived from"
@@ -65,6 +59,18 @@ def skill_type(name: str) -> type[Skill]:
             " name"
         )
     return kind
+
+
+def part_of(skill: Skill, what: str) -> Any:
+    """Class of a part that a skill names as "module:class": its `learner` or `target_choice`.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be imported.
+    """
+    value = getattr(skill, what)
+    return _loaded(metadata.EntryPoint(what, value, GROUP), f"{what} of the skill '{skill.name}'")
 
 
 def load_skill(name: str, settings: Path | None = None) -> Skill:
@@ -83,3 +89,13 @@ def _entry_points() -> dict[str, metadata.EntryPoint]:
 
 def _own(name: str) -> metadata.EntryPoint:
     return metadata.EntryPoint(name, OWN[name], GROUP)
+
+
+def _loaded(point: metadata.EntryPoint, what: str) -> Any:
+    try:
+        return point.load()
+    # of another package's module: whatever it raises when it is imported
+    except Exception as error:
+        raise ValueError(
+            f"the {what} ({point.value}) cannot be imported: {type(error).__name__}: {error}"
+        ) from error

@@ -233,7 +233,7 @@ class Skill:
 
     def loaded(self, description: WamDescription) -> WamDescription:
         """The arm with what its hand may hold, as the skill's user knows it
-        (`robot.with_box`). Default: as it is described.
+        (`arm.with_box`). Default: as it is described.
         """
         return description
 
@@ -319,8 +319,7 @@ class Skill:
         """
         since = log.world_begins_ns()
         seen = log.seen(demonstration_id(since), since, until_ns, self.name)
-        self.cut(seen)  # what is no movement of the skill is no demonstration
-        return seen
+        return self.described(seen)  # what is no movement of the skill is no demonstration
 
     def is_decided(
         self, log: SensorLog, situation: Situation, told_ns: int, until_ns: int
@@ -366,18 +365,6 @@ class Skill:
         before = self.situation(seen, (begun_ns - since) * 1e-9)
         situation = Situation({**before.poses, **asked.poses}, {**before.numbers, **asked.numbers})
         return self.judge(seen, situation), situation
-
-    def shown_motion(self, one: Demonstration) -> tuple[float, float]:
-        """First and last instant of the movement that a demonstration shows [s]."""
-        return self.cut(one)
-
-    def drawn(self, one: Demonstration) -> tuple[float, float]:
-        """First and last instant of what is drawn of a demonstration [s]. Default: its movement."""
-        return self.shown_motion(one)
-
-    def shown_in(self, one: Demonstration) -> Situation:
-        """The situation in which a demonstration was shown."""
-        return self.situation(one, self.cut(one)[0])
 
     def described(self, seen: Demonstration) -> Demonstration:
         """What was seen with the situation and the instants of the movement that it shows.

@@ -234,15 +234,6 @@ class Throw(Skill):
         error = float(outcome.landing_error) if outcome.landing_seen else np.nan
         return TaskOutcome(bool(outcome.in_basket), error, observed=observed), self.about(asked)
 
-    def shown_motion(self, one: Demonstration) -> tuple[float, float]:
-        return one.motion_start, one.motion_stop
-
-    def drawn(self, one: Demonstration) -> tuple[float, float]:
-        return self.cut(one)
-
-    def shown_in(self, one: Demonstration) -> Situation:
-        return Situation({self.bodies[1]: Pose(one.target)})
-
     def described(self, seen: Demonstration) -> Demonstration:
         """As it is: it was cut when it was recorded."""
         return seen
@@ -312,8 +303,8 @@ class Throw(Skill):
         shown, tried
             How many are needed.
         """
-        to_show, to_try = targets_for(seed, shown, tried)
-        spare = REGION.spread(shown, np.random.default_rng([seed, 3]))
+        to_show, to_try = targets_for(seed, shown, tried, self.region)
+        spare = self.region.spread(shown, np.random.default_rng([seed, 3]))
         return map(self.at, chain(to_show, spare)), map(self.at, to_try)
 
     def in_words(self, situation: Situation) -> str:

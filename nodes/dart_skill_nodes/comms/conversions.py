@@ -55,7 +55,7 @@ from dart_skill.recording import (
     named,
 )
 from dart_skill.skills.protocol import Skill, TaskOutcome
-from dart_skill.skills.throw import Throw
+from dart_skill.skills.throw import LANDING, Throw
 
 if TYPE_CHECKING:
     from dart_skill.skills.learning import Policy
@@ -71,7 +71,7 @@ NEW = {
     "sensor_msgs/msg/JointState": JointState,
 }
 """The skill whose target is a basket."""
-BASKET, BOARD, LANDING, RELEASE, MISS = "basket", "board", "landing", "release", "miss"
+BASKET, BOARD, MISS = "basket", "board", "miss"
 """Names in messages: the bodies at which a throw is aimed, the instants that its outcome tells of,
 and the miss of another skill.
 """

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import Outcome as OutcomeMsg
 from dart_skill_msgs.msg import Situation as SituationMsg
 from dart_skill_msgs.srv import Judge
-from rosbags.typesys.store import Typestore
 
 from dart_skill.arm import Grip
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import HAND, Demonstration, demonstration_message, read_command
+from dart_skill.recording import HAND, Demonstration, read_command
 from dart_skill.skills.practice import Learner
 from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.comms import conversions
@@ -55,14 +53,6 @@ class Observer:
     def check(self, one: Demonstration) -> None:
         """ValueError says why it cannot be learned from."""
         self._learner.check_shown(one)
-
-    def message(self, one: Demonstration) -> DemonstrationMsg:
-        """As it is published."""
-        return conversions.demonstration_msg(self._skill.described(one))
-
-    def recorded(self, types: Typestore, one: Demonstration) -> object:
-        """As it is written into the bag, an object of `types`."""
-        return demonstration_message(types, self._skill.described(one))
 
     def late(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> bool:
         """Whether poses may be on their way that decide what is asked for."""

@@ -29,6 +29,7 @@ from dart_skill.recording import (
     Demonstration,
     LogTime,
     Marks,
+    demonstration_message,
     encoded,
     types_for,
 )
@@ -264,7 +265,7 @@ class DemonstrationRecorder(BagKeeper):
             if throw.shows:
                 self._keep(
                     throw.demonstration,
-                    self._observer.message(throw.demonstration),
+                    conversions.demonstration_msg(throw.demonstration),
                     watched_until(throw.stamp_ns),
                 )
             else:
@@ -436,7 +437,7 @@ class DemonstrationRecorder(BagKeeper):
         if not response.success:
             self.get_logger().error(f"no demonstration: {response.message}")
             return response
-        response.demonstration = self._observer.message(one)
+        response.demonstration = conversions.demonstration_msg(one)
         self._bag.flush()
         if self._bag.failure:
             response.success, response.message = False, f"{NOT_RECORDED}: {self._bag.failure}"
@@ -455,7 +456,7 @@ class DemonstrationRecorder(BagKeeper):
             # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty
             # sequences.
             types = types_for(DEMONSTRATION_TYPE)
-            content = encoded(types, DEMONSTRATION_TYPE, self._observer.recorded(types, one))
+            content = encoded(types, DEMONSTRATION_TYPE, demonstration_message(types, one))
             self._bag.write(DEMONSTRATIONS, self._time.now_ns, until, content)
         self._bag.flush()
         try:

@@ -267,11 +267,13 @@ class SkillLearner(GuardedNode):
         )
         status.weight, status.unlike, status.outlier = counts.weight, counts.unlike, counts.outlier
         try:
-            start, stop = self._skill.shown_motion(one)
+            shown = self._skill.described(one)
+            duration = float(np.nan_to_num(shown.motion_stop - shown.motion_start))
             status.header.frame_id = one.frame_id
-            conversions.set_stamp(status.header.stamp, one.stamp_ns)
-            status.duration = conversions.duration_msg(float(np.nan_to_num(stop - start)))
-            status.situation = conversions.situation_msg(self._skill.shown_in(one))
+            begun = one.stamp_ns + round(1e9 * float(np.nan_to_num(shown.motion_start)))
+            conversions.set_stamp(status.header.stamp, begun)
+            status.duration = conversions.duration_msg(duration)
+            status.situation = conversions.situation_msg(shown.situation)
             status.readable, status.finding = True, self._learner.finding(one, configuration)
         except ValueError as error:
             status.readable, status.finding = False, str(error)

@@ -82,9 +82,9 @@ PICTURES_PER_PATH = 3
 
 def _shown(skill: Skill, message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
     """Way of the hand (n, 3) in a demonstration, and the places (m, 3) of bodies at its begin."""
-    one = demonstration_from_message(message, skill.name)
-    start, stop = skill.drawn(one)
-    where = skill.shown_in(one)
+    one = skill.described(demonstration_from_message(message, skill.name))
+    start, stop = skill.cut(one)
+    where = one.situation
     places = [where.pose(role).position for role in skill.bodies if role in where.poses]
     moves = (one.hand_time >= start) & (one.hand_time <= stop)
     return one.hand_position[moves], np.array(places).reshape(-1, 3)

@@ -10,7 +10,7 @@ from dart_skill.recording import read_demonstrations
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.learning import DEFAULT, _preparation, save_model
 from dart_skill.skills.practice import learner_of
-from dart_skill.skills.protocol import load_skill
+from dart_skill.skills.protocol import load_skill, part_of
 from tests.paths import BAGS
 from tests.throw_demonstrations import changed_throw
 
@@ -67,3 +67,10 @@ def test_a_model_of_another_board_is_refused(tmp_path):
     elsewhere = Darts.at_board((3.0, 0.0, 1.7))
     with pytest.raises(ValueError, match="learned for another game or board"):
         learner_of(elsewhere, lambda: parameters).load(tmp_path / "darts.npz")
+
+
+@pytest.mark.parametrize("what", ["learner", "target_choice"])
+def test_a_part_that_cannot_be_imported_is_named(what):
+    odd = type("Odd", (Darts,), {what: "nowhere.at_all:Thing"})()
+    with pytest.raises(ValueError, match=f"the {what} of the skill 'darts' .nowhere.at_all:Thing"):
+        part_of(odd, what)
