@@ -16,12 +16,11 @@ from dart_skill.arm import (
     Command,
     Commander,
     CommanderSettings,
-    Grip,
     Mode,
     MotionPlan,
 )
 from dart_skill.common.situation import Pose, Situation
-from dart_skill.recording import HAND, WORDS, Demonstration, Event, Track
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.session._in_process import RESTING
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.session._step_loop import Push, Sees, StepLoop, no_push, parameters_of_arm
@@ -39,7 +38,6 @@ from dart_skill.simulation import (
     Workbench,
 )
 from dart_skill.skills.execution import HandSeen, MovingBody, ReactiveGuide
-from dart_skill.skills.observation import ThrowLog
 from dart_skill.skills.protocol import Skill, TaskOutcome
 
 if TYPE_CHECKING:
@@ -90,13 +88,8 @@ class _SkillSession(StepLoop):
         commander = Commander(
             CommanderSettings.from_parameters(of("commander")), plant.description
         )
-        super().__init__(plant, commander, cameras, bag, ThrowLog())
+        super().__init__(plant, commander, cameras, bag, skill.sensor_log())
         self.skill = skill
-
-    def _watch_anew(self) -> None:
-        super()._watch_anew()
-        self._seen: dict[str, list] = {}
-        self._told: list[Event] = []
 
     def _begin(self) -> None:
         """The world is reset, the arm held, and nothing seen yet."""
@@ -119,43 +112,20 @@ class _SkillSession(StepLoop):
             ) from None
 
     def _hear(self, command: Command) -> None:
-        """Note what a command says to the fingers when it changes: a commander repeats it with
-        every command.
-        """
-        told = self._told
-        if command.grip != Grip.UNSPECIFIED and (not told or told[-1].grip != command.grip):
-            told.append(Event(WORDS[command.grip], command.stamp_ns * 1e-9))
+        self._log.add_told(command.stamp_ns, command.grip)
 
     def _take(self, sample: Sample) -> None:
-        row = (sample.stamp_ns * 1e-9, sample.position, sample.quaternion)
-        self._seen.setdefault(sample.name, []).append(row)
+        super()._take(sample)
         if self._sees is not None:
             self._sees.see(sample.name, sample.stamp_ns, sample.position, sample.quaternion)
 
-    def _tracks(self) -> dict[str, Track]:
-        """What the cameras have delivered by now, by body."""
-        self._deliver()
-        return {
-            name: Track(*(np.array(part) for part in zip(*rows, strict=True)))
-            for name, rows in self._seen.items()
-        }
-
     def _trial(self, kind: str) -> SkillTrial:
-        rows, stamps = np.array(self._log.joints.rows), np.array(self._log.joints.stamps) * 1e-9
-        tracks, told = self._tracks(), tuple(self._told)
+        self._deliver()
         if self._bag is not None:
             self._bag.end_of_movement()
         name = f"{kind}_{self.plant.state.episode}"
-        seen = Demonstration(
-            id=name,
-            tracks=tracks,
-            skill=self.skill.name,
-            joint_time=stamps,
-            joint_position=rows[:, :7],
-            joint_velocity=rows[:, 7:],
-            events=told,
-        )
-        begin = told[0].time if told else float(seen.hand_time[0])
+        seen = self._log.seen(name, 0, self.plant.state_stamp_ns, self.skill.name)
+        begin = seen.events[0].time if seen.events else float(seen.hand_time[0])
         outcome = self.skill.judge(seen, self.skill.situation(seen, begin))
         return SkillTrial(seen, outcome, self.commander.message)
 
@@ -236,9 +206,8 @@ class BenchSession(_SkillSession):
         """What the cameras see when the holder was put to a pose, and the part to its place."""
         self._stand(holder)
         self._run("look", no_push, lambda: True)
-        tracks = self._tracks()
-        now = float(tracks[HAND].time[-1])
-        return Situation({role: tracks[role].pose_at(now) for role in self.skill.bodies})
+        self._deliver()
+        return self._log.situation_at(self._log.bodies[HAND].stamps[-1])
 
     def execute(self, plan: MotionPlan) -> SkillTrial:
         """Carry out a plan for the situation that was seen last."""

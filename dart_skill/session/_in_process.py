@@ -83,6 +83,8 @@ class Session(StepLoop):
         That everything is written into, default None.
     """
 
+    _log: ThrowLog
+
     def __init__(
         self,
         seed: int = 0,

@@ -22,7 +22,7 @@ from dart_skill.simulation import (
     PlantState,
     Sample,
 )
-from dart_skill.skills.observation import ThrowLog
+from dart_skill.skills.observation import SensorLog
 
 HAS = {"wam_simulator", "mock_optitrack", "teacher", "commander"}
 """Nodes whose part a session plays."""
@@ -79,7 +79,7 @@ class StepLoop:
     bag
         That everything is written into, None for none.
     log
-        Of joint states.
+        Of what sensors see.
     """
 
     longest = 30.0
@@ -91,7 +91,7 @@ class StepLoop:
         commander: Commander,
         cameras: MotionCapture,
         bag: SessionBag | None,
-        log: ThrowLog,
+        log: SensorLog,
     ):
         self.plant, self.commander, self.capture = plant, commander, cameras
         self._bag, self._log, self._geometry = bag, log, ArmGeometry()
