@@ -80,7 +80,7 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     _check_model(options, parser)
     in_process = options.layout == IN_PROCESS
     carried_out = _in_process if in_process else _on_graph(parser).demo
-    skill = chosen_skill(parser, options.skill)
+    skill = chosen_skill(parser, options.skill, options.set)
     _check_options_of_skill(options, parser, skill)
     check_run(parser, options)
     if options.model is not None:
@@ -96,7 +96,7 @@ def _check_options_of_skill(
     options: argparse.Namespace, parser: argparse.ArgumentParser, skill: Skill
 ) -> None:
     """A usage error for an option that is not for this skill; its own default numbers."""
-    if options.configuration and not skill.has_configurations:
+    if options.configuration and not skill.configurations:
         parser.error(
             "--configuration is for throws: other skills have their settings in a file of"
             " their own"
@@ -123,6 +123,7 @@ def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -
 def _in_process(options: argparse.Namespace, skill: Skill) -> RunSummary | None:
     """The demo in this process; None, and a line why, if it failed."""
     need("pinocchio", "pybullet")
+    from dart_skill.common.fleet import of_nodes
     from dart_skill.session import Job, demo
 
     options.output.mkdir(parents=True, exist_ok=True)
@@ -133,7 +134,7 @@ def _in_process(options: argparse.Namespace, skill: Skill) -> RunSummary | None:
         options.throws,
         options.output / "bag",
         options.arm,
-        tuple(options.set),
+        of_nodes(options.set),
         options.configuration,
     )
     try:

@@ -185,7 +185,7 @@ def _learn_skill(
     given = {
         "--with-throws": options.with_throws,
         "--remember": options.remember is not None,
-        "--configuration": options.configuration and not skill.has_configurations,
+        "--configuration": options.configuration and not skill.configurations,
     }
     for option in (name for name, value in given.items() if value):
         raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{skill.name}'")

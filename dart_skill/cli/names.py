@@ -8,9 +8,11 @@ Each is defined where its meaning is; a test compares. Names of professionals:
 CONFIGURATIONS = (
     "default", "intervals", "thesis", "thesis_local", "em", "weighted", "cross_validated", "autonomous", "shown_release", "two_frames",
 )  # fmt: skip
-"""`dart_skill.skills.learning._configuration`."""
+"""`dart_skill.skills.learning._throw_settings`."""
 PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
 """`dart_skill.skills.practice._practising`."""
+REPRESENTATIONS = ("autonomous", "dsgmr", "intervals", "pose")
+"""`dart_skill.skills.protocol._registry`."""
 CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")
 """`dart_skill.experiments.studies.practice`."""
 SEARCHES = (

@@ -102,12 +102,21 @@ def check_model(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
         )
 
 
-def chosen_skill(parser: argparse.ArgumentParser, name: str) -> "Skill":
-    """The skill of that name; a usage error lists those that there are."""
+def chosen_skill(
+    parser: argparse.ArgumentParser, name: str, settings: Sequence[str] = ()
+) -> "Skill":
+    """The skill of that name; a usage error lists those that there are.
+
+    Parameters
+    ----------
+    settings
+        Values of --set, of which those of the node "skill" are settings of the skill.
+    """
+    from dart_skill.common.fleet import skill_settings
     from dart_skill.skills.protocol import load_skill
 
     try:
-        return load_skill(name)
+        return load_skill(name, changes=skill_settings(settings))
     except ValueError as error:
         parser.error(str(error))
 
@@ -142,7 +151,10 @@ def add_arm(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NODE.PARAMETER=VALUE",
-        help="a parameter of a node; may be given several times",
+        help=(
+            "a parameter of a node, or skill.NAME=VALUE, a setting of the skill; may be given several"
+            " times"
+        ),
     )
 
 

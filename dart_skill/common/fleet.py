@@ -12,6 +12,19 @@ import yaml
 from dart_skill.common.configuration import load_yaml, node_file, node_parameters
 
 FLEET = "fleet"
+OF_SKILL = "skill."
+"""Begin of a setting of the skill, which every node that knows the skill is told."""
+NODES_OF_SKILL = (
+    "commander",
+    "coach",
+    "demonstration_recorder",
+    "mock_optitrack",
+    "skill_learner",
+    "teacher",
+    "viewer",
+    "wam_simulator",
+)
+"""Nodes that know the skill."""
 Arm = dict[str, dict[str, Any]]
 """Parameters that differ from those of config/, by node."""
 
@@ -45,11 +58,42 @@ def arm_with(name: str, settings: Iterable[str]) -> Arm:
     ValueError
         Names what does not exist.
     """
-    differs = arm_named(name)
-    for text in settings:
+    differs, settings = arm_named(name), list(settings)
+    if of_skill := skill_settings(settings):
+        told = yaml.safe_dump(of_skill, default_flow_style=True, width=1e6).strip()
+        for node in NODES_OF_SKILL:
+            differs.setdefault(node, {})["skill_settings"] = told
+    for text in of_nodes(settings):
         node, parameter, value = _setting(text)
         differs.setdefault(node, {})[parameter] = value
     return differs
+
+
+def skill_settings(settings: Iterable[str]) -> dict[str, Any]:
+    """Settings of the skill among texts NODE.PARAMETER=VALUE, by name: those of the node "skill",
+    each value as YAML.
+
+    Raises
+    ------
+    ValueError
+        For one without a value.
+    """
+    found = {}
+    for text in filter(_is_of_skill, settings):
+        name, equals, given = text.removeprefix(OF_SKILL).partition("=")
+        if not (name and equals and given):
+            raise ValueError(f"--set {text}: give skill.NAME=VALUE, as in skill.components=16")
+        found[name] = yaml.safe_load(given)
+    return found
+
+
+def of_nodes(settings: Iterable[str]) -> tuple[str, ...]:
+    """Those of the texts NODE.PARAMETER=VALUE that are not settings of the skill."""
+    return tuple(text for text in settings if not _is_of_skill(text))
+
+
+def _is_of_skill(text: str) -> bool:
+    return text.startswith(OF_SKILL)
 
 
 def _setting(text: str) -> tuple[str, str, object]:

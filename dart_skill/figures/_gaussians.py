@@ -39,19 +39,19 @@ from dart_skill.skills.learning import PreparedThrow, ThrowingSkill, frames_for
 
 DEVIATIONS = 2.0
 NAMES = {
-    "thesis": (
+    ("base", "target"): (
         "base frame, axes of the world (8.2)",
         "target frame, first axis to the target (8.2), target at 0",
     ),
-    "start": (
+    ("start", "target"): (
         "frame at the start of the hand, axes of the world (8.3)",
         "target frame, first axis to the target (8.2), target at 0",
     ),
-    "azimuth": (
+    ("azimuth",): (
         "base frame, turned to the target",
         "the same, seen from the target (target at 0)",
     ),
-    "azimuth_target": (
+    ("azimuth", "target"): (
         "base frame, turned to the target",
         "target frame, turned likewise (target at 0)",
     ),
@@ -61,7 +61,10 @@ WORLD_AXES, TURNED_AXES, POINTING_AXES = (
     ("forward", "left", "up"),
     ("towards the target", "left", "upwards across"),
 )
-AXES = {"thesis": (WORLD_AXES, POINTING_AXES), "start": (WORLD_AXES, POINTING_AXES)}
+AXES = {
+    ("base", "target"): (WORLD_AXES, POINTING_AXES),
+    ("start", "target"): (WORLD_AXES, POINTING_AXES),
+}
 PLANES = ((0, 2), (0, 1))
 """Pairs of axes that are drawn: from the side and from above."""
 

@@ -41,7 +41,7 @@ from dart_skill.skills.execution import HandSeen, MovingBody, ReactiveGuide
 from dart_skill.skills.protocol import Skill, TaskOutcome
 
 if TYPE_CHECKING:
-    from dart_skill.skills.learning import LearnedSkill, ReactiveSkill
+    from dart_skill.skills.learning import LearnedSkill
 
 WATCHED = 0.5
 """The bodies are watched for so long after a movement at the bench [s]."""
@@ -262,9 +262,9 @@ class BeltSession(_SkillSession):
         """A person shows the movement once in a situation."""
         return self.teach(_belt(situation))
 
-    def attempt(self, learned: ReactiveSkill, situation: Situation) -> SkillTrial:
+    def attempt(self, learned: LearnedSkill, situation: Situation) -> SkillTrial:
         """Carry out what was learned in a situation."""
-        return self.execute(learned.guide(), _belt(situation))
+        return self.execute(learned.policy.guide(), _belt(situation))
 
     def teach(self, belt: Belt) -> SkillTrial:
         """A person shows the movement once, with a cup on a belt."""

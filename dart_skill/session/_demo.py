@@ -25,8 +25,7 @@ from dart_skill.session._in_process import Session
 from dart_skill.session._session_bag import LAYOUT, SessionBag
 from dart_skill.session._summary import RunSummary, TrialResult
 from dart_skill.simulation import Board, Swing
-from dart_skill.skills.learning import LearnedSkill, ReactiveSkill, changed, configuration
-from dart_skill.skills.practice import PracticeSettings, PractisingSkill
+from dart_skill.skills.practice import Learner
 from dart_skill.skills.protocol import Skill, TaskOutcome
 
 DIFFERS = (
@@ -196,21 +195,11 @@ class _Throwing:
         """Learn it as the learner node does with the parameters of config/; what there is to say
         of the skill.
         """
-        skill, p = self.skill, node_parameters("skill_learner.yaml", "skill_learner")
-        named = configuration(job.configuration or p["configuration"])
-        chosen, method = skill.configured_for(changed(named, p)[0]), p["practice_method"]
-        self._learned = PractisingSkill(
-            shown,
-            chosen,
-            method,
-            PracticeSettings(p["practice_capacity"], p["practice_forget"]),
-            skill.correction,
-            steady_every=0 if method == "none" else skill.steady_every,
-        )
-        return (
-            f"learned from {len(shown)} demonstrations with '{chosen.name}'; the hand opens"
-            f" {1e3 * self._learned.skill.hand_delay:.0f} ms after it is told to"
-        )
+        learner = Learner(self.skill, learner_parameters)
+        lesson = learner.learn(shown, job.configuration)
+        assert learner.practice is not None
+        self._learned = learner.practice.practising  # type: ignore[attr-defined]
+        return "; ".join([lesson.said, *lesson.facts])
 
     def attempt(self, situation: Situation) -> TrialResult:
         """The arm throws; ValueError says why that cannot be."""
@@ -266,17 +255,21 @@ class _Moving:
 
     def learn(self, shown: list[Any], job: Job) -> str:
         """Learn it; what there is to say of the model."""
-        kind = ReactiveSkill if self.skill.reacts else LearnedSkill
-        self._learned: Any = kind(self.skill, shown)
-        return (
-            f"learned '{self.skill.name}' from {len(shown)} demonstrations: model"
-            f" {self._learned.model_id}"
-        )
+        learner = Learner(self.skill, learner_parameters)
+        lesson = learner.learn(shown, job.configuration)
+        assert learner.practice is not None
+        self._learned = learner.practice.model
+        return f"{lesson.said}: model {lesson.model_id}"
 
     def attempt(self, situation: Situation) -> TrialResult:
         """The arm does it; ValueError says why that cannot be."""
         trial = self.session.attempt(self._learned, situation)
         return TrialResult(situation, trial.outcome, trial.message)
+
+
+def learner_parameters() -> dict[str, Any]:
+    """Parameters of the node skill_learner as config/ has them."""
+    return node_parameters("skill_learner.yaml", "skill_learner")
 
 
 _KINDS: dict[tuple[str, str, bool], type[_Throwing] | type[_Moving]] = {

@@ -42,7 +42,7 @@ from dart_skill.recording.imports import (
 )
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
-from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
+from dart_skill.skills.learning import LEAST_DEMONSTRATIONS, ThrowSettings, prepare
 from dart_skill.skills.learning import configuration as configuration_of
 from dart_skill.skills.observation import THRESHOLDS, FoundThrow
 
@@ -237,7 +237,7 @@ def _refuse_disagreement(
 def throws_in_bag(
     path: str | os.PathLike,
     mapping: RecordingMapping | None,
-    chosen: SkillConfiguration,
+    chosen: ThrowSettings,
     *,
     with_throws: bool = False,
     without: Sequence[str] = (),
@@ -323,7 +323,7 @@ def _check_without(report: LearnReport, without: Sequence[str]) -> None:
 
 
 def _judged(
-    throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, reasons: Mapping[str, str]
+    throw: FoundThrow, chosen: ThrowSettings, with_throws: bool, reasons: Mapping[str, str]
 ) -> FoundThrow:
     """The throw with the reason why it is not learned from, if there is one."""
     one, outcome, reason = throw.demonstration, throw.outcome, ""

@@ -19,8 +19,7 @@ from dart_skill.session._from_bag import LearnReport
 from dart_skill.session._to_lerobot import OPEN, pose_names, position_name, velocity_name
 from dart_skill.skills.learning import (
     LEAST_DEMONSTRATIONS,
-    SkillConfiguration,
-    configuration,
+    ThrowSettings,
     prepare,
 )
 from dart_skill.skills.observation import FoundThrow, ThrowLog, judged
@@ -68,8 +67,9 @@ def learn_throws_from_dataset(
     ValueError
         If too few can be used.
     """
-    chosen, skill = configuration(name), skill_of_dataset(dataset)
+    skill = skill_of_dataset(dataset)
     assert isinstance(skill, Throw)
+    chosen = skill.named(name).settings
     check_known(
         without, [id_of_episode(episode) for episode in dataset.episodes], str(dataset.path)
     )
@@ -174,7 +174,7 @@ def _found(
     dataset: LeRobotDataset,
     episode: Episode,
     skill: Throw,
-    chosen: SkillConfiguration,
+    chosen: ThrowSettings,
     without: Collection[str],
 ) -> FoundThrow:
     """The throw of an episode, where the ball came down, and the reason why it is not learned

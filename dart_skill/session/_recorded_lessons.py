@@ -15,7 +15,7 @@ from dart_skill.recording import (
 )
 from dart_skill.recording.lerobot import LeRobotDataset
 from dart_skill.session._from_lerobot import demonstration_in_episode, id_of_episode
-from dart_skill.skills.practice import Learner, Lesson, learner_of
+from dart_skill.skills.practice import Learner, Lesson
 from dart_skill.skills.protocol import Skill
 
 
@@ -43,7 +43,7 @@ def learn_skill(
         where, (shown, left_out) = str(source.path), _in_dataset(source, skill, without)
     else:
         where, (shown, left_out) = str(source), _in_bag(source, skill, without)
-    learner = learner_of(skill, lambda: node_parameters("skill_learner.yaml", "skill_learner"))
+    learner = Learner(skill, lambda: node_parameters("skill_learner.yaml", "skill_learner"))
     try:
         lesson = learner.learn(shown, configuration)
     except ValueError as error:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dart_skill.skills.learning import Coverage, SkillConfiguration, prepare
+from dart_skill.skills.learning import Coverage, ThrowSettings, prepare
 from dart_skill.skills.observation import FoundThrow
 
 
 class ThrowMemory:
     """What was found in a recording. When more throws are to be learned from than it may keep, it
     forgets the older of the two whose tasks are nearest to each other, so that the region stays
-    covered; throws of the arm itself before those that were shown, as in `Practice`.
+    covered; throws of the arm itself before those that were shown, as in `TrialMemory`.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class ThrowMemory:
         All, in the order in which they came; of those that were forgotten when, where and why.
     """
 
-    def __init__(self, capacity: int, configuration: SkillConfiguration):
+    def __init__(self, capacity: int, configuration: ThrowSettings):
         if capacity < 0:
             raise ValueError(
                 f"{capacity} demonstrations cannot be remembered: give a positive number, or 0"

@@ -272,7 +272,7 @@ class Panel:
             names = tuple(CONFIGURATIONS)
             self._configuration = self._gui.add_dropdown(
                 "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/throwing.md",
-                visible=self._skill.has_configurations,
+                visible=bool(self._skill.configurations),
             )  # fmt: skip
             learn = self._button("Learn", self._learn)
         self._starting = [teach, learn]
@@ -287,7 +287,7 @@ class Panel:
     def _learn(self) -> Request:
         return Request(
             "learn",
-            {"configuration": self._configuration.value if self._skill.has_configurations else ""},
+            {"configuration": self._configuration.value if bool(self._skill.configurations) else ""},
         )
 
     def _add_throwing(self) -> None:

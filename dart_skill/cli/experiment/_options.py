@@ -9,8 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dart_skill.cli.names import REPRESENTATIONS
 from dart_skill.cli.run_options import positive
-from dart_skill.common.constants import PARTITIONS
 
 
 def add_jobs(parser: argparse.ArgumentParser, default: int = 1) -> None:
@@ -95,10 +95,10 @@ def add_pose_skill(parser: argparse.ArgumentParser, tried: str, one: str) -> Non
         help="of config/fleet.yaml; fleet: another one for every seed (default ideal)",
     )
     parser.add_argument(
-        "--partition",
-        choices=PARTITIONS,
+        "--representation",
+        choices=REPRESENTATIONS,
         default="",
-        help="of the components in time (default: of the skill's file)",
+        help="how movements are encoded (default: as the skill's file has it)",
     )
     add_jobs(parser)
     add_json(parser, f"every {one} as JSON instead of the table")

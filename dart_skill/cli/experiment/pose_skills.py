@@ -27,7 +27,7 @@ def _place(options: argparse.Namespace) -> int:
         options.demonstrations,
         options.parts,
         options.arm,
-        options.partition,
+        options.representation,
     )
     return show(placed, place.table, options.json)
 
@@ -57,6 +57,6 @@ def _reach(options: argparse.Namespace) -> int:
         options.cups,
         options.held,
         options.arm,
-        options.partition,
+        options.representation,
     )
     return show(reached, reach.table, options.json)

@@ -25,7 +25,6 @@ from dart_skill.recording import Demonstration
 from dart_skill.session import BLOCK, Dart, DartsRun, Session, own_dart
 from dart_skill.simulation import Board, PlantSettings, Swing
 from dart_skill.skills.darts import Darts
-from dart_skill.skills.learning import configuration
 from dart_skill.skills.practice import PractisingSkill
 
 PRACTICE = {"none": ("none", False), "misses": ("residual", False), "both": ("residual", True)}
@@ -122,7 +121,7 @@ def run(
         steady_every = game.steady_every if steadies else 0
         skill = PractisingSkill(
             shown,
-            game.configured_for(configuration(name)),
+            game.named(name).settings,
             method,
             settings=game.correction,
             steady_every=steady_every,

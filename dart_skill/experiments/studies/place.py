@@ -48,7 +48,7 @@ def run(
     demonstrations: int = 8,
     parts: int = 10,
     arm: str = "ideal",
-    partition: str = "",
+    representation: str = "",
 ) -> list[Placed]:
     """All seeds, `jobs` processes at a time.
 
@@ -58,27 +58,35 @@ def run(
         That each seed places.
     arm
         Of the fleet, or "fleet".
-    partition
+    representation
         As in `pose_skills.configured`.
     """
     one = partial(
-        run_seed, demonstrations=demonstrations, parts=parts, arm=arm, partition=partition
+        run_seed,
+        demonstrations=demonstrations,
+        parts=parts,
+        arm=arm,
+        representation=representation,
     )
     return all_of(one, seeds, jobs)
 
 
 def run_seed(
-    seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = ""
+    seed: int,
+    demonstrations: int = 8,
+    parts: int = 10,
+    arm: str = "ideal",
+    representation: str = "",
 ) -> list[Placed]:
     """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for
     every seed.
 
     Parameters
     ----------
-    partition
+    representation
         As in `pose_skills.configured`.
     """
-    skill, rng = configured(Place, partition), np.random.default_rng([seed, 7])
+    skill, rng = configured(Place, representation), np.random.default_rng([seed, 7])
     session = BenchSession(skill, seed, arm=arm_of(arm, seed))
     learned = LearnedSkill(skill, teach(session, skill, rng, demonstrations))
     placed = [

@@ -19,18 +19,20 @@ ATTEMPTS = 3
 PoseSkill = TypeVar("PoseSkill", Place, Reach)
 
 
-def configured(skill: type[PoseSkill], partition: str = "") -> PoseSkill:
+def configured(skill: type[PoseSkill], representation: str = "") -> PoseSkill:
     """A skill with the settings of its file.
 
     Parameters
     ----------
     skill
         Its class.
-    partition
-        In place of the file's, "time" or "em"; default: that of the file.
+    representation
+        Name, in place of the file's; default: that of the file.
     """
     made = skill.configured()
-    return skill(replace(made.settings, partition=partition)) if partition else made
+    if not representation:
+        return made
+    return made.with_settings(replace(made.settings, representation=representation))
 
 
 def arm_of(arm: str, seed: int) -> str:

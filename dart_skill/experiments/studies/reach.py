@@ -20,7 +20,7 @@ from dart_skill.recording import Demonstration
 from dart_skill.session import BeltSession, SkillTrial
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import ReactiveGuide
-from dart_skill.skills.learning import ReactiveSkill
+from dart_skill.skills.learning import LearnedSkill
 from dart_skill.skills.protocol import Skill
 from dart_skill.skills.reach import Reach
 
@@ -75,7 +75,7 @@ def run(
     cups: int = 10,
     held: int = 3,
     arm: str = "ideal",
-    partition: str = "",
+    representation: str = "",
 ) -> list[Reached]:
     """All seeds, `jobs` processes at a time.
 
@@ -87,11 +87,16 @@ def run(
         How many of them again with a hand that is held.
     arm
         Of the fleet, or "fleet".
-    partition
+    representation
         As in `pose_skills.configured`.
     """
     one = partial(
-        run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm, partition=partition
+        run_seed,
+        demonstrations=demonstrations,
+        cups=cups,
+        held=held,
+        arm=arm,
+        representation=representation,
     )
     return all_of(one, seeds, jobs)
 
@@ -102,7 +107,7 @@ def run_seed(
     cups: int = 10,
     held: int = 3,
     arm: str = "ideal",
-    partition: str = "",
+    representation: str = "",
 ) -> list[Reached]:
     """Show, learn, and reach into cups; the first few of them again with a hand that is held, and
     the first with a cup that is lost.
@@ -111,16 +116,18 @@ def run_seed(
 
     Parameters
     ----------
-    partition
+    representation
         As in `pose_skills.configured`.
     """
-    skill, rng = configured(Reach, partition), np.random.default_rng([seed, 11])
+    skill, rng = configured(Reach, representation), np.random.default_rng([seed, 11])
     session = BeltSession(skill, seed, arm=arm_of(arm, seed))
-    learned = ReactiveSkill(skill, teach(session, rng, demonstrations))
+    learned = LearnedSkill(skill, teach(session, rng, demonstrations))
     belts = [drawn(skill, rng, wide=True) for _ in range(cups)]
     tasks = [("free", belt) for belt in belts] + [("held", belt) for belt in belts[:held]]
     tasks += [("lost", replace(belt, tunnel=TUNNEL)) for belt in belts[: min(held, 1)]]
-    reached = [_reach(session, skill, learned.guide(), seed, kind, belt) for kind, belt in tasks]
+    reached = [
+        _reach(session, skill, learned.policy.guide(), seed, kind, belt) for kind, belt in tasks
+    ]
     session.close()
     return reached
 

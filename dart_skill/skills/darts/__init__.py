@@ -8,18 +8,18 @@ to where the delay of the hand matters least.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from dart_skill.arm import DART, WamDescription
 from dart_skill.common.situation import Situation
-from dart_skill.common.surface import BOARD_DIAMETER, BoardFace, Game, game_at
+from dart_skill.common.surface import BOARD_DIAMETER, BoardFace
 from dart_skill.common.world import the_world
 from dart_skill.darts import place_of, score
-from dart_skill.skills.learning import SkillConfiguration
+from dart_skill.skills.learning import ThrowSettings
 from dart_skill.skills.practice import CorrectionSettings
 from dart_skill.skills.protocol import Skill, SkillSettings, SkillWords, Solid
 from dart_skill.skills.throw import Throw
@@ -40,9 +40,8 @@ SEEN = 0.014
 
 
 @dataclass(frozen=True)
-class DartsSettings(SkillSettings):
-    """Settings of darts. How throws are learned is in their configuration
-    (`dart_skill.skills.learning.SkillConfiguration`).
+class DartsSettings(ThrowSettings):
+    """Beside those of every skill that throws:
 
     Parameters
     ----------
@@ -66,6 +65,8 @@ class DartsSettings(SkillSettings):
         The board may hang so far from where config/world.yaml has it [m].
     """
 
+    refinement: str = "aim"
+    targets: str = "best_aim"
     step: float = 0.002
     shown: float = 0.12
     cocked: tuple[float, ...] = (-1.00, -0.42, -0.60)
@@ -81,20 +82,16 @@ class DartsSettings(SkillSettings):
     every: int = 5
     tolerance: float = 0.02
 
+    SIGNED: ClassVar[frozenset[str]] = ThrowSettings.SIGNED | {"cocked"}
+
     def __post_init__(self) -> None:
-        if len(self.cocked) != 3 or not np.isfinite(self.cocked).all():
-            raise ValueError(f"cocked is {self.cocked}; it must be three finite angles")
+        super().__post_init__()
+        if len(self.cocked) != 3:
+            raise ValueError(f"cocked is {self.cocked}; it must be three angles")
         if len(self.apart) != 2:
             raise ValueError(f"apart is {self.apart}; it must be two numbers")
-        for one in fields(self):
-            if one.name not in self.names():
-                continue
-            value = getattr(self, one.name)
-            good = np.size(value) and np.isfinite(value).all() and np.min(value) >= 0.0
-            if one.name != "cocked" and not good:
-                raise ValueError(f"{one.name} is {value}; it must be finite and not negative")
-        if not (self.step > 0.0 and self.shown > 0.0):
-            raise ValueError(f"step is {self.step} and shown {self.shown}; both must be positive")
+        if not self.shown > 0.0:
+            raise ValueError(f"shown is {self.shown}; it must be positive")
         self.correction()
 
     def correction(self) -> CorrectionSettings:
@@ -109,12 +106,6 @@ class DartsSettings(SkillSettings):
             memory=self.memory,
         )
 
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """Those of darts: the others of every skill would be of no effect."""
-        others = {one.name for one in fields(SkillSettings)} - {"step"}
-        return tuple(name for name in super().names() if name not in others)
-
 
 class Darts(Throw):
     """Throw the dart in the hand at a point of the board: the situation has the numbers `right`
@@ -127,7 +118,12 @@ class Darts(Throw):
     world = "board"
     corrects = "board"
     cuts_itself = in_the_open = practised_by_hand = False
-    target_choice = "dart_skill.skills.darts._target_choice:BestAim"
+    parts = MappingProxyType(
+        {
+            **Throw.parts,
+            "targets": {"best_aim": "dart_skill.skills.darts._target_choice:BestAim"},
+        }
+    )
     numbers = AIM
     units = MappingProxyType(dict.fromkeys(AIM, "m"))
     settings_type = DartsSettings
@@ -136,17 +132,21 @@ class Darts(Throw):
 
     def __init__(self, settings: SkillSettings | None = None):
         super().__init__(settings)
-        first, second, third = self.settings.cocked
-        self.cocked = float(first), float(second), float(third)
-        self.bull = the_world().board_position
+        if not self.settings.board:
+            self.settings = replace(self.settings, board=the_world().board_position)
+
+    @property
+    def bull(self) -> tuple[float, float, float]:
+        """Where the board hangs [m]."""
+        x, y, z = self.settings.board
+        return x, y, z
 
     @classmethod
     def at_board(cls, bull: Sequence[float]) -> Darts:
         """The skill as it is configured, for a board that hangs elsewhere: its bull (3,) [m]."""
+        board = tuple(float(value) for value in bull)
         one = cls.configured()
-        x, y, z = (float(value) for value in bull)
-        one.bull = x, y, z
-        return one
+        return one.with_settings(replace(one.settings, board=board))
 
     @property
     def words(self) -> SkillWords:
@@ -165,8 +165,9 @@ class Darts(Throw):
         return surface
 
     @property
-    def game(self) -> Game:
-        return game_at(self.bull)
+    def cocked(self) -> tuple[float, float, float]:
+        first, second, third = self.settings.cocked
+        return float(first), float(second), float(third)
 
     @property
     def middle(self) -> tuple[float, float, float]:
@@ -187,16 +188,6 @@ class Darts(Throw):
     def loaded(self, description: WamDescription) -> WamDescription:
         """The arm with a dart in its hand."""
         return replace(description, ball=DART)
-
-    def configured_for(self, configuration: SkillConfiguration) -> SkillConfiguration:
-        """For darts at this board, let go as it was shown: practice moves that."""
-        return replace(
-            configuration,
-            name=self.name,
-            board=self.bull,
-            step=self.settings.step,
-            release="shown",
-        )
 
     def agent(self) -> ModelBasedAgent:
         """Who chooses what to aim at, by the spread of the own darts (6.1)."""

@@ -1,65 +1,76 @@
 """From demonstrations to a model, and from a situation to a plan."""
 
-from dart_skill.skills.learning._components import choose_components, choose_throw_components
-from dart_skill.skills.learning._configuration import (
-    CONFIGURATIONS,
-    DEFAULT,
-    LADDER,
-    SkillConfiguration,
-    changed,
-    configuration,
-)
 from dart_skill.skills.learning._coverage import Coverage
 from dart_skill.skills.learning._ellipsoids import component_ellipsoids
 from dart_skill.skills.learning._learned import LearnedSkill, NoPlan
-from dart_skill.skills.learning._learning import (
-    AnySkill,
-    changed_skill,
-    learn,
-    learn_usable,
-    load_skill_model,
-    save_skill_model,
-)
+from dart_skill.skills.learning._learning import Model, choose_components, learn, usable
 from dart_skill.skills.learning._model_file import SavedModel, load_model, save_model
 from dart_skill.skills.learning._moving_frames import moving_frames
 from dart_skill.skills.learning._outliers import outliers, unlike
 from dart_skill.skills.learning._policy import Policy
 from dart_skill.skills.learning._pose_features import frame_of, orientations, pose_features
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
-from dart_skill.skills.learning._prepared import PreparedMovement, check_movement, prepare_movement
-from dart_skill.skills.learning._reactive import ReactiveSkill
+from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
+from dart_skill.skills.learning._reactive import Autonomous
+from dart_skill.skills.learning._refinement import (
+    FarthestRelease,
+    PlannedThrow,
+    Refinement,
+    SolvedAim,
+    SolvedFlight,
+    Unreachable,
+)
 from dart_skill.skills.learning._release import landing_if_late
+from dart_skill.skills.learning._representation import (
+    ClockedRepresentation,
+    EqualIntervals,
+    FoundComponents,
+    OnManifold,
+    Representation,
+)
 from dart_skill.skills.learning._task_frames import frames_for
+from dart_skill.skills.learning._throw_settings import (
+    CONFIGURATIONS,
+    DEFAULT,
+    LADDER,
+    ThrowSettings,
+    configuration,
+)
 from dart_skill.skills.learning._throwing import (
     LEAST_DEMONSTRATIONS,
     ThrowingSkill,
-    Unreachable,
     learn_prepared,
     learn_throwing,
 )
 
 __all__ = [
-    "AnySkill",
+    "Autonomous",
     "CONFIGURATIONS",
+    "ClockedRepresentation",
     "Coverage",
     "DEFAULT",
+    "EqualIntervals",
+    "FarthestRelease",
+    "FoundComponents",
     "LADDER",
     "LEAST_DEMONSTRATIONS",
     "LearnedSkill",
+    "Model",
     "NoPlan",
+    "OnManifold",
+    "PlannedThrow",
     "Policy",
     "PreparedMovement",
     "PreparedThrow",
-    "ReactiveSkill",
+    "Refinement",
+    "Representation",
     "SavedModel",
-    "SkillConfiguration",
+    "SolvedAim",
+    "SolvedFlight",
+    "ThrowSettings",
     "ThrowingSkill",
     "Unreachable",
-    "changed",
-    "changed_skill",
-    "check_movement",
     "choose_components",
-    "choose_throw_components",
     "component_ellipsoids",
     "configuration",
     "frame_of",
@@ -68,9 +79,7 @@ __all__ = [
     "learn",
     "learn_prepared",
     "learn_throwing",
-    "learn_usable",
     "load_model",
-    "load_skill_model",
     "moving_frames",
     "orientations",
     "outliers",
@@ -78,6 +87,6 @@ __all__ = [
     "prepare",
     "prepare_movement",
     "save_model",
-    "save_skill_model",
     "unlike",
+    "usable",
 ]

@@ -1,64 +1,61 @@
-"""A skill that was learned: DS-GMR over poses of the hand in the task frames of the skill, and
-plans for new situations.
+"""A skill that was learned from demonstrations of poses of the hand: what these have in common,
+the representation that its settings choose, and plans for new situations.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
-from dart_skill.arm import Gains, GainsOverTime, HandPath, MotionPlan
+from dart_skill.arm import (
+    ArmModel,
+    Gains,
+    GainsOverTime,
+    Grip,
+    GripEvent,
+    HandPath,
+    MotionPlan,
+    fit_registration,
+)
 from dart_skill.common.checks import to_the_nanosecond
-from dart_skill.common.situation import Situation
+from dart_skill.common.situation import Pose, Situation
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
-    DSGMR,
     Motion,
-    TaskFrame,
-    angular_velocity,
-    attractor_from_motion,
     attractor_with_gains,
-    smooth_derivatives,
     stable_gains,
     stiffness_from_covariance,
 )
 from dart_skill.recording import HAND, Demonstration
-from dart_skill.skills.learning._movement_model import RATE, MovementModel
-from dart_skill.skills.learning._pose_features import (
-    VECTORS,
-    frame_of,
-    orientations,
-    pose_features,
-    with_free_length,
-    with_prior,
-)
-from dart_skill.skills.learning._prepared import PreparedMovement
-from dart_skill.skills.observation import position_noise
-from dart_skill.skills.protocol import Skill
-
-Encoded = tuple[DSGMR, list[np.ndarray], list[list[TaskFrame]]]
-"""A model, and the features and frames of the demonstrations to which it was fitted."""
+from dart_skill.skills.learning._outliers import unlike
+from dart_skill.skills.learning._policy import Policy
+from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
+from dart_skill.skills.learning._reactive import Autonomous
+from dart_skill.skills.learning._representation import ClockedRepresentation, Representation
+from dart_skill.skills.protocol import Skill, TaskOutcome, part_of
 
 
 class NoPlan(ValueError):
     """No plan for this situation; the message says why."""
 
 
-class LearnedSkill(MovementModel):
+class LearnedSkill:
     """A skill learned from demonstrations.
 
     Parameters
     ----------
     skill
-        What is particular to it.
+        What is particular to it, with the settings that choose its representation.
     demonstrations
         At least `skill.settings.least_demonstrations`.
-    demonstrations
-        Tuple, as they were given.
 
     Attributes
     ----------
+    demonstrations
+        Tuple, as they were given.
     movements
         The same as numbers.
     duration
@@ -66,11 +63,14 @@ class LearnedSkill(MovementModel):
         they are learned.
     start
         Pose of the hand before the movement, the median.
+    start_posture
+        Joints then (7,) [rad].
+    events
+        What the fingers do.
     registration
         Of cameras and arm, told from the demonstrations.
-    offset
-        (3,) [m], what practice has found to repeat in the misses, in the axes of the body that the
-        skill corrects.
+    encoded
+        The fitted representation.
 
     Raises
     ------
@@ -79,76 +79,157 @@ class LearnedSkill(MovementModel):
     """
 
     def __init__(self, skill: Skill, demonstrations: Sequence[Demonstration]):
-        super().__init__(skill, demonstrations)
-        self._misses: list[np.ndarray] = []
-        self._models = self._fit()
-
-    # learning
-
-    def _fit(self) -> dict[str, DSGMR]:
-        """A model of each vector of the features, which does not believe what few demonstrations
-        have in common by chance.
-        """
-        models = {}
-        for vector, (model, _, _) in self._fitted().items():
-            mixture = with_prior(model.mixture_, len(self.movements), self.skill.settings.prior)
-            mixture = mixture if vector == "position" else with_free_length(mixture)
-            models[vector] = DSGMR.from_mixture(
-                mixture, self._stiffness(vector), n_inputs=model.n_inputs
+        skill.check_settings()
+        least = skill.settings.least_demonstrations
+        if len(demonstrations) < least:
+            raise ValueError(
+                f"{len(demonstrations)} demonstrations are too few for '{skill.name}': record at"
+                f" least {least}"
             )
-        return models
+        self.skill = skill
+        self.demonstrations = tuple(demonstrations)
+        arm = ArmModel()
+        self.movements = tuple(prepare_movement(skill, one, arm) for one in demonstrations)
+        self.duration = float(np.mean([one.duration for one in self.movements]))
+        self.events = _events(
+            self.movements,
+            self.duration,
+            skill.settings.grip_time,
+            self.clock_end - 2.0 * skill.settings.step,
+        )
+        starts = [one.situation.pose(HAND) for one in self.movements]
+        self.start = Pose(
+            np.median([one.position for one in starts], axis=0),
+            _mean_orientation([one.quaternion for one in starts]),
+        )
+        self._with_joints = [one for one in self.movements if len(one.joint_time)]
+        if not self._with_joints:
+            raise ValueError(
+                "no demonstration has the joints of the arm, and a plan must say in which posture"
+                " it starts: record /joint_states"
+            )
+        self.start_posture = np.median(
+            [one.postures(np.zeros(1))[0] for one in self._with_joints], axis=0
+        )
+        self.registration = fit_registration(
+            [one.sightings for one in self.movements], skill.settings.registration
+        )
+        self._check_inputs()
+        self._misses: list[np.ndarray] = []
+        self.encoded: Representation = part_of(skill, "representation")(self)
+
+    @classmethod
+    def learned(cls, skill: Skill, demonstrations: Sequence[Demonstration]) -> LearnedSkill:
+        """What demonstrations teach; ValueError names one that cannot be learned from."""
+        return cls(skill, demonstrations)
+
+    @staticmethod
+    def prepared(skill: Skill, demonstration: Demonstration) -> PreparedMovement:
+        """A demonstration as numbers; ValueError says why it cannot be learned from."""
+        return prepare_movement(skill, demonstration, ArmModel())
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of the demonstrations."""
+        return tuple(one.id for one in self.demonstrations)
+
+    @property
+    def clock_end(self) -> float:
+        """The model knows the hand's rest after the movement, too, as far as all recordings go
+        [s].
+        """
+        rest = min(
+            self.skill.settings.settle,
+            *(one.after * self.duration / one.duration for one in self.movements),
+        )
+        return self.duration + rest
+
+    def _check_inputs(self) -> None:
+        first, *others = self.movements
+        wanted = len(self.skill.inputs(first.situation))
+        for one in others:
+            if (given := len(self.skill.inputs(one.situation))) != wanted:
+                raise ValueError(
+                    f"demonstration {one.id} has {given} further inputs, demonstration {first.id}"
+                    f" {wanted}: give all the same"
+                )
+
+    @cached_property
+    def model_id(self) -> str:
+        """Digest of what the model was made from: equal demonstrations and settings give an equal
+        name.
+        """
+        digest = hashlib.sha256(f"{self.skill.name} {self.skill.settings!r}".encode())
+        for movement in self.movements:
+            for part in (movement.time, movement.features):
+                digest.update(np.ascontiguousarray(part).tobytes())
+        return digest.hexdigest()[:16]
+
+    @property
+    def facts(self) -> tuple[str, ...]:
+        """What there is to say of the model."""
+        return (f"a movement takes {self.duration:.1f} s",)
 
     def bic(self) -> float:
         """Bayesian information criterion of the mixtures as the demonstrations alone make them:
         lower is better.
         """
-        return sum(
-            model.bic(features, frames) for model, features, frames in self._fitted().values()
+        return self.encoded.bic()
+
+    def left_out_error(self) -> float:
+        """Distance of the way of each demonstration from what the others teach in its place: root
+        mean square [m]; nan where there are too few.
+        """
+        return float(np.sqrt(np.mean(np.square(unlike(self)))))
+
+    def mixture(self, situation: Situation) -> GaussianMixture:
+        """The mixture (7.21) of time and position in the world for a situation that says where the
+        hand starts.
+        """
+        return self.encoded.mixture(situation)
+
+    # practice
+
+    def tell(self, outcome: TaskOutcome) -> None:
+        """Learn from what became of a plan of this skill."""
+        if self.skill.corrects and np.isfinite(outcome.miss).all():
+            self._misses.append(self.offset + outcome.miss)
+
+    @property
+    def misses(self) -> np.ndarray:
+        """What trials told so far (n, 3) [m], each with the offset that was corrected then."""
+        return np.array(self._misses).reshape(-1, 3)
+
+    def remember(self, misses: np.ndarray) -> None:
+        """Take what trials told another model of the same demonstrations (n, 3) [m]."""
+        self._misses = [np.array(miss) for miss in np.asarray(misses, dtype=float).reshape(-1, 3)]
+
+    @property
+    def offset(self) -> np.ndarray:
+        """What practice has found to repeat in the misses (3,) [m], in the axes of the body that
+        the skill corrects.
+        """
+        # Shrunk as if there had been one more movement, without a miss: one that missed by chance
+        # must not move all that follow.
+        return (
+            np.sum(self._misses, axis=0) / (len(self._misses) + 1) if self._misses else np.zeros(3)
         )
-
-    def _fitted(self) -> dict[str, Encoded]:
-        clock = np.arange(0.0, self._clock_end, 1.0 / RATE)
-        motions = [
-            smooth_derivatives(
-                one.time * self.duration / one.duration, one.features, noise=_noise(one), at=clock
-            )
-            for one in self.movements
-        ]
-        return {vector: self._fit_vector(vector, clock, motions) for vector in VECTORS}
-
-    def _fit_vector(self, vector: str, clock: np.ndarray, motions: Sequence[Motion]) -> Encoded:
-        inputs = [list(self.skill.inputs(one.situation)) for one in self.movements]
-        s, stiffness = self.skill.settings, self._stiffness(vector)
-        model = DSGMR(
-            s.components,
-            stiffness,
-            n_inputs=len(inputs[0]),
-            partition=s.partition,
-            overlap=s.overlap,
-        )
-        own = [Motion(*(part[:, VECTORS[vector]] for part in motion)) for motion in motions]
-        attractors = [
-            attractor_from_motion(one.position, one.velocity, one.acceleration, stiffness)
-            for one in own
-        ]
-        features = [
-            model.features(clock, one, given or None)
-            for one, given in zip(attractors, inputs, strict=True)
-        ]
-        frames = [self._frames(one.situation, vector) for one in self.movements]
-        return model.fit(features, frames), features, frames
-
-    def _stiffness(self, vector: str) -> float:
-        s = self.skill.settings
-        return s.stiffness if vector == "position" else s.orientation_stiffness
-
-    def _frames(self, situation: Situation, vector: str) -> list[TaskFrame]:
-        return [
-            frame_of(pose, vector, len(self.skill.inputs(situation)))
-            for pose in self.skill.chosen_frames(situation)
-        ]
 
     # planning
+
+    @property
+    def policy(self) -> Policy:
+        """What it takes to carry out a skill that reacts, without what it was learned from."""
+        assert isinstance(self.encoded, Autonomous), "only a model that the state drives has one"
+        return Policy(
+            self.skill,
+            self.encoded.model,
+            self.start,
+            self.start_posture,
+            self.events,
+            self.registration,
+            self.offset,
+        )
 
     def plan(self, situation: Situation) -> MotionPlan:
         """A movement for a situation, which need not say where the hand starts.
@@ -158,15 +239,16 @@ class LearnedSkill(MovementModel):
         NoPlan
             If there is none.
         """
+        assert isinstance(self.encoded, ClockedRepresentation), "a policy is asked on the way"
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
         aimed = self.skill.corrected(situation, self.offset)
         try:
-            path, attractor, turned = self._movement(aimed)
+            path, attractor, turned = self.encoded.movement(aimed)
         except ValueError as error:
             raise NoPlan(str(error)) from error
         s = self.skill.settings
         attractor, gains = (
-            self._with_gains(aimed, path)
+            self._with_gains(self.encoded, aimed, path)
             if s.stiffness_range
             else (attractor, Gains.critical(s.stiffness))
         )
@@ -175,73 +257,24 @@ class LearnedSkill(MovementModel):
             attractor_position=attractor,
             attractor_quaternion=turned,
             position_gains=gains,
-            orientation_gains=Gains.critical(s.orientation_stiffness),
-            start_posture=self._start_posture,
+            orientation_gains=Gains.critical(s.rotational_stiffness),
+            start_posture=self.start_posture,
             end=path.duration,
             what=self.skill.name,
-            events=self._events,
+            events=self.events,
             speed=self.skill.speed,
             registration=self.registration,
             posture=self._postures(path),
         )
         return self.skill.refine(plan, aimed, self)
 
-    def mixture(self, situation: Situation) -> GaussianMixture:
-        """The mixture (7.21) of time and position in the world for a situation that says where the
-        hand starts.
-        """
-        return self._models["position"].product(self._frames(situation, "position"))
-
-    def _movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
-        """The path of the hand, and its attractor: positions (n, 3) and quaternions (n, 4)."""
-        s, given, start = (
-            self.skill.settings,
-            list(self.skill.inputs(situation)),
-            situation.pose(HAND),
-        )
-        clock = to_the_nanosecond(np.arange(0.0, self._clock_end, s.step))
-        begin = pose_features(start.position[None], start.quaternion[None])[0]
-        moved, x_axis, z_axis = (
-            self._models[vector].reproduce(
-                self._frames(situation, vector),
-                clock,
-                begin[columns],
-                np.zeros(3),
-                inputs=given or None,
-                step=s.step,
-                covariance=False,
-            )
-            for vector, columns in VECTORS.items()
-        )
-        # throws do without
-        from scipy.spatial.transform import Rotation
-
-        turn = Rotation.from_matrix(orientations(np.hstack([x_axis.position, z_axis.position])))
-        spin = angular_velocity(clock, turn.as_quat())
-        growth = np.gradient(spin, clock, axis=0)
-        path = HandPath(
-            time=clock,
-            position=moved.position,
-            quaternion=turn.as_quat(),
-            velocity=np.hstack([moved.velocity, spin]),
-            acceleration=np.hstack([moved.acceleration, growth]),
-        )
-        # (7.20) for a turn: so far ahead of the hand, as a rotation vector, that the hand turns as
-        # planned.
-        lead = attractor_from_motion(np.zeros_like(spin), spin, growth, s.orientation_stiffness)
-        return path, moved.attractor, (Rotation.from_rotvec(lead) * turn).as_quat()
-
     def _with_gains(
-        self, situation: Situation, path: HandPath
+        self, encoded: ClockedRepresentation, situation: Situation, path: HandPath
     ) -> tuple[np.ndarray, GainsOverTime]:
         """Other attractors (n, 3), and gains with which they make the same path: the firmer the
         more the demonstrations agreed.
         """
-        inputs = list(self.skill.inputs(situation)) or None
-        covariance = self._models["position"].retrieve(
-            self._frames(situation, "position"), path.time, inputs
-        )[1]
-        assert covariance is not None
+        covariance = encoded.covariance(situation, path.time)
         wanted = stiffness_from_covariance(covariance, *self.skill.settings.stiffness_range)
         stiffness, damping = stable_gains(path.time, wanted)
         motion = Motion(path.position, path.velocity[:, :3], path.acceleration[:, :3])
@@ -264,19 +297,43 @@ class LearnedSkill(MovementModel):
             postures[:, 0] = _near(postures[:, 0] - _azimuths(one.features[at]), 0.0)
             shown.append(postures)
         mean = np.mean(shown, axis=0)
-        mean[:, 0] = _near(mean[:, 0] + _azimuths(path.position), self._start_posture[0])
+        mean[:, 0] = _near(mean[:, 0] + _azimuths(path.position), self.start_posture[0])
         return mean
 
 
-def _noise(movement: PreparedMovement) -> np.ndarray:
-    """Standard deviation of each feature (9,) as it was recorded: the three of a vector alike."""
-    return np.repeat(
-        [
-            position_noise(movement.time, movement.features[:, columns])
-            for columns in VECTORS.values()
-        ],
-        3,
+def _events(
+    movements: Sequence[PreparedMovement], duration: float, grip_time: float, end: float
+) -> tuple[GripEvent, ...]:
+    """When the fingers open and close: at the mean of the stretched instants, and done by the end
+    of a plan at the latest [s].
+
+    ValueError if the fingers did different things in the demonstrations.
+    """
+    grips = [tuple(grip for _, grip in one.told) for one in movements]
+    for one, told in zip(movements, grips, strict=True):
+        if told != grips[0]:
+            raise ValueError(
+                f"demonstration {one.id} tells the fingers {_in_words(told)}, demonstration"
+                f" {movements[0].id} {_in_words(grips[0])}: show the same each time, or drop one"
+            )
+    shared = np.mean(
+        [[time * duration / one.duration for time, _ in one.told] for one in movements], axis=0
     )
+    times = to_the_nanosecond(np.atleast_1d(np.clip(shared, 0.0, end)))
+    return tuple(
+        GripEvent(float(t), grip, min(float(t) + grip_time, end))
+        for t, grip in zip(times, grips[0], strict=True)
+    )
+
+
+def _in_words(told: Sequence[Grip]) -> str:
+    return " and ".join(grip.name.lower() for grip in told) or "nothing"
+
+
+def _mean_orientation(quaternions: Sequence[np.ndarray]) -> np.ndarray:
+    from scipy.spatial.transform import Rotation  # throws do without
+
+    return Rotation.from_quat(np.array(quaternions)).mean().as_quat()
 
 
 def _azimuths(positions: np.ndarray) -> np.ndarray:

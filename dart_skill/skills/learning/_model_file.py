@@ -19,11 +19,11 @@ from dart_skill.common.archive import in_order, numbered, read_arrays, write_arr
 from dart_skill.common.files import new_file, open_file
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.recording import SKILL, Demonstration, Event, Track
-from dart_skill.skills.protocol import Skill, skill_type
+from dart_skill.skills.protocol import Skill, SkillSettings, skill_type
 
 KIND = "dart_skill model"
 """What a model file says it is."""
-VERSION = 3
+VERSION = 4
 """Changes when older files cannot be read as they are any more."""
 NO_TRIALS = np.empty((0, 6))
 PARTS = ("time", "position", "quaternion")
@@ -39,7 +39,7 @@ class SavedModel(NamedTuple):
     demonstrations
         List of Demonstration.
     configuration
-        Settings with which its skill learned, `Skill.saved_settings`.
+        Settings with which its skill learned.
     practised
         (n, d), what trials told: of throws `Correction.throws`, else the misses.
     found
@@ -52,7 +52,7 @@ class SavedModel(NamedTuple):
     """
 
     demonstrations: list[Demonstration]
-    configuration: Any
+    configuration: SkillSettings
     practised: np.ndarray
     found: dict | None
     origin: dict | None = None
@@ -129,7 +129,7 @@ def load_model(path: str | Path, skill: Skill | None = None) -> SavedModel:
     if skill and name != skill.name:
         raise ValueError(f"{path} is a model of the skill '{name}', not of '{skill.name}'")
     kind = type(skill) if skill else skill_type(name)
-    configuration = kind.saved_settings(values, str(path))
+    configuration = kind.settings_type.from_saved(values, str(path))
     return SavedModel(demonstrations, configuration, practised, found, origin, name)
 
 

@@ -22,12 +22,12 @@ from dart_skill.movement import AutonomousDSGMR, TaskParameterisedMixture
 from dart_skill.recording import HAND
 from dart_skill.skills.execution import BodyMotion, ReactiveGuide, ReactiveSettings
 from dart_skill.skills.learning._moving_frames import moving_frames
-from dart_skill.skills.protocol import ReactiveSkillSettings, Skill
+from dart_skill.skills.protocol import Skill, SkillSettings
 
 FORMAT = "dart_skill policy 1"
 
 
-def phase_rule(settings: ReactiveSkillSettings) -> PhaseRule:
+def phase_rule(settings: SkillSettings) -> PhaseRule:
     """How the state of the hand drives the movement of a skill."""
     s = settings
     return PhaseRule(
@@ -81,11 +81,8 @@ class Policy:
         ValueError
             For another number of inputs.
         """
-        situation, s, registration = (
-            situation or Situation({}),
-            self._settings,
-            registration or self.registration,
-        )
+        situation, s = situation or Situation({}), self.skill.settings
+        registration = registration or self.registration
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
         place, turned = registration.poses(
             situation.pose(HAND).position[None], situation.pose(HAND).quaternion[None]
@@ -108,24 +105,18 @@ class Policy:
             inputs=inputs or None,
             registration=registration,
             hand=HAND,
-            settings=ReactiveSettings(s.oldest, s.orientation_stiffness, s.follow_on, s.catch_up),
+            settings=ReactiveSettings(s.oldest, s.rotational_stiffness, s.follow_on, s.catch_up),
         )
-
-    @property
-    def _settings(self) -> ReactiveSkillSettings:
-        assert isinstance(self.skill.settings, ReactiveSkillSettings), (
-            "or nothing could be learned"
-        )
-        return self.skill.settings
 
     def _frames(self, situation: Situation, bodies: Mapping[str, BodyMotion]) -> list:
-        return moving_frames(self.skill, situation, bodies, self._settings.stiffness, self.offset)
+        stiffness = self.skill.settings.stiffness
+        return moving_frames(self.skill, situation, bodies, stiffness, self.offset)
 
     def to_bytes(self) -> bytes:
         """A NumPy archive (.npz) without pickle."""
         about = {
             "skill": self.skill.name,
-            "settings": asdict(self._settings),
+            "settings": asdict(self.skill.settings),
             "events": [(one.time, int(one.grip), one.done) for one in self.events],
             "registration": asdict(self.registration),
             "ends": self.model.ends,
@@ -172,11 +163,8 @@ class Policy:
             about = json.loads(str(content["about"]))
             if about["skill"] != skill.name:
                 raise ValueError(f"it is of the skill '{about['skill']}', not of '{skill.name}'")
-            return cls._of(
-                content,
-                about,
-                type(skill)(skill.settings_type.from_mapping(about["settings"], "its settings")),
-            )
+            settings = skill.settings_type.from_saved(about["settings"], "it")
+            return cls._of(content, about, skill.with_settings(settings))
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
             raise ValueError(
                 f"these {len(data)} bytes are not the policy of a skill:"
@@ -185,8 +173,6 @@ class Policy:
 
     @classmethod
     def _of(cls, content: dict[str, np.ndarray], about: dict[str, Any], skill: Skill) -> Policy:
-        if not isinstance(skill.settings, ReactiveSkillSettings):
-            raise ValueError(f"the skill '{skill.name}' does not react")
         each = range(sum(name.startswith("means_") for name in content))
         means, covariances = (
             [content[f"{part}_{k}"] for k in each] for part in ("means", "covariances")

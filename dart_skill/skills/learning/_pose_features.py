@@ -80,7 +80,19 @@ def with_prior(
     mixture: TaskParameterisedMixture, demonstrations: int, strength: float, vectors: int = 1
 ) -> TaskParameterisedMixture:
     """The mixture of `vectors` (its last columns, three for each) that does not believe what few
-    demonstrations have in common by chance.
+    demonstrations have in common by chance: with the covariances of `shrunk`.
+    """
+    covariances = shrunk(np.array(mixture.covariances_), demonstrations, strength, vectors)
+    return TaskParameterisedMixture.from_parameters(
+        mixture.priors_, list(np.array(mixture.means_)), list(covariances)
+    )
+
+
+def shrunk(
+    covariances: np.ndarray, demonstrations: int, strength: float, vectors: int
+) -> np.ndarray:
+    """Covariances (..., d, d) of time, further inputs and `vectors`, three rows for each, that do
+    not believe what few demonstrations have in common by chance.
 
     Three demonstrations span a plane: across it their variance is nothing, in every frame, and the
     product (7.21) obeys it. What is left of the covariance when time and inputs are known is
@@ -88,7 +100,7 @@ def with_prior(
     directions vary alike, and two vectors together in all directions alike, with the weight of so
     many demonstrations (`strength`).
     """
-    covariances, n = np.array(mixture.covariances_), 3 * vectors
+    covariances, n = np.array(covariances), 3 * vectors
     given, across = covariances[..., :-n, :-n], covariances[..., -n:, :-n]
     explained = across @ np.linalg.solve(given, np.swapaxes(across, -1, -2))
     left = covariances[..., -n:, -n:] - explained
@@ -97,9 +109,7 @@ def with_prior(
     covariances[..., -n:, -n:] = explained + (demonstrations * left + strength * alike) / (
         demonstrations + strength
     )
-    return TaskParameterisedMixture.from_parameters(
-        mixture.priors_, list(np.array(mixture.means_)), list(covariances)
-    )
+    return covariances
 
 
 def frame_of(pose: Pose, vector: str, n_inputs: int = 0) -> TaskFrame:

@@ -34,7 +34,7 @@ from dart_skill.movement import (
     turn_matrix,
 )
 from dart_skill.recording import Demonstration
-from dart_skill.skills.learning._configuration import SkillConfiguration
+from dart_skill.skills.learning._throw_settings import ThrowSettings
 from dart_skill.skills.observation import (
     FreeFlight,
     Release,
@@ -177,13 +177,13 @@ class _Reading:
     stiffness: tuple[float, ...]
 
     @classmethod
-    def of(cls, configuration: SkillConfiguration) -> _Reading:
+    def of(cls, configuration: ThrowSettings) -> _Reading:
         c = configuration
         return cls(
             c.game,
             c.alignment,
             c.relabel,
-            c.turns,
+            c.frames_turn,
             tuple(np.broadcast_to(c.stiffness_of_features, 5).tolist()),
         )
 
@@ -192,7 +192,7 @@ _KEPT: WeakKeyDictionary[Demonstration, dict[_Reading, PreparedThrow]] = WeakKey
 """What was prepared of demonstrations that are still in use. A demonstration never changes."""
 
 
-def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
+def prepare(demonstration: Demonstration, configuration: ThrowSettings) -> PreparedThrow:
     """One demonstration as numbers to learn from.
 
     It is worked out once for each demonstration, and kept as long as this is in use: after one

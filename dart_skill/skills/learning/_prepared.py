@@ -14,6 +14,8 @@ from dart_skill.skills.learning._pose_features import pose_features
 from dart_skill.skills.observation import sightings
 from dart_skill.skills.protocol import Skill
 
+RATE = 100.0
+"""Rate of the samples that are learned from [1/s]."""
 BEFORE = 0.1
 """The hand is recorded for so long before a movement starts, at least [s]: derivatives there need
 it.
@@ -30,8 +32,9 @@ class PreparedMovement:
         Str, of the demonstration.
     situation
         For which it is right.
-    time, features
-        Of the whole recording, (n,) [s] from the start of the movement on, (n, 9).
+    time, poses, features
+        Of the whole recording, (n,) [s] from the start of the movement on, positions and
+        quaternions (n, 7), and what is learned of them (n, 9).
     duration
         From start to stop [s].
     told
@@ -48,6 +51,7 @@ class PreparedMovement:
     id: str
     situation: Situation
     time: np.ndarray
+    poses: np.ndarray
     features: np.ndarray
     duration: float
     told: tuple[tuple[float, Grip], ...]
@@ -60,6 +64,14 @@ class PreparedMovement:
     def after(self) -> float:
         """How long the recording goes on after the movement [s]."""
         return float(self.time[-1]) - self.duration
+
+    @property
+    def in_words(self) -> str:
+        """What was found, in a line."""
+        return (
+            f"a movement of {self.duration:.1f} s, {len(self.told)} times the fingers were told"
+            " something"
+        )
 
     def postures(self, time: np.ndarray) -> np.ndarray:
         """Joints (n, 7) [rad] at instants (n,) from the start on [s]; those of the ends before and
@@ -78,11 +90,6 @@ def prepare_movement(
         return _prepare(skill, demonstration, arm)
     except ValueError as error:
         raise ValueError(f"demonstration {demonstration.id}: {error}") from error
-
-
-def check_movement(skill: Skill, demonstration: Demonstration) -> None:
-    """ValueError says why a demonstration cannot be learned from."""
-    prepare_movement(skill, demonstration, ArmModel())
 
 
 def _prepare(skill: Skill, demonstration: Demonstration, arm: ArmModel) -> PreparedMovement:
@@ -105,6 +112,7 @@ def _prepare(skill: Skill, demonstration: Demonstration, arm: ArmModel) -> Prepa
         id=d.id,
         situation=skill.achieved(d, skill.situation(d, start)),
         time=hand.time[near] - start,
+        poses=np.hstack([hand.position[near], hand.quaternion[near]]),
         features=pose_features(hand.position[near], hand.quaternion[near]),
         duration=stop - start,
         told=tuple((one.time - start, one.grip) for one in d.events if start <= one.time <= stop),

@@ -11,11 +11,11 @@ from dart_skill.movement import (
     start_frame,
     target_frame,
 )
-from dart_skill.skills.learning._configuration import SkillConfiguration
+from dart_skill.skills.learning._throw_settings import ThrowSettings
 
 
 def frames_for(
-    task: np.ndarray, start: np.ndarray, configuration: SkillConfiguration
+    task: np.ndarray, start: np.ndarray, configuration: ThrowSettings
 ) -> list[TaskFrame]:
     """Task frames of the features t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2),
     (8.3), or turned ones.
@@ -30,21 +30,21 @@ def frames_for(
         Which frames, and whether the distance of the target is an input.
     """
     start = start[:3]
-    if configuration.turns:
+    if configuration.frames_turn:
         return _turned_frames(task, configuration)
-    first = base_frame() if configuration.frames == "thesis" else start_frame(start)
+    first = base_frame() if configuration.frames[0] == "base" else start_frame(start)
     frames = [first, target_frame(task, pointing_at(task, start))]
     return [frame.with_input(1) for frame in frames] if configuration.distance_input else frames
 
 
-def _turned_frames(task: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
+def _turned_frames(task: np.ndarray, configuration: ThrowSettings) -> list[TaskFrame]:
     """`azimuth_frame` and, if the configuration has it, `azimuth_target_frame` of a task (3,),
     which have the same axes.
     """
     base = azimuth_frame(azimuth_of(task))
     if configuration.distance_input:
         base = base.with_input(1)  # after time
-    if configuration.frames == "azimuth":
+    if len(configuration.frames) == 1:
         return [base]
     origin, first = np.zeros(base.n_dims), 1 + configuration.distance_input
     origin[first : first + 3] = task

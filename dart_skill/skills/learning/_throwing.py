@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -46,12 +45,13 @@ from dart_skill.movement import (
 )
 from dart_skill.recording import Demonstration
 from dart_skill.skills.learning._ball_path import ball_states
-from dart_skill.skills.learning._configuration import DEFAULT, SkillConfiguration
-from dart_skill.skills.learning._first_aim import LEAST_SPAN, FirstAim
 from dart_skill.skills.learning._planned_path import PlannedPath
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
-from dart_skill.skills.learning._release import certainly_within, farthest, hit_at, stretched_at
+from dart_skill.skills.learning._refinement import PlannedThrow, Refinement, Unreachable
+from dart_skill.skills.learning._release import hit_at
 from dart_skill.skills.learning._task_frames import frames_for
+from dart_skill.skills.learning._throw_settings import DEFAULT, ThrowSettings
+from dart_skill.skills.protocol import Skill, general_part, part_of
 
 LEAST_DEMONSTRATIONS = 2
 MARGIN = 0.05
@@ -64,16 +64,6 @@ SIDE_MARGIN = np.deg2rad(45.0)
 """How far beyond the demonstrated azimuths a plan may aim [rad]."""
 LONGEST_DRIVE = 1.5
 """A movement that is driven by the state may take so many times as long as shown."""
-AIM_TOLERANCE, WORST_AIM, LONGEST_AIM_STEP = 5e-4, 5e-3, 0.15
-"""Limits of the search for the aim: where it stops, what it accepts at worst, its longest step;
-metres, and radians of azimuth.
-"""
-MOST_AIMS = 25
-"""Largest number of aims that are tried after the first."""
-EARLIEST, LATEST = -0.04, 0.10
-"""The release at which the ball flies farthest is looked for from and to so long after the one
-that was shown [s].
-"""
 AT_REST = np.zeros(5)
 TIMES_FOUND = 1e-3
 """EM stops at this rise of the mean log-likelihood where components are fitted anew: only their
@@ -87,37 +77,6 @@ others were seen.
 Model = DSGMR | AutonomousDSGMR
 
 
-class Unreachable(ValueError):
-    """No plan for this target; the message says why and what would be reachable."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Throw:
-    """A course, the release [s] on its clock, and where the ball comes down (3,) [m] if the hand
-    follows the course and opens then.
-    """
-
-    course: PlannedPath
-    release: float
-    landing: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class _Attempt:
-    """The throw for an aim (2,), which is reach and azimuth, and its miss (2,): landing minus
-    target, in reach and azimuth.
-    """
-
-    aim: np.ndarray
-    throw: _Throw
-    miss: np.ndarray
-
-    @property
-    def off(self) -> float:
-        """Larger absolute value of the two."""
-        return float(np.abs(self.miss).max())
-
-
 class ThrowingSkill:
     """A throwing skill learned from demonstrations. `learn` and `learn_prepared` make one.
 
@@ -127,11 +86,13 @@ class ThrowingSkill:
         How demonstrations become a model and a model becomes a plan.
     throws
         Demonstrations prepared for this configuration.
-    throws
-        Tuple of the demonstrations.
+    refinement
+        What is solved for before a plan; None: what the configuration names.
 
     Attributes
     ----------
+    surface
+        On which throws come down.
     credence
         (n,) from 0 to 1, how much each of them counts (`credence_of`).
     release
@@ -147,10 +108,16 @@ class ThrowingSkill:
         Float [m], width of the Gaussian that weights the demonstrations; 0 if all count alike.
     """
 
-    def __init__(self, configuration: SkillConfiguration, throws: Sequence[PreparedThrow]):
+    def __init__(
+        self,
+        configuration: ThrowSettings,
+        throws: Sequence[PreparedThrow],
+        refinement: Refinement | None = None,
+    ):
         self.configuration = configuration
         self.throws = tuple(throws)
-        self._surface = configuration.game.surface
+        self.refinement = refinement or general_part("refinement", configuration.refinement)()
+        self.surface = configuration.game.surface
         self._tasks = np.array([throw.task for throw in throws])
         self.credence = credence_of([throw.noise for throw in throws])
         self._start = float(np.median([throw.start for throw in throws])) - MARGIN
@@ -169,8 +136,7 @@ class ThrowingSkill:
         )
         self.seat = np.median([throw.release.grip for throw in throws], axis=0)
         self.width = configuration.width
-        self._first_aims: dict[tuple[float, float], FirstAim | None] = {}
-        self._whole = None if self._is_local else self._fit(self.credence)
+        self._whole = None if self.is_local else self._fit(self.credence)
         if configuration.widths:
             self.width = choose_width(self._places, configuration.widths, self._predicts).width
 
@@ -180,18 +146,6 @@ class ThrowingSkill:
         equal name.
         """
         digest = hashlib.sha256(repr(self.configuration).encode())
-        if self.configuration.registration is not None:
-            digest.update(repr(self.configuration.registration).encode())
-        if self.configuration.orientation_stiffness or self.configuration.stiffness_range:
-            digest.update(
-                repr(
-                    (self.configuration.orientation_stiffness, self.configuration.stiffness_range)
-                ).encode()
-            )
-        if self.configuration.overlap or self.configuration.inputs_once:
-            digest.update(
-                repr((self.configuration.overlap, self.configuration.inputs_once)).encode()
-            )
         for throw in self.throws:
             for part in (throw.task, throw.time, throw.attractor):
                 digest.update(np.ascontiguousarray(part).tobytes())
@@ -207,6 +161,35 @@ class ThrowingSkill:
             digest.update(np.ascontiguousarray(part).tobytes())
         return digest.hexdigest()[:16]
 
+    @classmethod
+    def of(cls, skill: Skill, throws: Sequence[PreparedThrow]) -> ThrowingSkill:
+        """What a skill learns from throws that were prepared for its settings."""
+        assert isinstance(skill.settings, ThrowSettings)
+        _check_enough(throws)
+        skill.check_settings()
+        return cls(skill.settings, throws, part_of(skill, "refinement")())
+
+    @classmethod
+    def learned(cls, skill: Skill, demonstrations: Sequence[Demonstration]) -> ThrowingSkill:
+        """What demonstrations teach; ValueError names one that cannot be learned from."""
+        return cls.of(skill, [cls.prepared(skill, one) for one in demonstrations])
+
+    @staticmethod
+    def prepared(skill: Skill, demonstration: Demonstration) -> PreparedThrow:
+        """A demonstration as numbers; ValueError says why it cannot be learned from."""
+        assert isinstance(skill.settings, ThrowSettings)
+        return prepare(demonstration, skill.settings)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of the demonstrations."""
+        return tuple(throw.id for throw in self.throws)
+
+    @property
+    def facts(self) -> tuple[str, ...]:
+        """What there is to say of the model."""
+        return (f"the hand opens {1e3 * self.hand_delay:.0f} ms after it is told to",)
+
     def plan(self, target: np.ndarray) -> ThrowPlan:
         """A throw at the basket whose rim is centred at target (3,) [m], or at a target on the
         board.
@@ -217,10 +200,7 @@ class ThrowingSkill:
             Says why not.
         """
         target = self._checked(target)
-        if not self.configuration.solve_aim:
-            return self._as_plan(target, target, self._throw_for(target))
-        attempt = self._solve_aim(target)
-        return self._as_plan(target, self._surface.point(attempt.aim, target), attempt.throw)
+        return self._as_plan(target, *self.refinement.throw(self, target))
 
     def releasing(self, later: float) -> ThrowingSkill:
         """The same skill, which lets go so much later [s] on the paths that it has learned, and
@@ -294,14 +274,16 @@ class ThrowingSkill:
     def _encoded(self, used: np.ndarray) -> tuple[Model, dict[str, Any]]:
         """A model, not fitted yet, and some of the demonstrations as it takes them."""
         c, moving = self.configuration, [self._moving[i] for i in used]
-        kind = AutonomousDSGMR if c.drive == "state" else DSGMR
+        representation = general_part("representation", c.representation)
+        kind = AutonomousDSGMR if representation.drive == "state" else DSGMR
+        overlap = c.overlap if representation.partition == "em" else 0.0
         how: dict[str, Any] = {
             "n_inputs": int(c.distance_input),
-            "partition": c.partition,
-            "overlap": c.overlap or None,
+            "partition": representation.partition,
+            "overlap": overlap or None,
         }
         how |= {"n_shared": 1 + int(c.distance_input)} if c.inputs_once else {}
-        how |= {"tolerance": TIMES_FOUND} if c.overlap else {}
+        how |= {"tolerance": TIMES_FOUND} if overlap else {}
         model = kind(c.components, c.stiffness_of_features, **how)
         frames = [frames_for(self.throws[i].task, self.throws[i].motion[0], c) for i in used]
         if isinstance(model, DSGMR):
@@ -327,7 +309,8 @@ class ThrowingSkill:
     # which demonstrations count
 
     @property
-    def _is_local(self) -> bool:
+    def is_local(self) -> bool:
+        """Whether each target has a model of its own."""
         return self.width > 0 or self.configuration.nearest > 0 or bool(self.configuration.widths)
 
     def _weights(self, task: np.ndarray) -> np.ndarray:
@@ -343,9 +326,12 @@ class ThrowingSkill:
         """What of tasks (n, 3) makes throws differ: in turned frames the reach alone (n, 1), else
         the place on the floor (n, 2).
         """
-        return (
-            self._surface.coordinates(tasks)[:, :1] if self.configuration.turns else tasks[:, :2]
-        )
+        return self.surface.coordinates(tasks)[:, :1] if self.configuration.frames_turn else tasks[:, :2]
+
+    @property
+    def shown_coordinates(self) -> np.ndarray:
+        """Reach [m] and azimuth [rad] of where the demonstrations went (n, 2)."""
+        return self.surface.coordinates(self._tasks)
 
     @property
     def _places(self) -> np.ndarray:
@@ -357,10 +343,10 @@ class ThrowingSkill:
         """
         task = self._tasks[i]
         try:
-            predicted = self._throw_for(task, self._fit(weights)).landing
+            predicted = self.throw_for(task, self._fit(weights)).landing
         except Unreachable:
             return float("nan")
-        return -(self._surface.apart(predicted, task) ** 2)
+        return -(self.surface.apart(predicted, task) ** 2)
 
     # the aim
 
@@ -371,8 +357,8 @@ class ThrowingSkill:
                 f"target {target} is not three finite numbers: give the centre of the rim in"
                 " metres"
             )
-        surface = self._surface
-        shown = surface.coordinates(self._tasks)
+        surface = self.surface
+        shown = self.shown_coordinates
         reach, azimuth = surface.coordinates(target).tolist()
         low, high = (
             (1.0 - REACH_MARGIN) * shown[:, 0].min(),
@@ -391,93 +377,27 @@ class ThrowingSkill:
             )
         return target
 
-    def _solve_aim(self, target: np.ndarray) -> _Attempt:
-        """The aim whose throw lands on the target, found by Broyden's method in reach and azimuth.
-        It starts at the aim that `FirstAim` tells, or at the target.
-        """
-        attempt, slope = self._first_attempt(target)
-        best = attempt
-        for _ in range(MOST_AIMS):
-            if attempt.off < AIM_TOLERANCE:
-                break
-            step = -np.linalg.solve(slope, attempt.miss)
-            step *= min(1.0, LONGEST_AIM_STEP / np.abs(step).max())
-            after = self._attempt(attempt.aim + step, target)
-            slope += np.outer(after.miss - attempt.miss - slope @ step, step) / (step @ step)
-            attempt = after
-            if attempt.off < best.off:
-                best = attempt
-        if best.off > WORST_AIM:
-            raise Unreachable(
-                f"no aim was found whose plan lands on {target.round(3)}; the nearest misses by"
-                f" {abs(best.miss[0]):.3f} m"
-            )
-        return best
-
-    def _first_attempt(self, target: np.ndarray) -> tuple[_Attempt, np.ndarray]:
-        """The first throw of the search, and how its landing changes with the aim (2, 2), as far
-        as that is known.
-        """
-        place, known = self._surface.coordinates(target), self._first_aim(target)
-        told = None if known is None else known.at(place)
-        if told is not None:
-            with suppress(Unreachable):
-                return self._attempt(told[0], target), told[1]
-        return self._attempt(place, target), np.eye(2)
-
-    def _first_aim(self, target: np.ndarray) -> FirstAim | None:
-        """What three throws tell of all, worked out once for a height of the rim, to the
-        millimetre; None where each target has a model of its own, or frames do not turn with
-        targets.
-        """
-        if self._is_local or not self.configuration.turns:
-            return None
-        level = (self.release, 0.0 if self.configuration.board else round(float(target[2]), 3))
-        if level not in self._first_aims:
-            self._first_aims[level] = self._told_first_aim(np.array([*target[:2], level[1]]))
-        return self._first_aims[level]
-
-    def _told_first_aim(self, target: np.ndarray) -> FirstAim | None:
-        shown = self._surface.coordinates(self._tasks)
-        low, high = shown[:, 0].min(), shown[:, 0].max()
-        if high - low < LEAST_SPAN:
-            return None
-        aims = np.array(
-            [[reach, np.median(shown[:, 1])] for reach in (low, 0.5 * (low + high), high)]
-        )
-        try:
-            landings = [self._throw_for(self._surface.point(aim, target)).landing for aim in aims]
-        except Unreachable:
-            return None
-        return FirstAim.of(aims, self._surface.coordinates(np.array(landings)))
-
-    def _attempt(self, aim: np.ndarray, target: np.ndarray) -> _Attempt:
-        throw = self._throw_for(self._surface.point(aim, target))
-        return _Attempt(
-            aim,
-            throw,
-            self._surface.coordinates(throw.landing) - self._surface.coordinates(target),
-        )
-
     # the movement and its release
 
-    def _throw_for(self, task: np.ndarray, model: Model | None = None) -> _Throw:
-        """The throw for a task parameter (3,)."""
+    def throw_for(self, task: np.ndarray, model: Model | None = None) -> PlannedThrow:
+        """The throw for a task parameter (3,) [m], whose hand opens as the refinement has it.
+
+        Raises
+        ------
+        Unreachable
+            If its ball never comes down.
+        """
         course = self._course(task, model or self.model_for(task))
         near = self._around_release(course)
         game, centre = self.configuration.game, wam_description().hand.ball_centre
         states = ball_states(near.position, near.velocity, near.azimuth, near.roll, centre)
         hits = game.surface.crossing(*states, task, game.projectile).position
-        release = (
-            self.release
-            if self.configuration.release == "shown"
-            else self._farthest_release(near, hits)
-        )
+        release = self.refinement.release(self, near, hits)
         landing = hit_at(near.time, hits, release)
         if not np.isfinite(landing).all():
-            where = f"the plane of the {self._surface.what} at {task[2]:.2f} m"
+            where = f"the plane of the {self.surface.what} at {task[2]:.2f} m"
             raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on {where}")
-        return _Throw(course, release, landing)
+        return PlannedThrow(course, release, landing)
 
     def _course(self, task: np.ndarray, model: Model) -> PlannedPath:
         """The movement for a task parameter (3,), which starts at rest where the demonstrations
@@ -487,7 +407,7 @@ class ThrowingSkill:
         start, roll = self._start_features(task)
         frames, inputs = (
             frames_for(task, start, c),
-            self._inputs(self._surface.coordinates(task)[0]),
+            self._inputs(self.surface.coordinates(task)[0]),
         )
         azimuth, clock = (
             c.angle_azimuth(azimuth_of(task)),
@@ -531,27 +451,11 @@ class ThrowingSkill:
 
     def _around_release(self, course: PlannedPath) -> PlannedPath:
         """The part of a course in which the release can be."""
-        if self.configuration.release == "shown":
-            earliest, latest = -2.0 * self.configuration.step, 2.0 * self.configuration.step
-        else:
-            earliest, latest = EARLIEST, LATEST
+        earliest, latest = self.refinement.window(self)
         first, stop = np.searchsorted(
             course.time, [self.release + earliest, self.release + latest]
         )
         return course.part(min(first, len(course.time) - 3), stop)
-
-    def _farthest_release(self, near: PlannedPath, hits: np.ndarray) -> float:
-        """The instant [s] at which the ball flies farthest, for a part of a course whose balls
-        come down at hits (n, 3).
-        """
-        k, after = farthest(self._surface.coordinates(hits)[:, 0])
-        top = float(near.time[k] + after * (near.time[k + 1] - near.time[k]))
-        # Few demonstrations may send the hand beyond the arm's reach: then it lets go before it is
-        # there.
-        if certainly_within(near.position[:, :3], self.registration):
-            return top
-        position, _ = self.registration.poses(near.position[:, :3], near.hand_quaternion)
-        return min(top, max(float(near.time[0]), stretched_at(near.time, position)))
 
     def covariance_along(self, plan: ThrowPlan) -> np.ndarray:
         """How differently the demonstrations went along a plan: covariance (n, 3, 3) of the
@@ -567,7 +471,7 @@ class ThrowingSkill:
                 f" '{self.configuration.name}'"
             )
         covariance = model.retrieve(
-            self._frames_for(aim), time, self._inputs(self._surface.coordinates(aim)[0])
+            self._frames_for(aim), time, self._inputs(self.surface.coordinates(aim)[0])
         )[1]
         assert covariance is not None
         return covariance[:, :3, :3]
@@ -588,7 +492,7 @@ class ThrowingSkill:
             course, attractor=np.hstack([attractor, course.attractor[:, 3:]])
         ), GainsOverTime(stiffness, damping)
 
-    def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: _Throw) -> ThrowPlan:
+    def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: PlannedThrow) -> ThrowPlan:
         c = self.configuration
         course, gains = (
             self._with_gains(aim, throw.course)
@@ -615,7 +519,7 @@ class ThrowingSkill:
 
 
 def learn_throwing(
-    demonstrations: Sequence[Demonstration], configuration: SkillConfiguration = DEFAULT
+    demonstrations: Sequence[Demonstration], configuration: ThrowSettings = DEFAULT
 ) -> ThrowingSkill:
     """A skill from demonstrations.
 
@@ -630,7 +534,7 @@ def learn_throwing(
 
 
 def learn_prepared(
-    throws: Sequence[PreparedThrow], configuration: SkillConfiguration = DEFAULT
+    throws: Sequence[PreparedThrow], configuration: ThrowSettings = DEFAULT
 ) -> ThrowingSkill:
     """The same from throws that were prepared before, for the same configuration.
 
@@ -639,11 +543,15 @@ def learn_prepared(
     ValueError
         If these are too few.
     """
+    _check_enough(throws)
+    return ThrowingSkill(configuration, throws)
+
+
+def _check_enough(throws: Sequence[PreparedThrow]) -> None:
     if len(throws) < LEAST_DEMONSTRATIONS:
         raise ValueError(
             f"{len(throws)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}"
         )
-    return ThrowingSkill(configuration, throws)
 
 
 def credence_of(noise: Sequence[float]) -> np.ndarray:

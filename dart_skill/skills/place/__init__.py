@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.arm import WamDescription, with_box
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.recording import HAND, Demonstration
-from dart_skill.skills.protocol import Skill, SkillSettings, Solid, TaskOutcome
+from dart_skill.skills.protocol import OF_REACTING, Skill, SkillSettings, Solid, TaskOutcome
 
 LIES = 0.3
 """The part is looked at so long after the fingers were told to open at the earliest [s]: it may
@@ -85,6 +85,8 @@ class PlaceSettings(SkillSettings):
     table: float = 1.1502
     floor: float = 0.01
     raised: float = 0.05
+
+    UNUSED: ClassVar[frozenset[str]] = OF_REACTING
 
 
 class Place(Skill):

@@ -1,43 +1,42 @@
-"""A skill that learns from its own throws: what repeats in the misses, the delay of the hand,
-trials as demonstrations.
+"""A skill that learns from its own trials: what repeats in the misses, the delay of the hand, trials
+as demonstrations.
 """
 
 from dart_skill.skills.practice._correction import CorrectionSettings
 from dart_skill.skills.practice._curriculum import Curriculum
-from dart_skill.skills.practice._learner import (
-    NOTHING,
+from dart_skill.skills.practice._learner import Learner, Lesson, Parameters, changed_skill
+from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory
+from dart_skill.skills.practice._practice import (
+    BootstrapPractice,
     Learned,
-    Learner,
-    Lesson,
-    Parameters,
     Planned,
+    Practice,
+    ResidualPractice,
     Standing,
-    learner_of,
-    with_components,
 )
-from dart_skill.skills.practice._practice import Practice, PracticeSettings
 from dart_skill.skills.practice._practised_file import practised_skill, save_practised
 from dart_skill.skills.practice._practising import METHODS, PractisingSkill
 from dart_skill.skills.practice._target_choice import TargetChoice, target_choice_of
 
 __all__ = [
+    "BootstrapPractice",
     "CorrectionSettings",
     "Curriculum",
     "Learned",
     "Learner",
     "Lesson",
     "METHODS",
-    "NOTHING",
     "Parameters",
     "Planned",
     "Practice",
     "PracticeSettings",
     "PractisingSkill",
+    "ResidualPractice",
     "Standing",
     "TargetChoice",
-    "learner_of",
+    "TrialMemory",
+    "changed_skill",
     "practised_skill",
     "save_practised",
     "target_choice_of",
-    "with_components",
 ]

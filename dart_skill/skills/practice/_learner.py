@@ -1,37 +1,29 @@
-"""What learns a skill, plans with it, and practises: the same for a session and for the graph."""
+"""What learns a skill: the same for a session and for the graph."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dart_skill.arm import KnownRegistration, MotionPlan, ThrowPlan
+from dart_skill.arm import KnownRegistration, ThrowPlan
 from dart_skill.common.situation import Situation
 from dart_skill.mixture import GaussianMixture
-from dart_skill.recording import HAND, Demonstration
-from dart_skill.skills.learning import (
-    AnySkill,
-    Policy,
-    ReactiveSkill,
-    changed_skill,
-    check_movement,
-    choose_components,
-    learn,
-    learn_usable,
-    load_skill_model,
-    outliers,
-    save_skill_model,
-    unlike,
-)
-from dart_skill.skills.protocol import Skill, check_way, part_of
+from dart_skill.recording import Demonstration
+from dart_skill.skills.learning import choose_components, usable
+from dart_skill.skills.practice._memory import PracticeSettings
+from dart_skill.skills.practice._practice import Learned, Planned, Practice, Standing
+from dart_skill.skills.protocol import Skill, check_way, model_type, part_of
 
-Parameters = Callable[[], dict[str, Any]]
+Parameters = Callable[[], Mapping[str, Any]]
 """Values of the parameters of the node skill_learner, as they are now."""
 NOTHING = "nothing is learned yet: call ~/learn, or ~/load a model"
+CHANGED = ("components", "stiffness", "orientation_stiffness", "start_speed", "stop_speed")
+"""Settings that parameters of the learner change, where these are not 0."""
 
 
 @dataclass(frozen=True)
@@ -63,72 +55,6 @@ class Lesson:
         return replace(self, left_out={**left_out, **self.left_out})
 
 
-@dataclass(frozen=True)
-class Learned:
-    """What was learned from a trial.
-
-    Parameters
-    ----------
-    kept
-        Whether the trial was learned from.
-    message
-        Why not.
-    demonstrations
-        Number of those that are remembered.
-    left
-        What of its error is left (2,) [m].
-    """
-
-    kept: bool
-    message: str
-    demonstrations: int
-    left: list[float] = field(default_factory=lambda: [float("nan")] * 2)
-
-
-@dataclass(frozen=True)
-class Standing:
-    """How a demonstration counts.
-
-    Parameters
-    ----------
-    weight
-        In the model.
-    unlike
-        Its distance from what the others teach [m].
-    outlier
-        Whether that is far more than usual.
-    """
-
-    weight: float
-    unlike: float = float("nan")
-    outlier: bool = False
-
-
-@dataclass(frozen=True)
-class Planned:
-    """A plan for a situation.
-
-    Parameters
-    ----------
-    plan
-        Of the hand, or a policy that is asked while the arm moves.
-    situation
-        That it is for.
-    aim
-        For which the model was asked, where that is another one.
-    model_id
-        Of the model.
-    held
-        Where bodies are in the hand at its start.
-    """
-
-    plan: MotionPlan | ThrowPlan | Policy
-    situation: Situation
-    model_id: str
-    aim: Situation | None = None
-    held: Situation = field(default_factory=lambda: Situation({}))
-
-
 class Learner:
     """Learns one skill from demonstrations, plans with it, and learns from trials.
 
@@ -143,14 +69,9 @@ class Learner:
 
     Attributes
     ----------
-    angles
-        Number of columns of its mixtures after the position.
-    needs_plan
-        Whether a trial teaches only beside the plan that was carried out.
+    practice
+        What was learned, None before.
     """
-
-    angles = 0
-    needs_plan = False
 
     def __init__(
         self,
@@ -158,60 +79,50 @@ class Learner:
         parameters: Parameters,
         registration: KnownRegistration | None = None,
     ):
-        self.skill, self._parameters = skill, parameters
-        self.model: AnySkill | None = None
+        self._parameters = parameters
+        p = parameters()
+        settings = skill.settings
+        if registration is not None:
+            settings = replace(settings, registration=registration)
+        if p["practice_method"]:
+            settings = settings.changed({"practice": p["practice_method"]}, "practice_method")
+        self.skill = skill.with_settings(settings)
+        self._practice = part_of(self.skill, "practice")
+        self._memory = PracticeSettings(p["practice_capacity"], p["practice_forget"])
+        self.practice: Practice | None = None
+
+    @property
+    def angles(self) -> int:
+        """Number of columns of its mixtures after the position."""
+        return self._practice.angles
+
+    @property
+    def needs_plan(self) -> bool:
+        """Whether a trial teaches only beside the plan that was carried out."""
+        return self._practice.needs_plan
 
     @property
     def learned(self) -> bool:
         """Whether there is something to plan with."""
-        return self.model is not None
+        return self.practice is not None
 
     @property
-    def _model(self) -> AnySkill:
-        if self.model is None:
+    def _learned(self) -> Practice:
+        if self.practice is None:
             raise ValueError(NOTHING)
-        return self.model
+        return self.practice
 
-    def check(self, parameters: dict[str, Any]) -> None:
+    def check(self, parameters: Mapping[str, Any]) -> None:
         """ValueError says which parameter cannot be."""
         changed_skill(self.skill, parameters)
         check_way(parameters["choose_components"])
 
     def expect(self, one: Demonstration) -> None:
         """A demonstration came, and a lesson will follow: what is worked out now need not be
-        waited for then. Default: nothing.
+        waited for then.
         """
-
-    def _changed(self, configuration: str) -> tuple[Skill, str]:
-        """The skill with the settings that the parameters change, and what they change."""
-        if configuration:
-            raise ValueError(
-                f"configurations are of throws: the skill '{self.skill.name}' has its settings in"
-                f" config/skills/{self.skill.name}.yaml"
-            )
-        return changed_skill(self.skill, self._parameters())
-
-    def learn(self, demonstrations: Sequence[Demonstration], configuration: str = "") -> Lesson:
-        """Learn.
-
-        Raises
-        ------
-        ValueError
-            Says why that cannot be.
-        """
-        skill, changes = self._changed(configuration)
-        model, left_out = learn_usable(skill, demonstrations)
-        if way := self._parameters()["choose_components"]:
-            skill = choose_components(skill, model.demonstrations, way)
-            model = learn(skill, model.demonstrations)
-            changes = with_components(changes, skill.settings.components, way)
-        self.model = model
-        ids = tuple(one.id for one in model.demonstrations)
-        said = f"learned '{self.skill.name}' from {len(ids)} demonstrations"
-        facts = (f"a movement takes {model.duration:.1f} s",)
-        return Lesson(
-            ids, model.model_id, said + (changes and f" with {changes}"), facts, left_out
-        )
+        with suppress(ValueError):  # the lesson says why it is left out
+            self.finding(one)
 
     def finding(self, one: Demonstration, configuration: str = "") -> str:
         """What can be made of a demonstration, in words.
@@ -221,97 +132,95 @@ class Learner:
         ValueError
             Says why nothing can.
         """
-        skill, _ = self._changed(configuration)
-        check_movement(skill, one)
-        start, stop = skill.cut(one)
-        return (
-            f"a movement of {stop - start:.1f} s, {len(one.events)} times the fingers were told"
-            " something"
-        )
+        skill, _ = changed_skill(self.skill, self._parameters(), configuration)
+        return model_type(skill).prepared(skill, one).in_words
 
-    def check_shown(self, one: Demonstration) -> None:
-        """ValueError says why a demonstration cannot be learned from."""
-        check_movement(self.skill, one)
-
-    def plan(self, asked: Situation, explore: bool = False) -> Planned:
-        """A plan for a situation.
-
-        Parameters
-        ----------
-        explore
-            Not always the best one.
+    def learn(self, demonstrations: Sequence[Demonstration], configuration: str = "") -> Lesson:
+        """Learn.
 
         Raises
         ------
         ValueError
-            Says why there is none.
+            Says why that cannot be.
         """
-        model = self._model
-        self.skill.check_known(asked.poses, asked.numbers, model.movements[-1].situation.numbers)
-        if isinstance(model, ReactiveSkill):
-            return Planned(model.policy, asked, model.model_id)
-        aim = self.skill.corrected(asked, model.offset)
-        return Planned(model.plan(asked), asked, model.model_id, aim)
+        p = self._parameters()
+        skill, changes = changed_skill(self.skill, p, configuration)
+        kept, left_out = usable(skill, demonstrations)
+        try:
+            if way := p["choose_components"]:
+                skill = choose_components(skill, kept, way)
+                number = f"components {skill.settings.components} by {way}"
+                changes = ", ".join(filter(None, (changes, number)))
+            self.practice = self._practice(skill, kept, self._memory)
+        except ValueError as error:
+            raise ValueError("; ".join([str(error), *left_out.values()])) from error
+        ids = self._learned.model.ids
+        said = f"learned '{skill.name}' from {len(ids)} demonstrations"
+        said += changes and f" with {changes}"
+        left_out = {**left_out, **self._learned.left_out}
+        return Lesson(ids, self._learned.model.model_id, said, self._learned.facts, left_out)
+
+    def plan(self, asked: Situation, explore: bool = False) -> Planned:
+        """As of `Practice.plan`."""
+        return self._learned.plan(asked, explore)
 
     def tell(self, trial: Demonstration, plan: ThrowPlan | None = None) -> Learned:
-        """Learn from what became of a plan."""
-        model = self._model
-        start, _ = self.skill.cut(trial)
-        outcome = self.skill.judge(trial, self.skill.situation(trial, start))
-        model.tell(outcome)
-        kept = bool(np.isfinite(outcome.miss).all())
-        reason = outcome.reason or "nothing of it repeats"
-        why = "" if kept else f"nobody can tell by how much it missed: {reason}"
-        return Learned(kept, why, len(model.movements), outcome.miss[:2].tolist())
+        """As of `Practice.tell`."""
+        return self._learned.tell(trial, plan)
 
     def save(self, path: str | Path) -> str:
-        """Write the model to a file; its digest."""
-        save_skill_model(path, self._model)
-        return self._model.model_id
+        """As of `Practice.save`."""
+        return self._learned.save(path)
 
     def load(self, path: str | Path) -> str:
         """Take the model of a file; its digest."""
-        self.model = load_skill_model(path, self.skill)
-        return self._model.model_id
+        self.practice = self._practice.load(path, self.skill, self._memory)
+        return self._learned.model.model_id
 
     def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
-        """Gaussians to be shown, by name, and places (n, 3) for which movements were shown."""
-        model = self._model
-        last = model.movements[-1].situation
-        places = [
-            one.situation.pose(role).position
-            for one in model.movements
-            for role in self.skill.bodies
-        ]
-        mixture = model.mixture(last.moved(HAND, model.start))
-        return {"components": mixture}, np.array(places).reshape(-1, 3)
+        """As of `Practice.mixtures`."""
+        return self._learned.mixtures()
 
     def standings(self) -> dict[str, Standing]:
-        """How each demonstration that is learned from counts, by its id; empty before anything is
-        learned.
-        """
-        if self.model is None:
-            return {}
-        movements, distances = self.model.movements, unlike(self.model)
-        each = zip(movements, distances, outliers(distances), strict=True)
-        return {one.id: Standing(1.0, float(distance), bool(far)) for one, distance, far in each}
+        """As of `Practice.standings`; empty before anything is learned."""
+        return {} if self.practice is None else self.practice.standings()
 
     def values(self) -> dict[str, Any]:
         """For the diagnostics."""
-        return {
-            "learned_from": len(self._model.movements),
-            "practised": self._model.practised,
-            "model_id": self._model.model_id,
-        }
+        return self._learned.values()
 
 
-def with_components(changes: str, number: int, way: str) -> str:
-    """What parameters change, in words, with the number of components that was chosen."""
-    return ", ".join(filter(None, (changes, f"components {number} by {way}")))
+def changed_skill(
+    skill: Skill, parameters: Mapping[str, Any], configuration: str = ""
+) -> tuple[Skill, str]:
+    """A skill with parameters of the node skill_learner, and what they change, in words; 0 and an
+    empty text change nothing.
 
+    Parameters
+    ----------
+    configuration
+        In place of that of the parameters.
 
-def learner_of(
-    skill: Skill, parameters: Parameters, registration: KnownRegistration | None = None
-) -> Learner:
-    """The learner that a skill names (`Skill.learner`)."""
-    return part_of(skill, "learner")(skill, parameters, registration)
+    Raises
+    ------
+    ValueError
+        Names one that makes no sense, and a task frame that the skill does not have.
+    """
+    name = configuration or parameters["configuration"]
+    skill = skill.named(name)
+    changes: dict[str, Any] = {one: parameters[one] for one in CHANGED if parameters[one]}
+    bounds = parameters["least_stiffness"], parameters["most_stiffness"]
+    changes |= {"stiffness_range": bounds} if all(bounds) else {}  # one is set before the other
+    if parameters["frames"]:
+        changes["frames"] = tuple(one.strip() for one in parameters["frames"].split(","))
+    if useless := sorted(set(changes) & skill.settings.UNUSED):
+        raise ValueError(
+            f"{useless[0]} is without effect on '{skill.name}': demonstration_recorder cuts what"
+            " is shown, so set it there"
+        )
+    skill = skill.with_settings(skill.settings.changed(changes, "skill_learner"))
+    skill.check_settings()
+    words = [f"configuration {name}"] if name else []
+    for one, value in changes.items():
+        words.append(f"{one} {', '.join(value) if one == 'frames' else value}")
+    return skill, ", ".join(words)

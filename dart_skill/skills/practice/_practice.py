@@ -1,243 +1,263 @@
-"""Practice (thesis 8.2): every throw that the arm makes is a demonstration of how to hit the place
-where the ball really came down.
-
-A trial joins the demonstrations if it can be read and resembles them; otherwise it is kept out,
-with the reason. A memory that is full forgets, by age or by crowding; what the teacher showed is
-forgotten last.
+"""How a skill is learned from what was shown, plans, and learns from its own trials: a part of a
+skill, chosen by the setting `practice`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from dart_skill.movement import AlignmentFit, check_alignment, find_patterns, turn_matrix
-from dart_skill.recording import Demonstration
+from dart_skill.arm import MotionPlan, ThrowPlan
+from dart_skill.common.situation import Situation
+from dart_skill.mixture import GaussianMixture
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.skills.learning import (
-    DEFAULT,
-    Coverage,
-    PreparedThrow,
-    SkillConfiguration,
-    ThrowingSkill,
-    learn_prepared,
-    prepare,
+    LearnedSkill,
+    Policy,
+    learn,
+    load_model,
+    outliers,
+    save_model,
+    unlike,
 )
-
-FORGETTING = ("oldest", "crowded")
-LEAST_TO_COMPARE = 4
-MOST_FOR_PATTERNS = 30
-"""Every demonstration is compared with every other one, which takes 0.1 s for so many."""
+from dart_skill.skills.practice._memory import PracticeSettings
+from dart_skill.skills.protocol import Part, Skill, TaskOutcome
 
 
 @dataclass(frozen=True)
-class PracticeSettings:
-    """How `Practice` keeps its memory, and what it takes for strange.
+class Learned:
+    """What was learned from a trial.
 
     Parameters
     ----------
-    capacity
-        Of the memory, demonstrations included, 0 for no limit.
-    forget
-        "oldest" trial first, or "crowded": the older of the two whose tasks are nearest to each
-        other, which keeps the region covered.
-    largest_deviation
-        From what the others predict, in units of what is usual.
-    tolerance
-        A hand path that strays less is never strange [m].
-    tail
-        So long after the release the motion does not matter [s].
+    kept
+        Whether the trial was learned from.
+    message
+        Why not.
+    demonstrations
+        Number of those that are remembered.
+    left
+        What of its error is left (2,) [m].
     """
 
-    capacity: int = 0
-    forget: str = "oldest"
-    largest_deviation: float = 8.0
-    tolerance: float = 0.005
-    tail: float = 0.05
-
-    def __post_init__(self) -> None:
-        if self.capacity < 0:
-            raise ValueError(
-                f"capacity is {self.capacity}; it must be 0, for no limit, or positive"
-            )
-        if self.forget not in FORGETTING:
-            raise ValueError(f"forget is '{self.forget}': choose one of {', '.join(FORGETTING)}")
-        if not (self.largest_deviation > 0.0 and self.tolerance >= 0.0 and self.tail >= 0.0):
-            raise ValueError(
-                f"largest_deviation {self.largest_deviation} must be positive, tolerance"
-                f" {self.tolerance} and tail {self.tail} not negative"
-            )
+    kept: bool
+    message: str
+    demonstrations: int
+    left: list[float] = field(default_factory=lambda: [float("nan")] * 2)
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What became of a trial: kept, or kept out for a reason; ids of what was forgotten for it."""
-
-    kept: bool
-    reason: str = ""
-    forgotten: tuple[str, ...] = ()
-
-
-class Practice:
-    """The memory that a skill is learned from.
+class Standing:
+    """How a demonstration counts.
 
     Parameters
     ----------
-    shown
-        Demonstrations of a teacher.
-    configuration
-        SkillConfiguration, default `DEFAULT`.
-    settings
-        PracticeSettings, default None: the default ones.
+    weight
+        In the model.
+    unlike
+        Its distance from what the others teach [m].
+    outlier
+        Whether that is far more than usual.
+    """
+
+    weight: float
+    unlike: float = float("nan")
+    outlier: bool = False
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan for a situation.
+
+    Parameters
+    ----------
+    plan
+        Of the hand, or a policy that is asked while the arm moves.
+    situation
+        That it is for.
+    aim
+        For which the model was asked, where that is another one.
+    model_id
+        Of the model.
+    held
+        Where bodies are in the hand at its start.
+    """
+
+    plan: MotionPlan | ThrowPlan | Policy
+    situation: Situation
+    model_id: str
+    aim: Situation | None = None
+    held: Situation = field(default_factory=lambda: Situation({}))
+
+
+class Practice(Part):
+    """A model of poses of the hand, from which trials change nothing ("none"); base of the others.
+
+    Parameters
+    ----------
+    skill
+        That is learned.
+    demonstrations
+        That are learned from.
+    memory
+        How many of them and of trials are kept; default None: all.
     tried
-        Own throws, oldest first.
+        Trials that are learned from, oldest first.
 
     Attributes
     ----------
-    demonstrations
-        What was shown, then what was tried, but for what cannot be read.
-    kept_out
-        Reason why a demonstration or trial is not learned from, by its id.
+    angles
+        Number of columns of its mixtures after the position.
+    needs_plan
+        Whether a trial teaches only beside the plan that was carried out.
+    left_out
+        Why demonstrations are not learned from, by their ids.
     """
+
+    angles: ClassVar[int] = 0
+    needs_plan: ClassVar[bool] = False
 
     def __init__(
         self,
-        shown: Sequence[Demonstration],
-        configuration: SkillConfiguration = DEFAULT,
-        settings: PracticeSettings | None = None,
+        skill: Skill,
+        demonstrations: Sequence[Demonstration],
+        memory: PracticeSettings | None = None,
         tried: Sequence[Demonstration] = (),
     ):
-        self.configuration, self.settings = configuration, settings or PracticeSettings()
-        self._prepared: dict[str, PreparedThrow] = {}
-        self.kept_out: dict[str, str] = {}
-        self._shown, self._tried = self._readable(shown), self._readable(tried)
+        self.skill, self.memory = skill, memory or PracticeSettings()
+        self._shown, self._tried = list(demonstrations), list(tried)
+        self.left_out: dict[str, str] = {}
+        self._model = self._learned()
 
-    def _readable(self, demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
-        """Those that can be learned from; of the others it is noted why not."""
-        for one in demonstrations:
-            if one.id in self._prepared or one.id in self.kept_out:
-                raise ValueError(
-                    f"two demonstrations have the id {one.id}: give every one its own"
-                )
-            try:
-                self._prepared[one.id] = prepare(one, self.configuration)
-            except ValueError as error:
-                self.kept_out[one.id] = str(error)
-        return [one for one in demonstrations if one.id in self._prepared]
+    def _learned(self) -> LearnedSkill:
+        return cast(LearnedSkill, learn(self.skill, [*self._shown, *self._tried]))
 
     @property
-    def demonstrations(self) -> list[Demonstration]:
-        return [*self._shown, *self._tried]
+    def model(self) -> Any:
+        """What was learned last."""
+        return self._model
 
     @property
-    def n_shown(self) -> int:
-        """How many of the demonstrations, the first ones, were shown by a teacher."""
-        return len(self._shown)
+    def facts(self) -> tuple[str, ...]:
+        """What there is to say of the model."""
+        return self.model.facts
 
-    def learn(self) -> ThrowingSkill:
-        """The skill that all these demonstrations teach; each is prepared only once.
+    def plan(self, asked: Situation, explore: bool = False) -> Planned:
+        """A plan for a situation.
+
+        Parameters
+        ----------
+        explore
+            Not always the best one.
 
         Raises
         ------
         ValueError
-            If they are too few, and what is wrong with the others.
+            Says why there is none.
         """
-        try:
-            return learn_prepared(
-                [self._prepared[one.id] for one in self.demonstrations], self.configuration
-            )
-        except ValueError as error:
-            raise ValueError("; ".join([str(error), *self.kept_out.values()])) from error
+        model = self._model
+        self.skill.check_known(asked.poses, asked.numbers, model.movements[-1].situation.numbers)
+        if self.skill.reacts:
+            return Planned(model.policy, asked, model.model_id)
+        aim = self.skill.corrected(asked, model.offset)
+        return Planned(model.plan(asked), asked, model.model_id, aim)
 
-    def add(self, trial: Demonstration) -> Verdict:
-        """Judge a trial and remember it if it will do; its task is where it landed, not where it
-        was aimed.
-        """
-        reason, prepared = self._judge(trial)
-        if reason or prepared is None:
-            self.kept_out[trial.id] = reason
-            return Verdict(False, reason)
-        self._tried.append(trial)
-        self._prepared[trial.id] = prepared
-        return Verdict(True, forgotten=tuple(self._forget()))
+    def tell(self, trial: Demonstration, plan: ThrowPlan | None = None) -> Learned:
+        """Learn from what became of a plan."""
+        start, _ = self.skill.cut(trial)
+        situation = self.skill.situation(trial, start)
+        outcome = self.skill.judge(trial, situation)
+        why = self._take(trial, situation, outcome)
+        return Learned(not why, why, len(self._model.movements), outcome.miss[:2].tolist())
 
-    def patterns(self) -> str:
-        """Groups of what was shown whose hand paths are clearly apart though they reach equally
-        far, in words; empty if there are none.
+    def _take(self, trial: Demonstration, situation: Situation, outcome: TaskOutcome) -> str:
+        """Learn from a trial; why that cannot be."""
+        return "own trials change nothing: practice is 'none'"
 
-        A skill learned from a throw over the shoulder and one from below throws like neither.
-        """
-        throws = [self._prepared[one.id] for one in self._shown]
-        if not LEAST_TO_COMPARE <= len(throws) <= MOST_FOR_PATTERNS:
+    def save(self, path: str | Path) -> str:
+        """Write the model with what practice found to a file; its digest."""
+        found = {"n_shown": len(self._shown)} if self._tried else None
+        settings = self.skill.settings
+        save_model(path, [*self._shown, *self._tried], settings, self._model.misses, found)
+        return self._model.model_id
+
+    @classmethod
+    def load(
+        cls, path: str | Path, skill: Skill, memory: PracticeSettings | None = None
+    ) -> Practice:
+        """The one of a file; its settings are those that it was learned with."""
+        saved = load_model(path, skill)
+        shown = len(saved.demonstrations)
+        shown = shown if saved.found is None else int(saved.found["n_shown"])
+        one = cls(
+            skill.with_settings(saved.configuration),
+            saved.demonstrations[:shown],
+            memory,
+            saved.demonstrations[shown:],
+        )
+        one._model.remember(saved.practised)
+        return one
+
+    def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
+        """Gaussians to be shown, by name, and places (n, 3) for which movements were shown."""
+        model = self._model
+        last = model.movements[-1].situation
+        places = [
+            one.situation.pose(role).position
+            for one in model.movements
+            for role in self.skill.bodies
+        ]
+        mixture = model.mixture(last.moved(HAND, model.start))
+        return {"components": mixture}, np.array(places).reshape(-1, 3)
+
+    def standings(self) -> dict[str, Standing]:
+        """How each demonstration that is learned from counts, by its id."""
+        movements, distances = self._model.movements, unlike(self._model)
+        each = zip(movements, distances, outliers(distances), strict=True)
+        return {one.id: Standing(1.0, float(distance), bool(far)) for one, distance, far in each}
+
+    def values(self) -> dict[str, Any]:
+        """For the diagnostics."""
+        return {
+            "learned_from": len(self._model.movements),
+            "practised": len(self._model.misses) or len(self._tried),
+            "model_id": self._model.model_id,
+        }
+
+
+class ResidualPractice(Practice):
+    """What repeats in the misses is taken out of the next plan: an offset in the axes of the body
+    that the skill corrects.
+    """
+
+    def _take(self, trial: Demonstration, situation: Situation, outcome: TaskOutcome) -> str:
+        self._model.tell(outcome)
+        if np.isfinite(outcome.miss).all():
             return ""
-        groups = find_patterns([self._path(throw)[1] for throw in throws]).groups
-        reaches = [[throws[i].reach for i in group] for group in groups]
-        if len(groups) < 2 or max(map(min, reaches)) > min(map(max, reaches)):
-            return ""
-        named = "; ".join(", ".join(throws[i].id for i in group) for group in groups)
-        return f"{len(groups)} ways of throwing were shown, and learned as one: {named}"
+        reason = outcome.reason or "nothing of it repeats"
+        return f"it cannot be told by how much it missed: {reason}"
 
-    def withdraw(self, trial_id: str, reason: str) -> None:
-        """Take back a trial that was kept but cannot be learned from.
 
-        Parameters
-        ----------
-        trial_id
-            Of the trial.
-        reason
-            In words.
-        """
-        self._tried = [one for one in self._tried if one.id != trial_id]
-        self._prepared.pop(trial_id, None)
-        self.kept_out[trial_id] = reason
+class BootstrapPractice(Practice):
+    """A trial is one more demonstration (thesis 8.2), of the situation for which it would have been
+    right (`Skill.achieved`).
+    """
 
-    def _judge(self, trial: Demonstration) -> tuple[str, PreparedThrow | None]:
-        if trial.id in self._prepared:
-            return f"there is a demonstration {trial.id} already", None
+    def _take(self, trial: Demonstration, situation: Situation, outcome: TaskOutcome) -> str:
+        if not outcome.success and self.skill.achieved(trial, situation) is situation:
+            return f"it failed, and the skill does not say for what it is right: {outcome.reason}"
+        before = self._tried
+        self._tried = [*before, trial]
+        capacity = self.memory.capacity
+        while capacity and len(self._shown) + len(self._tried) > capacity and self._tried:
+            self._tried.pop(0)
         try:
-            prepared = prepare(trial, self.configuration)
+            self._model = self._learned()
         except ValueError as error:
-            return str(error), None
-        fit = self._compare(prepared)
-        return (
-            ""
-            if fit is None or fit.fits
-            else f"trial {trial.id} does not resemble the demonstrations: {fit.reason}"
-        ), prepared
-
-    def _compare(self, trial: PreparedThrow) -> AlignmentFit | None:
-        """The trial's hand path against the others', in axes turned to their tasks, for the
-        distance it landed at.
-        """
-        throws = [*self._prepared.values(), trial]
-        if len(throws) < LEAST_TO_COMPARE:
-            return None
-        clocks, paths = zip(*(self._path(throw) for throw in throws), strict=True)
-        distances = np.array([[throw.reach] for throw in throws])
-        return check_alignment(
-            clocks,
-            paths,
-            distances,
-            largest_deviation=self.settings.largest_deviation,
-            tolerance=self.settings.tolerance,
-        )[-1]
-
-    def _path(self, throw: PreparedThrow) -> tuple[np.ndarray, np.ndarray]:
-        until = throw.time <= throw.release_time + self.settings.tail
-        return throw.time[until], throw.motion[until, :3] @ turn_matrix(throw.azimuth)
-
-    def _forget(self) -> list[str]:
-        forgotten = []
-        while (
-            self.settings.capacity
-            and len(self.demonstrations) > self.settings.capacity
-            and len(self.demonstrations) > 2
-        ):
-            from_memory = self._tried if len(self._tried) > 1 else (self._shown or self._tried)
-            index = 0 if self.settings.forget == "oldest" else self._most_crowded(from_memory)
-            forgotten.append(from_memory.pop(index).id)
-            del self._prepared[forgotten[-1]]
-        return forgotten
-
-    def _most_crowded(self, memory: list[Demonstration]) -> int:
-        """Index of the older of the two whose tasks are nearest to each other."""
-        return Coverage(np.array([self._prepared[one.id].task for one in memory])).most_crowded()
+            self._tried = before
+            return str(error)
+        return ""

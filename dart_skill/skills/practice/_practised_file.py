@@ -10,7 +10,7 @@ import numpy as np
 
 from dart_skill.skills.learning import SavedModel, save_model
 from dart_skill.skills.practice._correction import CorrectionSettings
-from dart_skill.skills.practice._practice import PracticeSettings
+from dart_skill.skills.practice._memory import PracticeSettings
 from dart_skill.skills.practice._practising import PractisingSkill
 
 

@@ -21,8 +21,8 @@ from dart_skill.recording import Demonstration
 from dart_skill.skills.learning import (
     DEFAULT,
     PreparedThrow,
-    SkillConfiguration,
     ThrowingSkill,
+    ThrowSettings,
     prepare,
 )
 from dart_skill.skills.practice._correction import (
@@ -32,7 +32,7 @@ from dart_skill.skills.practice._correction import (
     repeatable_miss,
 )
 from dart_skill.skills.practice._hand_delay import USUAL, HandDelay, likely_late
-from dart_skill.skills.practice._practice import Practice, PracticeSettings, Verdict
+from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory, Verdict
 from dart_skill.skills.practice._searching import CorrectionSearch
 from dart_skill.skills.practice._steadiness import LEAST, STEP, Steadiness
 
@@ -92,7 +92,7 @@ class PractisingSkill:
     shown
         Demonstrations of a teacher.
     configuration
-        SkillConfiguration, default `DEFAULT`.
+        ThrowSettings, default `DEFAULT`.
     method
         One of METHODS, default "residual".
     memory
@@ -113,7 +113,7 @@ class PractisingSkill:
     skill
         The ThrowingSkill that was learned last.
     practice
-        Practice, the memory of demonstrations and trials.
+        TrialMemory, the memory of demonstrations and trials.
     correction
         Correction of the repeatable miss; None if the method has none.
     search
@@ -129,7 +129,7 @@ class PractisingSkill:
     def __init__(
         self,
         shown: Sequence[Demonstration],
-        configuration: SkillConfiguration = DEFAULT,
+        configuration: ThrowSettings = DEFAULT,
         method: str = "residual",
         memory: PracticeSettings | None = None,
         settings: CorrectionSettings | None = None,
@@ -147,7 +147,7 @@ class PractisingSkill:
                 " bootstrap or both"
             )
         self.method = method
-        self.practice = Practice(shown, configuration, memory, tried)
+        self.practice = TrialMemory(shown, configuration, memory, tried)
         self.skill = self.practice.learn()
         self._game = configuration.game
         self.correction = (

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.common.situation import Situation
-from dart_skill.skills.protocol import Skill, TaskOutcome, part_of
+from dart_skill.skills.protocol import Part, Skill, TaskOutcome, part_of
 
 
-class TargetChoice:
+class TargetChoice(Part):
     """Situations that the skill draws, each as good as another.
 
     Attribute looks: whether a plan needs what the cameras see of the bodies first.
@@ -54,5 +54,5 @@ class TargetChoice:
 
 
 def target_choice_of(skill: Skill, candidates: int, seed: int) -> TargetChoice:
-    """The choice that a skill names (`Skill.target_choice`); parameters as of `TargetChoice`."""
-    return part_of(skill, "target_choice")(skill, candidates, seed)
+    """The choice that a skill's settings name; parameters as of `TargetChoice`."""
+    return part_of(skill, "targets")(skill, candidates, seed)

@@ -1,11 +1,21 @@
 """What a skill is: the protocol that all skills follow, and where skills are found by name."""
 
-from dart_skill.skills.protocol._registry import load_skill, part_of, skill_names, skill_type
+from dart_skill.skills.protocol._part import Part
+from dart_skill.skills.protocol._registry import (
+    check_parts,
+    general_part,
+    load_skill,
+    model_type,
+    part_names,
+    part_of,
+    skill_names,
+    skill_type,
+)
 from dart_skill.skills.protocol._settings import (
     BIC,
     COMPONENTS,
     CROSS_VALIDATION,
-    ReactiveSkillSettings,
+    OF_REACTING,
     SkillSettings,
     check_way,
 )
@@ -17,15 +27,20 @@ __all__ = [
     "BIC",
     "COMPONENTS",
     "CROSS_VALIDATION",
+    "OF_REACTING",
+    "Part",
     "Planner",
-    "ReactiveSkillSettings",
     "Skill",
     "SkillSettings",
     "SkillWords",
     "Solid",
     "TaskOutcome",
+    "check_parts",
     "check_way",
+    "general_part",
     "load_skill",
+    "model_type",
+    "part_names",
     "part_of",
     "settings_file",
     "skill_names",

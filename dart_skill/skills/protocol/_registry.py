@@ -1,14 +1,19 @@
-"""Skills by name: those that come with dart_skill, and those of any installed package that
-registers one.
+"""Skills and their parts by name: those that come with dart_skill, and those of any installed
+package that registers one.
 
-A package registers a skill in its own metadata, under the entry-point group `dart_skill.skills`:
+A package registers a skill in its own metadata, under the entry-point group `dart_skill.skills`,
+and a part under the group of its kind (`GROUPS`):
 
     [project.entry-points."dart_skill.skills"]
     stack = "my_package.stack:Stack"
+
+    [project.entry-points."dart_skill.representations"]
+    splines = "my_package.splines:Splines"
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -16,6 +21,7 @@ from typing import Any
 from dart_skill.skills.protocol._skill import Skill
 
 GROUP = "dart_skill.skills"
+"""Entry-point group of skills."""
 OWN = {
     "darts": "dart_skill.skills.darts:Darts",
     "place": "dart_skill.skills.place:Place",
@@ -23,11 +29,41 @@ OWN = {
     "throw": "dart_skill.skills.throw:Throw",
 }
 """Those that come with dart_skill, also where it was not installed, as in a checkout."""
+GROUPS = {
+    "representation": "dart_skill.representations",
+    "refinement": "dart_skill.refinements",
+    "practice": "dart_skill.practices",
+    "targets": "dart_skill.targets",
+}
+"""Entry-point group of each kind of part; a setting of that name chooses one (`SkillSettings`)."""
+PARTS = {
+    "representation": {
+        "autonomous": "dart_skill.skills.learning:Autonomous",
+        "dsgmr": "dart_skill.skills.learning:FoundComponents",
+        "intervals": "dart_skill.skills.learning:EqualIntervals",
+        "pose": "dart_skill.skills.learning:OnManifold",
+    },
+    "refinement": {
+        "aim": "dart_skill.skills.learning:SolvedAim",
+        "flight": "dart_skill.skills.learning:SolvedFlight",
+        "none": "dart_skill.skills.learning:Refinement",
+        "release": "dart_skill.skills.learning:FarthestRelease",
+    },
+    "practice": {
+        "bootstrap": "dart_skill.skills.practice:BootstrapPractice",
+        "none": "dart_skill.skills.practice:Practice",
+        "residual": "dart_skill.skills.practice:ResidualPractice",
+    },
+    "targets": {"drawn": "dart_skill.skills.practice:TargetChoice"},
+}
+"""Parts that come with dart_skill for any skill, by kind and name. A skill may bring more of its
+own (`Skill.parts`).
+"""
 
 
 def skill_names() -> list[str]:
     """Names of all skills that there are."""
-    return sorted(_entry_points())
+    return sorted(_registered(GROUP, OWN))
 
 
 def skill_type(name: str) -> type[Skill]:
@@ -40,62 +76,127 @@ def skill_type(name: str) -> type[Skill]:
     """
     # One of ours is found without a look at what is installed, which takes longer than the skill's
     # own import.
-    found = {name: _own(name)} if name in OWN else _entry_points()
+    found = {name: OWN[name]} if name in OWN else _registered(GROUP, OWN)
     if name not in found:
         raise ValueError(
             f"no skill '{name}': choose one of {', '.join(sorted(found))}, or install the package"
             " that has it"
         )
-    point = found[name]
-    kind = _loaded(point, f"skill '{name}'")
+    kind = _loaded(found[name], f"skill '{name}'")
     if not (isinstance(kind, type) and issubclass(kind, Skill)):
         raise ValueError(
-            f"the skill '{name}' ({point.value}) is no class derived from"
+            f"the skill '{name}' ({found[name]}) is no class derived from"
             " dart_skill.skills.protocol.Skill"
         )
     if kind.name != name:
         raise ValueError(
-            f"the skill '{name}' ({point.value}) calls itself '{kind.name}': give both the same"
+            f"the skill '{name}' ({found[name]}) calls itself '{kind.name}': give both the same"
             " name"
         )
     return kind
 
 
-def part_of(skill: Skill, what: str) -> Any:
-    """Class of a part that a skill names as "module:class": its `learner` or `target_choice`.
+def load_skill(
+    name: str, settings: Path | None = None, changes: Mapping[str, Any] | None = None
+) -> Skill:
+    """The skill of that name.
+
+    Parameters
+    ----------
+    settings
+        File of its settings; None: those that it is configured with.
+    changes
+        Of these settings, by name.
 
     Raises
     ------
     ValueError
-        If it cannot be imported.
-    """
-    value = getattr(skill, what)
-    return _loaded(metadata.EntryPoint(what, value, GROUP), f"{what} of the skill '{skill.name}'")
-
-
-def load_skill(name: str, settings: Path | None = None) -> Skill:
-    """The skill of that name with its settings: from a file, else those that it is configured
-    with.
+        For a skill, a setting or a part that there is not.
     """
     kind = skill_type(name)
-    return kind.configured() if settings is None else kind(kind.settings_type.from_file(settings))
+    skill = kind.configured() if settings is None else kind(kind.settings_type.from_file(settings))
+    if changes:
+        skill = skill.with_settings(skill.settings.changed(changes, f"settings of '{name}'"))
+    check_parts(skill)
+    return skill
 
 
-def _entry_points() -> dict[str, metadata.EntryPoint]:
+def part_names(kind: str, skill: Skill) -> list[str]:
+    """Names of the parts of a kind among which a skill may choose."""
+    found = _registered(GROUPS[kind], {**PARTS[kind], **skill.parts.get(kind, {})})
+    return sorted(
+        name
+        for name, value in found.items()
+        if not _loaded(value, f"{kind} '{name}'").refusal(skill)
+    )
+
+
+def part_of(skill: Skill, kind: str) -> Any:
+    """Class of a part of a skill: the one that its setting of that name chooses.
+
+    Parameters
+    ----------
+    kind
+        One of `GROUPS`.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name, it cannot be imported, or it is of no use to the skill.
+    """
+    name = getattr(skill.settings, kind)
+    own = {**PARTS[kind], **skill.parts.get(kind, {})}
+    found = own if name in own else _registered(GROUPS[kind], own)
+    if name not in found:
+        raise ValueError(
+            f"no {kind} '{name}' for the skill '{skill.name}': choose one of"
+            f" {', '.join(sorted(found))}"
+        )
+    part = _loaded(found[name], f"{kind} '{name}'")
+    if why := part.refusal(skill):
+        raise ValueError(f"the {kind} '{name}' is not for the skill '{skill.name}': {why}")
+    return part
+
+
+def general_part(kind: str, name: str) -> Any:
+    """Class of the part of that kind and name that is for any skill.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or it cannot be imported.
+    """
+    found = PARTS[kind] if name in PARTS[kind] else _registered(GROUPS[kind], PARTS[kind])
+    if name not in found:
+        raise ValueError(f"no {kind} '{name}': choose one of {', '.join(sorted(found))}")
+    return _loaded(found[name], f"{kind} '{name}'")
+
+
+def check_parts(skill: Skill) -> None:
+    """ValueError for a part that there is not, or that is of no use to the skill. What has not
+    been changed was checked when it was made, and is not imported.
+    """
+    usual = type(skill).settings_type()
+    for kind in GROUPS:
+        if getattr(skill.settings, kind) != getattr(usual, kind):
+            part_of(skill, kind)
+
+
+def model_type(skill: Skill) -> Any:
+    """Class of what a skill learns (`Skill.model`)."""
+    return _loaded(skill.model, f"model of the skill '{skill.name}'")
+
+
+def _registered(group: str, own: Mapping[str, str]) -> dict[str, str]:
     """By name; what another package calls like one of ours does not take its place."""
-    found = {point.name: point for point in metadata.entry_points(group=GROUP)}
-    return {**found, **{name: _own(name) for name in OWN}}
+    return {**{point.name: point.value for point in metadata.entry_points(group=group)}, **own}
 
 
-def _own(name: str) -> metadata.EntryPoint:
-    return metadata.EntryPoint(name, OWN[name], GROUP)
-
-
-def _loaded(point: metadata.EntryPoint, what: str) -> Any:
+def _loaded(value: str, what: str) -> Any:
     try:
-        return point.load()
+        return metadata.EntryPoint(what, value, GROUP).load()
     # of another package's module: whatever it raises when it is imported
     except Exception as error:
         raise ValueError(
-            f"the {what} ({point.value}) cannot be imported: {type(error).__name__}: {error}"
+            f"the {what} ({value}) cannot be imported: {type(error).__name__}: {error}"
         ) from error

@@ -4,23 +4,37 @@ silently left out.
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from dart_skill.common.constants import PARTITIONS
+from dart_skill.arm import KnownRegistration, Registration
 
 S = TypeVar("S", bound="SkillSettings")
 COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
 """Numbers of components among which one is chosen on request."""
-OVERLAP = 0.7
-"""Overlap of the components in time, relative to their intervals, after EM: that of throws."""
-BIC, CROSS_VALIDATION = "bic", "cross_validation"
-"""How: by the Bayesian information criterion, or by what the others teach for each demonstration
-that is left out.
-"""
+BIC = "bic"
+"""Choice of the number of components by the Bayesian information criterion."""
+CROSS_VALIDATION = "cross_validation"
+"""Choice by what the others teach for each demonstration that is left out."""
+POSITIVE = (
+    "components",
+    "stiffness",
+    "step",
+    "least_demonstrations",
+    "oldest",
+    "slowest",
+    "time_constant",
+    "catch_up",
+)
+"""Settings that must be more than 0."""
+OF_REACTING = frozenset(
+    {"oldest", "follow_on", "slowest", "fastest", "time_constant", "ignored", "catch_up"}
+)
+"""Settings of a movement that the state drives."""
 
 
 def check_way(way: str) -> None:
@@ -40,10 +54,30 @@ class SkillSettings:
 
     Parameters
     ----------
+    representation
+        Name of how movements are encoded (`part_names("representation")`): "intervals", mixtures
+        whose components have equal intervals of time; "dsgmr", EM finds them; "pose", on the
+        manifold of positions and orientations; "autonomous", driven by the state of the arm.
+    refinement
+        Name of what is solved for before a plan is made: "none"; of what is thrown, "aim",
+        "release" or both, "flight".
+    practice
+        Name of how own trials are learned from: "residual", what repeats in the misses is taken
+        out; "bootstrap", a trial is one more demonstration; "none". Throws have more.
+    targets
+        Name of what chooses the next trial of practice: "drawn"; of throws "worst", of darts
+        "best_aim".
     components
         Int. `n_components` of the DS-GMR.
+    overlap
+        Standard deviation of components that EM found, relative to their intervals; 0: as EM has
+        it.
     stiffness, orientation_stiffness
-        Kp of (7.19) [1/s^2], with critical damping.
+        Kp of (7.19) [1/s^2], with critical damping; 0 for the orientation: the same.
+    stiffness_range
+        Least and largest stiffness of the position [1/s^2]; between them it is high where and in
+        which direction the demonstrations agreed (`stiffness_from_covariance`). Empty: it is
+        constant. Of a plan that is made beforehand.
     step
         Of a plan [s].
     start_speed, stop_speed
@@ -58,20 +92,36 @@ class SkillSettings:
         How many demonstrations it takes to believe that one direction varies less than another.
     least_demonstrations
         That are learned from.
-    partition
-        "time", every component has its own interval of the same length, or "em", EM finds which
-        samples belong to it, and `TaskParameterisedMixture.fit_around` follows, as in throws.
     frames
         Names of the task frames that count (`Skill.frame_names`); empty: all.
-    stiffness_range
-        Least and largest stiffness of the position [1/s^2]; between them it is high where and in
-        which direction the demonstrations agreed (`stiffness_from_covariance`). Empty: it is
-        constant. Of a plan that is made beforehand.
+    oldest
+        Of the newest pose of a body [s]; an older one stops a motion that reacts.
+    follow_on
+        The hand stays with the bodies so long after the end of what was shown [s].
+    slowest, fastest
+        Rates of the phase of a movement that the state drives; 1 is the pace that was shown. What
+        is held back waits, what is pushed ahead skips.
+    time_constant
+        Of the correction of the phase [s].
+    ignored
+        What a hand lags or leads by without a disturbance [s].
+    catch_up
+        A hand that was left behind catches up no faster than so much above the speed of the motion
+        [m/s].
+    registration
+        Of cameras and arm as it was measured before (`dart-skill check arm`), which the
+        demonstrations correct; None: they tell it alone.
     """
 
+    representation: str = "intervals"
+    refinement: str = "none"
+    practice: str = "residual"
+    targets: str = "drawn"
     components: int = 12
+    overlap: float = 0.7
     stiffness: float = 400.0
     orientation_stiffness: float = 400.0
+    stiffness_range: tuple[float, ...] = ()
     step: float = 0.004
     start_speed: float = 0.05
     stop_speed: float = 0.02
@@ -80,31 +130,39 @@ class SkillSettings:
     grip_time: float = 0.1
     prior: float = 2.0
     least_demonstrations: int = 2
-    # the names of models have these three only where they are given
-    partition: str = field(default="time", repr=False)
-    frames: tuple[str, ...] = field(default=(), repr=False)
-    stiffness_range: tuple[float, ...] = field(default=(), repr=False)
+    frames: tuple[str, ...] = ()
+    oldest: float = 0.15
+    follow_on: float = 0.3
+    slowest: float = 0.01
+    fastest: float = 1.3
+    time_constant: float = 0.02
+    ignored: float = 0.01
+    catch_up: float = 0.25
+
+    registration: KnownRegistration | None = None
+
+    FROM_ELSEWHERE: ClassVar[frozenset[str]] = frozenset({"registration"})
+    """What no file of settings has."""
+    SIGNED: ClassVar[frozenset[str]] = frozenset()
+    """Settings that may be negative."""
+    UNUSED: ClassVar[frozenset[str]] = frozenset()
+    """Settings that are without effect for the skills of a class, so that no file has them."""
 
     def __post_init__(self) -> None:
         for one in fields(self):
             value = getattr(self, one.name)
-            if isinstance(value, bool | str) or one.name == "frames" or value == ():
+            if not isinstance(one.default, float | int | tuple) or isinstance(one.default, bool):
                 continue
-            if not (np.isfinite(value).all() and np.min(value) >= 0.0):
+            if isinstance(value, tuple) and all(isinstance(part, str) for part in value):
+                continue
+            numbers = np.asarray(value, dtype=float)
+            if not np.isfinite(numbers).all():
+                raise ValueError(f"{one.name} is {value}; it must be finite")
+            if one.name not in self.SIGNED and np.min(numbers, initial=0.0) < 0.0:
                 raise ValueError(f"{one.name} is {value}; it must be finite and not negative")
-        for name in (
-            "components",
-            "stiffness",
-            "orientation_stiffness",
-            "step",
-            "least_demonstrations",
-        ):
+        for name in POSITIVE:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
-        if self.partition not in PARTITIONS:
-            raise ValueError(
-                f"partition is '{self.partition}': give one of {', '.join(PARTITIONS)}"
-            )
         bounds = self.stiffness_range
         if bounds and not (len(bounds) == 2 and 0.0 < bounds[0] <= bounds[1]):
             raise ValueError(
@@ -112,25 +170,22 @@ class SkillSettings:
             )
         if not all(isinstance(name, str) for name in self.frames):
             raise ValueError(f"frames are {self.frames}: give names, or none")
+        if not self.slowest < 1.0 < self.fastest:
+            raise ValueError(
+                f"slowest is {self.slowest} and fastest {self.fastest}; they must lie on either"
+                " side of 1, the pace that was shown"
+            )
 
     @property
-    def rarely_given(self) -> tuple[tuple | str, ...]:
-        """Settings that the name of a model has only where they are given."""
-        return tuple(
-            value
-            for value in (self.frames, self.stiffness_range, self.partition)
-            if value and value != "time"
-        )
-
-    @property
-    def overlap(self) -> float | None:
-        """`overlap` of the DS-GMR: after EM that of throws, else None."""
-        return OVERLAP if self.partition == "em" else None
+    def rotational_stiffness(self) -> float:
+        """Kp of the orientation [1/s^2]."""
+        return self.orientation_stiffness or self.stiffness
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Names of the settings that a file may have. Default: all of the class."""
-        return tuple(one.name for one in fields(cls))
+        """Names of the settings that a file may have: all that have an effect."""
+        unused = cls.UNUSED | cls.FROM_ELSEWHERE
+        return tuple(one.name for one in fields(cls) if one.name not in unused)
 
     @classmethod
     def from_file(cls: type[S], path: Path) -> S:
@@ -149,30 +204,31 @@ class SkillSettings:
             raise ValueError(f"{path} is not YAML: {error}") from error
         if not isinstance(content, dict):
             raise ValueError(f"{path} holds no settings: write one 'name: value' in a line")
-        return cls.from_mapping(content, str(path))
+        return cls().changed(content, str(path))
 
-    @classmethod
-    def from_mapping(cls: type[S], content: dict[str, Any], where: str) -> S:
-        """The same from names and values; `where` they stand, for messages.
+    def changed(self: S, changes: Mapping[str, Any], where: str) -> S:
+        """The same but for some values.
 
         Parameters
         ----------
-        content
+        changes
             Values by name.
+        where
+            They are from, for messages.
 
         Raises
         ------
         ValueError
             For a name or value that cannot be.
         """
-        known = {one.name: one for one in fields(cls) if one.name in cls.names()}
-        if unknown := sorted(set(content) - set(known)):
+        known = {one.name: one for one in fields(self) if one.name in self.names()}
+        if unknown := sorted(set(changes) - set(known)):
             raise ValueError(
                 f"{where}: {', '.join(map(str, unknown))} is no setting; there are"
                 f" {', '.join(known)}"
             )
         values: dict[str, Any] = {}
-        for name, value in content.items():
+        for name, value in changes.items():
             wanted = _kind_of(known[name].default)
             if not isinstance(value, wanted) or (isinstance(value, bool) and bool not in wanted):
                 raise ValueError(
@@ -181,51 +237,35 @@ class SkillSettings:
                 )
             values[name] = tuple(value) if isinstance(value, list) else value
         try:
-            return cls(**values)
+            return replace(self, **values)
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error
 
+    @classmethod
+    def from_saved(cls: type[S], values: Mapping[str, Any], where: str) -> S:
+        """That of which `dataclasses.asdict` made these values.
 
-@dataclass(frozen=True)
-class ReactiveSkillSettings(SkillSettings):
-    """Settings of a skill that reacts (`Skill.reacts`), beside those of every skill:
+        Parameters
+        ----------
+        where
+            They stand, for messages.
 
-    Parameters
-    ----------
-    oldest
-        Of the newest pose of a body [s]; an older one stops the motion.
-    follow_on
-        The hand stays with the bodies so long after the end of what was shown [s].
-    slowest, fastest
-        Rates of the phase; 1 is the pace that was shown. What is held back waits, what is pushed
-        ahead skips.
-    time_constant
-        Of the correction of the phase [s].
-    ignored
-        What a hand lags or leads by without a disturbance [s].
-    catch_up
-        A hand that was left behind catches up no faster than so much above the speed of the motion
-        [m/s].
-    """
-
-    oldest: float = 0.15
-    follow_on: float = 0.3
-    slowest: float = 0.01
-    fastest: float = 1.3
-    time_constant: float = 0.02
-    ignored: float = 0.01
-    catch_up: float = 0.25
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("oldest", "slowest", "time_constant", "catch_up"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
-        if not self.slowest < 1.0 < self.fastest:
-            raise ValueError(
-                f"slowest is {self.slowest} and fastest {self.fastest}; they must lie on either"
-                " side of 1, the pace that was shown"
-            )
+        Raises
+        ------
+        ValueError
+            If they make none.
+        """
+        try:
+            one = {
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in values.items()
+            }
+            if (known := values["registration"]) is not None:
+                registration = Registration(**known["registration"])
+                one["registration"] = KnownRegistration(registration, tuple(known["spread"]))
+            return cls(**one)
+        except (ValueError, TypeError, KeyError) as error:
+            raise ValueError(f"{where} holds no settings of {cls.__name__}: {error}") from error
 
 
 def _kind_of(default: object) -> tuple[type, ...]:

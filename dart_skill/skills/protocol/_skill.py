@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -101,10 +102,6 @@ class Skill:
     world
         The simulated world in which it is shown and tried (`simulation.WORLDS`); with a real arm
         it is of no meaning.
-    reacts
-        The model is asked at every state of the arm, with the newest poses of the bodies, which
-        may move (`ReactiveSkill` of dart_skill.skills.learning; `settings_type` derives from
-        `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
     speed
         The level of config/limits.yaml that its movements need.
     corrects
@@ -115,10 +112,15 @@ class Skill:
         Of the numbers of a situation, by name, for who reads them; one that is not here has none.
     turned
         Whether it matters how the bodies are turned that a situation names.
-    learner
-        Class that learns it (`skills.practice.Learner`), as "module:class".
-    target_choice
-        Class that chooses what to try next (`skills.practice.TargetChoice`), as "module:class".
+    model
+        Class of what is learned (as `skills.learning.LearnedSkill`), as "module:class".
+    parts
+        Its own parts, which its settings may choose beside those for any skill: for a kind
+        (`GROUPS`) "module:class" by name.
+    turns_hand
+        Whether the hand turns on its way.
+    configurations
+        Changes of its settings that have a name, by name.
     practised_by_hand
         Whether a person can put the bodies to their places while it practises.
     by_pointer
@@ -127,8 +129,6 @@ class Skill:
         Whether every movement into its world is found and cut without ~/start and ~/stop.
     in_the_open
         Whether its bodies stand in the region of config/world.yaml, out of the reach of the arm.
-    has_configurations
-        Whether its model can be chosen among those of config/configurations.
     settings_type
         Class of its settings.
     told_by
@@ -140,19 +140,19 @@ class Skill:
     task = ""
     bodies: tuple[str, ...] = ()
     world = "bench"
-    reacts = False
     speed = Speed.CAREFUL
     corrects = ""
     numbers: tuple[str, ...] = ()
     units: Mapping[str, str] = MappingProxyType({})
     turned = True
-    learner = "dart_skill.skills.practice:Learner"
-    target_choice = "dart_skill.skills.practice:TargetChoice"
+    model = "dart_skill.skills.learning:LearnedSkill"
+    parts: Mapping[str, Mapping[str, str]] = MappingProxyType({})
+    turns_hand = True
+    configurations: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
     practised_by_hand = False
     by_pointer = True
     cuts_itself = False
     in_the_open = False
-    has_configurations = False
     settings_type: type[SkillSettings] = SkillSettings
     told_by = "trials"
 
@@ -167,16 +167,42 @@ class Skill:
         path = settings_file(cls)
         return cls(None if path is None else cls.settings_type.from_file(path))
 
-    @classmethod
-    def saved_settings(cls, values: Mapping[str, Any], where: str) -> Any:
-        """What a model file has of the settings with which the skill learned.
+    def with_settings(self: K, settings: SkillSettings) -> K:
+        """The same skill with other settings."""
+        other = copy(self)
+        other.settings = settings
+        return other
+
+    def named(self: K, configuration: str) -> K:
+        """The same skill with a named change of its settings; an empty name changes nothing.
 
         Raises
         ------
         ValueError
-            With `where` they stand, if these are none of this skill.
+            Lists the names that there are.
         """
-        return cls.settings_type.from_mapping(dict(values), where)
+        if not configuration:
+            return self
+        if not self.configurations:
+            raise ValueError(
+                f"configurations are of throws: the skill '{self.name}' has its settings in"
+                f" config/skills/{self.name}.yaml"
+            )
+        if configuration not in self.configurations:
+            raise ValueError(
+                f"no configuration '{configuration}': choose one of"
+                f" {', '.join(sorted(self.configurations))}"
+            )
+        return self.with_settings(replace(self.settings, **self.configurations[configuration]))
+
+    @property
+    def reacts(self) -> bool:
+        """Whether the model is asked at every state of the arm, with the newest poses of the bodies,
+        which may move. Otherwise a plan is made beforehand.
+        """
+        from dart_skill.skills.protocol._registry import part_of  # which loads skills
+
+        return part_of(self, "representation").drive == "state"
 
     @property
     def moves(self) -> str:
@@ -426,10 +452,13 @@ class Skill:
         """ValueError for settings that are not of this skill: a task frame that it does not have,
         gains that no model of it can give.
         """
-        if self.reacts and self.settings.stiffness_range:
+        from dart_skill.skills.protocol._registry import part_of  # which loads skills
+
+        representation = part_of(self, "representation")
+        if self.settings.stiffness_range and not representation.tells_covariance:
             raise ValueError(
-                f"the skill '{self.name}' reacts: its model knows no covariance of the attractor,"
-                " so give no stiffness_range"
+                f"the representation '{self.settings.representation}' knows no covariance of the"
+                " attractor, so give no stiffness_range"
             )
         if unknown := [name for name in self.settings.frames if name not in self.frame_names]:
             raise ValueError(

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import HAND, Demonstration
-from dart_skill.skills.protocol import ReactiveSkillSettings, Skill, Solid, TaskOutcome
+from dart_skill.skills.protocol import Skill, SkillSettings, Solid, TaskOutcome
 
 WIDE = 0.05
 """Radius of a cup, as viewers show it: nothing touches it [m]."""
@@ -31,8 +31,8 @@ cup [s].
 
 
 @dataclass(frozen=True)
-class ReachSettings(ReactiveSkillSettings):
-    """Beside those of every skill that reacts:
+class ReachSettings(SkillSettings):
+    """Beside those of every skill:
 
     Parameters
     ----------
@@ -58,6 +58,7 @@ class ReachSettings(ReactiveSkillSettings):
         them for `awhile` [s].
     """
 
+    representation: str = "autonomous"
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     rim: float = 0.06
     rim_tolerance: float = 0.01
@@ -79,7 +80,7 @@ class Reach(Skill):
     task = "reach into the cup"
     bodies = ("cup",)
     world = "belt"
-    reacts = True
+    turns_hand = False
     corrects = "cup"
     numbers = ("way_x", "way_y", "way_z", "steady", "start", "duration", "tunnel")
     units = MappingProxyType(

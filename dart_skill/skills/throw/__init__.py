@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import chain
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,10 +18,11 @@ import numpy as np
 from dart_skill.arm import Speed
 from dart_skill.common.regions import REGION, Region, targets_for
 from dart_skill.common.situation import Pose, Situation
-from dart_skill.common.surface import BASKETS, Game
+from dart_skill.common.surface import Game
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import HAND, Demonstration, demonstration_id
+from dart_skill.skills.learning import CONFIGURATIONS, LADDER, ThrowSettings
 from dart_skill.skills.observation import (
     Outcome,
     SensorLog,
@@ -31,11 +33,14 @@ from dart_skill.skills.observation import (
 )
 from dart_skill.skills.protocol import Skill, SkillWords, TaskOutcome
 
-LANDING, RELEASE = "landing", "release"
-"""Instants of a throw at which it is told where the ball was."""
+LANDING = "landing"
+"""Instant at which the ball came down."""
+RELEASE = "release"
+"""Instant at which the ball left the hand."""
+METHODS = ("residual", "bootstrap", "both", "power", "none")
+"""Ways to learn from own throws (`PractisingSkill`)."""
 
 if TYPE_CHECKING:
-    from dart_skill.skills.learning import SkillConfiguration
     from dart_skill.skills.practice import CorrectionSettings
 
 
@@ -49,20 +54,28 @@ class Throw(Skill):
     speed = Speed.THROW
     corrects = "basket"
     turned = False
-    learner = "dart_skill.skills.throw._learner:ThrowLearner"
-    target_choice = "dart_skill.skills.throw._target_choice:WorstTarget"
+    model = "dart_skill.skills.learning:ThrowingSkill"
+    parts = MappingProxyType(
+        {
+            "practice": dict.fromkeys(METHODS, "dart_skill.skills.throw._practice:ThrowPractice"),
+            "targets": {"worst": "dart_skill.skills.throw._target_choice:WorstTarget"},
+        }
+    )
+    settings_type = ThrowSettings
+    settings: ThrowSettings
+    configurations = MappingProxyType({**CONFIGURATIONS, **LADDER})
+    reacts = False
     practised_by_hand = True
     shown_by = "swing"
     by_pointer = False
     cuts_itself = in_the_open = True
-    has_configurations = True
     rim_radius = the_world().basket_radius
     region = REGION
     told_by = "landings"
-    cocked: tuple[float, float, float] | None = None
-    """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing
-    for baskets.
-    """
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        return ("base", "start", "azimuth", "target")
 
     @property
     def words(self) -> SkillWords:
@@ -100,7 +113,14 @@ class Throw(Skill):
     @property
     def game(self) -> Game:
         """What is thrown at what."""
-        return BASKETS
+        return self.settings.game
+
+    @property
+    def cocked(self) -> tuple[float, float, float] | None:
+        """Angles of J2, J4 and J6 before the swing of a simulated person [rad]; None: as they swing
+        for baskets.
+        """
+        return None
 
     @property
     def middle(self) -> tuple[float, float, float]:
@@ -116,19 +136,6 @@ class Throw(Skill):
     def steady_every(self) -> int:
         """Own throws between two looks at when to let go; 0: that is not practised."""
         return 0
-
-    @classmethod
-    def saved_settings(cls, values: Mapping[str, Any], where: str) -> SkillConfiguration:
-        from dart_skill.skills.learning import SkillConfiguration
-
-        try:
-            return SkillConfiguration.from_saved(values)
-        except (ValueError, TypeError, KeyError) as error:
-            raise ValueError(f"{where} is not a model file of dart_skill: {error}") from error
-
-    def configured_for(self, configuration: SkillConfiguration) -> SkillConfiguration:
-        """A configuration of throws, as this skill uses it."""
-        return configuration
 
     def target(self, situation: Situation) -> np.ndarray:
         """Where a throw shall go (3,) [m], in the world.

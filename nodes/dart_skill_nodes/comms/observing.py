@@ -52,7 +52,7 @@ class Observer:
 
     def check(self, one: Demonstration) -> None:
         """ValueError says why it cannot be learned from."""
-        self._learner.check_shown(one)
+        self._learner.finding(one)
 
     def late(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> bool:
         """Whether poses may be on their way that decide what is asked for."""

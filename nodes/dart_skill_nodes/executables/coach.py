@@ -20,7 +20,6 @@ from dart_skill.arm import Grip
 from dart_skill.recording import HAND
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.practice import target_choice_of
-from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, PersonAtTheArm
 from dart_skill_nodes.client.service_calls import PATIENCE, RecorderCalls, ServiceCalls
@@ -45,6 +44,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     declare_bodies,
     run,
+    skill_of,
 )
 
 TABLE = [
@@ -79,7 +79,7 @@ class CoachNode(GuardedNode):
     def __init__(self):
         super().__init__("coach")
         self.p = declare(self, "coach.yaml", TABLE)
-        self._skill = load_skill(self.p["skill"])
+        self._skill = skill_of(self)
         self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         self._skill.take_world(self.p)
         self._choice = target_choice_of(self._skill, self.p["candidates"], self.p["seed"])

@@ -30,7 +30,6 @@ from dart_skill.arm import (
 from dart_skill.recording import HAND
 from dart_skill.skills.execution import ReactiveGuide
 from dart_skill.skills.observation import ARRIVAL_NS
-from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.arm.arm_watch import QUIET, ArmWatch
 from dart_skill_nodes.arm.goal import GoalUnderWay, Plans, Withdrawn
 from dart_skill_nodes.client.failures import CallFailed
@@ -58,6 +57,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     declare_bodies,
     run,
+    skill_of,
 )
 from dart_skill_nodes.process.parameters import LIMITS
 
@@ -134,7 +134,7 @@ class CommanderNode(GuardedNode):
             if self.p["registration_file"]
             else None
         )
-        self._skill = load_skill(self.p["skill"])
+        self._skill = skill_of(self)
         name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         load = self._skill.loaded(wam_description())
         self._commander = Commander(CommanderSettings.from_parameters(self.p), load, measured)

@@ -34,8 +34,7 @@ from dart_skill.recording import (
     types_for,
 )
 from dart_skill.skills.observation import ThrowFinder, watched_until
-from dart_skill.skills.practice import learner_of
-from dart_skill.skills.protocol import load_skill
+from dart_skill.skills.practice import Learner
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import OfTheArm, StateReader
@@ -64,6 +63,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     declare_bodies,
     run,
+    skill_of,
 )
 
 TABLE = [
@@ -96,7 +96,7 @@ class DemonstrationRecorder(BagKeeper):
     def __init__(self):
         super().__init__("demonstration_recorder")
         self.p = declare(self, "demonstration_recorder.yaml", TABLE)
-        self._skill = load_skill(self.p["skill"])
+        self._skill = skill_of(self)
         self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         self.declare_parameter("autostart", True)
         self._bag, self._recording = None, False
@@ -165,7 +165,7 @@ class DemonstrationRecorder(BagKeeper):
                 " and ~/stop"
             )
         self._skill.take_world(self.p)
-        learner = learner_of(
+        learner = Learner(
             self._skill, lambda: node_parameters("skill_learner.yaml", "skill_learner")
         )
         return Observer(self._skill, learner, self._thresholds, self.p["frame_id"])

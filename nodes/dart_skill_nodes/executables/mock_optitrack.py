@@ -27,7 +27,6 @@ from dart_skill.simulation import (
     MotionCapture,
     PlantSettings,
 )
-from dart_skill.skills.protocol import skill_type
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 from dart_skill_nodes.comms.names import CLOCK, pose_topic
@@ -45,6 +44,7 @@ from dart_skill_nodes.process.node_base import (
     declare_row,
     refuse_what_is_not_finite,
     run,
+    skill_of,
 )
 
 STEP_NS = PlantSettings().step_ns
@@ -125,9 +125,9 @@ class MockOptitrack(GuardedLifecycleNode):
         values = node_parameters("optitrack.yaml", "mock_optitrack")
         for row in WORLD:
             declare_row(self, row, values[row.name])
-        kind = skill_type(self.get_parameter("skill").value)
-        self._is_reacted_to = kind.reacts
-        self._name_of = declare_bodies(self, (HAND, *kind.bodies))
+        skill = skill_of(self)
+        self._is_reacted_to = skill.reacts
+        self._name_of = declare_bodies(self, (HAND, *skill.bodies))
         shared = {**world_parameters(), **limit_parameters()}
         values = {name: value for name, value in values.items() if name not in shared}
         cameras = values.pop("cameras")
@@ -144,7 +144,7 @@ class MockOptitrack(GuardedLifecycleNode):
         bodies = [
             role
             for role in self._name_of
-            if not kind.in_the_open or role in self.get_parameter("bodies").value
+            if not skill.in_the_open or role in self.get_parameter("bodies").value
         ]
         return {name: self.get_parameter(name).value for name in values} | {
             "cameras": self._cameras(),

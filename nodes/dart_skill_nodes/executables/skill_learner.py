@@ -30,14 +30,13 @@ from dart_skill.recording import (
     read_dropped,
 )
 from dart_skill.skills.learning import NoPlan, Unreachable, component_ellipsoids
-from dart_skill.skills.practice import Learner, Lesson, Standing, learner_of
-from dart_skill.skills.protocol import load_skill
+from dart_skill.skills.practice import Learner, Lesson, Standing
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.markers import marker_colour
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, NEWEST, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run, skill_of
 
 TABLE = [
     Parameter("skill", "that it learns"),
@@ -132,7 +131,7 @@ class SkillLearner(GuardedNode):
         self.p = declare(self, "skill_learner.yaml", TABLE)
         self._heard: dict[str, Any] = {}
         self._marked = Marks()
-        self._skill = load_skill(self.p["skill"])
+        self._skill = skill_of(self)
         self._learner = self._make_learner()
         self.add_on_set_parameters_callback(self._check_changes)
         self.create_subscription(Demonstration, DEMONSTRATIONS, self._on_demonstration, LATCHED)
@@ -152,7 +151,7 @@ class SkillLearner(GuardedNode):
         registration = (
             load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
         )
-        return learner_of(self._skill, self._parameters_now, registration)
+        return Learner(self._skill, self._parameters_now, registration)
 
     def _parameters_now(self) -> dict[str, Any]:
         return {row.name: self.get_parameter(row.name).value for row in TABLE}

@@ -24,7 +24,6 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.arm import REST_SPEED, ArmState, Command, Grip
 from dart_skill.recording import HAND
 from dart_skill.skills.observation import ARRIVAL_NS
-from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import BodyLocator, Judge, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
@@ -51,6 +50,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     declare_bodies,
     run,
+    skill_of,
 )
 
 TABLE = [
@@ -104,7 +104,7 @@ class TeacherNode(GuardedNode):
     def __init__(self):
         super().__init__("teacher")
         self.p = declare(self, "teacher.yaml", TABLE)
-        skill = load_skill(self.p["skill"])
+        skill = skill_of(self)
         name_of = declare_bodies(self, (HAND, *skill.bodies))
         self._skill, self._person, self._pointer = (
             skill,

@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dart_skill.common.regions import Region
 from dart_skill.recording import HAND, demonstration_from_message
 from dart_skill.simulation import Basket
-from dart_skill.skills.protocol import Skill, load_skill
+from dart_skill.skills.protocol import Skill
 from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
@@ -49,6 +49,7 @@ from dart_skill_nodes.process.node_base import (
     declare,
     declare_bodies,
     run,
+    skill_of,
 )
 
 TABLE = [
@@ -102,7 +103,7 @@ class Viewer(GuardedNode):
         self._server = open_server(self.p["host"], self.p["port"], token=token)
         self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
         basket = Basket(radius=self.p["basket_radius"], depth=self.p["basket_depth"])
-        self._skill = skill = load_skill(self.p["skill"])
+        self._skill = skill = skill_of(self)
         other = None if skill.in_the_open else skill
         self._scene = Scene(self._server, region=region, basket=basket, skill=other)
         self._demonstrated = partial(_shown, skill)

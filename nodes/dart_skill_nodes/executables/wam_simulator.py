@@ -23,7 +23,6 @@ from dart_skill.arm import (
     Grip,
 )
 from dart_skill.simulation import Board, PlantSettings, make_world
-from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.arm.state_publisher import StatePublisher
 from dart_skill_nodes.arm.world_pace import HeldAnswers, WorldPace
 from dart_skill_nodes.comms import conversions
@@ -43,6 +42,7 @@ from dart_skill_nodes.process.node_base import (
     Parameter,
     declare,
     run,
+    skill_of,
 )
 from dart_skill_nodes.process.parameters import LIMITS
 
@@ -169,7 +169,7 @@ class WamSimulator(GuardedNode):
         super().__init__("wam_simulator")
         self.p = declare(self, "wam_simulator.yaml", TABLE)
         board = Board(tuple(self.p["board_position"]))
-        skill, settings = load_skill(self.p["skill"]), PlantSettings.from_parameters(self.p)
+        skill, settings = skill_of(self), PlantSettings.from_parameters(self.p)
         self._plant = make_world(
             skill.world, settings, self.p["seed"], board, skill.world_settings
         )

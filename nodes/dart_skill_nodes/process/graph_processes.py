@@ -248,4 +248,6 @@ def _text(value) -> str:
     """As the command line of a node takes it: YAML."""
     if isinstance(value, (list, tuple)):
         return f"[{','.join(map(_text, value))}]"
+    if isinstance(value, str) and value.startswith("{"):  # would be taken for a mapping
+        return f"'{value}'"
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -27,6 +28,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.world import the_world
+from dart_skill.skills.protocol import Skill, load_skill
 from dart_skill_nodes.comms.in_process import exchanging, spin_once
 from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name, in_namespace
 from dart_skill_nodes.comms.presence import be_alive
@@ -51,6 +53,24 @@ def declare(node: Node, file: str, table: list[Parameter]) -> dict:
     for row in table:
         declare_row(node, row, defaults[row.name])
     return {row.name: node.get_parameter(row.name).value for row in table}
+
+
+def skill_of(node: Node) -> Skill:
+    """The skill that the parameter `skill` names, with the changes of its settings that the
+    parameter `skill_settings` holds, a YAML mapping.
+
+    Raises
+    ------
+    ValueError
+        For a skill, a setting or a part that there is not.
+    """
+    text = "changes of the settings of the skill, as YAML: {representation: pose}; empty: none"
+    about = ParameterDescriptor(description=text, read_only=True)
+    given = node.declare_parameter("skill_settings", "", about).value
+    changes = yaml.safe_load(given) if given else {}
+    if not isinstance(changes, dict):
+        raise ValueError(f"skill_settings is '{given}': give a YAML mapping, {{components: 16}}")
+    return load_skill(node.get_parameter("skill").value, changes=changes)
 
 
 def declare_row(node: Node, row: Parameter, default) -> None:

@@ -19,7 +19,6 @@ from dart_skill.session import Dart, DartsRun
 from dart_skill.simulation import Board, Teacher
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.learning import (
-    DEFAULT,
     Unreachable,
     landing_if_late,
     learn_throwing,
@@ -34,7 +33,7 @@ from tests.unit.board_points import in_world
 BOARD = Board()
 FACE = BOARD.face
 DARTS = Darts.configured()
-CONFIGURATION = DARTS.configured_for(DEFAULT)
+CONFIGURATION = DARTS.settings
 ASIDE = BoardFace((1.2, -1.9, 1.5))
 """A board that is not straight ahead."""
 VACUUM = replace(TENNIS_BALL, drag_coefficient=0.0)

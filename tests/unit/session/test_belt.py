@@ -14,7 +14,7 @@ from dart_skill.recording import Demonstration, Track
 from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import BodyMotion
-from dart_skill.skills.learning import Policy, ReactiveSkill
+from dart_skill.skills.learning import LearnedSkill, Policy
 from dart_skill.skills.reach import Reach
 
 BELT = Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0))
@@ -25,7 +25,7 @@ def taught():
     """A session of a seed that nothing here was tuned on, and what was learned from four reaches."""
     session = BeltSession(Reach.configured(), seed=41)
     shown = teach(session, np.random.default_rng(41), 4)
-    yield session, ReactiveSkill(session.skill, shown), shown
+    yield session, LearnedSkill(session.skill, shown), shown
     session.close()
 
 
@@ -41,7 +41,7 @@ def test_a_demonstration_is_cut_where_the_hand_rests_in_a_cup_that_goes_on(taugh
 @pytest.mark.parametrize("steady", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_hand_reaches_into_cups_on_belts_that_were_not_shown(taught, steady):
     session, learned, _ = taught
-    trial = session.execute(learned.guide(), replace(BELT, steady=steady))
+    trial = session.execute(learned.policy.guide(), replace(BELT, steady=steady))
     rim, end = session.skill.distances(trial.seen)
     assert trial.outcome.success and not trial.message
     assert rim < 0.01 and end < 0.01 and trial.outcome.error == end
@@ -50,7 +50,7 @@ def test_the_hand_reaches_into_cups_on_belts_that_were_not_shown(taught, steady)
 @pytest.mark.slow
 def test_a_hand_that_is_held_waits_and_does_not_hurry_after_the_cup(taught):
     session, learned, _ = taught
-    guide, holder, phases, speeds = learned.guide(), Holder(), [], []
+    guide, holder, phases, speeds = learned.policy.guide(), Holder(), [], []
 
     def push():
         plant = session.plant
@@ -73,16 +73,16 @@ def hand_velocity(plant):
 @pytest.mark.slow
 def test_a_cup_whose_poses_stop_coming_stops_the_motion_and_is_named(taught):
     session, learned, _ = taught
-    trial = session.execute(learned.guide(), replace(BELT, tunnel=1.8))
+    trial = session.execute(learned.policy.guide(), replace(BELT, tunnel=1.8))
     assert re.match(r"the cup was last seen 0\.1\d s ago: more than 0\.15 s", trial.message)
     assert not trial.outcome.success and session.commander.mode == Mode.HOLDING
-    assert session.execute(learned.guide(), BELT).message == "", "and the next one is made as ever"
+    assert session.execute(learned.policy.guide(), BELT).message == "", "and the next one is made as ever"
 
 
 @pytest.mark.slow
 def test_poses_come_as_late_as_the_cameras_deliver_them(taught):
     session, learned, _ = taught
-    guide, ages = learned.guide(), []
+    guide, ages = learned.policy.guide(), []
 
     def look():
         newest = guide._bodies["cup"].newest_ns
@@ -98,9 +98,9 @@ def test_three_demonstrations_are_enough(taught):
     taken for certain.
     """
     session, _, shown = taught
-    learned = ReactiveSkill(session.skill, shown[:3])
+    learned = LearnedSkill(session.skill, shown[:3])
     outcomes = [
-        session.execute(learned.guide(), replace(BELT, way=way)).outcome
+        session.execute(learned.policy.guide(), replace(BELT, way=way)).outcome
         for way in ((0.0, 0.2, 0.0), (0.05, -0.1, 0.0))
     ]
     assert all(one.success for one in outcomes), [one.reason for one in outcomes]
@@ -140,7 +140,7 @@ def test_a_policy_arrives_as_it_was_sent_to_the_last_bit(taught):
     assert policy.model.ends == learned.model.ends and policy.start_posture == pytest.approx(
         learned.policy.start_posture, abs=0.0
     )
-    assert session.execute(policy.guide(), BELT).outcome.success
+    assert session.execute(policy.policy.guide(), BELT).outcome.success
 
 
 @pytest.mark.parametrize(

@@ -74,28 +74,28 @@ def test_the_points_that_are_shown_are_all_over_the_board(darts):
 
 
 def test_its_settings_are_those_of_its_file(darts):
-    assert darts.settings == DartsSettings(), "the file says what the defaults are"
+    assert darts.settings == replace(DartsSettings(), board=darts.bull), "the file says what the defaults are"
     assert (
         darts.correction.memory == 40
-        and darts.configured_for(DEFAULT).board == the_world().board_position
+        and darts.settings.board == the_world().board_position
     )
 
 
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        ({"components": 8}, "components is no setting; there are step, shown"),
+        ({"prior": 8.0}, "prior is no setting; there are representation, refinement"),
         ({"of": 1}, "of is no setting"),
-        ({"cocked": [0.0, 1.0]}, "three finite angles"),
+        ({"cocked": [0.0, 1.0]}, "three angles"),
         ({"apart": [0.1]}, "two numbers"),
         ({"window": -1}, "window is -1"),
         ({"shown": 0.0}, "must be positive"),
-        ({"lengths": []}, r"lengths is \(\)"),
+        ({"lengths": []}, "at least one offset, one length"),
     ],
 )
 def test_a_setting_that_makes_no_sense_is_refused(content, why):
     with pytest.raises(ValueError, match=why):
-        DartsSettings.from_mapping(content, "darts.yaml")
+        DartsSettings().changed(content, "darts.yaml")
 
 
 def test_the_hand_holds_a_dart(darts):
@@ -153,7 +153,7 @@ def test_a_demonstration_says_of_what_it_is_in_messages(shown):
 
 
 def test_a_demonstration_says_of_what_it_is_in_model_files(shown, tmp_path):
-    save_model(tmp_path / "darts.npz", [shown], Darts().configured_for(DEFAULT))
+    save_model(tmp_path / "darts.npz", [shown], Darts().settings)
     demonstrations, configuration, *_ = load_model(tmp_path / "darts.npz")
     assert demonstrations[0].skill == "darts" and configuration.game == Darts().game
     save_model(tmp_path / "throws.npz", [replace(shown, skill="throw")], DEFAULT)

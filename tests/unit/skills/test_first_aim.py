@@ -15,7 +15,7 @@ from dart_skill.skills.learning import (
     learn_throwing,
 )
 from dart_skill.skills.learning._first_aim import FirstAim
-from dart_skill.skills.learning._throwing import AIM_TOLERANCE
+from dart_skill.skills.learning._refinement import AIM_TOLERANCE
 from tests.throw_demonstrations import changed_throw
 
 
@@ -53,10 +53,10 @@ def test_there_is_none_where_a_farther_aim_does_not_lead_farther():
 @pytest.fixture
 def throws_tried(monkeypatch):
     """Tasks of the throws that skills have worked out."""
-    tried, work = [], ThrowingSkill._throw_for
+    tried, work = [], ThrowingSkill.throw_for
     monkeypatch.setattr(
         ThrowingSkill,
-        "_throw_for",
+        "throw_for",
         lambda self, task, *model: tried.append(task) or work(self, task, *model),
     )
     return tried
@@ -106,7 +106,7 @@ def test_without_it_the_search_begins_at_the_target(demonstrations, monkeypatch)
         learn_throwing(demonstrations).plan(target).aim, known.aim, atol=4 * AIM_TOLERANCE
     )
     local = learn_throwing(demonstrations, replace(DEFAULT, width=0.25))
-    assert local._first_aim(target) is None
+    assert local.refinement._first_aim(local, target) is None
 
 
 def test_demonstrations_at_one_place_tell_no_first_aim(demonstrations, throws_tried):
@@ -115,22 +115,23 @@ def test_demonstrations_at_one_place_tell_no_first_aim(demonstrations, throws_tr
     skill = learn_throwing(
         [one, changed_throw(one, id="another", hand_position=one.hand_position + 1e-6)]
     )
-    assert skill._first_aim(one.target) is None and not throws_tried
+    assert skill.refinement._first_aim(skill, one.target) is None and not throws_tried
 
 
 def test_a_first_aim_that_has_no_throw_is_left_for_the_target(demonstrations, monkeypatch):
     skill = learn_throwing(demonstrations)
-    first, work, refused = [], ThrowingSkill._attempt, []
+    skill.plan(demonstrations[0].target)  # which tells where to begin
+    first, work, refused = [], ThrowingSkill.throw_for, []
 
-    def attempt(self, aim, target):
-        first.append(aim)
+    def throw_for(self, task, model=None):
+        first.append(task)
         if len(first) == 1:
-            refused.append(aim)
+            refused.append(task)
             raise Unreachable("as if the ball never came down")
-        return work(self, aim, target)
+        return work(self, task, model)
 
-    monkeypatch.setattr(ThrowingSkill, "_attempt", attempt)
+    monkeypatch.setattr(ThrowingSkill, "throw_for", throw_for)
     target = demonstrations[0].target
     plan = skill.plan(target)
-    np.testing.assert_allclose(first[1], [np.hypot(*target[:2]), np.arctan2(target[1], target[0])])
+    np.testing.assert_allclose(first[1], target)
     assert refused and np.linalg.norm(plan.predicted_landing - target) < 2 * AIM_TOLERANCE

@@ -116,7 +116,7 @@ def test_axes_that_were_seen_to_turn_hold_back_no_turn_that_goes_further(
     body = body_at(0.6, 0.1, np.deg2rad(60.0))
     free = end_of(learned.plan(situation_of(body)), body)[1]
     monkeypatch.setattr(
-        "dart_skill.skills.learning._learned.with_free_length", lambda mixture: mixture
+        "dart_skill.skills.learning._representation.with_free_length", lambda mixture: mixture
     )
     bound = end_of(LearnedSkill(Touch(), demonstrations).plan(situation_of(body)), body)[1]
     assert free < 0.5 * bound
@@ -499,13 +499,13 @@ def test_only_the_frames_that_are_named_count(demonstrations):
 
 
 def test_settings_that_are_rarely_given_are_part_of_the_name_of_a_model(demonstrations):
-    kinds = ({}, {"frames": ("button",)}, {"stiffness_range": (50.0, 800.0)}, {"partition": "em"})
+    kinds = ({}, {"frames": ("button",)}, {"stiffness_range": (50.0, 800.0)}, {"representation": "dsgmr"})
     assert len({LearnedSkill(touch(**one), demonstrations).model_id for one in kinds}) == 4
 
 
 def test_em_may_find_when_components_begin_and_end(demonstrations, learned):
     """Other components, with which the hand comes as near to bodies that stand elsewhere."""
-    found = LearnedSkill(touch(partition="em"), demonstrations)
+    found = LearnedSkill(touch(representation="dsgmr"), demonstrations)
     for turn in np.deg2rad([-40.0, 0.0, 50.0]):
         body = body_at(0.5, 0.3, turn)
         plans = [each.plan(situation_of(body)) for each in (learned, found)]
@@ -517,8 +517,8 @@ def test_em_may_find_when_components_begin_and_end(demonstrations, learned):
             angle,
             other_angle,
         )
-    with pytest.raises(ValueError, match="partition is 'kmeans': give one of time, em"):
-        touch(partition="kmeans")
+    with pytest.raises(ValueError, match="no representation 'kmeans' for the skill 'touch'"):
+        LearnedSkill(touch(representation="kmeans"), demonstrations)
 
 
 @pytest.mark.slow
@@ -528,7 +528,7 @@ def test_the_number_of_components_is_chosen_on_request(demonstrations, way, monk
     with that number.
     """
     few = (2, 6, 12)
-    monkeypatch.setattr("dart_skill.skills.learning._pose_components.COMPONENTS", few)
+    monkeypatch.setattr("dart_skill.skills.learning._learning.COMPONENTS", few)
     models = {number: LearnedSkill(touch(components=number), demonstrations) for number in few}
     score = {
         number: one.bic() if way == "bic" else np.mean(unlike(one) ** 2)

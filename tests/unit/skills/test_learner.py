@@ -8,9 +8,9 @@ import pytest
 from dart_skill.common.configuration import load_yaml
 from dart_skill.recording import read_demonstrations
 from dart_skill.skills.darts import Darts
-from dart_skill.skills.learning import DEFAULT, _preparation, save_model
-from dart_skill.skills.practice import learner_of
-from dart_skill.skills.protocol import load_skill, part_of
+from dart_skill.skills.learning import CONFIGURATIONS, _preparation, save_model
+from dart_skill.skills.practice import Learner, changed_skill
+from dart_skill.skills.protocol import load_skill
 from tests.paths import BAGS
 from tests.throw_demonstrations import changed_throw
 
@@ -18,7 +18,7 @@ from tests.throw_demonstrations import changed_throw
 @pytest.fixture
 def throws():
     parameters = load_yaml("skill_learner.yaml")["skill_learner"]["ros__parameters"]
-    return learner_of(load_skill("throw"), lambda: parameters)
+    return Learner(load_skill("throw"), lambda: parameters)
 
 
 @pytest.fixture
@@ -56,21 +56,77 @@ def test_one_that_cannot_be_learned_from_is_left_to_the_lesson(throws):
 def test_speeds_that_cut_throws_are_the_recorders(throws, name):
     parameters = load_yaml("skill_learner.yaml")["skill_learner"]["ros__parameters"]
     throws.check(parameters)
-    with pytest.raises(ValueError, match=f"{name} is of the demonstration_recorder"):
+    with pytest.raises(ValueError, match=f"{name} is without effect on 'throw'"):
         throws.check({**parameters, name: 0.1})
 
 
 def test_a_model_of_another_board_is_refused(tmp_path):
     parameters = load_yaml("skill_learner.yaml")["skill_learner"]["ros__parameters"]
     shown = replace(read_demonstrations(BAGS / "demonstrations")[0], skill="darts")
-    save_model(tmp_path / "darts.npz", [shown], Darts().configured_for(DEFAULT))
+    save_model(tmp_path / "darts.npz", [shown], Darts().settings)
     elsewhere = Darts.at_board((3.0, 0.0, 1.7))
     with pytest.raises(ValueError, match="learned for another game or board"):
-        learner_of(elsewhere, lambda: parameters).load(tmp_path / "darts.npz")
+        Learner(elsewhere, lambda: parameters).load(tmp_path / "darts.npz")
 
 
-@pytest.mark.parametrize("what", ["learner", "target_choice"])
-def test_a_part_that_cannot_be_imported_is_named(what):
-    odd = type("Odd", (Darts,), {what: "nowhere.at_all:Thing"})()
-    with pytest.raises(ValueError, match=f"the {what} of the skill 'darts' .nowhere.at_all:Thing"):
-        part_of(odd, what)
+NUMBERS = (
+    "components",
+    "stiffness",
+    "orientation_stiffness",
+    "start_speed",
+    "stop_speed",
+    "least_stiffness",
+    "most_stiffness",
+)
+AS_CONFIGURED = {**dict.fromkeys(NUMBERS, 0), "frames": "", "configuration": ""}
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "fields", "said"),
+    [
+        ("place", {}, {}, ""),
+        (
+            "place",
+            {"components": 5, "stiffness": 250.0, "stop_speed": 0.03, "frames": "holder"},
+            {"components": 5, "stiffness": 250.0, "stop_speed": 0.03, "frames": ("holder",)},
+            "components 5, stiffness 250.0, stop_speed 0.03, frames holder",
+        ),
+        ("place", {"most_stiffness": 800.0}, {}, ""),  # one is set before the other
+        (
+            "throw",
+            {"least_stiffness": 50.0, "most_stiffness": 800.0},
+            {"stiffness_range": (50.0, 800.0)},
+            "stiffness_range (50.0, 800.0)",
+        ),
+        (
+            "throw",
+            {"configuration": "thesis_local", "frames": "azimuth"},
+            {**CONFIGURATIONS["thesis_local"], "frames": ("azimuth",)},
+            "configuration thesis_local, frames azimuth",
+        ),
+    ],
+)
+def test_settings_are_changed_where_a_parameter_says_so(name, given, fields, said):
+    skill = load_skill(name)
+    changed, words = changed_skill(skill, AS_CONFIGURED | given)
+    assert changed.settings == replace(skill.settings, **fields) and words == said
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "said"),
+    [
+        ("place", {"frames": "azimuth, holder"}, "no task frame 'azimuth': choose among hand,"),
+        (
+            "reach",
+            {"least_stiffness": 50.0, "most_stiffness": 800.0},
+            "the representation 'autonomous' knows no covariance",
+        ),
+        ("place", {"least_stiffness": 900.0, "most_stiffness": 800.0}, "stiffness_range is"),
+        ("throw", {"frames": "cup"}, "frames 'cup' are unknown: choose one of base, target;"),
+        ("place", {"configuration": "thesis"}, "configurations are of throws"),
+        ("throw", {"configuration": "defualt"}, "no configuration 'defualt': choose one of .distance"),
+    ],
+)
+def test_a_change_that_cannot_be_is_refused(name, given, said):
+    with pytest.raises(ValueError, match=said):
+        changed_skill(load_skill(name), AS_CONFIGURED | given)

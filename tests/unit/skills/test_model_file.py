@@ -19,6 +19,7 @@ from dart_skill.skills.learning import (
     CONFIGURATIONS,
     DEFAULT,
     _model_file,
+    configuration,
     learn_throwing,
     load_model,
     save_model,
@@ -44,10 +45,10 @@ def whole_model(tmp_path_factory, demonstrations):
 
 
 def test_a_loaded_model_plans_the_same_throw_to_the_last_bit(saved, demonstrations):
-    loaded, configuration, *_ = load_model(saved)
-    assert configuration == DEFAULT
+    loaded, settings, *_ = load_model(saved)
+    assert settings == DEFAULT
     assert same_plan(
-        learn_throwing(loaded, configuration).plan(BASKET),
+        learn_throwing(loaded, settings).plan(BASKET),
         learn_throwing(demonstrations).plan(BASKET),
     )
 
@@ -58,7 +59,7 @@ def test_a_configuration_of_ones_own_keeps_its_name(tmp_path, demonstrations):
         "registration": KnownRegistration(Registration(delay=0.004), (0.003,) * 13),
     }
     for k, own in enumerate(
-        (replace(DEFAULT, components=9), replace(CONFIGURATIONS["intervals"], name="mine", **its))
+        (replace(DEFAULT, components=9), replace(configuration("intervals"), name="mine", **its))
     ):
         save_model(tmp_path / f"{k}.npz", demonstrations[:1], own)
         assert load_model(tmp_path / f"{k}.npz")[1] == own
@@ -88,17 +89,17 @@ def test_unknown_events_and_joint_names_come_back(tmp_path, demonstrations):
 
 @pytest.mark.parametrize("name", sorted(CONFIGURATIONS))
 def test_every_configuration_comes_back(tmp_path, demonstrations, name):
-    save_model(tmp_path / "one.npz", demonstrations[:1], CONFIGURATIONS[name])
-    assert load_model(tmp_path / "one.npz")[1] == CONFIGURATIONS[name]
+    save_model(tmp_path / "one.npz", demonstrations[:1], configuration(name))
+    assert load_model(tmp_path / "one.npz")[1] == configuration(name)
 
 
 def test_a_measured_registration_goes_with_the_model_and_into_its_name(tmp_path, demonstrations):
     measured = KnownRegistration(Registration(shift=(0.0, 0.03, 0.0), delay=0.004), (0.003,) * 13)
     chosen = replace(DEFAULT, registration=measured)
     save_model(tmp_path / "throw.npz", demonstrations, chosen)
-    loaded, configuration, *_ = load_model(tmp_path / "throw.npz")
-    assert configuration == chosen
-    skill, plain = learn_throwing(loaded, configuration), learn_throwing(demonstrations)
+    loaded, settings, *_ = load_model(tmp_path / "throw.npz")
+    assert settings == chosen
+    skill, plain = learn_throwing(loaded, settings), learn_throwing(demonstrations)
     assert same_plan(skill.plan(BASKET), learn_throwing(demonstrations, chosen).plan(BASKET))
     assert skill.model_id != plain.model_id and skill.registration != plain.registration
     assert skill.registration.shift[1] > plain.registration.shift[1] + 0.001
@@ -167,7 +168,7 @@ def test_another_version_is_named(saved):
     np.savez(saved, **content)
     with pytest.raises(
         ValueError,
-        match="it has version 7, and this dart_skill reads version 3: learn from the bag again",
+        match="it has version 7, and this dart_skill reads version 4: learn from the bag again",
     ):
         load_model(saved)
 

@@ -12,8 +12,7 @@ import pytest
 from dart_skill.session import Session
 from dart_skill.simulation import Swing
 from dart_skill.skills.learning import DEFAULT, learn_throwing, prepare
-from dart_skill.skills.practice import PracticeSettings
-from dart_skill.skills.practice._practice import Practice
+from dart_skill.skills.practice import PracticeSettings, TrialMemory
 from tests.throw_demonstrations import changed_throw
 
 
@@ -51,7 +50,7 @@ def test_a_trial_is_a_demonstration_of_where_it_landed(demonstrations):
     aimed_wrong = trial_like(
         demonstrations[0], "trial_1", target=demonstrations[0].target + [0.3, 0.2, 0.0]
     )
-    practice = Practice(demonstrations[1:])
+    practice = TrialMemory(demonstrations[1:])
     assert practice.add(aimed_wrong).kept
     skill, expected = practice.learn(), learn_throwing([*demonstrations[1:], demonstrations[0]])
     target = demonstrations[2].target
@@ -61,7 +60,7 @@ def test_a_trial_is_a_demonstration_of_where_it_landed(demonstrations):
 
 
 def test_a_trial_like_the_others_is_kept(demonstrations):
-    practice = Practice(demonstrations[:-1])
+    practice = TrialMemory(demonstrations[:-1])
     verdict = practice.add(trial_like(demonstrations[-1], "trial_1"))
     assert verdict.kept and not verdict.reason and not practice.kept_out
     assert [one.id for one in practice.demonstrations][-1] == "trial_1"
@@ -70,7 +69,7 @@ def test_a_trial_like_the_others_is_kept(demonstrations):
 def test_a_trial_that_does_not_resemble_the_demonstrations_is_kept_out_and_reported(
     demonstrations,
 ):
-    practice = Practice(demonstrations)
+    practice = TrialMemory(demonstrations)
     verdict = practice.add(bulged(demonstrations[3], "trial_1", 0.15))
     assert (
         not verdict.kept
@@ -96,10 +95,10 @@ def from_below():
 
 
 def test_two_ways_of_throwing_are_said(demonstrations, from_below):
-    assert Practice(demonstrations).patterns() == "" and Practice(from_below).patterns() == ""
+    assert TrialMemory(demonstrations).patterns() == "" and TrialMemory(from_below).patterns() == ""
     groups = "; ".join(", ".join(one.id for one in way) for way in (demonstrations, from_below))
     assert (
-        Practice([*demonstrations, *from_below]).patterns()
+        TrialMemory([*demonstrations, *from_below]).patterns()
         == f"2 ways of throwing were shown, and learned as one: {groups}"
     )
 
@@ -108,7 +107,7 @@ def test_another_way_at_far_baskets_alone_may_be_for_the_distance(demonstrations
     near = [one for one in demonstrations if np.linalg.norm(one.target[:2]) < 1.95]
     far = [one for one in from_below if np.linalg.norm(one.target[:2]) > 1.95]
     again = [trial_like(one, f"{one.id}_again") for one in (*near, *far)]
-    assert Practice([*near, *far, *again]).patterns() == ""
+    assert TrialMemory([*near, *far, *again]).patterns() == ""
 
 
 @pytest.mark.parametrize(
@@ -128,7 +127,7 @@ def test_another_way_at_far_baskets_alone_may_be_for_the_distance(demonstrations
     ],
 )
 def test_a_trial_that_cannot_be_read_is_kept_out_with_the_reason(demonstrations, spoil, message):
-    practice = Practice(demonstrations)
+    practice = TrialMemory(demonstrations)
     verdict = practice.add(spoil(demonstrations[2]))
     assert not verdict.kept
     with pytest.raises(AssertionError, match=message):
@@ -138,7 +137,7 @@ def test_a_trial_that_cannot_be_read_is_kept_out_with_the_reason(demonstrations,
 
 def filled(demonstrations, trials=5, **settings):
     """Four shown, the rest tried one by one; practice and what each trial pushed out."""
-    practice = Practice(
+    practice = TrialMemory(
         demonstrations[:4], DEFAULT, PracticeSettings(largest_deviation=1e3, **settings)
     )
     return practice, [
@@ -169,7 +168,7 @@ def test_a_memory_smaller_than_what_was_shown_forgets_it_in_the_end(demonstratio
 def test_crowded_forgetting_keeps_the_region_covered(demonstrations):
     order = np.argsort([np.hypot(*one.target[:2]) for one in demonstrations])
     near, far = demonstrations[order[0]], demonstrations[order[-1]]
-    practice = Practice(
+    practice = TrialMemory(
         demonstrations[:4],
         DEFAULT,
         PracticeSettings(capacity=7, forget="crowded", largest_deviation=1e3),
@@ -190,7 +189,7 @@ def test_darts_that_meet_the_board_above_each_other_are_no_crowd(demonstrations,
             prepare(one, configuration), task=np.array([2.37, 0.0, heights.get(one.id, 9.0)])
         )
 
-    monkeypatch.setattr("dart_skill.skills.practice._practice.prepare", prepared)
+    monkeypatch.setattr("dart_skill.skills.practice._memory.prepare", prepared)
     practice, forgotten = filled(demonstrations, capacity=6, forget="crowded", trials=3)
     assert forgotten == [(), (), ("trial_1",)]
 
@@ -211,7 +210,7 @@ def test_bad_settings_are_named():
 
 
 def test_a_trial_that_cannot_be_learned_from_is_taken_back_and_may_be_tried_again(demonstrations):
-    practice = Practice(demonstrations[:-1])
+    practice = TrialMemory(demonstrations[:-1])
     trial = trial_like(demonstrations[-1], "trial_1")
     practice.add(trial)
     practice.withdraw("trial_1", "no covariance")
@@ -232,7 +231,7 @@ def test_demonstrations_that_cannot_be_read_are_left_out_by_name_and_the_rest_ar
         id="elsewhere",
         hand_position=demonstrations[2].hand_position + [0.0, 0.0, 0.5],
     )
-    practice = Practice([demonstrations[0], blind, elsewhere, *demonstrations[3:]])
+    practice = TrialMemory([demonstrations[0], blind, elsewhere, *demonstrations[3:]])
     assert (
         practice.learn().model_id
         == learn_throwing([demonstrations[0], *demonstrations[3:]]).model_id
@@ -250,7 +249,7 @@ def test_where_too_few_can_be_read_all_reasons_are_told(demonstrations):
         for k, one in enumerate(demonstrations[:3])
     ]
     with pytest.raises(ValueError, match="1 demonstrations are too few.*broken_0.*broken_1"):
-        Practice([demonstrations[3], *broken[:2]]).learn()
+        TrialMemory([demonstrations[3], *broken[:2]]).learn()
 
 
 def test_a_delay_that_no_hand_can_have_is_none(demonstrations):
@@ -297,7 +296,7 @@ POISON = {
 def test_a_poisoned_demonstration_is_named_and_the_others_are_learned_from(demonstrations, kind):
     spoil, reason = POISON[kind]
     bad = changed_throw(demonstrations[0], id="bad", **spoil(demonstrations[0]))
-    practice = Practice([*demonstrations, bad])
+    practice = TrialMemory([*demonstrations, bad])
     assert list(practice.kept_out) == ["bad"] and re.search(reason, practice.kept_out["bad"])
     assert practice.learn().model_id == learn_throwing(demonstrations).model_id
 

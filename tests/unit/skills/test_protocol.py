@@ -121,7 +121,7 @@ def test_what_is_corrected_moves_in_its_own_axes():
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("stifness: 3.0", "stifness is no setting; there are components, stiffness"),
+        ("stifness: 3.0", "stifness is no setting; there are representation"),
         ("components: 3.5", "components is 3.5; it must be of type int"),
         ("components: true", "components is True"),
         ("stiffness: -1.0", "stiffness is -1.0; it must be finite and not negative"),
@@ -179,7 +179,7 @@ def test_every_key_of_a_file_of_settings_is_there_and_explained(name):
     assert set(own) == set(kind.settings_type.names())
     explained = [line for line in lines if "#" in line or line.startswith("least_demonstrations")]
     assert len(explained) == len(lines)
-    assert load_skill(name).settings == kind.settings_type.from_file(path)
+    assert load_skill(name).settings == kind(kind.settings_type.from_file(path)).settings
 
 
 def test_a_skill_that_nobody_has_is_named_with_those_there_are():

@@ -13,11 +13,11 @@ from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import attractor_from_motion
 from dart_skill.recording import Demonstration, Event, Track
 from dart_skill.skills.execution import BodyMotion
-from dart_skill.skills.learning import ReactiveSkill, moving_frames
-from dart_skill.skills.protocol import ReactiveSkillSettings, Skill, SkillSettings
+from dart_skill.skills.learning import LearnedSkill, moving_frames
+from dart_skill.skills.protocol import Skill, SkillSettings
 from tests.unit.skills.task_demonstrations import NOISE, POSTURE, START, smooth
 
-SETTINGS = ReactiveSkillSettings(components=12, settle=0.3)
+SETTINGS = SkillSettings(representation="autonomous", components=12, settle=0.3)
 STEP = 0.004
 NS = 1_000_000_000
 
@@ -25,7 +25,7 @@ NS = 1_000_000_000
 class Follow(Skill):
     """The hand comes over a body that moves, and stays there, 5 cm above it."""
 
-    name, bodies, reacts, settings_type = "follow", ("truck",), True, ReactiveSkillSettings
+    name, bodies, turns_hand = "follow", ("truck",), False
 
     def cut(self, demonstration):
         return 5.0, 7.0
@@ -80,7 +80,7 @@ def demonstrations():
 
 @pytest.fixture(scope="module")
 def learned(demonstrations):
-    return ReactiveSkill(Follow(SETTINGS), demonstrations)
+    return LearnedSkill(Follow(SETTINGS), demonstrations)
 
 
 def carry_out(
@@ -172,7 +172,7 @@ def test_a_frame_beside_a_body_moves_as_the_skill_places_it():
 )
 def test_the_hand_comes_over_a_body_that_moves_as_nobody_showed(learned, seed):
     truck = Truck(np.random.default_rng(seed), size=1.5)
-    time, hand, _, told = carry_out(learned.guide(), truck)
+    time, hand, _, told = carry_out(learned.policy.guide(), truck)
     assert not told[-1].fault and time[-1] == pytest.approx(
         learned.duration + SETTINGS.settle + SETTINGS.follow_on, abs=0.4
     )
@@ -182,8 +182,8 @@ def test_the_hand_comes_over_a_body_that_moves_as_nobody_showed(learned, seed):
 @pytest.mark.slow
 def test_held_it_waits_and_afterwards_it_catches_up_no_faster_than_it_may(learned):
     truck = Truck(np.random.default_rng(10))
-    free = carry_out(learned.guide(), truck)
-    time, hand, velocity, told = carry_out(learned.guide(), truck, held=(0.8, 1.8))
+    free = carry_out(learned.policy.guide(), truck)
+    time, hand, velocity, told = carry_out(learned.policy.guide(), truck, held=(0.8, 1.8))
     phases = np.array([now.time for now in told])[:-1]
     waiting = (time > 0.9) & (time < 1.8)
     assert np.ptp(phases[waiting]) < 0.25 and time[-1] - free[0][-1] == pytest.approx(
@@ -196,12 +196,12 @@ def test_held_it_waits_and_afterwards_it_catches_up_no_faster_than_it_may(learne
 
 @pytest.mark.slow
 def test_without_that_limit_it_hurries_when_it_is_let_go(demonstrations, learned):
-    eager = ReactiveSkill(Follow(replace(SETTINGS, catch_up=100.0)), demonstrations)
+    eager = LearnedSkill(Follow(replace(SETTINGS, catch_up=100.0)), demonstrations)
     speeds = []
     for one in (learned, eager):
         truck = Truck(np.random.default_rng(10))
         truck.speed = np.array([0.0, 0.25, 0.0])
-        time, _, velocity, _ = carry_out(one.guide(), truck, held=(0.8, 1.8))
+        time, _, velocity, _ = carry_out(one.policy.guide(), truck, held=(0.8, 1.8))
         speeds.append(np.linalg.norm(velocity[(time > 1.8) & (time < 2.0)], axis=1).max())
     assert speeds[0] < 0.25 + 0.1 < 0.6 < speeds[1]
 
@@ -210,7 +210,7 @@ def test_without_that_limit_it_hurries_when_it_is_let_go(demonstrations, learned
 def test_what_the_fingers_do_stands_on_the_phase(learned):
     truck = Truck(np.random.default_rng(10))
     for held in ((9.0, 9.0), (1.0, 2.0)):
-        time, _, _, told = carry_out(learned.guide(), truck, held=held)
+        time, _, _, told = carry_out(learned.policy.guide(), truck, held=held)
         opened = [now.grip == Grip.OPEN for now in told]
         assert told[opened.index(True)].time == pytest.approx(
             1.8 * learned.duration / 2.0, abs=0.02
@@ -227,10 +227,10 @@ def test_cameras_that_stand_askew_change_nothing_in_the_world_of_the_arm(learned
         turn.apply(learned.start.position) + world.shift,
         (turn * Rotation.from_quat(learned.start.quaternion)).as_quat(),
     )
-    plain, there = learned.registration, carry_out(learned.guide(), truck)[1]
+    plain, there = learned.registration, carry_out(learned.policy.guide(), truck)[1]
     learned.registration = world
     try:
-        askew = carry_out(learned.guide(Situation({"hand": start})), truck, world=world)[1]
+        askew = carry_out(learned.policy.guide(Situation({"hand": start})), truck, world=world)[1]
     finally:
         learned.registration = plain
     n = min(len(there), len(askew))
@@ -241,7 +241,7 @@ def test_an_arm_that_reads_wrong_is_led_by_where_the_hand_is_seen(learned):
     truck, ends = Truck(np.random.default_rng(10)), []
     for looks in (False, True):
         time, hand, _, _ = carry_out(
-            learned.guide(), truck, reads=(0.008, -0.006, 0.0), looks=looks
+            learned.policy.guide(), truck, reads=(0.008, -0.006, 0.0), looks=looks
         )
         ends.append(hand[-1] - truck.at(time[-1]) - OVER)
     assert ends[0] - ends[1] == pytest.approx([-0.008, 0.006, 0.0], abs=1e-3)
@@ -250,35 +250,29 @@ def test_an_arm_that_reads_wrong_is_led_by_where_the_hand_is_seen(learned):
 
 def test_a_body_that_is_lost_is_named(learned):
     truck = Truck(np.random.default_rng(10))
-    *_, told = carry_out(learned.guide(), truck, blind_from=1.0)
+    *_, told = carry_out(learned.policy.guide(), truck, blind_from=1.0)
     assert told[-1].fault.startswith("the truck was last seen 0.15 s ago: more than 0.15 s")
 
 
 def test_equal_demonstrations_make_an_equal_model(demonstrations, learned):
-    assert ReactiveSkill(Follow(SETTINGS), demonstrations).model_id == learned.model_id
-    assert ReactiveSkill(Follow(SETTINGS), demonstrations[1:]).model_id != learned.model_id
+    assert LearnedSkill(Follow(SETTINGS), demonstrations).model_id == learned.model_id
+    assert LearnedSkill(Follow(SETTINGS), demonstrations[1:]).model_id != learned.model_id
 
 
-class Plain(Follow):
-    reacts = False
+def test_a_skill_that_turns_the_hand_is_refused(demonstrations):
+    class Turning(Follow):
+        turns_hand = True
 
-
-class Settled(Follow):
-    settings_type = SkillSettings
-
-
-@pytest.mark.parametrize("kind", [Plain, Settled])
-def test_a_skill_that_does_not_react_is_refused(demonstrations, kind):
-    with pytest.raises(ValueError, match="'follow' does not react: it needs `reacts = True`"):
-        ReactiveSkill(kind(kind.settings_type()), demonstrations)
+    with pytest.raises(ValueError, match="'follow': the hand would keep the orientation"):
+        LearnedSkill(Turning(SETTINGS), demonstrations)
 
 
 def test_a_skill_without_bodies_has_nothing_to_react_to(demonstrations):
     class Alone(Follow):
         bodies = ()
 
-    with pytest.raises(ValueError, match="'follow' names no body that it reacts to"):
-        ReactiveSkill(Alone(SETTINGS), demonstrations)
+    with pytest.raises(ValueError, match="'follow': it names no body that it reacts to"):
+        LearnedSkill(Alone(SETTINGS), demonstrations)
 
 
 def without(one, **changes):
@@ -311,4 +305,4 @@ def test_what_cannot_be_learned_from_is_named(demonstrations):
     ]
     for shown, said in cases:
         with pytest.raises(ValueError, match=said):
-            ReactiveSkill(Follow(SETTINGS), shown)
+            LearnedSkill(Follow(SETTINGS), shown)

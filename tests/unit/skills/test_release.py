@@ -24,11 +24,11 @@ from dart_skill.arm._commander import check_plan
 from dart_skill.common.flight import DART, TENNIS_BALL, crossing, landing
 from dart_skill.common.surface import BASKETS, RIMS, BoardFace, Game, game_at
 from dart_skill.skills.learning import (
-    SkillConfiguration,
     configuration,
     landing_if_late,
     learn_throwing,
 )
+from dart_skill.skills.learning._refinement import EARLIEST, LATEST
 from dart_skill.skills.learning._release import (
     certainly_within,
     farthest,
@@ -37,7 +37,6 @@ from dart_skill.skills.learning._release import (
     stretched_at,
     weights_at,
 )
-from dart_skill.skills.learning._throwing import EARLIEST, LATEST
 
 VACUUM = Game(replace(TENNIS_BALL, drag_coefficient=0.0), RIMS)
 GRIP = wam_description().hand.ball_centre
@@ -242,13 +241,6 @@ def test_a_hand_that_would_go_beyond_the_arms_reach_lets_go_before(demonstration
     plan = learn_throwing(few).plan(target)
     check_plan(plan.motion.as_the_arm_has_it(), CommanderSettings.configured(), wam_description())
     assert_allclose(plan.predicted_landing, target, atol=5e-3)
-
-
-def test_an_unknown_release_is_refused():
-    with pytest.raises(
-        ValueError, match="release 'nearest' is unknown: choose one of shown, farthest"
-    ):
-        SkillConfiguration(release="nearest")
 
 
 def test_hands_that_are_certainly_within_reach_are_within_it_whatever_the_registration():

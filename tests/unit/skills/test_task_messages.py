@@ -26,14 +26,8 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.skills.learning import (
-    LearnedSkill,
-    changed_skill,
-    load_skill_model,
-    save_skill_model,
-)
 from dart_skill.skills.observation import SensorLog
-from dart_skill.skills.place import Place
+from dart_skill.skills.practice import Practice, ResidualPractice
 from dart_skill.skills.protocol import Skill, SkillSettings, TaskOutcome, load_skill
 from dart_skill.skills.throw import Throw
 from tests.throw_demonstrations import assert_same
@@ -226,78 +220,42 @@ def test_a_demonstration_begins_with_its_own_world():
 
 
 @pytest.fixture(scope="module")
-def learned():
-    model = LearnedSkill(
-        Push(SkillSettings(components=6, stiffness=300.0)), [shown(seed) for seed in range(4)]
-    )
-    model.tell(TaskOutcome(True, 0.01, miss=np.array([0.004, 0.0, 0.002])))
-    return model
+def practised():
+    skill = Push(SkillSettings(components=6, stiffness=300.0))
+    one = ResidualPractice(skill, [shown(seed) for seed in range(4)])
+    one.model.tell(TaskOutcome(True, 0.01, miss=np.array([0.004, 0.0, 0.002])))
+    return one
 
 
-def test_a_model_file_learns_the_same_again(learned, tmp_path):
-    save_skill_model(tmp_path / "push.npz", learned)
-    again = load_skill_model(tmp_path / "push.npz", Push())
-    assert (
-        again.model_id == learned.model_id
-        and again.skill.settings == learned.skill.settings
-        and again.practised == 1
-    )
+def test_a_model_file_learns_the_same_again(practised, tmp_path):
+    practised.save(tmp_path / "push.npz")
+    learned = practised.model
+    again = ResidualPractice.load(tmp_path / "push.npz", Push()).model
+    assert again.model_id == learned.model_id
+    assert again.skill.settings == learned.skill.settings and len(again.misses) == 1
     rng = np.random.default_rng(9)
     situation = situation_of(draw_body(rng))
     np.testing.assert_array_equal(
         again.plan(situation).attractor_position, learned.plan(situation).attractor_position
     )
     with pytest.raises(FileExistsError):
-        save_skill_model(tmp_path / "push.npz", learned)
+        practised.save(tmp_path / "push.npz")
     with pytest.raises(FileNotFoundError, match="no folder"):
-        save_skill_model(tmp_path / "nowhere" / "push.npz", learned)
+        practised.save(tmp_path / "nowhere" / "push.npz")
 
 
-def test_a_file_that_is_no_model_of_this_skill_is_refused(learned, tmp_path):
-    save_skill_model(tmp_path / "push.npz", learned)
+def test_a_file_that_is_no_model_of_this_skill_is_refused(practised, tmp_path):
+    practised.save(tmp_path / "push.npz")
     with pytest.raises(ValueError, match="a model of the skill 'push', not of 'place'"):
-        load_skill_model(tmp_path / "push.npz", load_skill("place"))
+        Practice.load(tmp_path / "push.npz", load_skill("place"))
     whole = (tmp_path / "push.npz").read_bytes()
     for name, data in {"text": b"nothing", "half": whole[: len(whole) // 2], "empty": b""}.items():
         (tmp_path / name).write_bytes(data)
         with pytest.raises(ValueError, match="is not a model file of dart_skill"):
-            load_skill_model(tmp_path / name, Push())
+            Practice.load(tmp_path / name, Push())
     np.savez(tmp_path / "other.npz", format=np.array("other"))
     with pytest.raises(ValueError, match="its format is 'other'"):
-        load_skill_model(tmp_path / "other.npz", Push())
-
-
-def test_what_the_parameters_of_the_learner_change():
-    numbers = (
-        "components",
-        "stiffness",
-        "orientation_stiffness",
-        "start_speed",
-        "stop_speed",
-        "least_stiffness",
-        "most_stiffness",
-    )
-    none, place = {**dict.fromkeys(numbers, 0), "frames": ""}, Place()
-    assert changed_skill(place, none) == (place, "")
-    changed, said = changed_skill(
-        place, none | {"components": 5, "stiffness": 250.0, "stop_speed": 0.03, "frames": "holder"}
-    )
-    assert changed.settings == replace(
-        place.settings, components=5, stiffness=250.0, stop_speed=0.03, frames=("holder",)
-    )
-    assert said == "components 5, stiffness 250.0, stop_speed 0.03, frames holder"
-    assert changed_skill(place, none | {"most_stiffness": 800.0}) == (
-        place,
-        "",
-    ), "one is set before the other"
-    bounds = {"least_stiffness": 50.0, "most_stiffness": 800.0}
-    assert changed_skill(place, none | bounds)[0].settings.stiffness_range == (50.0, 800.0)
-    with pytest.raises(ValueError, match="has no task frame 'azimuth': choose among hand, holder"):
-        changed_skill(place, none | {"frames": "azimuth, holder"})
-    with pytest.raises(ValueError, match="the skill 'reach' reacts"):
-        changed_skill(load_skill("reach"), none | bounds)
-    with pytest.raises(ValueError, match="stiffness_range is"):
-        changed_skill(place, none | {"least_stiffness": 900.0, "most_stiffness": 800.0})
+        Practice.load(tmp_path / "other.npz", Push())
 
 
 # throwing, in the words of all skills

@@ -124,10 +124,10 @@ def test_controls_have_the_words_of_their_skill():
         "trials",
         ("mm", 1000.0),
     )
-    assert place.by_pointer and not place.has_configurations
+    assert place.by_pointer and not place.configurations
     assert (
         darts.words.do == throw.words.do == "Throw"
         and not darts.by_pointer
-        and darts.has_configurations
+        and darts.configurations
     )
     assert (darts.words.done, throw.words.done) == ("in the board", "in the basket")

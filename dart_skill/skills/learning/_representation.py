@@ -1,0 +1,311 @@
+"""How the movements of a skill are encoded, chosen by the setting `representation`: fitted to
+demonstrations once, asked for each new situation.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dart_skill.arm import HandPath
+from dart_skill.common.checks import to_the_nanosecond
+from dart_skill.common.situation import Situation
+from dart_skill.mixture import GaussianMixture
+from dart_skill.movement import (
+    DSGMR,
+    Motion,
+    TaskFrame,
+    angular_velocity,
+    attractor_from_motion,
+    smooth_derivatives,
+)
+from dart_skill.movement.pose import PoseDSGMR, PoseFrame
+from dart_skill.recording import HAND
+from dart_skill.skills.learning._pose_features import (
+    VECTORS,
+    frame_of,
+    orientations,
+    pose_features,
+    shrunk,
+    with_free_length,
+    with_prior,
+)
+from dart_skill.skills.learning._prepared import RATE, PreparedMovement
+from dart_skill.skills.observation import position_noise
+from dart_skill.skills.protocol import Part
+
+if TYPE_CHECKING:
+    from dart_skill.skills.learning._learned import LearnedSkill
+    from dart_skill.skills.protocol import Skill
+
+
+class Encoded(NamedTuple):
+    """A model as the demonstrations alone make it, and the features and frames of these."""
+
+    model: DSGMR
+    features: list[np.ndarray]
+    frames: list[list[TaskFrame]]
+
+
+class Representation(Part):
+    """Base of the representations of poses of the hand; those of throws use `drive`, `partition`
+    and `tells_covariance` alone.
+
+    Parameters
+    ----------
+    shown
+        Demonstrations that were prepared, with their skill.
+
+    Attributes
+    ----------
+    drive
+        "time" or "state" of the arm, which moves the model on.
+    partition
+        How components divide time: "time", at equal intervals, or "em".
+    tells_covariance
+        Whether the covariance of the attractor is known.
+    """
+
+    drive = "time"
+    partition = "time"
+    tells_covariance = True
+
+    def __init__(self, shown: LearnedSkill):
+        self.shown, self.settings = shown, shown.skill.settings
+
+    @property
+    def _overlap(self) -> float | None:
+        return self.settings.overlap or None if self.partition == "em" else None
+
+    def _inputs(self, situation: Situation) -> list[float]:
+        return list(self.shown.skill.inputs(situation))
+
+    def bic(self) -> float:
+        """Bayesian information criterion of the mixtures as the demonstrations alone make them:
+        lower is better.
+        """
+        raise NotImplementedError
+
+    def mixture(self, situation: Situation) -> GaussianMixture:
+        """The mixture (7.21) of time and position in the world for a situation that says where the
+        hand starts.
+        """
+        raise NotImplementedError
+
+    def way(self, movement: PreparedMovement, clock: np.ndarray) -> np.ndarray:
+        """Where the hand would be led in the situation of a movement (m, 3) [m], at instants (m,)
+        of the clock on which the mean movement takes as long as it does.
+        """
+        raise NotImplementedError
+
+
+class ClockedRepresentation(Representation):
+    """Base of those that make a path beforehand."""
+
+    def movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
+        """The path of the hand, and its attractor: positions (n, 3) and quaternions (n, 4).
+
+        Parameters
+        ----------
+        situation
+            Says where the hand starts.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        raise NotImplementedError
+
+    def covariance(self, situation: Situation, time: np.ndarray) -> np.ndarray:
+        """Covariance of the attractor's position (n, 3, 3) [m^2] at instants (n,) [s], (3.5)."""
+        raise NotImplementedError
+
+    def way(self, movement: PreparedMovement, clock: np.ndarray) -> np.ndarray:
+        path = self.shown.plan(movement.situation).path
+        return np.column_stack([np.interp(clock, path.time, one) for one in path.position.T])
+
+
+class EqualIntervals(ClockedRepresentation):
+    """DS-GMR of the position and of two axes of the hand, a model for each, whose components have
+    equal intervals of time.
+    """
+
+    def __init__(self, shown: LearnedSkill):
+        super().__init__(shown)
+        self._models = {vector: self._learned(vector) for vector in VECTORS}
+
+    def _learned(self, vector: str) -> DSGMR:
+        """A model of a vector which does not believe what few demonstrations have in common by
+        chance.
+        """
+        model = self._fitted(vector).model
+        mixture = with_prior(model.mixture_, len(self.shown.movements), self.settings.prior)
+        mixture = mixture if vector == "position" else with_free_length(mixture)
+        return DSGMR.from_mixture(mixture, self._stiffness(vector), n_inputs=model.n_inputs)
+
+    def _fitted(self, vector: str) -> Encoded:
+        movements, stiffness = self.shown.movements, self._stiffness(vector)
+        clock = np.arange(0.0, self.shown.clock_end, 1.0 / RATE)
+        inputs = [self._inputs(one.situation) for one in movements]
+        model = DSGMR(
+            self.settings.components,
+            stiffness,
+            n_inputs=len(inputs[0]),
+            partition=self.partition,
+            overlap=self._overlap,
+        )
+        motions = [self._motion(one, vector, clock) for one in movements]
+        attractors = [attractor_from_motion(*one, stiffness) for one in motions]
+        features = [
+            model.features(clock, one, given or None)
+            for one, given in zip(attractors, inputs, strict=True)
+        ]
+        frames = [self._frames(one.situation, vector) for one in movements]
+        return Encoded(model.fit(features, frames), features, frames)
+
+    def _motion(self, movement: PreparedMovement, vector: str, clock: np.ndarray) -> Motion:
+        """What was seen of a vector, stretched to the mean duration, at instants of the clock."""
+        features = movement.features[:, VECTORS[vector]]
+        noise = position_noise(movement.time, features)
+        stretched = movement.time * self.shown.duration / movement.duration
+        return smooth_derivatives(stretched, features, noise=np.repeat(noise, 3), at=clock)
+
+    def bic(self) -> float:
+        return sum(one.model.bic(one.features, one.frames) for one in map(self._fitted, VECTORS))
+
+    def _stiffness(self, vector: str) -> float:
+        s = self.settings
+        return s.stiffness if vector == "position" else s.rotational_stiffness
+
+    def _frames(self, situation: Situation, vector: str) -> list[TaskFrame]:
+        n_inputs = len(self._inputs(situation))
+        poses = self.shown.skill.chosen_frames(situation)
+        return [frame_of(pose, vector, n_inputs) for pose in poses]
+
+    def mixture(self, situation: Situation) -> GaussianMixture:
+        return self._models["position"].product(self._frames(situation, "position"))
+
+    def covariance(self, situation: Situation, time: np.ndarray) -> np.ndarray:
+        found = self._models["position"].retrieve(
+            self._frames(situation, "position"), time, self._inputs(situation) or None
+        )[1]
+        assert found is not None
+        return found
+
+    def movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
+        s, start = self.settings, situation.pose(HAND)
+        clock = to_the_nanosecond(np.arange(0.0, self.shown.clock_end, s.step))
+        begin = pose_features(start.position[None], start.quaternion[None])[0]
+        moved, x_axis, z_axis = (
+            self._models[vector].reproduce(
+                self._frames(situation, vector),
+                clock,
+                begin[columns],
+                np.zeros(3),
+                inputs=self._inputs(situation) or None,
+                step=s.step,
+                covariance=False,
+            )
+            for vector, columns in VECTORS.items()
+        )
+        from scipy.spatial.transform import Rotation  # throws do without
+
+        turn = Rotation.from_matrix(orientations(np.hstack([x_axis.position, z_axis.position])))
+        spin = angular_velocity(clock, turn.as_quat())
+        growth = np.gradient(spin, clock, axis=0)
+        path = HandPath(
+            time=clock,
+            position=moved.position,
+            quaternion=turn.as_quat(),
+            velocity=np.hstack([moved.velocity, spin]),
+            acceleration=np.hstack([moved.acceleration, growth]),
+        )
+        # (7.20) for a turn: so far ahead of the hand, as a rotation vector, that the hand turns as
+        # planned.
+        lead = attractor_from_motion(np.zeros_like(spin), spin, growth, s.rotational_stiffness)
+        return path, moved.attractor, (Rotation.from_rotvec(lead) * turn).as_quat()
+
+
+class FoundComponents(EqualIntervals):
+    """The same with components whose times EM finds, which then get even widths."""
+
+    partition = "em"
+
+
+class OnManifold(ClockedRepresentation):
+    """DS-GMR of position and orientation together, on R^3 x S3."""
+
+    @classmethod
+    def refusal(cls, skill: Skill) -> str:
+        from dart_skill.skills.learning._learned import LearnedSkill
+        from dart_skill.skills.protocol import model_type
+
+        if not issubclass(model_type(skill), LearnedSkill):
+            return "throws are learned over the position and two angles of the hand"
+        return ""
+
+    def __init__(self, shown: LearnedSkill):
+        super().__init__(shown)
+        self._model, *_ = self._fitted()
+        self._model.mixture_.covariances_ = shrunk(
+            self._model.mixture_.covariances_, len(shown.movements), self.settings.prior, vectors=2
+        )
+
+    def _fitted(self) -> tuple[PoseDSGMR, list[np.ndarray], list[list[PoseFrame]]]:
+        s, movements = self.settings, self.shown.movements
+        clock = np.arange(0.0, self.shown.clock_end, 1.0 / RATE)
+        inputs = [self._inputs(one.situation) for one in movements]
+        model = PoseDSGMR(
+            s.components, (s.stiffness, s.rotational_stiffness), n_inputs=len(inputs[0])
+        )
+        features = [
+            model.encode(
+                one.time * self.shown.duration / one.duration,
+                one.poses,
+                at=clock,
+                inputs=given or None,
+            )
+            for one, given in zip(movements, inputs, strict=True)
+        ]
+        frames = [self._frames(one.situation) for one in movements]
+        return model.fit(features, frames), features, frames
+
+    def _frames(self, situation: Situation) -> list[PoseFrame]:
+        poses = self.shown.skill.chosen_frames(situation)
+        return [PoseFrame(pose.position, pose.quaternion) for pose in poses]
+
+    def bic(self) -> float:
+        model, features, frames = self._fitted()
+        return model.bic(features, frames)
+
+    def mixture(self, situation: Situation) -> GaussianMixture:
+        product, first = self._model.product(self._frames(situation)), 1 + self._model.n_inputs
+        kept = [0, *range(first, first + 3)]
+        return GaussianMixture.from_parameters(
+            product.priors_,
+            product.means_[:, kept],
+            product.covariances_[:, kept][:, :, kept],
+        )
+
+    def covariance(self, situation: Situation, time: np.ndarray) -> np.ndarray:
+        found = self._model.retrieve(
+            self._frames(situation), time, self._inputs(situation) or None
+        )[1]
+        return found[:, :3, :3]
+
+    def movement(self, situation: Situation) -> tuple[HandPath, np.ndarray, np.ndarray]:
+        start, step = situation.pose(HAND), self.settings.step
+        clock = to_the_nanosecond(np.arange(0.0, self.shown.clock_end, step))
+        made = self._model.reproduce(
+            self._frames(situation),
+            clock,
+            np.concatenate([start.position, start.quaternion]),
+            inputs=self._inputs(situation) or None,
+            step=step,
+        )
+        path = HandPath(
+            clock, made.pose[:, :3], made.pose[:, 3:], made.velocity, made.acceleration
+        )
+        return path, made.attractor[:, :3], made.attractor[:, 3:]
