@@ -8,7 +8,7 @@ Each is defined where its meaning is; a test compares. Names of professionals:
 CONFIGURATIONS = (
     "default", "intervals", "thesis", "thesis_local", "em", "weighted", "cross_validated", "autonomous", "shown_release", "two_frames",
 )  # fmt: skip
-"""`dart_skill.skills.learning._throw_settings`."""
+"""`dart_skill.skills.protocol._throw_settings`."""
 PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
 """`dart_skill.skills.practice._practising`."""
 REPRESENTATIONS = ("autonomous", "dsgmr", "intervals", "pose")

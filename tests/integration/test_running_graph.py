@@ -300,11 +300,11 @@ def test_what_is_learned_with_can_be_changed_while_the_learner_runs(client):
         other = client.learn()
         assert (
             other.model_id != usual.model_id
-            and "but components 8, stiffness 300.0, stiffness_range (50.0, 800.0)" in other.message
+            and "with components 8, stiffness 300.0, stiffness_range (50.0, 800.0)" in other.message
         )
         with pytest.raises(GraphFailure, match="stiffness_range"):
             client.set_parameters("/skill_learner", {"least_stiffness": 900.0})
-        with pytest.raises(GraphFailure, match="frames 'cup' is unknown"):
+        with pytest.raises(GraphFailure, match="frames 'cup' are unknown"):
             client.set_parameters("/skill_learner", {"frames": "cup"})
         with pytest.raises(GraphFailure, match="choose_components is 'aic'"):
             client.set_parameters("/skill_learner", {"choose_components": "aic"})

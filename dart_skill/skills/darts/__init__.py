@@ -19,9 +19,8 @@ from dart_skill.common.situation import Situation
 from dart_skill.common.surface import BOARD_DIAMETER, BoardFace
 from dart_skill.common.world import the_world
 from dart_skill.darts import place_of, score
-from dart_skill.skills.learning import ThrowSettings
 from dart_skill.skills.practice import CorrectionSettings
-from dart_skill.skills.protocol import Skill, SkillSettings, SkillWords, Solid
+from dart_skill.skills.protocol import Skill, SkillSettings, SkillWords, Solid, ThrowSettings
 from dart_skill.skills.throw import Throw
 
 if TYPE_CHECKING:

@@ -29,18 +29,18 @@ from dart_skill.skills.learning._representation import (
     Representation,
 )
 from dart_skill.skills.learning._task_frames import frames_for
-from dart_skill.skills.learning._throw_settings import (
-    CONFIGURATIONS,
-    DEFAULT,
-    LADDER,
-    ThrowSettings,
-    configuration,
-)
 from dart_skill.skills.learning._throwing import (
     LEAST_DEMONSTRATIONS,
     ThrowingSkill,
     learn_prepared,
     learn_throwing,
+)
+from dart_skill.skills.protocol import (
+    CONFIGURATIONS,
+    DEFAULT,
+    LADDER,
+    ThrowSettings,
+    configuration,
 )
 
 __all__ = [

@@ -34,7 +34,6 @@ from dart_skill.movement import (
     turn_matrix,
 )
 from dart_skill.recording import Demonstration
-from dart_skill.skills.learning._throw_settings import ThrowSettings
 from dart_skill.skills.observation import (
     FreeFlight,
     Release,
@@ -45,6 +44,7 @@ from dart_skill.skills.observation import (
     position_noise,
     sightings,
 )
+from dart_skill.skills.protocol import ThrowSettings
 
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""

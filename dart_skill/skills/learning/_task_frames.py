@@ -11,7 +11,7 @@ from dart_skill.movement import (
     start_frame,
     target_frame,
 )
-from dart_skill.skills.learning._throw_settings import ThrowSettings
+from dart_skill.skills.protocol import ThrowSettings
 
 
 def frames_for(

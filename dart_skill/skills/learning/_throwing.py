@@ -50,8 +50,7 @@ from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._refinement import PlannedThrow, Refinement, Unreachable
 from dart_skill.skills.learning._release import hit_at
 from dart_skill.skills.learning._task_frames import frames_for
-from dart_skill.skills.learning._throw_settings import DEFAULT, ThrowSettings
-from dart_skill.skills.protocol import Skill, general_part, part_of
+from dart_skill.skills.protocol import DEFAULT, Skill, ThrowSettings, general_part, part_of
 
 LEAST_DEMONSTRATIONS = 2
 MARGIN = 0.05

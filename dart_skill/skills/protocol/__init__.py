@@ -21,11 +21,23 @@ from dart_skill.skills.protocol._settings import (
 )
 from dart_skill.skills.protocol._skill import Planner, Skill, TaskOutcome, settings_file
 from dart_skill.skills.protocol._solid import Solid
+from dart_skill.skills.protocol._throw_settings import (
+    CONFIGURATIONS,
+    DEFAULT,
+    LADDER,
+    ThrowSettings,
+    configuration,
+)
 from dart_skill.skills.protocol._words import SkillWords
 
 __all__ = [
     "BIC",
     "COMPONENTS",
+    "CONFIGURATIONS",
+    "DEFAULT",
+    "LADDER",
+    "ThrowSettings",
+    "configuration",
     "CROSS_VALIDATION",
     "OF_REACTING",
     "Part",

@@ -22,7 +22,6 @@ from dart_skill.common.surface import Game
 from dart_skill.common.world import THROW, THROW_BODIES, the_world
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import HAND, Demonstration, demonstration_id
-from dart_skill.skills.learning import CONFIGURATIONS, LADDER, ThrowSettings
 from dart_skill.skills.observation import (
     Outcome,
     SensorLog,
@@ -31,7 +30,14 @@ from dart_skill.skills.observation import (
     judged,
     seen_down,
 )
-from dart_skill.skills.protocol import Skill, SkillWords, TaskOutcome
+from dart_skill.skills.protocol import (
+    CONFIGURATIONS,
+    LADDER,
+    Skill,
+    SkillWords,
+    TaskOutcome,
+    ThrowSettings,
+)
 
 LANDING = "landing"
 """Instant at which the ball came down."""

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import rclpy
 import yaml
@@ -28,7 +29,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.world import the_world
-from dart_skill.skills.protocol import Skill, load_skill
 from dart_skill_nodes.comms.in_process import exchanging, spin_once
 from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name, in_namespace
 from dart_skill_nodes.comms.presence import be_alive
@@ -37,6 +37,9 @@ from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, i
 from dart_skill_nodes.process.discovery import find_log_folder, hear_loopback_alone
 from dart_skill_nodes.process.parameters import Parameter, heed_arguments, unknown_parameters
 from dart_skill_nodes.process.signals import Interrupts
+
+if TYPE_CHECKING:
+    from dart_skill.skills.protocol import Skill
 
 ENDS_WITHIN = 0.1
 """Whether it was told to end, a process looks so often [s, wall clock]: not after each of
@@ -55,7 +58,7 @@ def declare(node: Node, file: str, table: list[Parameter]) -> dict:
     return {row.name: node.get_parameter(row.name).value for row in table}
 
 
-def skill_of(node: Node) -> Skill:
+def skill_of(node: Node) -> "Skill":
     """The skill that the parameter `skill` names, with the changes of its settings that the
     parameter `skill_settings` holds, a YAML mapping.
 
@@ -70,6 +73,8 @@ def skill_of(node: Node) -> Skill:
     changes = yaml.safe_load(given) if given else {}
     if not isinstance(changes, dict):
         raise ValueError(f"skill_settings is '{given}': give a YAML mapping, {{components: 16}}")
+    from dart_skill.skills.protocol import load_skill  # not every node knows a skill
+
     return load_skill(node.get_parameter("skill").value, changes=changes)
 
 

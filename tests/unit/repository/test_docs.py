@@ -45,7 +45,7 @@ def test_what_is_printed_is_compared_with_a_tolerance(printed, shown, same):
     assert agrees(printed, shown) == same
 
 
-LONG = ("another_skill.md", "skills.md")
+LONG = ("reacting.md", "skills.md")
 
 
 @pytest.mark.parametrize(

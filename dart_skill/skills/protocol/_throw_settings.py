@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dart_skill.common.surface import Game, game_at
-from dart_skill.skills.protocol import OF_REACTING, SkillSettings
+from dart_skill.skills.protocol._settings import OF_REACTING, SkillSettings
 
 FRAMES = (("base", "target"), ("start", "target"), ("azimuth",), ("azimuth", "target"))
 """Task frames that a throw may have: those of (8.2), those of (8.3), one at the base that is
