@@ -61,7 +61,8 @@ WORLD_AXES, TURNED_AXES, POINTING_AXES = (
     ("forward", "left", "up"),
     ("towards the target", "left", "upwards across"),
 )
-AXES = {
+Axes = tuple[str, str, str]
+AXES: dict[tuple[str, ...], tuple[Axes, Axes]] = {
     ("base", "target"): (WORLD_AXES, POINTING_AXES),
     ("start", "target"): (WORLD_AXES, POINTING_AXES),
 }
@@ -266,7 +267,7 @@ def _headline(skill: ThrowingSkill) -> str:
             f", {f'the {c.nearest} nearest' if c.nearest else f'weights of width {c.width:g} m'}"
             f" for {distance}"
         )
-    elif c.frames == "azimuth" and not c.distance_input:
+    elif c.frames == ("azimuth",) and not c.distance_input:
         which = f"; right: components for {distance}"
     return (
         f"Configuration '{c.name}': {c.components} components as {DEVIATIONS:g}-sigma ellipses, n"

@@ -18,7 +18,7 @@ from dart_skill.experiments.studies.scatter_bound import best_share
 from dart_skill.recording import Demonstration
 from dart_skill.session import Session, Trial
 from dart_skill.skills.learning import ThrowingSkill, configuration, learn_throwing
-from dart_skill.skills.practice import Practice
+from dart_skill.skills.practice import TrialMemory
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def run_seed(
     results = []
     for name in names:
         try:
-            skill = Practice(kept, configuration(name)).learn()
+            skill = TrialMemory(kept, configuration(name)).learn()
         except ValueError as error:
             results += [_not_thrown(seed, arm, name, target, str(error)) for target in to_throw]
             continue

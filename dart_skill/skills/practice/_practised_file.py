@@ -12,6 +12,7 @@ from dart_skill.skills.learning import SavedModel, save_model
 from dart_skill.skills.practice._correction import CorrectionSettings
 from dart_skill.skills.practice._memory import PracticeSettings
 from dart_skill.skills.practice._practising import PractisingSkill
+from dart_skill.skills.protocol import ThrowSettings
 
 
 def save_practised(path: str | Path, skill: PractisingSkill) -> None:
@@ -66,6 +67,7 @@ def practised_skill(
         len(saved.demonstrations) if found is None else _count(found, len(saved.demonstrations))
     )
     shown, tried = saved.demonstrations[:n_shown], saved.demonstrations[n_shown:]
+    assert isinstance(saved.configuration, ThrowSettings)
     skill = PractisingSkill(
         shown,
         saved.configuration,

@@ -14,7 +14,6 @@ and a part under the group of its kind (`GROUPS`):
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -129,7 +128,7 @@ def part_names(kind: str, skill: Skill) -> list[str]:
         name
         for name, value in found.items()
         if not _loaded(value, f"{kind} '{name}'").refusal(
-            skill.with_settings(replace(skill.settings, **{kind: name}))
+            skill.with_settings(skill.settings.changed({kind: name}, kind))
         )
     )
 

@@ -256,7 +256,7 @@ class SkillSettings:
             If they make none.
         """
         try:
-            one = {
+            one: dict[str, Any] = {
                 name: tuple(value) if isinstance(value, list) else value
                 for name, value in values.items()
             }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -40,7 +40,8 @@ class ThrowPractice(Practice):
 
     @classmethod
     def refusal(cls, skill: Skill) -> str:
-        if skill.settings.practice == "power" and getattr(skill.settings, "board", ()):
+        s = skill.settings
+        if s.practice == "power" and isinstance(s, ThrowSettings) and s.board:
             return (
                 "PoWER's offsets and slopes are those of baskets: practise darts with residual,"
                 " bootstrap or both"
@@ -107,7 +108,8 @@ class ThrowPractice(Practice):
             )
         method = skill.settings.practice
         one = cls.__new__(cls)
-        one.skill, one.memory, one.left_out = skill.with_settings(settings), memory or PracticeSettings(), {}
+        one.skill = cast("Throw", skill.with_settings(settings))
+        one.memory, one.left_out = memory or PracticeSettings(), {}
         one.practising = practised_skill(
             saved, method, memory, one.skill.correction, _steady_every(skill)
         )
