@@ -61,8 +61,8 @@ WORLD_AXES, TURNED_AXES, POINTING_AXES = (
     ("forward", "left", "up"),
     ("towards the target", "left", "upwards across"),
 )
-Axes = tuple[str, str, str]
-AXES: dict[tuple[str, ...], tuple[Axes, Axes]] = {
+AxisNames = tuple[str, str, str]
+AXES: dict[tuple[str, ...], tuple[AxisNames, AxisNames]] = {
     ("base", "target"): (WORLD_AXES, POINTING_AXES),
     ("start", "target"): (WORLD_AXES, POINTING_AXES),
 }
