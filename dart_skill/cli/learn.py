@@ -112,13 +112,12 @@ def _learn(options: argparse.Namespace) -> int:
     if is_dataset(options.bag):
         return _learn_dataset(options, output)
     settle_mapping(options, options.bag, _file_for(options.bag).stem.removesuffix("_model"))
-    if not options.mapping and not (kind := load_skill(skill_of(options.bag))).cuts_itself:
-        return _learn_skill(options, kind, output)
+    if not options.mapping:
+        kind = load_skill(skill_of(options.bag))
+        if options.demonstrations_topic or not kind.cuts_itself:
+            return _learn_skill(options, kind, output)
     mapping = load_mapping(options.mapping) if options.mapping else None
-    raw = not options.demonstrations_topic
-    if not raw:
-        tell_bag_faults(options.bag)
-    wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
+    wanted = {"with_throws": options.with_throws, "without": options.without}
     wanted["remember"] = REMEMBERED if options.remember is None else options.remember
     try:
         skill, report = learn_from_bag(
@@ -147,8 +146,7 @@ def _file_for(bag: Path) -> Path:
 
 def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
     """Any skill, from the episodes of a dataset of LeRobot."""
-    from dart_skill.session import learn_throws_from_dataset, open_dataset, skill_of_dataset
-    from dart_skill.skills.learning import save_model
+    from dart_skill.session import open_dataset, skill_of_dataset
 
     of_bags = {
         "--mapping": options.mapping,
@@ -162,18 +160,7 @@ def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
             " the demonstrations"
         )
     dataset = open_dataset(options.bag)
-    if not (skill := skill_of_dataset(dataset)).cuts_itself:
-        return _learn_skill(options, skill, output, dataset)
-    learned, report = learn_throws_from_dataset(
-        dataset, options.configuration or "default", options.without
-    )
-    save_model(output, list(report.learned_from), learned.skill.configuration)
-    print(
-        json.dumps(_as_json(learned, report, output), indent=1)
-        if options.json
-        else _as_text(learned, report, output)
-    )
-    return 0
+    return _learn_skill(options, skill_of_dataset(dataset), output, dataset)
 
 
 def _learn_skill(
@@ -188,7 +175,10 @@ def _learn_skill(
         "--configuration": options.configuration and not skill.configurations,
     }
     for option in (name for name, value in given.items() if value):
-        raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{skill.name}'")
+        raise ValueError(
+            f"{option} is for throws that are found in a recording: {options.bag} has demonstrations"
+            f" of the skill '{skill.name}'"
+        )
     if dataset is None:
         tell_bag_faults(options.bag)
     source = options.bag if dataset is None else dataset
@@ -279,7 +269,6 @@ def _seconds(stamp_ns: int) -> str:
 def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
     return {
         "source": report.source,
-        "raw": report.raw,
         "faults": [asdict(fault) for fault in report.faults],
         "clocks": report.clocks,
         "throws": [_throw_json(throw) for throw in report.throws],

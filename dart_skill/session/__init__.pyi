@@ -19,7 +19,6 @@ from dart_skill.session._finding import find_throws as find_throws
 from dart_skill.session._from_bag import LearnReport as LearnReport
 from dart_skill.session._from_bag import NothingLearned as NothingLearned
 from dart_skill.session._from_bag import learn_from_bag as learn_from_bag
-from dart_skill.session._from_lerobot import learn_throws_from_dataset as learn_throws_from_dataset
 from dart_skill.session._from_lerobot import open_dataset as open_dataset
 from dart_skill.session._from_lerobot import skill_of_dataset as skill_of_dataset
 from dart_skill.session._in_process import Session as Session

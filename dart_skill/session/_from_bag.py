@@ -26,7 +26,6 @@ from dart_skill.recording import (
     BagError,
     Demonstration,
     check_known,
-    each_demonstration,
     unwanted,
 )
 from dart_skill.recording.imports import (
@@ -85,8 +84,6 @@ class LearnReport:
     ----------
     source
         The recording.
-    raw
-        Whether throws were found in the streams, not read from /demonstrations.
     throws
         What was found, in order of time.
     faults
@@ -96,7 +93,6 @@ class LearnReport:
     """
 
     source: str
-    raw: bool
     throws: tuple[FoundThrow, ...] = ()
     faults: tuple[Fault, ...] = field(default=(), repr=False)
     clocks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -135,7 +131,6 @@ def learn_from_bag(
     mapping: RecordingMapping | None = None,
     configuration: str = "default",
     *,
-    raw: bool = True,
     with_throws: bool = False,
     without: Sequence[str] = (),
     method: str = "residual",
@@ -148,8 +143,6 @@ def learn_from_bag(
     ----------
     mapping
         Where everything is, for recordings that are not ours.
-    raw
-        From the streams; else from the topic /demonstrations, as the recorder cut them.
     with_throws
         Also from misses and from the arm's own throws.
     without
@@ -163,24 +156,19 @@ def learn_from_bag(
     chosen = configuration_of(configuration)
     reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)
     clocks = clocks_of(mapping) if mapping else {}
-    report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw, clocks=clocks), True
-    if raw:
-        judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
-        report, has_joints = _throws_in_parts(
-            read_in_parts(path, mapping), report, thresholds, judged, memory
-        )
-    else:
-        memory.take(
-            _unless(FoundThrow(_instant(one), True, one), reasons)
-            for one in each_demonstration(path)
-        )
-        report = replace(report, throws=tuple(memory.throws))
+    judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
+    report, has_joints = _throws_in_parts(
+        read_in_parts(path, mapping),
+        LearnReport(os.path.basename(os.fspath(path)), clocks=clocks),
+        thresholds,
+        judged,
+        memory,
+    )
     _check_without(report, without)
     too_few = len(report.learned_from) < LEAST_DEMONSTRATIONS
     set_back = any(fault.kind == BACKWARDS and not fault.repaired for fault in report.faults)
     if (
-        raw
-        and has_joints
+        has_joints
         and (too_few or report.weakness or set_back)
         and not any(fault.is_of_time for fault in report.faults)
     ):
@@ -191,7 +179,7 @@ def learn_from_bag(
     from dart_skill.skills.practice import PractisingSkill
 
     learned = PractisingSkill(list(report.learned_from), chosen, method)
-    if raw and _is_far(learned.skill.registration):
+    if _is_far(learned.skill.registration):
         _refuse_disagreement(path, mapping, report)
     return learned, report
 
@@ -251,7 +239,7 @@ def throws_in_bag(
     judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
     report, _ = _throws_in_parts(
         [recording],
-        LearnReport(recording.source, True),
+        LearnReport(recording.source),
         THRESHOLDS,
         judged,
         ThrowMemory(0, chosen),
@@ -380,8 +368,3 @@ def explained(reasons: str) -> str:
         if OWN_THROW in reasons
         else reasons
     )
-
-
-def _instant(one: Demonstration) -> int:
-    since = one.opened if np.isfinite(one.opened) else one.motion_start
-    return one.stamp_ns + round(1e9 * float(np.nan_to_num(since)))

@@ -7,25 +7,18 @@ The elements are found by their names, wherever they stand: those that `write_le
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from dart_skill.common.world import joint_names, the_world
-from dart_skill.recording import AS_ASKED, HAND, Demonstration, Event, Track, check_known
+from dart_skill.arm import Grip
+from dart_skill.common.world import joint_names
+from dart_skill.recording import HAND, Demonstration
 from dart_skill.recording.lerobot import Episode, LeRobotDataset, changes_at, read_dataset
-from dart_skill.session._from_bag import LearnReport
 from dart_skill.session._to_lerobot import OPEN, pose_names, position_name, velocity_name
-from dart_skill.skills.learning import (
-    LEAST_DEMONSTRATIONS,
-    ThrowSettings,
-    prepare,
-)
-from dart_skill.skills.observation import FoundThrow, ThrowLog, judged
-from dart_skill.skills.practice import PractisingSkill
+from dart_skill.skills.observation import THRESHOLDS
 from dart_skill.skills.protocol import Skill, load_skill, skill_names, skill_type
-from dart_skill.skills.throw import Throw
 
 BEGIN_NS = 1_000_000_000
 """Stamp of the first frame of every episode: each is a world of its own."""
@@ -54,37 +47,6 @@ def skill_of_dataset(dataset: LeRobotDataset) -> Skill:
     )
 
 
-def learn_throws_from_dataset(
-    dataset: LeRobotDataset,
-    name: str = "default",
-    without: Sequence[str] = (),
-    method: str = "residual",
-) -> tuple[PractisingSkill, LearnReport]:
-    """Throws at baskets that the episodes teach, and what became of each; as `learn_from_bag`.
-
-    Raises
-    ------
-    ValueError
-        If too few can be used.
-    """
-    skill = skill_of_dataset(dataset)
-    assert isinstance(skill, Throw)
-    chosen = skill.named(name).settings
-    check_known(
-        without, [id_of_episode(episode) for episode in dataset.episodes], str(dataset.path)
-    )
-    found = [_found(dataset, episode, skill, chosen, without) for episode in dataset.episodes]
-    report = LearnReport(dataset.path.name, True, tuple(found))
-    if len(report.learned_from) < LEAST_DEMONSTRATIONS:
-        reasons = sorted({throw.reason for throw in found if throw.reason})
-        few = (
-            f"{len(report.learned_from)} demonstrations among {len(found)} episodes are too few:"
-            f" at least {LEAST_DEMONSTRATIONS}"
-        )
-        raise ValueError("; ".join([f"{dataset.path}: {few} are needed", *reasons]))
-    return PractisingSkill(list(report.learned_from), chosen, method), report
-
-
 def open_dataset(path: str | os.PathLike) -> LeRobotDataset:
     """A dataset with at least one episode.
 
@@ -98,105 +60,31 @@ def open_dataset(path: str | os.PathLike) -> LeRobotDataset:
     return dataset
 
 
-def throw_in_episode(
-    dataset: LeRobotDataset, episode: Episode, skill: Throw
-) -> tuple[Demonstration, ThrowLog]:
-    """The throw of an episode, cut as the recorder cuts it, and what was seen.
-
-    Raises
-    ------
-    ValueError
-        Says what is missing.
-    """
-    log = skill.sensor_log(joint_period_ns=1)
-    assert isinstance(log, ThrowLog)
-    for role in (HAND, *skill.bodies):
-        stamps, rows = _seen(dataset, episode, role)
-        for stamp, row in zip(stamps.tolist(), rows, strict=True):
-            log.take(role, stamp, row[:3], row[3:])
-    stamps = _stamps(episode)
-    for stamp, position, velocity in zip(stamps.tolist(), *_joints(dataset, episode), strict=True):
-        log.add_joints(stamp, position, velocity)
-    opened = [instant for instant, on in _told(dataset, episode) if on]
-    if opened:
-        log.add_opening(BEGIN_NS + round(1e9 * opened[0]))
-    elif release := log.release_between(BEGIN_NS, int(stamps[-1]), skill.game.projectile):
-        log.add_release(BEGIN_NS + round(1e9 * release.time))
-    return log.cut(id_of_episode(episode), int(stamps[-1])), log
-
-
 def demonstration_in_episode(
     dataset: LeRobotDataset, episode: Episode, skill: Skill
 ) -> Demonstration:
-    """The demonstration of an episode.
+    """The demonstration of an episode, as the recorder would have cut it.
 
     Raises
     ------
     ValueError
         Says what is missing.
     """
-    if isinstance(skill, Throw):
-        return throw_in_episode(dataset, episode, skill)[0]
-    return movement_in_episode(dataset, episode, skill)
-
-
-def movement_in_episode(dataset: LeRobotDataset, episode: Episode, skill: Skill) -> Demonstration:
-    """The demonstration of an episode.
-
-    Raises
-    ------
-    ValueError
-        Says what is missing.
-    """
-    tracks = {}
+    log, stamps = skill.sensor_log(joint_period_ns=1), _stamps(episode).tolist()
     for role in (HAND, *skill.bodies):
-        stamps, rows = _seen(dataset, episode, role)
-        if not len(stamps):
-            raise ValueError(f"{dataset.path}: episode {episode.index}: the {role} was never seen")
-        tracks[role] = Track(1e-9 * (stamps - BEGIN_NS), rows[:, :3], rows[:, 3:])
-    told = tuple(
-        Event("open" if on else "close", instant) for instant, on in _told(dataset, episode)
-    )
-    position, velocity = _joints(dataset, episode)
-    return Demonstration(
-        id=id_of_episode(episode),
-        tracks=tracks,
-        stamp_ns=BEGIN_NS,
-        skill=skill.name,
-        joint_time=episode.time,
-        joint_position=position,
-        joint_velocity=velocity,
-        events=told,
-    )
-
-
-def _found(
-    dataset: LeRobotDataset,
-    episode: Episode,
-    skill: Throw,
-    chosen: ThrowSettings,
-    without: Collection[str],
-) -> FoundThrow:
-    """The throw of an episode, where the ball came down, and the reason why it is not learned
-    from, if there is one.
-    """
+        seen, rows = _seen(dataset, episode, role)
+        for stamp, row in zip(seen.tolist(), rows, strict=True):
+            log.take(role, stamp, row[:3], row[3:])
+    for stamp, position, velocity in zip(stamps, *_joints(dataset, episode), strict=True):
+        log.add_joints(stamp, position, velocity)
+    for instant, opens in _told(dataset, episode):
+        log.add_told(BEGIN_NS + round(1e9 * instant), Grip.OPEN if opens else Grip.CLOSE)
+    skill.infer_events(log, BEGIN_NS, stamps[-1])
     try:
-        one, log = throw_in_episode(dataset, episode, skill)
+        cut = skill.record(log, stamps[-1], THRESHOLDS)
     except ValueError as error:
-        return FoundThrow(BEGIN_NS, True, reason=f"{id_of_episode(episode)}: {error}")
-    opened = log.left_ns if log.opened_ns is None else log.opened_ns
-    assert opened is not None  # as it was cut
-    outcome, _ = judged(
-        log, one.target, the_world().basket_radius, opened, int(_stamps(episode)[-1])
-    )
-    throw = FoundThrow(opened, True, one, outcome)
-    if one.id in without:
-        return replace(throw, reason=AS_ASKED)
-    try:
-        prepare(one, chosen)
-    except ValueError as error:
-        return replace(throw, reason=str(error))
-    return throw
+        raise ValueError(f"{dataset.path}: episode {episode.index}: {error}") from error
+    return replace(cut, id=id_of_episode(episode))
 
 
 def id_of_episode(episode: Episode) -> str:

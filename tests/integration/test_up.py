@@ -13,7 +13,8 @@ import pytest
 
 from dart_skill.cli import main as command_line
 from dart_skill.cli.run_options import GRAPHS
-from dart_skill.session import learn_from_bag
+from dart_skill.session import learn_skill
+from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, SIMULATED
 from tests.paths import BAGS
 from tests.view_client import PageClient
@@ -120,8 +121,8 @@ def test_a_recording_is_replayed_into_a_model(start):
     """Without an arm, real or simulated: the demonstrations are cut out of what is played."""
     process = start("--play", str(BAG), "--rate", "0")
     events_until(process, "up")
-    learned, (skill, _) = told_by("learn", "--at-least", "13"), learn_from_bag(BAG, raw=False)
-    assert learned == {"demonstrations": 13, "model_id": skill.skill.model_id, "ok": True}
+    learned, (_, lesson) = told_by("learn", "--at-least", "13"), learn_skill(BAG, load_skill("throw"))
+    assert learned == {"demonstrations": 13, "model_id": lesson.model_id, "ok": True}
     end(process)
 
 

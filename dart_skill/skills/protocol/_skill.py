@@ -328,6 +328,11 @@ class Skill:
         """
         return SensorLog((HAND, *self.bodies), joint_period_ns)
 
+    def infer_events(self, log: SensorLog, since_ns: int, until_ns: int) -> None:
+        """Add to a log what a recording that tells no events shows of them, between two stamps.
+        Default: nothing.
+        """
+
     def record(
         self, log: SensorLog, until_ns: int, thresholds: VelocityThreshold
     ) -> Demonstration:

@@ -207,6 +207,14 @@ class Throw(Skill):
     def sensor_log(self, joint_period_ns: int = 10_000_000) -> ThrowLog:
         return ThrowLog(joint_period_ns, self.name, self.bodies)
 
+    def infer_events(self, log: SensorLog, since_ns: int, until_ns: int) -> None:
+        """Where the hand was told nothing, its release is found in the flight."""
+        assert isinstance(log, ThrowLog)
+        if log.opened_ns is not None:
+            return
+        if release := log.release_between(since_ns, until_ns, self.game.projectile):
+            log.add_release(since_ns + round(1e9 * release.time))
+
     def record(
         self, log: SensorLog, until_ns: int, thresholds: VelocityThreshold
     ) -> Demonstration:

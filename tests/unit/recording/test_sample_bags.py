@@ -11,7 +11,8 @@ from rosbags.rosbag2 import Reader
 from dart_skill.recording import BagReader, read_demonstrations, type_hash, types_for
 from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.throw_recording import read_recording
-from dart_skill.session import find_throws, learn_from_bag
+from dart_skill.session import find_throws, learn_from_bag, learn_skill
+from dart_skill.skills.protocol import load_skill
 from tests.paths import BAGS
 from tests.recorded_session import same
 
@@ -72,9 +73,9 @@ def test_twenty_throws_are_found_and_land_where_the_skill_meant_them_to():
 
 
 def test_they_teach_a_skill_and_throws_add_to_it():
-    skill, report = learn_from_bag(BAGS / "demonstrations", raw=False)
-    assert len(report.learned_from) == 13
+    learner, lesson = learn_skill(BAGS / "demonstrations", load_skill("throw"))
+    assert len(lesson.learned_from) == 13
     target = np.array([2.0, 0.2, 0.4])
-    assert np.linalg.norm(skill.plan(target).predicted_landing - target) < 0.01
+    assert np.linalg.norm(learner.practice.model.plan(target).predicted_landing - target) < 0.01
     _, more = learn_from_bag(BAGS / "throws", with_throws=True)
     assert len(more.learned_from) >= 19

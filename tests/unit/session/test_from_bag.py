@@ -33,12 +33,13 @@ from dart_skill.recording.imports import mapping_text, with_remedies
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.pose_stream import UP_AXES
 from dart_skill.recording.imports.throw_recording import convert, read_recording
-from dart_skill.session import NothingLearned, find_throws, learn_from_bag
+from dart_skill.session import NothingLearned, find_throws, learn_from_bag, learn_skill
 from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skills.learning import DEFAULT, load_model
 from dart_skill.skills.observation import ThrowFinder, ThrowLog
 from dart_skill.skills.observation._throw_finder import MEMORY_NS
 from dart_skill.skills.practice import PractisingSkill
+from dart_skill.skills.protocol import load_skill
 from tests.paths import ROOT
 from tests.recorded_session import THROWN_AT, as_published, same
 from tests.throw_demonstrations import changed_throw
@@ -148,14 +149,12 @@ def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded_session,
 
 def test_the_skill_is_that_of_the_recorded_demonstrations(recorded_session, shown, expected):
     raw, report = learn_from_bag(recorded_session[0])
-    told, other = learn_from_bag(recorded_session[0], raw=False)
-    assert same_plan(raw.plan(BASKET), expected) and same_plan(told.plan(BASKET), expected)
-    assert raw.skill.model_id == told.skill.model_id
-    assert (
-        [one.id for one in report.learned_from]
-        == [one.id for one in other.learned_from]
-        == [one.id for one in shown]
-    )
+    told, lesson = learn_skill(recorded_session[0], load_skill("throw"))
+    assert same_plan(raw.plan(BASKET), expected)
+    assert same_plan(told.practice.practising.plan(BASKET), expected)
+    assert raw.skill.model_id == lesson.model_id
+    ids = tuple(one.id for one in report.learned_from)
+    assert ids == lesson.learned_from == tuple(one.id for one in shown)
     assert [throw.reason for throw in report.throws] == ["", "", "", "thrown by the arm itself"]
 
 
@@ -188,9 +187,8 @@ def with_marks(source, folder, *marks):
     return folder
 
 
-@pytest.mark.parametrize("raw", [True, False], ids=["found", "published"])
 def test_a_demonstration_that_was_dropped_while_it_was_recorded_is_left_out(
-    recorded_session, shown, tmp_path, raw
+    recorded_session, shown, tmp_path
 ):
     first, second, third = (one.id for one in shown)
     marked = with_marks(
@@ -200,12 +198,15 @@ def test_a_demonstration_that_was_dropped_while_it_was_recorded_is_left_out(
         (3, third, True),
         (1, second, True),
     )
-    _, report = learn_from_bag(marked, raw=raw)
+    _, report = learn_from_bag(marked)
     assert [one.id for one in report.learned_from] == [
         first,
         second,
     ], "the newest mark counts, whatever the order"
     assert "dropped while it was recorded" in [throw.reason for throw in report.throws]
+    _, lesson = learn_skill(marked, load_skill("throw"))
+    assert lesson.learned_from == (first, second)
+    assert lesson.left_out == {third: "dropped while it was recorded"}
 
 
 @pytest.mark.parametrize("raw", [True, False], ids=["found", "published"])
@@ -241,9 +242,8 @@ def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_
         )
 
 
-@pytest.mark.parametrize("raw", [True, False], ids=["found", "published"])
 def test_what_is_remembered_of_a_long_recording_covers_its_region(
-    recorded_session, shown, tmp_path, capsys, raw
+    recorded_session, shown, tmp_path, capsys
 ):
     """Of three only two: of the two that are nearest to each other the older one goes, and the
     model is that of the others.
@@ -251,8 +251,8 @@ def test_what_is_remembered_of_a_long_recording_covers_its_region(
     tasks = [one.target for one in shown]
     pairs = [(np.linalg.norm(tasks[i] - tasks[k]), i) for i in range(3) for k in range(i + 1, 3)]
     gone = min(pairs)[1]
-    way, output = [] if raw else ["--demonstrations-topic"], tmp_path / "model.npz"
-    assert run([recorded_session[0], *way, "--remember", "2", "--output", output, "--json"]) == 0
+    output = tmp_path / "model.npz"
+    assert run([recorded_session[0], "--remember", "2", "--output", output, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["learned_from"] == [one.id for k, one in enumerate(shown) if k != gone]
     assert [one["id"] for one in told["throws"]][:3] == [one.id for one in shown], (
@@ -494,7 +494,7 @@ def test_the_command_says_it_as_json(tmp_path, recorded_session, capsys):
         == 0
     )
     said = json.loads(capsys.readouterr().out)
-    assert len(said["learned_from"]) == 4 and said["raw"] and said["configuration"] == "default"
+    assert len(said["learned_from"]) == 4 and said["configuration"] == "default"
     assert [throw["taught"] for throw in said["throws"]] == [True, True, True, False]
     assert all(
         throw["in_basket"] and throw["landing_error"] < 0.15 for throw in said["throws"][:3]
@@ -506,7 +506,7 @@ def test_the_command_takes_the_topic_of_demonstrations(tmp_path, recorded_sessio
     assert (
         run([recorded_session[0], "--demonstrations-topic", "--output", tmp_path / "one.npz"]) == 0
     )
-    assert "learned from 3 of 3 throws" in capsys.readouterr().out
+    assert "learned 'throw' from 3 demonstrations" in capsys.readouterr().out
     with pytest.raises(ValueError, match="leave out --mapping and --with-throws"):
         run(
             [

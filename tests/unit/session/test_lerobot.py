@@ -15,12 +15,12 @@ from dart_skill.recording import HAND, Event, Track, read_demonstrations
 from dart_skill.recording.lerobot import DatasetWriter, Feature, read_dataset
 from dart_skill.session import (
     learn_from_bag,
-    learn_throws_from_dataset,
+    learn_skill,
     open_dataset,
     skill_of_dataset,
     write_lerobot,
 )
-from dart_skill.session._from_lerobot import movement_in_episode, throw_in_episode
+from dart_skill.session._from_lerobot import demonstration_in_episode
 from dart_skill.session._shown_in_recording import Shown, ShownSkill, read_shown
 from dart_skill.session._to_lerobot import features_of, frames_of
 from dart_skill.skills.protocol import load_skill
@@ -110,14 +110,15 @@ def test_the_dataset_teaches_what_the_bag_teaches(bag, tmp_path, name, fps, apar
     """
     write_lerobot(bag, tmp_path / "dataset", fps=fps)
     there = open_dataset(tmp_path / "dataset")
-    learned, report = learn_throws_from_dataset(there, name)
+    learner, lesson = learn_skill(there, load_skill("throw"), name)
     expected, told = learn_from_bag(bag, configuration=name)
-    assert [one.id for one in report.learned_from] == ["episode_0", "episode_1", "episode_2"]
-    for one, other in zip(report.learned_from, told.learned_from, strict=True):
+    assert lesson.learned_from == ("episode_0", "episode_1", "episode_2")
+    taken = learner.practice.practising.practice.demonstrations
+    for one, other in zip(taken, told.learned_from, strict=True):
         since_start = [d.opened - d.motion_start for d in (one, other)]
         assert since_start[0] == pytest.approx(since_start[1], abs=late)
         assert np.allclose(one.target, other.target, atol=1e-4)
-    plans = [skill.plan(THROWN_AT) for skill in (learned, expected)]
+    plans = [skill.plan(THROWN_AT) for skill in (learner.practice.practising, expected)]
     instants = np.linspace(-0.2, 0.0, 9)
     ways = [
         np.column_stack(
@@ -131,7 +132,7 @@ def test_the_dataset_teaches_what_the_bag_teaches(bag, tmp_path, name, fps, apar
 def test_the_instant_at_which_the_hand_was_told_to_open_is_kept(bag, dataset):
     """To the microsecond, at 100 frames a second."""
     for episode, one in zip(dataset.episodes, read_demonstrations(bag), strict=True):
-        cut = throw_in_episode(dataset, episode, load_skill("throw"))[0]
+        cut = demonstration_in_episode(dataset, episode, load_skill("throw"))
         assert (cut.stamp_ns - 10**9) * 1e-9 + cut.opened == pytest.approx(one.opened, abs=1e-5)
 
 
@@ -144,12 +145,13 @@ def test_a_demonstration_is_left_out_and_without_a_word_the_release_is_found_in_
     with pytest.raises(ValueError, match="no demonstration 'nobody'"):
         write_lerobot(bag, tmp_path / "none", without=["nobody"])
     with pytest.raises(ValueError, match="no demonstration 'episode_7'"):
-        learn_throws_from_dataset(dataset, without=["episode_7"])
-    _, report = learn_throws_from_dataset(dataset, without=["episode_1"])
-    assert [throw.reason for throw in report.throws] == ["", "as asked", ""]
+        learn_skill(dataset, load_skill("throw"), without=["episode_7"])
+    _, lesson = learn_skill(dataset, load_skill("throw"), without=["episode_1"])
+    assert lesson.left_out == {"episode_1": "as asked"}
+    assert lesson.learned_from == ("episode_0", "episode_2")
     silent = open_dataset(dataset.path).episodes[0]
     silent.frames["action"][:, -1] = 0.0
-    one = throw_in_episode(dataset, silent, load_skill("throw"))[0]
+    one = demonstration_in_episode(dataset, silent, load_skill("throw"))
     assert np.isnan(one.opened) and one.motion_stop > 0.5
 
 
@@ -176,7 +178,7 @@ def test_a_movement_of_another_skill_comes_back_as_it_was(tmp_path):
         skill_of_dataset(dataset).name == "place"
         and dataset.names["action"][0] == "wam_j1.position [rad]"
     ), "nobody recorded commands"
-    back = movement_in_episode(dataset, dataset.episodes[0], shown.skill)
+    back = demonstration_in_episode(dataset, dataset.episodes[0], shown.skill)
     assert [word.grip for word in back.events] == [Grip.CLOSE, Grip.OPEN]
     assert np.allclose([word.time for word in back.events], [0.1234, 1.7654], atol=1e-5)
     assert np.allclose(back.hand_position[:, 0], 0.3 * back.hand_time, atol=1e-6)
@@ -209,7 +211,7 @@ def test_what_is_missing_in_a_dataset_of_somebody_else_is_named(dataset, tmp_pat
             r" action"
         ),
     ):
-        learn_throws_from_dataset(open_dataset(tmp_path / "less"))
+        learn_skill(open_dataset(tmp_path / "less"), load_skill("throw"))
     with DatasetWriter(tmp_path / "other", 100, "an_arm", features) as writer:
         writer.add(
             "fold the towel", {key: shown_by[key] for key in ("observation.state", "action")}
