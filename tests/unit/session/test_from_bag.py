@@ -216,7 +216,6 @@ def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_
         run(
             [
                 recorded_session[0],
-                *way,
                 "--without",
                 shown[1].id,
                 "--output",
@@ -233,7 +232,6 @@ def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_
         run(
             [
                 recorded_session[0],
-                *way,
                 "--without",
                 "demonstration_3",
                 "--output",
@@ -270,7 +268,6 @@ def test_what_is_remembered_of_a_long_recording_covers_its_region(
         run(
             [
                 recorded_session[0],
-                *way,
                 "--remember",
                 "0",
                 "--output",
