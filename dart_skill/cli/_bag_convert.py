@@ -192,7 +192,7 @@ def _recording_text(recording: ThrowRecording) -> str:
     opened = (
         f"the hand was told to open {len(recording.openings)} times"
         if recording.has_button
-        else "nobody recorded when it opened"
+        else "it was not recorded when it opened"
     )
     return "\n".join([*fault_lines(recording.faults), f"{poses}, {joints}; {opened}"])
 

@@ -355,7 +355,7 @@ def _places_text(result: Recovery) -> str:
     return (
         f"at least {count} messages, of unknown topics"
         if count
-        else "nobody knows how many messages"
+        else "it is not known how many messages"
     )
 
 

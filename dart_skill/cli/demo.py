@@ -65,7 +65,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     )
     add_configuration(parser, "that of config/skill_learner.yaml")
     add_model(
-        parser, "nobody shows anything, the arm does what a file of 'dart-skill learn BAG' holds"
+        parser, "nothing is shown, the arm does what a file of 'dart-skill learn BAG' holds"
     )
     parser.set_defaults(run=partial(_demo, parser=parser))
 
@@ -116,7 +116,7 @@ def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -
     for name in ("demonstrations", "configuration"):
         if getattr(options, name) != parser.get_default(name):
             parser.error(
-                f"--{name} is for a skill that is shown: with --model nobody shows anything"
+                f"--{name} is for a skill that is shown: with --model nothing is shown"
             )
 
 

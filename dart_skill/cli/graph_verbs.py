@@ -36,9 +36,10 @@ HELP = {
     "play": "publish a bag's messages over ROS, as they were recorded",
 }
 
-BENCHES, BENCH_FOLDER = ("faults", "soak"), "tests/benches"
-"""Verbs of `dart-skill experiment` that only a checkout has, and the folder in which it has them.
-"""
+BENCHES = ("faults", "soak")
+"""Verbs of `dart-skill experiment` that only a checkout has."""
+BENCH_FOLDER = "tests/benches"
+"""Folder of a checkout that has them."""
 CHECKOUT = Path(__file__).resolve().parents[2]
 """The folder of the library, which is a checkout unless the library was installed elsewhere."""
 

@@ -26,7 +26,7 @@ from dart_skill.figures import (
 )
 from dart_skill.session import TrialResult
 
-WINDOW = 5
+CURVE_WINDOW = 5
 """Throws of a running median and its quartiles."""
 
 
@@ -62,7 +62,7 @@ def curve_figure(
         numbers = np.arange(1, len(errors) + 1)
         if not learned:
             _draw_quartiles(axes, errors)
-        elif len(errors) >= WINDOW:
+        elif len(errors) >= CURVE_WINDOW:
             low, middle, high = running_quartiles(errors)
             axes.fill_between(
                 numbers,
@@ -71,14 +71,14 @@ def curve_figure(
                 color=LIGHT,
                 alpha=0.5,
                 linewidth=0,
-                label=f"quartiles of the last {WINDOW} throws",
+                label=f"quartiles of the last {CURVE_WINDOW} throws",
             )
             axes.plot(
                 numbers,
                 middle,
                 color=BLACK,
                 linewidth=1.8,
-                label=f"median of the last {WINDOW} throws",
+                label=f"median of the last {CURVE_WINDOW} throws",
             )
         _draw_throws(axes, numbers, errors, np.array([throw.success for throw in throws]))
         _draw_rim(axes, errors)
@@ -233,7 +233,7 @@ def _draw_rim(axes: Axes, errors: np.ndarray) -> None:
         )
 
 
-def running_quartiles(errors: np.ndarray, window: int = WINDOW) -> np.ndarray:
+def running_quartiles(errors: np.ndarray, window: int = CURVE_WINDOW) -> np.ndarray:
     """Quartiles (3, n) of the finite ones of the last `window` errors (n,) at each place; nan
     before there are `window` of them, or without any.
     """

@@ -157,7 +157,7 @@ def what_was_run(about: About, of_the_skill: Mapping[str, str], notes: Sequence[
     return (
         '<h2>What was run</h2><div class="wide"><table'
         f' class="facts">{rows}</table></div>{folded}{remarks}<p class="quiet">This page is made'
-        " from the bag and asks nobody for anything. The same bag, versions and machine give the"
+        " from the bag and loads nothing from elsewhere. The same bag, versions and machine give the"
         " same bytes.</p>"
     )
 

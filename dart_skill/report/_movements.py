@@ -28,7 +28,10 @@ from dart_skill.skills.protocol import Skill
 
 FRAME_NS = 20_000_000
 """The bag is looked at in steps of so long: a replay has 25 pictures a second."""
-JOINTS, GUIDING = "/joint_states", "/wam/teacher_wrench"
+JOINTS = "/joint_states"
+"""Topic of the arm's joints."""
+GUIDING = "/wam/teacher_wrench"
+"""Topic of the wrench of a person's hand."""
 SHORTEST = 0.5
 """A world that was set anew again after less is none in which something was done [s]."""
 STILL = 0.02

@@ -30,8 +30,10 @@ LONGEST = 12.0
 """Longest movement in the replay; of a longer one its end is shown [s]."""
 MOST_MOVEMENTS = 60
 """More of them make the page large; 10 kB each."""
-EYE, LOOK_AT = (1.9, -4.6, 2.0), (1.1, 0.0, 1.15)
-"""Where the page looks from and to at first, where there are baskets [m]."""
+EYE = (1.9, -4.6, 2.0)
+"""Where the page looks from at first, where there are baskets [m]."""
+LOOK_AT = (1.1, 0.0, 1.15)
+"""Where it looks to at first [m]."""
 ABOVE_BASKETS = (0.0, 0.0, 2.45)
 """There it says which throw at a basket is shown [m]."""
 ABOVE = (0.0, 0.0, 0.6)

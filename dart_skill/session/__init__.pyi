@@ -19,6 +19,7 @@ from dart_skill.session._finding import find_throws as find_throws
 from dart_skill.session._from_bag import LearnReport as LearnReport
 from dart_skill.session._from_bag import NothingLearned as NothingLearned
 from dart_skill.session._from_bag import learn_from_bag as learn_from_bag
+from dart_skill.session._from_lerobot import demonstration_in_episode as demonstration_in_episode
 from dart_skill.session._from_lerobot import open_dataset as open_dataset
 from dart_skill.session._from_lerobot import skill_of_dataset as skill_of_dataset
 from dart_skill.session._in_process import Session as Session
@@ -26,12 +27,18 @@ from dart_skill.session._in_process import Trial as Trial
 from dart_skill.session._recorded_lessons import learn_skill as learn_skill
 from dart_skill.session._session_bag import LAYOUT as LAYOUT
 from dart_skill.session._session_bag import SessionBag as SessionBag
+from dart_skill.session._shown_in_recording import Shown as Shown
+from dart_skill.session._shown_in_recording import ShownSkill as ShownSkill
+from dart_skill.session._shown_in_recording import read_shown as read_shown
 from dart_skill.session._summary import RunSummary as RunSummary
 from dart_skill.session._summary import TrialResult as TrialResult
 from dart_skill.session._summary import error_quantile as error_quantile
 from dart_skill.session._summary import throws_in_a_line as throws_in_a_line
 from dart_skill.session._summary import write_summary as write_summary
+from dart_skill.session._throw_memory import ThrowMemory as ThrowMemory
 from dart_skill.session._to_lerobot import FPS as FPS
 from dart_skill.session._to_lerobot import ExportedDataset as ExportedDataset
 from dart_skill.session._to_lerobot import PictureMaker as PictureMaker
+from dart_skill.session._to_lerobot import features_of as features_of
+from dart_skill.session._to_lerobot import frames_of as frames_of
 from dart_skill.session._to_lerobot import write_lerobot as write_lerobot

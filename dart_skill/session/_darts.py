@@ -250,7 +250,7 @@ def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np
         return Hit(None, str(error), refused=True)
     seen = trial.outcome
     if not seen.landing_seen:
-        return Hit(None, "nobody saw where the dart went")
+        return Hit(None, "the cameras did not see where the dart went")
     told = learned.tell(plan, trial.demonstration)
     outcome = TaskOutcome(bool(seen.in_basket), float(seen.landing_error))
     return Hit(skill.face.on_board(seen.landing), "" if told.kept else told.reason, outcome)

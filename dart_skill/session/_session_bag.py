@@ -34,12 +34,18 @@ from dart_skill.simulation import Sample
 from dart_skill.skills.observation import attach_arm
 from dart_skill.skills.protocol import Skill
 
-JOINT_STATES, COMMAND, GUIDING = "/joint_states", "/wam/command", "/wam/teacher_wrench"
-JOINT_STATE, WAM_COMMAND, POSE = (
-    "sensor_msgs/msg/JointState",
-    "dart_skill_msgs/msg/WamCommand",
-    "geometry_msgs/msg/PoseStamped",
-)
+JOINT_STATES = "/joint_states"
+"""Topic of the arm's joints."""
+COMMAND = "/wam/command"
+"""Topic of what the arm is told."""
+GUIDING = "/wam/teacher_wrench"
+"""Topic of the wrench of a person's hand."""
+JOINT_STATE = "sensor_msgs/msg/JointState"
+"""Type of messages about the joints."""
+WAM_COMMAND = "dart_skill_msgs/msg/WamCommand"
+"""Type of messages to the arm and of wrenches."""
+POSE = "geometry_msgs/msg/PoseStamped"
+"""Type of messages about tracked bodies."""
 LAYOUT = "in-process"
 
 

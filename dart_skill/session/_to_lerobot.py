@@ -34,9 +34,17 @@ FPS = 100
 """Frames per second by default: as many as the cameras of config/optitrack.yaml make, so that none
 is lost.
 """
-LOWEST_FPS, HIGHEST_FPS = 5, 1000
+LOWEST_FPS = 5
+"""Least frames per second."""
+HIGHEST_FPS = 1000
+"""Most frames per second."""
 ROBOT_TYPE = "barrett_wam"
-STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
+STATE = "observation.state"
+"""Feature of the hand and the joints."""
+ENVIRONMENT = "observation.environment_state"
+"""Feature of the bodies."""
+ACTION = "action"
+"""Feature of what the arm was told."""
 OPEN = "hand.open"
 PICTURES = "observation.images.scene"
 HOLD = 0.1

@@ -274,7 +274,7 @@ def test_a_landing_that_nobody_saw_costs_one_demonstration_and_not_all(lesson, u
     assert learned.success, learned.message
     assert stopped.success and not stopped.readable
     for message in (stopped.message, learned.message):
-        assert "nobody saw where the ball landed" in message
+        assert "the cameras did not see where the ball landed" in message
 
 
 def test_a_recorder_that_is_started_again_overwrites_no_demonstration(lesson, unseen):

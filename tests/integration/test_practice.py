@@ -234,7 +234,7 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
         [*command, "--output", str(tmp_path / "on")], capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
-    assert "nobody shows anything" in done.stderr
+    assert "nothing is shown" in done.stderr
     assert (
         f"next: dart-skill practice --model {tmp_path / 'on' / 'model.npz'}"
         in done.stdout.splitlines()

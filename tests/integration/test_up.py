@@ -217,7 +217,7 @@ def test_the_options_know_the_layouts_of_a_simulated_graph():
             ["demo", "--model", __file__, "--layout", "in-process"],
             "--model is for the learner of a graph",
         ),
-        (["demo", "--model", __file__, "--demonstrations", "5"], "nobody shows anything"),
+        (["demo", "--model", __file__, "--demonstrations", "5"], "nothing is shown"),
         (["throw", "--model", "none.npz"], "none.npz: there is no such file"),
         (["execute", "--model", "none.npz"], "none.npz: there is no such file"),
         (["learn", "--configuration", "nope"], "choose from"),

@@ -30,7 +30,7 @@ class BestAim(TargetChoice):
 
     def tell(self, situation: Situation, error: float, outcome: TaskOutcome) -> str:
         if not np.isfinite(outcome.error):
-            return "nobody saw where the dart went"
+            return "the cameras did not see where the dart went"
         landing, _ = outcome.observed[LANDING]
         points, where = self.skill.points(landing)
         said, before = f"{where}, {points} points", self._agent.bed

@@ -1,7 +1,23 @@
 """Carrying out a skill: bodies that move, and a model that is asked while the arm moves."""
 
-from dart_skill.skills.execution._hand_seen import HandSeen
-from dart_skill.skills.execution._moving_body import BodyMotion, MovingBody
+from dart_skill.skills.execution._hand_seen import ARM_MEMORY, FILTER_TIME, HandSeen
+from dart_skill.skills.execution._moving_body import (
+    FEWEST_POSES,
+    POSE_WINDOW,
+    BodyMotion,
+    MovingBody,
+)
 from dart_skill.skills.execution._reactive_guide import ReactiveGuide, ReactiveSettings
 
-__all__ = ["BodyMotion", "HandSeen", "MovingBody", "ReactiveGuide", "ReactiveSettings"]
+__all__ = [
+    "BodyMotion",
+    "HandSeen",
+    "MovingBody",
+    "ReactiveGuide",
+    "ReactiveSettings",
+    "ARM_MEMORY",
+    "FILTER_TIME",
+    "HandSeen",
+    "FEWEST_POSES",
+    "POSE_WINDOW",
+]

@@ -8,11 +8,11 @@ from collections import deque
 
 import numpy as np
 
-TIME = 0.2
+FILTER_TIME = 0.2
 """Time constant with which the distance is followed [s]: it changes with the posture, and each
 pose has its noise.
 """
-KEPT = 0.1
+ARM_MEMORY = 0.1
 """Poses are compared with the arm of so long ago at most [s]."""
 
 
@@ -48,7 +48,7 @@ class HandSeen:
         self._poses, self._newest_ns = self._poses + 1, stamp_ns
         # The mean of the first poses, until there are so many that the time constant asks for
         # less.
-        self._beside = self._beside + max(1.0 / self._poses, min(since / TIME, 1.0)) * (
+        self._beside = self._beside + max(1.0 / self._poses, min(since / FILTER_TIME, 1.0)) * (
             position - there - self._beside
         )
 
@@ -61,6 +61,6 @@ class HandSeen:
             By the arm (3,), at an instant [ns].
         """
         self._arm.append((stamp_ns, position))
-        while (stamp_ns - self._arm[0][0]) * 1e-9 > KEPT:
+        while (stamp_ns - self._arm[0][0]) * 1e-9 > ARM_MEMORY:
             self._arm.popleft()
         return self._beside

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-WINDOW = 0.2
+POSE_WINDOW = 0.2
 """Poses of so long a time tell how a body moves [s]: at 100 Hz and 0.3 mm its speed to 5 mm/s."""
-FEWEST = 6
+FEWEST_POSES = 6
 """Poses that an estimate of speed and acceleration needs; with fewer a body is taken to be at
 rest.
 """
@@ -44,7 +44,7 @@ class MovingBody:
         self._poses.append(
             (stamp_ns, np.asarray(position, dtype=float), np.asarray(quaternion, dtype=float))
         )
-        while (stamp_ns - self._poses[0][0]) * 1e-9 > WINDOW:
+        while (stamp_ns - self._poses[0][0]) * 1e-9 > POSE_WINDOW:
             self._poses.popleft()
         self._parabola = None
 
@@ -62,10 +62,10 @@ class MovingBody:
             Before any pose has come.
         """
         if not self._poses:
-            raise ValueError(f"nobody has seen the {self.name} yet")
+            raise ValueError(f"the {self.name} has not been seen yet")
         newest_ns, position, quaternion = self._poses[-1]
         ahead = (stamp_ns - newest_ns) * 1e-9
-        if len(self._poses) < FEWEST:
+        if len(self._poses) < FEWEST_POSES:
             return BodyMotion(position, np.zeros(3), np.zeros(3), quaternion, ahead)
         if self._parabola is None:
             self._parabola = self._fit(newest_ns)

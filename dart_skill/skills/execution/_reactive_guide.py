@@ -146,7 +146,7 @@ class ReactiveGuide:
         """Which body is not seen at an instant [ns], in words; empty if all are."""
         for name, body in self._bodies.items():
             if body.newest_ns is None:
-                return f"nobody has seen the {name} yet"
+                return f"the {name} has not been seen yet"
             if (age := (stamp_ns - body.newest_ns) * 1e-9) > self._s.oldest:
                 return (
                     f"the {name} was last seen {age:.2f} s ago: more than {self._s.oldest} s are"

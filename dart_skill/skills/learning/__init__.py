@@ -2,17 +2,28 @@
 
 from dart_skill.skills.learning._coverage import Coverage
 from dart_skill.skills.learning._ellipsoids import component_ellipsoids
+from dart_skill.skills.learning._first_aim import FirstAim
 from dart_skill.skills.learning._learned import LearnedSkill, NoPlan
 from dart_skill.skills.learning._learning import Model, choose_components, learn, usable
 from dart_skill.skills.learning._model_file import SavedModel, load_model, save_model
 from dart_skill.skills.learning._moving_frames import moving_frames
 from dart_skill.skills.learning._outliers import outliers, unlike
 from dart_skill.skills.learning._policy import Policy
-from dart_skill.skills.learning._pose_features import frame_of, orientations, pose_features
+from dart_skill.skills.learning._pose_features import (
+    VECTORS,
+    frame_of,
+    orientations,
+    pose_features,
+    with_free_length,
+    with_prior,
+)
 from dart_skill.skills.learning._preparation import PreparedThrow, prepare
 from dart_skill.skills.learning._prepared import PreparedMovement, prepare_movement
 from dart_skill.skills.learning._reactive import Autonomous
 from dart_skill.skills.learning._refinement import (
+    AIM_TOLERANCE,
+    EARLIEST_RELEASE,
+    LATEST_RELEASE,
     FarthestRelease,
     PlannedThrow,
     Refinement,
@@ -20,7 +31,15 @@ from dart_skill.skills.learning._refinement import (
     SolvedFlight,
     Unreachable,
 )
-from dart_skill.skills.learning._release import landing_if_late
+from dart_skill.skills.learning._release import (
+    certainly_within,
+    farthest,
+    hits_along,
+    landing_if_late,
+    nearest_step,
+    stretched_at,
+    weights_at,
+)
 from dart_skill.skills.learning._representation import (
     ClockedRepresentation,
     EqualIntervals,
@@ -31,7 +50,10 @@ from dart_skill.skills.learning._representation import (
 from dart_skill.skills.learning._task_frames import frames_for
 from dart_skill.skills.learning._throwing import (
     LEAST_DEMONSTRATIONS,
+    REACH_MARGIN,
+    SIDE_MARGIN,
     ThrowingSkill,
+    credence_of,
     learn_prepared,
     learn_throwing,
 )
@@ -44,6 +66,22 @@ from dart_skill.skills.protocol import (
 )
 
 __all__ = [
+    "credence_of",
+    "SIDE_MARGIN",
+    "REACH_MARGIN",
+    "FirstAim",
+    "weights_at",
+    "stretched_at",
+    "nearest_step",
+    "hits_along",
+    "farthest",
+    "certainly_within",
+    "LATEST_RELEASE",
+    "EARLIEST_RELEASE",
+    "AIM_TOLERANCE",
+    "with_prior",
+    "with_free_length",
+    "VECTORS",
     "Autonomous",
     "CONFIGURATIONS",
     "ClockedRepresentation",

@@ -4,7 +4,7 @@ stays covered.
 
 import numpy as np
 
-NOBODY = np.empty((0, 3))
+NO_POINTS = np.empty((0, 3))
 
 
 class Coverage:
@@ -17,7 +17,7 @@ class Coverage:
         (n, 3), those at the beginning; default none.
     """
 
-    def __init__(self, points: np.ndarray = NOBODY):
+    def __init__(self, points: np.ndarray = NO_POINTS):
         self._points = np.array(points, dtype=float)
         self._nearest = np.full(len(points), np.inf)
         self._measure(np.arange(len(points)))

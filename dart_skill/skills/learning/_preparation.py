@@ -48,11 +48,12 @@ from dart_skill.skills.protocol import ThrowSettings
 
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
-SOONEST, LATEST = -0.005, 0.3
-"""A hand opens after it is told to, as far as a release is seen. The fingers of a BarrettHand need
-1 s for their 140 degrees (docs/sources.md), so that they are well away from a ball after the later
-time [s]. What is seen beyond is something else: clocks that disagree, or a button that was pressed
-for another reason.
+SOONEST = -0.005
+"""Earliest release relative to the command, as far as a release is seen [s]."""
+LATEST = 0.3
+"""Latest release relative to the command [s]. The fingers of a BarrettHand need 1 s for their 140
+degrees (docs/sources.md), so that they are well away from a ball by then. What is seen beyond is
+something else: clocks that disagree, or a button that was pressed for another reason.
 """
 AGREED = Registration()
 """Registration of cameras and arm that agree."""
@@ -60,10 +61,12 @@ OUTSIDE = 1.0
 """A motion begins and ends within what was recorded of the hand, or not longer before or after
 [s].
 """
-OFF_POSITION, OFF_ANGLE = 0.015, 0.08
-"""So far off are the motion that the cameras saw and that of the arm's joints at most, wherever
-the cameras stand: ten times as much as of the worst arm of the fleet, root mean square [m], [rad].
+OFF_POSITION = 0.015
+"""Largest distance between the motion that the cameras saw and that of the arm's joints, wherever
+the cameras stand: ten times as much as of the worst arm of the fleet, root mean square [m].
 """
+OFF_ANGLE = 0.08
+"""The same of their orientations [rad]."""
 
 
 @dataclass(frozen=True)
@@ -389,7 +392,7 @@ def _task(demonstration: Demonstration, reading: _Reading, free: FreeFlight | No
     )
     if not outcome.landing_seen:
         raise ValueError(
-            "nobody saw where the ball landed; learn without relabelling, or track the ball to"
+            "the cameras did not see where the ball landed; learn without relabelling, or track the ball to"
             " the rim"
         )
     return outcome.landing

@@ -27,9 +27,9 @@ LONGEST_AIM_STEP = 0.15
 """Longest step of the search [m], [rad]."""
 MOST_AIMS = 25
 """Largest number of aims that are tried after the first."""
-EARLIEST = -0.04
+EARLIEST_RELEASE = -0.04
 """Earliest release that is looked for, relative to the one that was shown [s]."""
-LATEST = 0.10
+LATEST_RELEASE = 0.10
 """Latest release that is looked for, relative to the one that was shown [s]."""
 NEAR = 2.0
 """Steps of the plan before and after a release that is as shown."""
@@ -120,7 +120,7 @@ class FarthestRelease(_OfThrows):
     """The hand opens where the ball flies farthest, which depends least on the instant."""
 
     def window(self, learned: ThrowingSkill) -> tuple[float, float]:
-        return EARLIEST, LATEST
+        return EARLIEST_RELEASE, LATEST_RELEASE
 
     def release(self, learned: ThrowingSkill, near: PlannedPath, hits: np.ndarray) -> float:
         k, after = farthest(learned.surface.coordinates(hits)[:, 0])

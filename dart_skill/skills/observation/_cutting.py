@@ -169,8 +169,8 @@ class ThrowLog(SensorLog):
         n, whole = len(stream.stamps), self.whole.get(what, stream).stamps
         if self.left_out[what] > len(whole):
             which = (
-                "not numbers, or stamped no later than the one before, as where nobody fills in"
-                " the stamps"
+                "not numbers, or stamped no later than the one before, as where the stamps"
+                " are not filled in"
             )
             return (
                 f"only {n} samples of the {what}, and {self.left_out[what]} that do not count:"

@@ -14,12 +14,12 @@ import numpy as np
 from dart_skill.common.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, may_fly
 from dart_skill.skills.observation._noise import position_noise
 
-# samples and time [s] of the shortest window in which a flight is told from another motion
-WINDOW, WINDOW_TIME = (
-    10,
-    0.09,
-)
-MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
+WINDOW = 10
+"""Samples of the shortest window in which a flight is told from another motion."""
+WINDOW_TIME = 0.09
+"""Duration of that window [s]."""
+MAX_WINDOW = 0.5
+"""Longest duration of a window that is used [s]: in a longer one the ball was hidden."""
 # what a marker centre moves about the centre of a turning ball, beside the noise of single samples
 # [m]
 SLACK = 5e-4
@@ -103,7 +103,7 @@ def _grown(
     within = slice(max(0, samples[0] - GROWTH), samples[-1] + 1 + GROWTH)
     close = np.zeros(len(time), dtype=bool)
     close[within] = np.linalg.norm(position[within] - fit.at(time[within])[0], axis=1) < farthest
-    return _grow(close, samples)
+    return grow(close, samples)
 
 
 def fit_about_the_middle(
@@ -178,7 +178,7 @@ def _flying_runs(
     return [(first, last + size - 1, middle(first, last)) for first, last in edges.reshape(-1, 2)]
 
 
-def _grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
+def grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Indices of the samples near the flight, contiguous but for gaps of at most two outliers."""
     inside = np.flatnonzero(near)
     if len(inside) < WINDOW:

@@ -24,13 +24,17 @@ LIES = 0.3
 still fall.
 """
 
-WIDE, TOUCHES, LOOKS = 0.01, 0.002, 5
-"""A part that is farther from the axis is still on its way, or lost [m]; one that is less above
-the rim may touch it [m]. It is looked at in so many frames before that.
-"""
+FARTHEST_ASIDE = 0.01
+"""Distance from the axis of the holder beyond which a part is still on its way, or lost [m]."""
+CLEAR = 0.002
+"""Height above the rim below which a part may touch it [m]."""
+FRAMES_BEFORE = 5
+"""Frames in which a part is looked at before it may touch the rim."""
 
-GAP, WALL = 0.003, 0.01
-"""Between part and holder, and thickness of the holder's walls [m]."""
+GAP = 0.003
+"""Clearance between part and holder on each side [m]."""
+WALL = 0.01
+"""Thickness of the walls of the holder [m]."""
 TABLE = (0.9, 1.8, 0.04)
 """Edges of its top, as viewers show it [m]."""
 
@@ -223,11 +227,11 @@ class Place(Skill):
         holder, part = situation.pose("holder"), seen.track("part")
         local = (part.position - holder.position) @ holder.rotation - np.array(self.settings.seat)
         over = (
-            (np.hypot(local[:, 0], local[:, 1]) < WIDE)
-            & (local[:, 2] > self.settings.depth + TOUCHES)
+            (np.hypot(local[:, 0], local[:, 1]) < FARTHEST_ASIDE)
+            & (local[:, 2] > self.settings.depth + CLEAR)
             & (part.time < seen.events[-1].time)
         )
-        last = np.flatnonzero(over)[-LOOKS:]
-        if len(last) < LOOKS:
+        last = np.flatnonzero(over)[-FRAMES_BEFORE:]
+        if len(last) < FRAMES_BEFORE:
             return np.full(3, np.nan)
         return np.append(local[last, :2].mean(axis=0), 0.0)

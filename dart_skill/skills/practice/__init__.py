@@ -2,8 +2,18 @@
 as demonstrations.
 """
 
-from dart_skill.skills.practice._correction import CorrectionSettings
-from dart_skill.skills.practice._curriculum import Curriculum
+from dart_skill.skills.practice._correction import (
+    DIFFERENCES,
+    NOISES,
+    SHARES,
+    USUAL_SCATTER,
+    Correction,
+    CorrectionSettings,
+    polar,
+    repeatable_miss,
+)
+from dart_skill.skills.practice._curriculum import UNKNOWN_ERROR, UNSEEN_ERROR, Curriculum
+from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay, likely_late
 from dart_skill.skills.practice._learner import Learner, Lesson, Parameters, changed_skill
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory
 from dart_skill.skills.practice._practice import (
@@ -16,9 +26,27 @@ from dart_skill.skills.practice._practice import (
 )
 from dart_skill.skills.practice._practised_file import practised_skill, save_practised
 from dart_skill.skills.practice._practising import METHODS, PractisingSkill
+from dart_skill.skills.practice._searching import LEAST_SCATTER, PRIOR_SPREAD, correction_of
+from dart_skill.skills.practice._steadiness import Steadiness
 from dart_skill.skills.practice._target_choice import TargetChoice, target_choice_of
 
 __all__ = [
+    "Steadiness",
+    "likely_late",
+    "USUAL_DELAY_SPREAD",
+    "HandDelay",
+    "UNSEEN_ERROR",
+    "UNKNOWN_ERROR",
+    "correction_of",
+    "PRIOR_SPREAD",
+    "LEAST_SCATTER",
+    "repeatable_miss",
+    "polar",
+    "USUAL_SCATTER",
+    "SHARES",
+    "NOISES",
+    "DIFFERENCES",
+    "Correction",
     "BootstrapPractice",
     "CorrectionSettings",
     "Curriculum",

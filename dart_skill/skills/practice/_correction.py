@@ -28,17 +28,22 @@ from dart_skill.arm import ThrowPlan
 from dart_skill.common.surface import BASKETS, RIMS, Game, Surface
 from dart_skill.skills.learning import landing_if_late
 
-USUAL = 0.01
+USUAL_SCATTER = 0.01
 """Standard deviation [m] about which those of scatter and of the difference from place to place
 are expected.
 """
-NOISES, DIFFERENCES = 0.0005 * 2.0 ** np.arange(9), USUAL * 2.0 ** np.arange(-2, 4)
-"""[m] over which predictions are averaged: from a steady machine to a hand that scatters by 13 cm.
+NOISES = 0.0005 * 2.0 ** np.arange(9)
+"""Standard deviations of scatter over which predictions are averaged [m]: from a steady machine to a
+hand that scatters by 13 cm.
 """
-UNUSUAL_NOISE, UNUSUAL_DIFFERENCE = 0.1, 1.0
-"""Log probability that a factor of two from the usual costs, squared for more. Arms scatter by
-millimetres or by decimetres.
+DIFFERENCES = USUAL_SCATTER * 2.0 ** np.arange(-2, 4)
+"""Standard deviations of the difference between places over which predictions are averaged [m]."""
+UNUSUAL_NOISE = 0.1
+"""Log probability that a factor of two from the usual scatter costs, squared for more: arms scatter
+by millimetres or by decimetres.
 """
+UNUSUAL_DIFFERENCE = 1.0
+"""The same for the difference between places."""
 SHARES = np.array([0.0, 0.5, 1.0])
 """Shares of what a late release is computed to do: 0 where its instant was seen so badly that it
 explains nothing.
@@ -126,8 +131,8 @@ class _Grid(NamedTuple):
     def over(cls, offsets: tuple[float, ...]) -> _Grid:
         noise, difference, offset = np.array(list(product(NOISES, DIFFERENCES, offsets))).T
         prior = (
-            -UNUSUAL_NOISE * np.log2(noise / USUAL) ** 2
-            - UNUSUAL_DIFFERENCE * np.log2(difference / USUAL) ** 2
+            -UNUSUAL_NOISE * np.log2(noise / USUAL_SCATTER) ** 2
+            - UNUSUAL_DIFFERENCE * np.log2(difference / USUAL_SCATTER) ** 2
         )
         return cls(noise, difference, offset, prior)
 
@@ -216,7 +221,13 @@ class Correction:
         return self._posterior.noise if len(self) else np.full(2, np.nan)
 
     def remember(self, throws: np.ndarray) -> None:
-        """Take up what another correction remembered: (n, 6), as `throws` gave it."""
+        """Take up what another correction remembered: (n, 6), as `throws` gave it.
+
+        Raises
+        ------
+        ValueError
+            For another shape, or what is not finite.
+        """
         throws = np.asarray(throws, dtype=float)
         if throws.ndim != 2 or throws.shape[1] != 6 or not np.isfinite(throws).all():
             raise ValueError(
@@ -253,6 +264,11 @@ class Correction:
         explained
             (2,) [m], default nothing. What of the miss is due to this throw's release by its plan,
             against the usual release.
+
+        Raises
+        ------
+        ValueError
+            For what is not two finite numbers each.
         """
         place, miss, explained = (
             np.asarray(part, dtype=float) for part in (place, miss, explained)

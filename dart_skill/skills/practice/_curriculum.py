@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-UNKNOWN = 0.05
+UNKNOWN_ERROR = 0.05
 """Error [m] that is expected where nothing was thrown: it takes worse ones than this to be sent
 back to a place at once.
 """
@@ -14,7 +14,7 @@ LENGTHS = (0.25, 0.35)
 """Over which errors tell of each other, in distance [m] and azimuth [rad]."""
 FADING = 0.95
 """Weight that an error loses with each later throw: the skill has learned since."""
-UNSEEN = 0.3
+UNSEEN_ERROR = 0.3
 """Error [m] of a throw whose landing was not seen."""
 ODD = 2.0
 """A throw that was so many times as bad as expected asks for one elsewhere."""
@@ -36,7 +36,7 @@ class Curriculum:
 
     def tell(self, target: np.ndarray, error: float) -> None:
         """A throw at a target (3,) missed by `error` [m], nan if it was not seen."""
-        error = UNSEEN if not np.isfinite(error) else float(error)
+        error = UNSEEN_ERROR if not np.isfinite(error) else float(error)
         odd = error > ODD * self.expected_error(np.asarray(target)[None])[0]
         self._add(target, error, 1.0)
         self._odd = self._places[-1] if odd else None
@@ -59,7 +59,7 @@ class Curriculum:
 
     def expected_error(self, targets: np.ndarray) -> np.ndarray:
         """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more,
-        and of UNKNOWN, which counts as one.
+        and of UNKNOWN_ERROR, which counts as one.
         """
         apart = (
             _places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places
@@ -68,7 +68,7 @@ class Curriculum:
         weights = (
             np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age * self._weights
         )
-        return np.sqrt((UNKNOWN**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
+        return np.sqrt((UNKNOWN_ERROR**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
 
     def order(self, targets: np.ndarray) -> list[int]:
         """Indices of targets (n, 3), first the one where the next throw teaches most. After a

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-USUAL = 0.004
+USUAL_DELAY_SPREAD = 0.004
 """Standard deviation [s] of a hand about which little is known: docs/throwing.md."""
 PRIOR_WEIGHT = 4.0
 """Openings that this counts for."""
@@ -41,7 +41,7 @@ class HandDelay:
     @property
     def spread(self) -> float:
         """Standard deviation of single delays [s]; that of a usual hand counts for a few."""
-        squares = np.sum(np.square(np.array(self._delays) - self.mean)) + PRIOR_WEIGHT * USUAL**2
+        squares = np.sum(np.square(np.array(self._delays) - self.mean)) + PRIOR_WEIGHT * USUAL_DELAY_SPREAD**2
         return float(np.sqrt(squares / (PRIOR_WEIGHT + max(len(self._delays) - 1, 0))))
 
     def add(self, delay: float, uncertainty: float = 0.0) -> None:
@@ -75,7 +75,7 @@ class HandDelay:
         self._odd = None if state["odd"] is None else float(state["odd"])
 
 
-def likely_late(seen: float, uncertainty: float, spread: float = USUAL) -> float:
+def likely_late(seen: float, uncertainty: float, spread: float = USUAL_DELAY_SPREAD) -> float:
     """How late [s] a hand most probably let go that was seen to be so late, with an uncertainty
     [s]; nan stays nan.
 

@@ -31,7 +31,7 @@ from dart_skill.skills.practice._correction import (
     corrected,
     repeatable_miss,
 )
-from dart_skill.skills.practice._hand_delay import USUAL, HandDelay, likely_late
+from dart_skill.skills.practice._hand_delay import USUAL_DELAY_SPREAD, HandDelay, likely_late
 from dart_skill.skills.practice._memory import PracticeSettings, TrialMemory, Verdict
 from dart_skill.skills.practice._searching import CorrectionSearch
 from dart_skill.skills.practice._steadiness import LEAST, STEP, Steadiness
@@ -209,7 +209,7 @@ class PractisingSkill:
         except ValueError as error:
             return TrialLesson(False, str(error))
         delay = self._delay_of(seen)
-        spread = USUAL if self.hand is None else self.hand.spread
+        spread = USUAL_DELAY_SPREAD if self.hand is None else self.hand.spread
         late = likely_late(
             delay - (plan.release - plan.open_hand), seen.release.time_uncertainty, spread
         )

@@ -20,7 +20,7 @@ from dart_skill.policy_search import PoWER, SearchTrial, generator_state, restor
 
 MIDDLE = 2.0
 """Distance [m] at which the slope of the correction changes nothing."""
-BEFORE = np.array([0.05, 0.05, 0.02, 0.02])
+PRIOR_SPREAD = np.array([0.05, 0.05, 0.02, 0.02])
 """Standard deviations of what is thought of a correction before any throw: offset along [m], slope
 along [1], offset and slope across.
 """
@@ -28,7 +28,7 @@ FIRST = 5
 """Throws as they are planned, before anything is explored: one more than the correction has
 parameters.
 """
-SCATTER = 0.001
+LEAST_SCATTER = 0.001
 """Standard deviation of a miss that does not repeat itself, at least [m]: as one plan that is
 thrown again scatters.
 """
@@ -159,7 +159,7 @@ class CorrectionSearch:
         away, *misses = np.array(self._seen).T
         fits = [
             correction_of(away, miss, before)
-            for miss, before in zip(misses, np.split(BEFORE, 2), strict=True)
+            for miss, before in zip(misses, np.split(PRIOR_SPREAD, 2), strict=True)
         ]
         mean, spread = (np.concatenate(part) for part in zip(*fits, strict=True))
         self._search = PoWER(mean, spread, rng=self._rng)
@@ -183,6 +183,6 @@ def correction_of(
     inputs = np.column_stack([np.ones_like(away), away])
     fit, _, rank, _ = np.linalg.lstsq(inputs, miss, rcond=None)
     left = np.sum((miss - inputs @ fit) ** 2) / max(len(miss) - rank, 1)
-    variance = max(float(left), SCATTER**2)
+    variance = max(float(left), LEAST_SCATTER**2)
     covariance = np.linalg.inv(np.diag(before**-2.0) + inputs.T @ inputs / variance)
     return -covariance @ inputs.T @ miss / variance, np.sqrt(np.diagonal(covariance))

@@ -22,8 +22,11 @@ STEP = 0.005
 old one says little.
 """
 GRID = 0.001
-LEAST, MEMORY = 8, 100
-"""Throws that are needed before anything is said, and throws that count."""
+"""Step of the instants at which hits are computed [s]."""
+LEAST = 8
+"""Throws that are needed before anything is said."""
+MEMORY = 100
+"""Latest throws that count."""
 DOUBT = 0.01
 """As if throws late by this [s], taken together, had missed as the plan says: a few that are all
 on time tell nothing of a slope.

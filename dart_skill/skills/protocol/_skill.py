@@ -492,7 +492,7 @@ class Skill:
             If it cannot be shown.
         """
         raise ValueError(
-            f"nobody can show the skill '{self.name}' in simulation: write"
+            f"the skill '{self.name}' cannot be shown in simulation: write"
             f" {type(self).__name__}.goal"
         )
 

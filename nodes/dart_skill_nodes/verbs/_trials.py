@@ -245,7 +245,7 @@ def _dart(skill: Any, agent: "ModelBasedAgent", outcome: "Outcome", message: str
     if not conversions.stamp_ns(outcome.header.stamp):
         agent.cannot()
     if not outcome.seen:
-        return replace(dart, note=message or "nobody saw where the dart went")
+        return replace(dart, note=message or "the cameras did not see where the dart went")
     hit = skill.face.on_board(conversions.seen_at(outcome, conversions.LANDING))
     agent.tell(hit)
     return dart.seen_at(hit)
@@ -259,4 +259,4 @@ def throw_dart(client: "GraphClient", skill: Any, aim: Any) -> "Hit":
     made = client.practise(situations=[conversions.situation_msg(skill.aimed(aim))])
     if made.outcomes and made.outcomes[0].seen:
         return Hit(skill.face.on_board(conversions.seen_at(made.outcomes[0], conversions.LANDING)))
-    return Hit(None, "nobody saw where the dart went" if made.success else made.message)
+    return Hit(None, "the cameras did not see where the dart went" if made.success else made.message)

@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace, skill: "Skill") -> "RunSummary":
             attempts = show_all(client, skill, lessons, shown)
             say(client.learn(configuration=options.configuration).message)
         else:
-            say(f"model {client.load(options.model)}: nobody shows anything")
+            say(f"model {client.load(options.model)}: nothing is shown")
         if skill.agent() is None:
             trials = try_all(client, skill, situations, tried)
         else:

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=PRACTICE_METHODS,
         help="how to learn from own throws (default: of config/skill_learner.yaml)",
     )
-    add_model(parser, "nobody shows anything: practice goes on with the model of a file")
+    add_model(parser, "nothing is shown: practice goes on with the model of a file")
     tests = (
         "throws of a test before and one after, at baskets that stay the same; not learned from"
         f" (default {TESTS}, with --running 0)"
@@ -133,7 +133,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         "demonstrations"
     ):
         parser.error(
-            "--demonstrations is for a skill that is shown: with --model nobody shows anything"
+            "--demonstrations is for a skill that is shown: with --model nothing is shown"
         )
     check_run(parser, options)
     if (options.output / MODEL).exists():
@@ -285,7 +285,7 @@ def run(options: argparse.Namespace) -> dict:
             teach(client, options.seed, options.demonstrations)
             say(client.learn().message)
         else:
-            say(f"model {client.load(options.model)}: nobody shows anything")
+            say(f"model {client.load(options.model)}: nothing is shown")
         skill, results, throws = load_skill(THROW), [], []
         tests, count = [], TESTS if options.tests is None else options.tests
         test = partial(

@@ -344,7 +344,7 @@ def test_recover_says_what_was_kept_and_lost_and_leaves_a_whole_bag(cut, tmp_pat
     assert f"({end_ns // 10**9}.{end_ns % 10**9:09d} s)\n" in said
     assert "bag_0.mcap, byte " in said and "the file ends within a record" in said
     assert (
-        "lost: nobody knows how many messages; 1 chunks and " in said and "leaves no trace" in said
+        "lost: it is not known how many messages; 1 chunks and " in said and "leaves no trace" in said
     )
     assert said.splitlines()[-1] == f"next: dart-skill bag info {tmp_path / 'new'}"
     assert (cut / "bag_0.mcap").read_bytes() == before
@@ -511,7 +511,7 @@ def test_convert_writes_our_topics_and_reports_faults(tmp_path, call):
         in said
     )
     assert (
-        "nobody recorded when it opened" in said
+        "it was not recorded when it opened" in said
         and said.splitlines()[-1] == f"next: dart-skill learn {output}"
     )
     with BagReader(output) as reader:

@@ -26,8 +26,7 @@ from dart_skill.skills.learning import (
     save_model,
 )
 from dart_skill.skills.observation import judge_flight
-from dart_skill.skills.practice import PractisingSkill
-from dart_skill.skills.practice._steadiness import Steadiness
+from dart_skill.skills.practice import PractisingSkill, Steadiness
 from tests.unit.board_points import in_world
 
 BOARD = Board()

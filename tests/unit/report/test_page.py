@@ -20,22 +20,29 @@ from dart_skill.common.situation import Pose, Situation
 from dart_skill.darts import LegInPlay
 from dart_skill.recording import BagWriter, GraphBag, read_command
 from dart_skill.report import (
+    CURVE_WINDOW,
     About,
     Movement,
+    Replay,
     Run,
     RunPhase,
+    compared_figure,
+    curve_figure,
+    embeddable,
+    gaussians_of,
+    machine,
+    movements_of,
+    numbers_of,
     page_of,
     pictures,
     play,
     read_run,
+    result_of,
+    rows_at,
+    running_quartiles,
+    versions,
     write_page,
 )
-from dart_skill.report._curve import WINDOW, compared_figure, curve_figure, running_quartiles
-from dart_skill.report._movements import movements_of
-from dart_skill.report._pictures import embeddable
-from dart_skill.report._replay import Replay, gaussians_of, rows_at
-from dart_skill.report._run import machine, versions
-from dart_skill.report._throws import numbers_of, result_of
 from dart_skill.session import Dart, DartsRun, LegSummary, TrialResult
 from dart_skill.skills.learning import component_ellipsoids
 from dart_skill.skills.protocol import TaskOutcome, load_skill
@@ -228,7 +235,7 @@ def test_a_learning_curve_is_shown_only_where_something_was_learned():
         text.get_text()
         for text in curve_figure(run_of("throws").trials, learned=True).legends[0].get_texts()
     ]
-    assert f"median of the last {WINDOW} throws" in learned
+    assert f"median of the last {CURVE_WINDOW} throws" in learned
 
 
 def test_phases_that_are_not_all_throws_are_an_error():
@@ -394,9 +401,9 @@ def test_results_of_the_bag_are_those_of_the_cameras():
 def test_running_quartiles_are_those_of_the_last_throws_that_were_seen():
     errors = np.array([1.0, 2.0, np.nan, 4.0, 8.0, 16.0, np.nan, np.nan, np.nan, np.nan, np.nan])
     result = running_quartiles(errors)
-    assert np.isnan(result[:, : WINDOW - 1]).all() and np.isnan(result[:, -1]).all()
-    for end in range(WINDOW, len(errors)):
-        seen = [error for error in errors[end - WINDOW : end] if error == error]
+    assert np.isnan(result[:, : CURVE_WINDOW - 1]).all() and np.isnan(result[:, -1]).all()
+    for end in range(CURVE_WINDOW, len(errors)):
+        seen = [error for error in errors[end - CURVE_WINDOW : end] if error == error]
         np.testing.assert_allclose(result[:, end - 1], np.percentile(seen, [25, 50, 75]))
     assert running_quartiles(errors[:3]).shape == (3, 3)
 

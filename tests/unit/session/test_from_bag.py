@@ -33,11 +33,15 @@ from dart_skill.recording.imports import mapping_text, with_remedies
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.pose_stream import UP_AXES
 from dart_skill.recording.imports.throw_recording import convert, read_recording
-from dart_skill.session import NothingLearned, find_throws, learn_from_bag, learn_skill
-from dart_skill.session._throw_memory import ThrowMemory
+from dart_skill.session import (
+    NothingLearned,
+    ThrowMemory,
+    find_throws,
+    learn_from_bag,
+    learn_skill,
+)
 from dart_skill.skills.learning import DEFAULT, load_model
-from dart_skill.skills.observation import ThrowFinder, ThrowLog
-from dart_skill.skills.observation._throw_finder import MEMORY_NS
+from dart_skill.skills.observation import MEMORY_NS, ThrowFinder, ThrowLog
 from dart_skill.skills.practice import PractisingSkill
 from dart_skill.skills.protocol import load_skill
 from tests.paths import ROOT
@@ -216,6 +220,7 @@ def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_
         run(
             [
                 recorded_session[0],
+                *way,
                 "--without",
                 shown[1].id,
                 "--output",

@@ -14,15 +14,18 @@ from dart_skill.cli import main
 from dart_skill.recording import HAND, Event, Track, read_demonstrations
 from dart_skill.recording.lerobot import DatasetWriter, Feature, read_dataset
 from dart_skill.session import (
+    Shown,
+    ShownSkill,
+    demonstration_in_episode,
+    features_of,
+    frames_of,
     learn_from_bag,
     learn_skill,
     open_dataset,
+    read_shown,
     skill_of_dataset,
     write_lerobot,
 )
-from dart_skill.session._from_lerobot import demonstration_in_episode
-from dart_skill.session._shown_in_recording import Shown, ShownSkill, read_shown
-from dart_skill.session._to_lerobot import features_of, frames_of
 from dart_skill.skills.protocol import load_skill
 from tests.recorded_session import THROWN_AT
 

@@ -11,13 +11,13 @@ from scipy.stats import multivariate_normal
 from dart_skill.mixture import Gaussian
 from dart_skill.movement import turn_matrix
 from dart_skill.skills.learning import configuration, landing_if_late, learn_throwing
-from dart_skill.skills.practice import CorrectionSettings
-from dart_skill.skills.practice._correction import (
+from dart_skill.skills.practice import (
     DIFFERENCES,
     NOISES,
     SHARES,
-    USUAL,
+    USUAL_SCATTER,
     Correction,
+    CorrectionSettings,
     polar,
     repeatable_miss,
 )
@@ -87,7 +87,7 @@ def averaged(correction, new):
         joint = covariance(offset, np.vstack([known, new]), difference, scale) + np.diag(
             [*[noise**2] * len(known), 0.0]
         )
-        prior = -0.1 * np.log2(noise / USUAL) ** 2 - np.log2(difference / USUAL) ** 2
+        prior = -0.1 * np.log2(noise / USUAL_SCATTER) ** 2 - np.log2(difference / USUAL_SCATTER) ** 2
         for axis in range(2):
             misses = told[:, 2 + axis] - share * told[:, 4 + axis]
             density = multivariate_normal.logpdf(misses, cov=joint[:-1, :-1]) + prior

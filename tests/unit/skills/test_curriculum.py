@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from dart_skill.skills.practice import Curriculum
-from dart_skill.skills.practice._curriculum import UNKNOWN, UNSEEN
+from dart_skill.skills.practice import UNKNOWN_ERROR, UNSEEN_ERROR, Curriculum
 
 NEAR, FAR, LEFT = [1.5, 0.0, 0.4], [2.5, 0.0, 0.4], [1.4, 1.4, 0.4]
 
 
 def test_without_any_throw_one_place_is_as_good_as_another():
-    np.testing.assert_allclose(Curriculum().expected_error([NEAR, FAR, LEFT]), UNKNOWN)
+    np.testing.assert_allclose(Curriculum().expected_error([NEAR, FAR, LEFT]), UNKNOWN_ERROR)
 
 
 def test_goes_where_nobody_has_thrown_when_throws_are_good():
@@ -46,7 +45,7 @@ def test_a_lone_throw_is_weighed_against_ignorance():
     curriculum = Curriculum()
     curriculum.tell(NEAR, 0.1)
     assert curriculum.expected_error([NEAR])[0] == pytest.approx(
-        np.sqrt((UNKNOWN**2 + 0.1**2) / 2)
+        np.sqrt((UNKNOWN_ERROR**2 + 0.1**2) / 2)
     )
 
 
@@ -54,7 +53,7 @@ def test_a_landing_that_nobody_saw_counts_as_a_bad_throw():
     curriculum = Curriculum()
     curriculum.tell(NEAR, np.nan)
     assert curriculum.expected_error([NEAR])[0] == pytest.approx(
-        np.sqrt((UNKNOWN**2 + UNSEEN**2) / 2)
+        np.sqrt((UNKNOWN_ERROR**2 + UNSEEN_ERROR**2) / 2)
     )
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.skills.observation import ThrowLog, seen_down, watched_until
-from dart_skill.skills.observation._sensor_log import Stream
+from dart_skill.skills.observation import Stream, ThrowLog, seen_down, watched_until
 from tests.throw_demonstrations import assert_same
 
 MS = 1_000_000

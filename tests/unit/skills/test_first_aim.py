@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from dart_skill.skills.learning import (
+    AIM_TOLERANCE,
     DEFAULT,
+    FirstAim,
     ThrowingSkill,
     Unreachable,
     configuration,
     learn_throwing,
 )
-from dart_skill.skills.learning._first_aim import FirstAim
-from dart_skill.skills.learning._refinement import AIM_TOLERANCE
 from tests.throw_demonstrations import changed_throw
 
 

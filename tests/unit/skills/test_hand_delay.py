@@ -5,7 +5,7 @@ another hand.
 import numpy as np
 import pytest
 
-from dart_skill.skills.practice._hand_delay import USUAL, HandDelay, likely_late
+from dart_skill.skills.practice import USUAL_DELAY_SPREAD, HandDelay, likely_late
 
 
 def test_expects_the_mean_of_what_it_saw():
@@ -18,7 +18,7 @@ def test_expects_the_mean_of_what_it_saw():
 def test_learns_the_spread_of_a_hand_from_many_openings():
     delay = HandDelay(np.random.default_rng(0).normal(0.03, 0.002, 100))
     assert delay.spread == pytest.approx(0.002, rel=0.15)
-    assert HandDelay().spread == pytest.approx(USUAL)
+    assert HandDelay().spread == pytest.approx(USUAL_DELAY_SPREAD)
 
 
 def test_one_late_opening_is_an_accident():
@@ -76,7 +76,7 @@ def test_how_late_a_hand_was_is_believed_as_far_as_it_was_seen():
     """The mean of a Gaussian about a usual hand, once it was seen with Gaussian noise."""
     time = np.linspace(-0.1, 0.1, 20001)
     for seen, uncertainty in ((0.010, 0.004), (-0.006, 0.001), (0.002, 0.012)):
-        density = np.exp(-0.5 * (time / USUAL) ** 2 - 0.5 * ((seen - time) / uncertainty) ** 2)
+        density = np.exp(-0.5 * (time / USUAL_DELAY_SPREAD) ** 2 - 0.5 * ((seen - time) / uncertainty) ** 2)
         assert likely_late(seen, uncertainty) == pytest.approx(
             density @ time / density.sum(), abs=1e-9
         )

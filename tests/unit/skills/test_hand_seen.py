@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.skills.execution._hand_seen import KEPT, TIME, HandSeen
+from dart_skill.skills.execution import ARM_MEMORY, FILTER_TIME, HandSeen
 
 NS = 1_000_000_000
 OFF = np.array([0.004, -0.003, 0.006])
@@ -35,14 +35,14 @@ def test_the_first_pose_counts_fully_and_later_ones_are_averaged():
     beside = looked(4.0, noise=1e-3)
     assert not beside[:10].any() and np.linalg.norm(beside[20] - OFF) < 5e-3
     assert np.std(beside[500:], axis=0) == pytest.approx(
-        np.full(3, 1e-3 * np.sqrt(0.01 / (2.0 * TIME))), rel=0.6
+        np.full(3, 1e-3 * np.sqrt(0.01 / (2.0 * FILTER_TIME))), rel=0.6
     )
 
 
 def test_what_changes_is_followed_with_the_time_constant():
     rate = np.array([0.01, 0.0, 0.0])
     assert looked(3.0, off=lambda time: time * rate, late=0.0)[-1] == pytest.approx(
-        (3.0 - TIME) * rate, abs=3e-4
+        (3.0 - FILTER_TIME) * rate, abs=3e-4
     )
 
 
@@ -51,7 +51,7 @@ def test_a_pose_of_before_the_arm_was_heard_or_of_long_ago_says_nothing():
     seen.see(NS, OFF)
     for k in range(100):
         seen.beside(NS + k * 2_000_000, np.zeros(3))
-    for stamp in (NS - 1, NS + round(0.19 * NS) - round(KEPT * NS) - 3_000_000, 2 * NS):
+    for stamp in (NS - 1, NS + round(0.19 * NS) - round(ARM_MEMORY * NS) - 3_000_000, 2 * NS):
         seen.see(stamp, OFF)
     assert not seen.beside(NS + 200_000_000, np.zeros(3)).any()
 

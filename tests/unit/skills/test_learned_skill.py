@@ -13,13 +13,15 @@ from dart_skill.common.situation import Pose, Situation
 from dart_skill.movement import TaskParameterisedMixture
 from dart_skill.recording import Event
 from dart_skill.skills.learning import (
+    VECTORS,
     LearnedSkill,
     choose_components,
     orientations,
     pose_features,
     unlike,
+    with_free_length,
+    with_prior,
 )
-from dart_skill.skills.learning._pose_features import VECTORS, with_free_length, with_prior
 from dart_skill.skills.protocol import Skill, SkillSettings, TaskOutcome
 from tests.unit.skills.task_demonstrations import (
     GRIP,

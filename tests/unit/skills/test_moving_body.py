@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.skills.execution import MovingBody
-from dart_skill.skills.execution._moving_body import FEWEST, WINDOW
+from dart_skill.skills.execution import FEWEST_POSES, POSE_WINDOW, MovingBody
 
 NS = 1_000_000_000
 TURN = np.array([0.0, 0.0, 0.6, 0.8])
@@ -40,24 +39,24 @@ def test_noise_moves_speed_as_least_squares_say():
     """Standard deviation of the slope at the end of a parabola through n samples over T: about 14
     noise / (T sqrt(n)).
     """
-    n = round(WINDOW * 100) + 1
+    n = round(POSE_WINDOW * 100) + 1
     speeds = [
         seen(thrown_up, 0.5, noise=3e-4, seed=seed).at(NS // 2).velocity[0] for seed in range(300)
     ]
     assert np.mean(speeds) == pytest.approx(0.5, abs=2e-3)
-    assert np.std(speeds) == pytest.approx(13.9 * 3e-4 / (WINDOW * np.sqrt(n)), rel=0.15)
+    assert np.std(speeds) == pytest.approx(13.9 * 3e-4 / (POSE_WINDOW * np.sqrt(n)), rel=0.15)
 
 
 def test_what_was_seen_long_ago_does_not_count():
-    body = seen(lambda time: np.array([min(time, 1.0), 0.0, 0.0]), 1.0 + 1.1 * WINDOW)
+    body = seen(lambda time: np.array([min(time, 1.0), 0.0, 0.0]), 1.0 + 1.1 * POSE_WINDOW)
     assert body.at(round(1.3 * NS)).velocity == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
 
 
 def test_few_poses_tell_a_place_and_no_speed():
-    body = seen(thrown_up, (FEWEST - 2) / 100.0)
+    body = seen(thrown_up, (FEWEST_POSES - 2) / 100.0)
     now = body.at(NS // 10)
     assert (
-        now.position == pytest.approx(thrown_up((FEWEST - 2) / 100.0))
+        now.position == pytest.approx(thrown_up((FEWEST_POSES - 2) / 100.0))
         and not now.velocity.any()
         and not now.acceleration.any()
     )
@@ -73,5 +72,5 @@ def test_poses_that_come_again_or_late_change_nothing():
 def test_before_it_was_seen_nothing_is_known():
     body = MovingBody("cup")
     assert body.newest_ns is None
-    with pytest.raises(ValueError, match="nobody has seen the cup yet"):
+    with pytest.raises(ValueError, match="the cup has not been seen yet"):
         body.at(0)

@@ -10,12 +10,13 @@ from dart_skill.skills.observation import (
     column_noise,
     find_flight,
     fit_release,
+    grow,
     judge_flight,
     position_noise,
+    repeats,
+    rows_at,
+    usual_speeds,
 )
-from dart_skill.skills.observation._free_flight import _grow
-from dart_skill.skills.observation._grip import rows_at
-from dart_skill.skills.observation._noise import repeats, usual_speeds
 from tests.interpreted import interpreted
 from tests.unit.skills.test_outcome import GRIP, ORIGIN, Throw, basket_at
 
@@ -142,7 +143,7 @@ def test_a_flight_that_grows_over_outliers_never_shrinks_to_a_few_samples():
     near = np.zeros(40, dtype=bool)
     near[[14, 15]] = True
     near[[0, 1, 2, 3, 4, 5, 6, 26, 27, 28, 29, 30, 31, 32]] = True
-    np.testing.assert_array_equal(_grow(near, samples), samples)
+    np.testing.assert_array_equal(grow(near, samples), samples)
 
 
 def test_a_usual_speed_is_the_median_of_five():

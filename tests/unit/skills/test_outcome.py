@@ -9,8 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.common.flight import TENNIS_BALL, flight, landing
-from dart_skill.skills.observation import find_flight, fit_release, judge_flight
-from dart_skill.skills.observation._parting import parting
+from dart_skill.skills.observation import find_flight, fit_release, judge_flight, parting
 
 GRIP = np.array([0.0, 0.0, 0.1135])
 SIGMA = 1e-4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.skills.observation._parting import parting
+from dart_skill.skills.observation import parting
 
 
 def differences(seed, n=17):

@@ -10,9 +10,14 @@ import pytest
 from dart_skill.arm import same_plan
 from dart_skill.session import Session
 from dart_skill.skills.learning import landing_if_late, learn_throwing
-from dart_skill.skills.practice import METHODS, PractisingSkill
-from dart_skill.skills.practice._correction import polar
-from dart_skill.skills.practice._searching import BEFORE, SCATTER, correction_of
+from dart_skill.skills.practice import (
+    LEAST_SCATTER,
+    METHODS,
+    PRIOR_SPREAD,
+    PractisingSkill,
+    correction_of,
+    polar,
+)
 from tests.throw_demonstrations import changed_throw
 
 BASKETS = np.array([[1.85, 0.10, 0.4], [2.05, -0.30, 0.4], [1.75, 0.45, 0.4]])
@@ -174,7 +179,7 @@ def test_power_explores_what_the_first_misses_leave_unknown(crooked, demonstrati
     assert skill.search.parameters[3] == pytest.approx(wanted, abs=0.03), (
         "and farther away as much more"
     )
-    assert (skill.search.spread > 0.0).all() and (skill.search.spread < BEFORE).all()
+    assert (skill.search.spread > 0.0).all() and (skill.search.spread < PRIOR_SPREAD).all()
     tried, best = skill.plan(targets[0], explore=True), skill.plan(targets[0])
     assert not same_plan(tried, best)
     assert skill.tell(best, crooked.throw(best).demonstration).left[1] < 0.05
@@ -185,11 +190,11 @@ def test_power_explores_what_the_first_misses_leave_unknown(crooked, demonstrati
 
 def test_a_correction_is_least_squares_where_much_is_known_and_what_was_thought_before_where_nothing_is():
     away = np.linspace(-0.5, 0.5, 7)
-    fit, spread = correction_of(away, 0.03 - 0.02 * away, BEFORE[:2])
+    fit, spread = correction_of(away, 0.03 - 0.02 * away, PRIOR_SPREAD[:2])
     np.testing.assert_allclose(fit, [-0.03, 0.02], rtol=0.01)
-    np.testing.assert_allclose(spread, SCATTER / np.sqrt([7.0, np.sum(away**2)]), rtol=0.01)
-    fit, spread = correction_of(np.zeros(2), np.array([0.3, -0.3]), BEFORE[2:])
-    assert abs(fit[0]) < 1e-12 and spread[1] == pytest.approx(BEFORE[3]), (
+    np.testing.assert_allclose(spread, LEAST_SCATTER / np.sqrt([7.0, np.sum(away**2)]), rtol=0.01)
+    fit, spread = correction_of(np.zeros(2), np.array([0.3, -0.3]), PRIOR_SPREAD[2:])
+    assert abs(fit[0]) < 1e-12 and spread[1] == pytest.approx(PRIOR_SPREAD[3]), (
         "one distance alone tells nothing of a slope"
     )
 

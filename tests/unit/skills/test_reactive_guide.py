@@ -197,7 +197,7 @@ def test_a_cup_that_is_not_seen_any_more_stops_the_motion_and_is_named(reach):
 
 
 def test_a_cup_that_nobody_has_seen_stops_it_at_once(reach):
-    assert reach(10, blind_from=-1.0).commander.message == "nobody has seen the cup yet"
+    assert reach(10, blind_from=-1.0).commander.message == "the cup has not been seen yet"
 
 
 @pytest.mark.slow

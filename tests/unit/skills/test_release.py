@@ -24,15 +24,14 @@ from dart_skill.arm._commander import check_plan
 from dart_skill.common.flight import DART, TENNIS_BALL, crossing, landing
 from dart_skill.common.surface import BASKETS, RIMS, BoardFace, Game, game_at
 from dart_skill.skills.learning import (
-    configuration,
-    landing_if_late,
-    learn_throwing,
-)
-from dart_skill.skills.learning._refinement import EARLIEST, LATEST
-from dart_skill.skills.learning._release import (
+    EARLIEST_RELEASE,
+    LATEST_RELEASE,
     certainly_within,
+    configuration,
     farthest,
     hits_along,
+    landing_if_late,
+    learn_throwing,
     nearest_step,
     stretched_at,
     weights_at,
@@ -191,7 +190,7 @@ def test_a_plan_lets_go_where_its_own_path_throws_farthest(demonstrations):
         learn_throwing(demonstrations, configuration(name)).plan(target)
         for name in ("default", "shown_release")
     )
-    late = np.arange(EARLIEST, LATEST, 0.001) + shown.release - plan.release
+    late = np.arange(EARLIEST_RELEASE, LATEST_RELEASE, 0.001) + shown.release - plan.release
     reach = np.hypot(*landing_if_late(plan, late)[:, :2].T)
     at_release = np.hypot(*landing_if_late(plan, 0.0)[:2])
     assert at_release > reach.max() - 1e-5

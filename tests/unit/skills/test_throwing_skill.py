@@ -22,16 +22,18 @@ from dart_skill.skills.learning import (
     DEFAULT,
     LADDER,
     LEAST_DEMONSTRATIONS,
+    REACH_MARGIN,
+    SIDE_MARGIN,
     ThrowSettings,
     Unreachable,
     choose_components,
     component_ellipsoids,
     configuration,
+    credence_of,
     frames_for,
     learn_throwing,
     prepare,
 )
-from dart_skill.skills.learning._throwing import REACH_MARGIN, SIDE_MARGIN, credence_of
 from dart_skill.skills.observation import fit_release
 from dart_skill.skills.protocol import load_skill
 from tests.throw_demonstrations import changed_throw, parts_of, throw_demonstration
