@@ -308,7 +308,7 @@ class Reinforce(_GradientSearch):
     """Episodic REINFORCE (G1) with the optimal baseline (G2) of each element of the gradient.
 
     The gradient depends on the units of theta, and its variance grows as the exploration shrinks.
-    docs/learning.md shows what this costs; benchmarks/power.py --gradients measures it.
+    docs/policy_gradients.md shows what this costs; benchmarks/power.py --gradients measures it.
 
     `tell` raises ValueError when a plain step leaves all numbers.
 

@@ -20,7 +20,7 @@ starts and frames that it has not seen.
 
 The demonstrations of a shape last differently long; their stamps are scaled to the mean duration.
 Peers are used where they are installed. `dart-skill experiment real_data` prints the table that
-docs/learning.md quotes.
+docs/real_demonstrations.md quotes.
 """
 
 from __future__ import annotations
