@@ -440,7 +440,7 @@ TYPED = {
         says="learned from [3-9] of [3-9] throws", leaves="all.npz"
     ),
     "dart-skill learn monday --demonstrations-topic --output same.npz": Run(
-        says="learned from 2 of 2 throws", leaves="same.npz"
+        says="learned 'throw' from 2 demonstrations", leaves="same.npz"
     ),
     "dart-skill learn thursday --mapping thursday.yaml": FOREIGN,
     "dart-skill bag info lab.bag": ROS1,

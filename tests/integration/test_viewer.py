@@ -153,7 +153,7 @@ def test_everything_is_taught_learned_thrown_and_practised_from_the_page(live):
             180.0,
         )
         page.click("Learn")
-        until(lambda: page.says("learned from 2 demonstrations"), "a model")
+        until(lambda: page.says("from 2 demonstrations"), "a model")
         until(lambda: "/gaussians/components" in page.nodes, "the Gaussians")
 
         seen, episode = page.places["/basket"], truth.episode
