@@ -263,8 +263,18 @@ class BeltSession(_SkillSession):
         return self.teach(_belt(situation))
 
     def attempt(self, learned: LearnedSkill, situation: Situation) -> SkillTrial:
-        """Carry out what was learned in a situation."""
-        return self.execute(learned.policy.guide(), _belt(situation))
+        """Carry out what was learned in a situation; a plan is made for where the cup is seen when
+        the arm sets off.
+        """
+        if self.skill.reacts:
+            return self.execute(learned.policy.guide(), _belt(situation))
+        self._start(_belt(situation), None)
+        self._run("look", no_push, lambda: True, watch=LOOKED)
+        self._deliver()
+        plan = learned.plan(self._log.situation_at(self._log.bodies[HAND].stamps[-1]))
+        self.commander.execute(plan)
+        self._carry_on(plan.what, no_push)
+        return self._trial("trial")
 
     def teach(self, belt: Belt) -> SkillTrial:
         """A person shows the movement once, with a cup on a belt."""
@@ -303,17 +313,21 @@ class BeltSession(_SkillSession):
         try:
             self._run("look", no_push, lambda: True, watch=LOOKED)
             self.commander.follow(guide)
-            self._run(
-                guide.what,
-                push,
-                lambda: self.commander.mode == Mode.HOLDING and not self.commander.executing,
-                watch=0.0,
-            )
+            self._carry_on(guide.what, push)
         finally:
             self._sees = None
         return self._trial("trial")
 
-    def _start(self, belt: Belt, sees: Sees) -> None:
+    def _carry_on(self, what: str, push: Push) -> None:
+        """Step until the movement is over."""
+        self._run(
+            what,
+            push,
+            lambda: self.commander.mode == Mode.HOLDING and not self.commander.executing,
+            watch=0.0,
+        )
+
+    def _start(self, belt: Belt, sees: Sees | None) -> None:
         self.plant.run(belt)
         self._begin()
         self._sees = sees

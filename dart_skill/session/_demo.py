@@ -75,7 +75,7 @@ def demo(job: Job, skill: Skill, say: Say) -> RunSummary:
         Says why the job cannot be done.
     """
     begun = time.monotonic()
-    kind = _KINDS.get((skill.world, skill.told_by, skill.reacts))
+    kind = _KINDS.get((skill.world, skill.told_by))
     if kind is None:
         raise ValueError(
             f"in process there are throw, darts, place and reach: '{skill.name}' needs the graph,"
@@ -239,7 +239,7 @@ class _Moving:
 
     def __init__(self, skill: Skill, job: Job, bag: SessionBag):
         self.skill, self._bag = skill, bag
-        kind = BeltSession if skill.reacts else BenchSession
+        kind = BeltSession if skill.world == "belt" else BenchSession
         self.session = kind(skill, job.seed, arm=job.arm, settings=job.settings, bag=bag)
 
     def show(self, situation: Situation) -> _Lesson:
@@ -272,10 +272,10 @@ def learner_parameters() -> dict[str, Any]:
     return node_parameters("skill_learner.yaml", "skill_learner")
 
 
-_KINDS: dict[tuple[str, str, bool], type[_Throwing] | type[_Moving]] = {
-    ("basket", "landings", False): _Throwing,
-    ("board", "darts", False): _Throwing,
-    ("bench", "trials", False): _Moving,
-    ("belt", "trials", True): _Moving,
+_KINDS: dict[tuple[str, str], type[_Throwing] | type[_Moving]] = {
+    ("basket", "landings"): _Throwing,
+    ("board", "darts"): _Throwing,
+    ("bench", "trials"): _Moving,
+    ("belt", "trials"): _Moving,
 }
-"""What the demo can do without nodes: world of a skill, how it is told, whether it reacts."""
+"""What the demo can do without nodes: world of a skill, and how it is told."""

@@ -301,7 +301,7 @@ class Skill:
     @property
     def shown_by(self) -> str:
         """How a simulated person shows it: "carry" the first body to its goal, "follow" the body
-        that it reacts to, or "swing".
+        that moves, or "swing". Default: "follow" if it reacts, else "carry".
         """
         return "follow" if self.reacts else "carry"
 

@@ -81,6 +81,7 @@ class Reach(Skill):
     bodies = ("cup",)
     world = "belt"
     turns_hand = False
+    shown_by = "follow"
     corrects = "cup"
     numbers = ("way_x", "way_y", "way_z", "steady", "start", "duration", "tunnel")
     units = MappingProxyType(

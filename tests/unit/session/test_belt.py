@@ -14,7 +14,7 @@ from dart_skill.recording import Demonstration, Track
 from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skills.execution import BodyMotion
-from dart_skill.skills.learning import LearnedSkill, Policy
+from dart_skill.skills.learning import LearnedSkill, Policy, moving_frames
 from dart_skill.skills.reach import Reach
 
 BELT = Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0))
@@ -127,20 +127,22 @@ def test_a_policy_arrives_as_it_was_sent_to_the_last_bit(taught):
         [0.0005, 0.0, 0.001]
     )
     moving = BodyMotion(*np.eye(3) * 0.3, np.array([0.0, 0.0, 0.0, 1.0]), 0.01)
-    frames = learned._frames(Situation({"hand": learned.start}), {"cup": moving})
+    stiffness = session.skill.settings.stiffness
+    at_start = Situation({"hand": learned.start})
+    frames = moving_frames(session.skill, at_start, {"cup": moving}, stiffness)
     for phase in (0.0, 0.7, learned.duration):
         for here, there in zip(
             *(
                 vars(model.moment(frames, phase)).values()
-                for model in (learned.model, policy.model)
+                for model in (learned.encoded.model, policy.model)
             ),
             strict=True,
         ):
             np.testing.assert_array_equal(here, there)
-    assert policy.model.ends == learned.model.ends and policy.start_posture == pytest.approx(
+    assert policy.model.ends == learned.encoded.model.ends and policy.start_posture == pytest.approx(
         learned.policy.start_posture, abs=0.0
     )
-    assert session.execute(policy.policy.guide(), BELT).outcome.success
+    assert session.execute(policy.guide(), BELT).outcome.success
 
 
 @pytest.mark.parametrize(
