@@ -168,6 +168,18 @@ def test_gains_over_time_come_from_the_manifold_too(shown):
     assert np.ptp(eigenvalues) > 50.0
 
 
+def test_the_orientation_has_a_stiffness_of_its_own_on_the_manifold_too(shown):
+    """(7.20): the softer the spring, the farther its attractor is ahead of the hand."""
+    situation, leads = situation_of(draw_body(np.random.default_rng(3))), []
+    for stiffness in (100.0, 900.0):
+        skill = touch(representation="pose", orientation_stiffness=stiffness)
+        plan = LearnedSkill(skill, shown).plan(situation)
+        assert plan.orientation_gains.stiffness == stiffness
+        dots = np.einsum("ni,ni->n", plan.attractor_quaternion, plan.path.quaternion)
+        leads.append(2.0 * np.arccos(np.minimum(np.abs(dots), 1.0)).max())
+    assert leads[0] > 1.5 * leads[1] > 0.0
+
+
 # practice
 
 
