@@ -35,7 +35,7 @@ IMPORTED = (
     "dart_skill.darts", "dart_skill.recording", "dart_skill.recording.bags", "dart_skill.recording.imports", "dart_skill_msgs.action",
     "dart_skill_nodes.executables.composed", "dart_skill_nodes.executables.skill_learner", "dart_skill_nodes.executables.viewer",
     "dart_skill_nodes.executables.recorder", "dart_skill_nodes.executables.bag_player", "dart_skill_nodes.executables.effort_bridge",
-    "dart_skill_nodes.verbs._run", "dart_skill_nodes.client.graph_client", "dart_skill.cli._main", "dart_skill.cli.bag",
+    "dart_skill_nodes.verbs.on_graph", "dart_skill_nodes.client.graph_client", "dart_skill.cli._main", "dart_skill.cli.bag",
     "dart_skill.cli.darts", "dart_skill.cli.experiment", "dart_skill.cli.graph_verbs", "dart_skill.cli.learn",
     "rclpy.experimental.events_executor", "scipy.spatial.transform", "scipy.optimize", "scipy.stats",
 )  # fmt: skip

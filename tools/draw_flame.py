@@ -24,7 +24,7 @@ from matplotlib.patches import Patch, Rectangle
 from dart_skill.common import palette
 from dart_skill.common.palette import hexadecimal
 
-TURN = "spin_once (dart_skill_nodes/comms/in_process.py"
+TURN = "spin_until (dart_skill_nodes/process/node_base.py"
 """Below it stands only what started the process."""
 NODES = {
     "wam_simulator.py": ("simulator", palette.SKY),
@@ -36,7 +36,7 @@ NODES = {
 }
 NOBODY = ("executor and middleware", palette.LIGHT)
 LEFT_OUT = re.compile(
-    r"^0x|^_Guarded|<lambda>|^_call_with|^Refusals\.accepts|^_HandedMessage\.give|^eprosima|^0$|^std::"
+    r"^0x|^_Guarded|<lambda>|^_call_with|^Refusals\.accepts|^eprosima|^0$|^std::"
 )
 WAITS = re.compile(r"pthread_cond_(timed)?wait|epoll_wait|clock_nanosleep")
 """Samples in which the process waits are not counted: this is about processor time."""

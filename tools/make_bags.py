@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from dart_skill_nodes.process.discovery import choose_domain
+from dart_skill_nodes.process.environment import choose_domain
 from dart_skill_nodes.process.graph_processes import Graph
 
 choose_domain()
@@ -24,9 +24,9 @@ import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 
 from dart_skill.common.regions import targets_for  # noqa: E402
-from dart_skill_nodes.client.failures import GraphFailure  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
-from dart_skill_nodes.verbs._trials import teach, throw_at  # noqa: E402
+from dart_skill_nodes.process.graph_processes import GraphFailure  # noqa: E402
+from dart_skill_nodes.verbs.trials import teach, throw_at  # noqa: E402
 
 SEED, DEMONSTRATIONS, THROWS = 0, 13, 20
 CONFIGURATION = "intervals"

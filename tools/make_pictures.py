@@ -23,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from dart_skill_nodes.process.discovery import choose_domain  # noqa: E402
+from dart_skill_nodes.process.environment import choose_domain  # noqa: E402
 from dart_skill_nodes.process.graph_processes import Graph  # noqa: E402
 
 choose_domain()

@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 from dart_skill.common.permissions import PARAMETERS
-from dart_skill_nodes.process.discovery import choose_domain
+from dart_skill_nodes.process.environment import choose_domain
 
 # where another commander is, its topics would be taken for those of this one
 os.environ.pop("ROS_DOMAIN_ID", None)

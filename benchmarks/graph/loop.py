@@ -18,7 +18,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dart_skill_nodes.process.discovery import choose_domain
+from dart_skill_nodes.process.environment import choose_domain
 
 choose_domain()
 

@@ -15,7 +15,7 @@ import sys
 import time
 from pathlib import Path
 
-from dart_skill_nodes.process.discovery import choose_domain
+from dart_skill_nodes.process.environment import choose_domain
 
 choose_domain()
 
@@ -25,8 +25,7 @@ from rclpy.serialization import deserialize_message  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 
 from dart_skill.recording import BagReader  # noqa: E402
-from dart_skill_nodes.comms.matching_qos import message_class  # noqa: E402
-from dart_skill_nodes.comms.qos import COMPLETE  # noqa: E402
+from dart_skill_nodes.comms.qos import COMPLETE, message_class  # noqa: E402
 from dart_skill_nodes.comms.raw_batches import RawBatches  # noqa: E402
 from dart_skill_nodes.process.node_base import make_executor  # noqa: E402
 

@@ -19,7 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from dart_skill_nodes.process.discovery import choose_domain
+from dart_skill_nodes.process.environment import choose_domain
 
 choose_domain()
 
@@ -28,8 +28,7 @@ from rclpy.executors import ExternalShutdownException  # noqa: E402
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
 
 from dart_skill.recording import BagReader, serialize, types_for  # noqa: E402
-from dart_skill_nodes.comms.matching_qos import message_class  # noqa: E402
-from dart_skill_nodes.comms.qos import COMPLETE  # noqa: E402
+from dart_skill_nodes.comms.qos import COMPLETE, message_class  # noqa: E402
 
 POSE, PERIOD_NS = "geometry_msgs/msg/PoseStamped", 2_000_000
 TOPICS = {

@@ -45,7 +45,7 @@ def memory(pids: list[int]) -> int:
 
 def throw(throws: int, seed: int) -> None:
     """One graph: says when it is ready, waits for a line, throws, and says what came of it."""
-    from dart_skill_nodes.process.discovery import choose_domain
+    from dart_skill_nodes.process.environment import choose_domain
 
     choose_domain()
     import numpy as np

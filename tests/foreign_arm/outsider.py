@@ -22,7 +22,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill_nodes.process.signals import ENDS_WITH
+from dart_skill_nodes.process.environment import ENDS_WITH
 
 LIMIT, LONG = 240.0, 600.0
 """Nothing takes longer, on whatever machine: answers and starting nodes; commands and what a

@@ -154,23 +154,27 @@ class Diagnoses:
         )
 
 
-def wait_for(client, condition, limit=60.0, what="the condition"):
-    """Spin until the condition holds; the test fails with its name when it never does. what: in
-    words, or a function that has them then.
+def until(condition, turn=lambda: time.sleep(0.02), what="the condition", limit=60.0):
+    """Call `turn` until the condition holds; the test fails with its name when it never does. what:
+    in words, or a function that has them then.
     """
-    until = time.monotonic() + limit
+    end = time.monotonic() + limit
     while not condition():
-        assert time.monotonic() < until, (
+        assert time.monotonic() < end, (
             f"{what() if callable(what) else what} did not come true in {limit:.0f} s"
         )
-        client.spin()
+        turn()
+
+
+def wait_for(client, condition, limit=60.0, what="the condition"):
+    """The same, and a client lets messages come in meanwhile."""
+    until(condition, client.spin, what, limit)
 
 
 def catch_up(client, seconds=0.05):
     """Spin for a while: each call of spin takes one message, and more may have come meanwhile."""
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        client.spin()
+    end = time.monotonic() + seconds
+    until(lambda: time.monotonic() > end, client.spin)
 
 
 def wait_for_end(graph, client, executable):
@@ -208,7 +212,7 @@ def answer(state, command, frame="world", **fields):
 
 def start_throw(client, target):
     """Future of the result of a throw that has begun, and the goal's handle."""
-    handle = client._begin(conversions.at_place(target)).handle
+    handle = client.begin(conversions.at_place(target)).handle
     return handle.get_result_async(), handle
 
 

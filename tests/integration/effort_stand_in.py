@@ -1,5 +1,6 @@
 """A stand-in for ros2_control: an arm with joint friction that takes efforts, and publishes its
-joints with the wall clock, whatever comes.
+joints. It makes a step when an effort has come for its last state, so that what it does depends on
+no machine's speed.
 
 Nothing compensates its gravity but the efforts. /stand_in/speeds gives its joints speeds, as a
 push does. Run as a process of its own.
@@ -22,8 +23,8 @@ from dart_skill.arm import Actuation, ArmModel
 PERIOD = 0.002
 NAMES = [f"wam_j{k}" for k in range(1, 8)]
 START = np.array([0.0, -0.9, 0.0, 0.8, 0.0, -0.35, 0.0])
-FEW = 10
-"""Steps that are made up for at once; what is later is left out."""
+AGAIN = 0.1
+"""Time after which a state that is not answered is told again [s, wall clock]."""
 
 
 class StandIn(Node):
@@ -32,6 +33,7 @@ class StandIn(Node):
     def __init__(self):
         super().__init__("effort_stand_in")
         self._model, self._q, self._qd, self._effort = ArmModel(), START.copy(), np.zeros(7), None
+        self._now_ns, self.answered = time.time_ns(), False
         self._friction = Actuation(self._model.description)
         self._states = self.create_publisher(JointState, "/joint_states", QoSProfile(depth=10))
         self.create_subscription(
@@ -43,45 +45,43 @@ class StandIn(Node):
 
     def _take(self, message):
         assert len(message.data) == 7 and np.isfinite(message.data).all(), message.data
-        self._effort = np.array(message.data)[::-1]
+        self._effort, self.answered = np.array(message.data)[::-1], True
 
     def _push(self, message):
         self._qd = self._qd + np.array(message.data)
 
     def step(self):
         """2 ms; until the first effort comes the arm has its brakes on."""
-        if self._effort is not None:
-            load = self._model.gravity_torque(self._q) + self._model.coriolis_torque(
-                self._q, self._qd
-            )
-            inertia = self._model.mass_matrix(self._q)
-            self._qd = self._qd + PERIOD * self._friction.acceleration(
-                inertia, self._effort - load, self._qd, PERIOD
-            )
-            self._q = self._q + PERIOD * self._qd
+        self._now_ns, self.answered = self._now_ns + round(1e9 * PERIOD), False
+        bias = self._model.gravity_torque(self._q)
+        bias += self._model.coriolis_torque(self._q, self._qd)
+        inertia = self._model.mass_matrix(self._q)
+        acceleration = self._friction.acceleration(inertia, self._effort - bias, self._qd, PERIOD)
+        self._qd = self._qd + PERIOD * acceleration
+        self._q = self._q + PERIOD * self._qd
 
     def tell(self):
         """The joints as they are."""
-        sec, nanosec = divmod(time.time_ns(), 10**9)
+        sec, nanosec = divmod(self._now_ns, 10**9)
         message = JointState(name=NAMES, position=self._q.tolist(), velocity=self._qd.tolist())
         message.header.stamp = Time(sec=sec, nanosec=nanosec)
         self._states.publish(message)
 
 
 def main():
-    """Steps follow the wall clock until SIGINT."""
+    """Until SIGINT, not faster than the wall clock."""
     ended = []
     signal.signal(signal.SIGINT, lambda *_: ended.append(True))
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    arm, due = StandIn(), time.monotonic()
+    arm, told = StandIn(), 0.0
     while not ended:
-        behind = min(FEW, int((time.monotonic() - due) / PERIOD))
-        for _ in range(behind):
-            arm.step()
-        due = due + behind * PERIOD if behind < FEW else time.monotonic()
-        if behind:
+        since = time.monotonic() - told
+        if since > AGAIN or (arm.answered and since > PERIOD):
+            if arm.answered:
+                arm.step()
             arm.tell()
-        rclpy.spin_once(arm, timeout_sec=max(0.0, due + PERIOD - time.monotonic()))
+            told = time.monotonic()
+        rclpy.spin_once(arm, timeout_sec=PERIOD)
     arm.destroy_node()
     rclpy.try_shutdown()
 

@@ -3,7 +3,7 @@
 import re
 from random import Random
 
-from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.qos import message_class
 
 NUMBERS = (
     0.0,

@@ -11,10 +11,9 @@ from types import SimpleNamespace
 import pytest
 from std_msgs.msg import Bool
 
-from dart_skill_nodes.comms import arm_time
-from dart_skill_nodes.comms.arm_time import HELD_LONG, STANDS, FreezeDetector, TimeOfTheArm
-from dart_skill_nodes.comms.joint_states import InOrder
-from dart_skill_nodes.comms.presence import LEASE, LOOK
+from dart_skill_nodes.comms import joint_states, this_machine
+from dart_skill_nodes.comms.joint_states import HELD_LONG, STANDS, InOrder, TimeOfTheArm
+from dart_skill_nodes.comms.this_machine import LEASE, LOOK, FreezeDetector
 
 
 class Node:
@@ -30,7 +29,7 @@ class Node:
 @pytest.fixture
 def node(monkeypatch):
     node = Node()
-    monkeypatch.setattr(arm_time, "time", SimpleNamespace(monotonic=lambda: node.now))
+    monkeypatch.setattr(joint_states, "time", SimpleNamespace(monotonic=lambda: node.now))
     return node
 
 
@@ -103,7 +102,7 @@ def test_a_state_that_was_late_is_refused_and_time_that_was_set_back_is_not():
 
 ASKS = """
 import sys, time
-from dart_skill_nodes.comms.arm_time import FreezeDetector
+from dart_skill_nodes.comms.this_machine import FreezeDetector
 asked = FreezeDetector()
 print("asks", flush=True)
 while not (frozen := asked.frozen()):
@@ -126,8 +125,8 @@ def test_what_counts_is_the_time_without_work_and_without_wanting_any(
     monkeypatch, gap, busy, frozen
 ):
     now = {"time": 100.0, "busy": 7.0}
-    monkeypatch.setattr(arm_time, "busy_time", lambda: now["busy"])
-    monkeypatch.setattr(arm_time.time, "monotonic", lambda: now["time"])
+    monkeypatch.setattr(this_machine, "busy_time", lambda: now["busy"])
+    monkeypatch.setattr(this_machine.time, "monotonic", lambda: now["time"])
     asked = FreezeDetector()
     for _ in range(100):  # a busy life before does not count
         now["time"], now["busy"] = now["time"] + 0.1, now["busy"] + 0.09
@@ -138,12 +137,12 @@ def test_what_counts_is_the_time_without_work_and_without_wanting_any(
 
 
 def test_a_thread_that_computes_is_busy_and_one_that_sleeps_is_not():
-    before, until = arm_time.busy_time(), time.process_time() + 0.2
+    before, until = this_machine.busy_time(), time.process_time() + 0.2
     while time.process_time() < until:
         pass
-    computed = arm_time.busy_time()
+    computed = this_machine.busy_time()
     time.sleep(0.2)
-    assert computed - before > 0.15 and arm_time.busy_time() - computed < 0.1
+    assert computed - before > 0.15 and this_machine.busy_time() - computed < 0.1
 
 
 def test_a_process_that_is_stopped_by_a_signal_knows_it_afterwards():

@@ -22,9 +22,9 @@ from dart_skill.arm import same_plan
 from dart_skill.recording import BagReader, read_demonstrations, type_hash, types_for
 from dart_skill.recording.bags import recover
 from dart_skill.session import learn_from_bag
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.raw_batches import RawBatches
+from dart_skill_nodes.process.graph_processes import GraphFailure
 from tests.integration.conftest import Diagnoses, graphs, plan_request, wait_for, wait_for_end
 from tests.recorded_session import same
 from tests.texts import TEXT, write_texts

@@ -16,7 +16,6 @@ from sensor_msgs.msg import JointState
 from dart_skill.arm import (
     ArmModel,
     Command,
-    Impedance,
     Registration,
     RegistrationFit,
     Speed,
@@ -24,7 +23,6 @@ from dart_skill.arm import (
     load_registration,
     save_registration,
 )
-from dart_skill.arm._impedance import JointServo
 from dart_skill.common.configuration import node_parameters
 from dart_skill.common.fleet import arm_named
 from dart_skill.recording import read_demonstrations
@@ -38,6 +36,12 @@ from tests.paths import BAGS
 
 SEED = 4
 MIDDLE = np.array([0.0, -0.9, 0.0, 0.8, 0.0, -0.35, 0.0])
+STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
+"""With which the arm is led; these are the gains of the arm's vendor [N m/rad]."""
+DAMPING = np.array([10.0, 20.0, 5.0, 2.0, 0.5, 0.5, 0.05])
+"""The same for its speed [N m s/rad]."""
+STRONGEST = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
+"""Most torque of each joint with which it is led [N m]."""
 CAMERAS = arm_named("loose_registration")["mock_optitrack"]
 
 
@@ -45,7 +49,6 @@ class Leader:
     """Leads the simulated arm through postures, and answers every state, as a commander does."""
 
     def __init__(self, client):
-        self._servo = JointServo(Impedance(ArmModel()))
         self._writer = CommandWriter(0, "world")
         self._first_ns, self.count, self.swing, self.fastest = None, 0, 0.5, np.inf
         self._swings = 0.0
@@ -60,9 +63,8 @@ class Leader:
         wanted = MIDDLE + self._swings * np.sin(
             time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7)
         )
-        torque = self._servo.torque(
-            state.position, state.velocity, wanted, np.zeros(7), np.zeros(7)
-        )
+        torque = STIFFNESS * (wanted - state.position) - DAMPING * state.velocity
+        torque = np.clip(torque, -STRONGEST, STRONGEST)
         self._command.publish(
             self._writer.write(Command(state.stamp_ns, joint_torque=torque, speed=Speed.THROW))
         )

@@ -22,7 +22,7 @@ from dart_skill.experiments.studies import arm_darts
 from dart_skill.session import learn_skill, play_leg
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.verbs._trials import own_darts, throw_dart
+from dart_skill_nodes.verbs.trials import own_darts, throw_dart
 from tests.integration.conftest import graphs
 from tests.paths import CONFIG
 

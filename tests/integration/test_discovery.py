@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dart_skill.common.configuration import config_path
-from dart_skill_nodes.process.discovery import (
+from dart_skill_nodes.process.environment import (
     PEERS,
     PROFILES,
     RANGE,

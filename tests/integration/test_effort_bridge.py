@@ -19,8 +19,10 @@ from tests.integration.effort_stand_in import NAMES, START
 from tests.paths import ROOT
 
 SETTINGS = node_parameters("effort_bridge.yaml", "effort_bridge")
-PATIENT = 1.0
-"""Timeouts of the bridge here: a busy machine is no fault of a commander [s]."""
+PATIENT = 5.0
+"""Timeouts of the bridge here, the longest that it takes: a busy machine is no fault of a commander
+[s].
+"""
 
 
 class Laboratory:

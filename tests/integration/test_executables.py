@@ -12,6 +12,7 @@ from ament_index_python import get_package_prefix
 
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.this_machine import running
+from tests.integration.conftest import until
 from tests.paths import ROOT
 from tests.warm import WarmPopen
 
@@ -66,10 +67,8 @@ def test_starts_with_ros2_run_and_ends_on_sigint(tmp_path, executable):
             command, cwd=tmp_path, stdout=log, stderr=log, start_new_session=True
         )
     try:
-        until = time.monotonic() + PATIENCE
-        while running(names) < names:
-            assert process.poll() is None and time.monotonic() < until, said.read_text()
-            time.sleep(0.05)
+        until(lambda: running(names) == names or process.poll() is not None, what=said.read_text)
+        assert process.poll() is None, said.read_text()
         os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C does: `ros2 run` hands nothing on
         assert process.wait(PATIENCE) == 0, said.read_text()
     finally:
@@ -141,10 +140,10 @@ def commander(warm, ros, tmp_path):
 
 
 def until_running(names):
-    until = time.monotonic() + 60.0
-    while running(names) != set(names):
-        assert time.monotonic() < until, f"of {names} there is only {running(names)}"
-        time.sleep(0.05)
+    until(
+        lambda: running(names) == set(names),
+        what=lambda: f"all of {names}, of which there is only {running(names)},",
+    )
 
 
 def test_a_node_whose_name_is_taken_does_not_start(commander):
@@ -192,10 +191,8 @@ def test_a_node_that_is_told_to_end_while_it_loads_says_nothing(tmp_path):
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
     )
     maps = Path(f"/proc/{process.pid}/maps")
-    until = time.monotonic() + 60.0
-    while "numpy" not in maps.read_text():  # of the library, which comes before ROS is up
-        assert time.monotonic() < until
-        time.sleep(0.002)
+    # of the library, which comes before ROS is up
+    until(lambda: "numpy" in maps.read_text(), lambda: time.sleep(0.002))
     process.send_signal(signal.SIGINT)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 0 and b"Traceback" not in said, said.decode()

@@ -12,10 +12,9 @@ from dart_skill_msgs.srv import Plan, Step
 from std_srvs.srv import Trigger
 
 from dart_skill.recording import BagReader
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
-from dart_skill_nodes.process.graph_processes import NODES
+from dart_skill_nodes.process.graph_processes import NODES, GraphFailure
 from tests.integration.conftest import Diagnoses, Joints, answer, plan_request, wait_for
 
 TARGET = np.array([1.9, 0.2, 0.4])

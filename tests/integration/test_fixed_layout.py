@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header, String
+from std_msgs.msg import Header, Int64, String
 
 from dart_skill.common.constants import NS_PER_S
 from dart_skill_nodes.comms.conversions import EPISODE_AND_STEP, ground_truth, leading_stamp_bytes
-from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader, _Cdr
+from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 
 NAMES = st.text(st.characters(min_codepoint=32, max_codepoint=0x24F), max_size=12)
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
@@ -118,7 +118,7 @@ def test_bytes_that_are_no_such_message_are_refused():
 
 def test_fields_that_are_not_known_are_named():
     with pytest.raises(ValueError, match="int64"):
-        _Cdr()._field("int64", 1)
+        FixedLayout(Int64())
     with pytest.raises(AttributeError):
         LayoutReader(String).read(serialize_message(String()))
 

@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Execute, Practice, Teach
 from dart_skill_msgs.msg import Demonstration, SimulationState, Situation, WamCommand
 from dart_skill_msgs.msg import Plan as PlanMsg
-from dart_skill_msgs.srv import AddTrial, Learn, Plan
+from dart_skill_msgs.srv import AddTrial
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given, settings
@@ -31,10 +31,9 @@ from dart_skill.recording import read_command, read_demonstrations
 from dart_skill.skills.learning import DEFAULT
 from dart_skill_nodes.client.node_inspector import NodeStatuses
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.markers import ellipsoids
-from dart_skill_nodes.comms.raw_batches import RawMessage, poses_of
+from dart_skill_nodes.comms.for_viewers import TfMessages, ellipsoids
+from dart_skill_nodes.comms.raw_batches import poses_of
 from dart_skill_nodes.comms.refusals import Refusals
-from dart_skill_nodes.comms.tf_messages import TfMessages
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
 from dart_skill_nodes.executables.commander import CommanderNode
 from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
@@ -172,7 +171,14 @@ def test_every_raw_message_survives(nodes, random):
     )
     recorder = nodes["demonstration_recorder"]
     with contextlib.suppress(ValueError):
-        recorder._look(RawMessage(0, topic, data), random.choice((0, 10**9, 2**62)))
+        recorder.observer.take(topic, random.choice((0, 10**9, 2**62)), data)
+
+
+def called(node, service, make_request):
+    """Type of a service of a node, and its response."""
+    (found,) = (one for one in node.services if one.service_name == service)
+    kind = found.srv_type
+    return kind, found.callback(make_request(kind), kind.Response())
 
 
 SERVED = {
@@ -200,9 +206,8 @@ SERVED = {
 def test_every_service_answers(nodes, random):
     name = random.choice(list(SERVED))
     service = random.choice(SERVED[name]).replace("~", f"/{name}")
-    (found,) = (one for one in nodes[name].services if one.service_name == service)
-    response = found.callback(nasty(found.srv_type.Request, random), found.srv_type.Response())
-    assert isinstance(response, found.srv_type.Response)
+    kind, response = called(nodes[name], service, lambda kind: nasty(kind.Request, random))
+    assert isinstance(response, kind.Response)
     assert response.success or getattr(response, "pending", False) or response.message
     assert not response.message or "\n" not in response.message
 
@@ -224,9 +229,10 @@ def test_a_trial_with_a_few_wrong_numbers_is_kept_or_refused(nodes, thrown, rand
     )
     spoil(random.choice((request.trial, request.plan)), random)
     request.trial.id = f"trial {random.random()}"
-    response = nodes["skill_learner"]._on_add_trial(request, AddTrial.Response())
+    learner = nodes["skill_learner"]
+    _, response = called(learner, "/skill_learner/add_trial", lambda kind: request)
     assert response.success or response.message
-    again = nodes["skill_learner"]._on_plan(plan_request(demonstration.target), Plan.Response())
+    _, again = called(learner, "/skill_learner/plan", lambda _: plan_request(demonstration.target))
     assert again.success, f"a trial that was kept spoils every plan: {again.message}"
 
 
@@ -245,9 +251,9 @@ def test_a_demonstration_with_a_few_wrong_numbers_does_not_keep_the_others_from_
     }
     with contextlib.suppress(ValueError):
         learner._on_demonstration(message)
-    learned = learner._on_learn(Learn.Request(), Learn.Response())
+    _, learned = called(learner, "/skill_learner/learn", lambda kind: kind.Request())
     assert learned.success and learned.demonstrations >= 4, learned.message
-    again = learner._on_plan(plan_request(thrown[0].target), Plan.Response())
+    _, again = called(learner, "/skill_learner/plan", lambda _: plan_request(thrown[0].target))
     assert again.success, f"it spoils every plan: {again.message}"
 
 

@@ -12,6 +12,7 @@ from dart_skill_nodes.comms.coroutines import Promise, pause, start, within
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, make_executor
+from tests.integration.conftest import until
 
 
 class Executor:
@@ -96,8 +97,7 @@ def test_many_waits_at_once_end_in_time_and_rclpy_has_nothing_to_say_of_their_ti
         )
     start(node, within(node, promise, 60.0), lambda result, error: ended.append((result, 0.0)))
     promise.keep("early")
-    while len(ended) < 21:
-        executor.spin_once(timeout_sec=0.1)
+    until(lambda: len(ended) == 21, lambda: executor.spin_once(timeout_sec=0.1))
     node.destroy_node()
     assert ended[0] == ("early", 0.0) and [limit for limit, _ in ended[1:]] == limits[::-1]
     assert all(after >= limit for limit, after in ended[1:])

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.process.environment import Interrupts
 from tests.paths import BAGS
 
 COLD = True
@@ -22,7 +22,7 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 import rclpy
-from dart_skill_nodes.verbs._run import carried_out
+from dart_skill_nodes.verbs.on_graph import carried_out
 
 def job(options):
     if sys.argv[2] == "interrupted":
@@ -208,7 +208,7 @@ def test_a_ctrl_c_that_is_forwarded_some_seconds_later_is_the_same_one(monkeypat
     """
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     now = [100.0]
-    monkeypatch.setattr("dart_skill_nodes.process.signals.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("dart_skill_nodes.process.environment.time.monotonic", lambda: now[0])
     try:
         interrupts = Interrupts()
         assert not interrupts

@@ -27,8 +27,8 @@ from dart_skill_nodes.comms.joint_states import JOINT_STATES, OfTheArm, Rivals, 
 from dart_skill_nodes.executables.commander import CommanderNode
 from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.process.node_base import make_executor
+from tests.integration.conftest import until
 
-PATIENCE = 30.0
 NAMES = joint_names()
 ANGLES = dict(zip(NAMES, (0.1, -1.0, 0.2, 0.9, 0.3, -0.4, 0.5), strict=True))
 REORDERED = ["finger_1", *reversed(NAMES), "finger_2"]
@@ -104,17 +104,17 @@ def beside(ros):
                 node.destroy_node()
 
         def until(self, condition, what):
-            end = time.monotonic() + PATIENCE
-            while not condition():
-                assert time.monotonic() < end, f"{what} did not come true in {PATIENCE:.0f} s"
-                # more of them than the node takes would leave no turn to its timers
-                if time.monotonic() > self._due:
-                    self.said, self._due = self.said + 1, time.monotonic() + 0.002
-                    self.publisher.publish(state(self.names, 2_000_000 * self.said))
-                    if self._others is not None:
-                        publisher, names = self._others
-                        publisher.publish(state(names, 3_600_000_000_000 + 1_000_000 * self.said))
-                self._executor.spin_once(timeout_sec=0.01)
+            until(condition, self._turn, what)
+
+        def _turn(self):
+            # more of them than the node takes would leave no turn to its timers
+            if time.monotonic() > self._due:
+                self.said, self._due = self.said + 1, time.monotonic() + 0.002
+                self.publisher.publish(state(self.names, 2_000_000 * self.said))
+                if self._others is not None:
+                    publisher, names = self._others
+                    publisher.publish(state(names, 3_600_000_000_000 + 1_000_000 * self.said))
+            self._executor.spin_once(timeout_sec=0.01)
 
     yield Driver
     for driver in made:
@@ -169,7 +169,7 @@ def test_joints_are_put_in_order_by_their_names(beside):
     node = CommanderNode()
     driver = beside(node, QoSProfile(depth=10), REORDERED)
     driver.until(lambda: driver.answers, "an answer to states in another order")
-    np.testing.assert_array_equal(node._state.position, list(ANGLES.values()))
+    np.testing.assert_array_equal(node.execution.state.position, list(ANGLES.values()))
 
 
 def test_check_arm_counts_postures_of_joints_in_another_order_beside_those_of_a_hand(beside):
@@ -281,16 +281,12 @@ def test_the_recorder_takes_the_arms_states_beside_a_gripper(beside, tmp_path, m
     recorder = driver.beside
     driver.speak_beside(["finger_left", "finger_right"])
     driver.until(
-        lambda: recorder._of_the_arm.voices and recorder._heard[JOINT_STATES] > 20,
+        lambda: recorder._of_the_arm.voices and recorder.observer.heard(JOINT_STATES) > 20,
         "states of both",
     )
-    driver.until(lambda: recorder._arm_state() is not None, "a state")
-    np.testing.assert_array_equal(recorder._arm_state().position, list(ANGLES.values()))
-    assert (
-        not recorder.refusals.counts
-        and recorder._newest[JOINT_STATES] < 3_600_000_000_000
-        and not recorder._fault
-    )
+    state = recorder.observer.arm_state()
+    np.testing.assert_array_equal(state.position, list(ANGLES.values()))
+    assert not recorder.refusals.counts and state.stamp_ns < 3_600_000_000_000
 
 
 def test_a_second_arm_under_the_same_names_is_refused(beside):

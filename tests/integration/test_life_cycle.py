@@ -12,11 +12,12 @@ from sensor_msgs.msg import JointState
 from dart_skill.common.permissions import LIFE_CYCLE, PARAMETERS
 from dart_skill.common.world import joint_names
 from dart_skill.recording import BagReader
+from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.node_base import make_executor
+from tests.integration.conftest import until
 
-PATIENCE = 30.0
 TOPIC = "/joint_states"
 DONE = TransitionCallbackReturn.SUCCESS
 
@@ -37,16 +38,14 @@ class Speaker:
         self._executor.add_node(self.node)
 
     def until(self, condition, what):
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < end, f"{what} did not come true in {PATIENCE:.0f} s"
-            self._said += 1
-            state = JointState(name=list(joint_names()), position=[0.0] * 7, velocity=[0.0] * 7)
-            state.header.stamp.sec, state.header.stamp.nanosec = divmod(
-                10_000_000 * self._said, 10**9
-            )
-            self._publisher.publish(state)
-            self._executor.spin_once(timeout_sec=0.01)
+        until(condition, self._turn, what)
+
+    def _turn(self):
+        self._said += 1
+        state = JointState(name=list(joint_names()), position=[0.0] * 7, velocity=[0.0] * 7)
+        state.header.stamp = conversions.time_msg(10_000_000 * self._said)
+        self._publisher.publish(state)
+        self._executor.spin_once(timeout_sec=0.01)
 
     def close(self):
         self._executor.shutdown()
@@ -57,11 +56,9 @@ def leave(rclpy, name):
     """Wait until no node of a name is on the graph: one that was killed stays there for a while,
     and would be asked for the new one.
     """
-    node, end = rclpy.create_node("waits"), time.monotonic() + PATIENCE
+    node = rclpy.create_node("waits")
     gc.collect()
-    while name in node.get_node_names():
-        assert time.monotonic() < end, f"there is a {name} already"
-        time.sleep(0.05)
+    until(lambda: name not in node.get_node_names(), what=f"that there is no {name}")
     node.destroy_node()
 
 

@@ -1,6 +1,5 @@
 """Links between nodes: whoever serves is asked, whatever else is on the graph."""
 
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -12,10 +11,8 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
 from dart_skill_nodes.client.graph_client import GraphClient
-from dart_skill_nodes.client.server_probe import APPEARS, FOUND_DEAD, ServerProbe
-from dart_skill_nodes.client.server_probe import PATIENCE as SERVER_PATIENCE
-
-PATIENCE = 30.0
+from dart_skill_nodes.client.service_calls import APPEARS, FOUND_DEAD, PATIENCE, ServerProbe
+from tests.integration.conftest import until
 
 
 class Process:
@@ -56,12 +53,12 @@ def test_a_node_that_serves_nothing_does_not_hide_the_one_of_its_name_that_does(
     """
     ghost = process("served", start_parameter_services=False, enable_rosout=False)
     asking = process("asking")
-    _spin_until([ghost, asking], lambda: "served" in asking.node.get_node_names())
+    until(lambda: "served" in asking.node.get_node_names(), lambda: (ghost.spin(), asking.spin()))
     served = process("served")
     served.node.create_service(Trigger, "/asked", lambda request, response: response)
     client = asking.node.create_client(Trigger, "/asked")
     link = ServerProbe(asking.node, "/asked", client.service_is_ready)
-    _spin_until([ghost, asking, served], link.up)
+    until(link.up, lambda: (ghost.spin(), asking.spin(), served.spin()))
     assert asking.node.get_node_names().count("served") == 2
 
 
@@ -76,7 +73,7 @@ def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
             super().__init__(node, service, is_ready)
             made.append(sorted(client.srv_name for client in node.clients))
 
-    monkeypatch.setattr("dart_skill_nodes.client.graph_client.ServerProbe", Watched)
+    monkeypatch.setattr("dart_skill_nodes.client.service_calls.ServerProbe", Watched)
     served = process("served")
     served.node.create_service(
         Trigger, "/asked", lambda request, response: Trigger.Response(success=True)
@@ -108,7 +105,7 @@ def test_what_is_asked_waits_until_the_client_has_found_its_server(ros, process,
     client = asking.node.create_client(Trigger, "/asked")
     for found, ask in (
         (client, lambda: asking.call(client, Trigger.Request())),
-        (asking._practice, lambda: asking.practise(throws=1)),
+        (asking.practice_action, lambda: asking.practise(throws=1)),
     ):
         name = "service_is_ready" if found is client else "server_is_ready"
         asked, is_ready = [], getattr(found, name)
@@ -140,23 +137,15 @@ class Endpoints:
     [
         (Endpoints(0, False), False, APPEARS),
         (Endpoints(1, True), True, FOUND_DEAD * APPEARS),
-        (Endpoints(1, False), True, SERVER_PATIENCE),
+        (Endpoints(1, False), True, PATIENCE),
     ],
 )
 def test_after_a_server_that_died_before_it_was_asked_another_one_is_waited_for_more_briefly(
     monkeypatch, there, is_ready, waits
 ):
     monkeypatch.setattr(
-        "dart_skill_nodes.client.server_probe.servers", lambda node, service: there
+        "dart_skill_nodes.client.service_calls.servers", lambda node, service: there
     )
     node = SimpleNamespace(resolve_service_name=lambda name: name)
     link = ServerProbe(node, "/asked", lambda: is_ready)
     assert not link.is_hopeless(0.9 * waits) and link.is_hopeless(1.1 * waits)
-
-
-def _spin_until(processes, condition):
-    until = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < until, f"still not so after {PATIENCE:.0f} s"
-        for one in processes:
-            one.spin()

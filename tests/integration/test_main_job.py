@@ -17,9 +17,8 @@ from dart_skill.common.regions import targets_for
 from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.session import Session
 from dart_skill.skills.learning import learn_throwing
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.process.graph_processes import NODES
+from dart_skill_nodes.process.graph_processes import NODES, GraphFailure
 from tests.integration.conftest import endpoints_of_processes, graphs, plan_request
 from tests.policies import allowed, may
 from tests.throw_demonstrations import changed_throw

@@ -15,12 +15,15 @@ from std_srvs.srv import Trigger
 
 from dart_skill.arm import wam_description
 from dart_skill.common.world import ROLES
-from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.person import LOOK, Patience, PersonAtTheArm
+from dart_skill_nodes.client.person import LOOK, PersonAtTheArm
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms.coroutines import start
+from dart_skill_nodes.process.graph_processes import GraphFailure
+from tests.integration.conftest import until
 
 SECOND = 1_000_000_000
+PARAMETERS = {"frame_id": "world", "longest_wait": 1.0, "stand_back": 1.0}
+PARAMETERS |= {"seat_tolerance": 0.1, "basket_tolerance": 0.1}
 
 
 @pytest.fixture
@@ -29,9 +32,8 @@ def person(ros):
     yield PersonAtTheArm(
         node,
         ServiceCalls(node),
-        "world",
         {role: role for role in ROLES},
-        Patience(1.0, 1.0, 0.1, 0.1),
+        PARAMETERS,
     )
     node.destroy_node()
 
@@ -108,7 +110,7 @@ class Told:
         self.person._taker("ball")(serialize_message(message))
 
     def until(self, condition):
-        spin(self.executor, condition)
+        until(condition, lambda: self.executor.spin_once(timeout_sec=0.05))
 
     def close(self):
         # it holds what it has waited for: the node would stay on the graph, and the next find a
@@ -139,7 +141,7 @@ def test_an_arm_that_stops_on_its_way_is_not_waited_for(told):
     """
     told.until(lambda: told.say("holding", "no /joint_states for 0.6 s", newest=5) and told.ended)
     assert (
-        isinstance(told.ended[0], CallFailed)
+        isinstance(told.ended[0], GraphFailure)
         and "stopped on its way" in str(told.ended[0])
         and "for 0.6 s" in str(told.ended[0])
     )
@@ -150,17 +152,10 @@ def test_states_that_come_after_the_word_that_the_arm_is_held_say_where_it_is(to
     it "stopped on its way".
     """
     told.until(lambda: told.say("holding", newest=9))
-    until = time.monotonic() + 5 * LOOK
-    told.until(lambda: time.monotonic() > until)
+    end = time.monotonic() + 5 * LOOK
+    told.until(lambda: time.monotonic() > end)
     assert not told.ended
     told.arm_is_at(0.3, 9)
     told.cameras_see(9)
     told.until(lambda: told.ended)
     assert told.ended == [None]
-
-
-def spin(executor, condition, limit=30.0):
-    until = time.monotonic() + limit
-    while not condition():
-        assert time.monotonic() < until
-        executor.spin_once(timeout_sec=0.05)

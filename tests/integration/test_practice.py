@@ -21,7 +21,7 @@ from dart_skill.skills.practice import PractisingSkill, practised_skill
 from dart_skill.skills.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs import practice
-from dart_skill_nodes.verbs._trials import try_all
+from dart_skill_nodes.verbs.trials import try_all
 from tests.integration.conftest import graphs, plan_request, teach_and_learn
 
 SEED, SHOWN = 4, 2

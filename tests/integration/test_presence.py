@@ -6,13 +6,16 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 import rclpy
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
-from dart_skill_nodes.comms.presence import LEASE, LOOK, PULSE, Presence, be_alive, others, servers
+from dart_skill_nodes.comms.presence import PULSE, Presence, be_alive, others, servers
+from dart_skill_nodes.comms.this_machine import LEASE, LOOK
+from tests.integration.conftest import until
 
 BUSY = """
 import rclpy
@@ -28,7 +31,6 @@ node.create_service(Trigger, "~/serve", lambda request, response: response)
 while True:
     sum(range(10**6))  # and never spins
 """
-LIMIT = 60.0
 
 
 @pytest.fixture
@@ -57,22 +59,20 @@ def start():
 
 def come(node, count=1, name="busy"):
     """Those who serve, as soon as so many do, and one at least lives."""
-    until = time.monotonic() + LIMIT
-    while True:
-        there = servers(node, f"/{name}/serve")
-        if sum(there._endpoints.values()) >= count and not there.gone:
-            # it has said so: who dies before that is missed only when its lease is over
-            time.sleep(4 * PULSE)
-            return there
-        assert time.monotonic() < until, "it never came"
-        time.sleep(0.05)
+    found = []
+
+    def are_there():
+        found.append(servers(node, f"/{name}/serve"))
+        return found[-1].count >= count and not found[-1].gone
+
+    until(are_there, what=f"{count} of {name}")
+    # it has said so: who dies before that is missed only when its lease is over
+    time.sleep(4 * PULSE)
+    return found[-1]
 
 
 def wait_until_gone(presence):
-    until = time.monotonic() + LIMIT
-    while not presence.gone:
-        assert time.monotonic() < until, "it was never missed"
-        time.sleep(0.05)
+    until(lambda: presence.gone, what="that it is missed")
 
 
 @pytest.mark.slow
@@ -102,10 +102,8 @@ def test_it_is_known_since_when_a_process_is_frozen_whoever_is_looked_at(node, s
     other.create_publisher(Empty, "/heard", 1)
     there = come(node, name="frozen")
     process.send_signal(signal.SIGSTOP)
-    until = time.monotonic() + LEASE + 1.0
-    while time.monotonic() < until:
-        others(node, "/heard")
-        time.sleep(LOOK)
+    end = time.monotonic() + LEASE + 1.0
+    until(lambda: time.monotonic() > end, lambda: (others(node, "/heard"), time.sleep(LOOK)))
     assert there.gone
     other.destroy_node()
 
@@ -120,10 +118,9 @@ def test_a_process_of_another_machine_is_missed_when_its_lease_is_over(node, sta
 
 def test_a_process_that_was_killed_before_it_was_met_is_missed(node, start):
     """It never told this process anything, and DDS keeps it on the graph for 20 s."""
-    process, began = start(), time.monotonic()
-    while not node.get_publishers_info_by_topic("/busy/_alive"):
-        assert time.monotonic() - began < LIMIT, "it never came"
-        time.sleep(0.005)
+    process = start()
+    seen = partial(node.get_publishers_info_by_topic, "/busy/_alive")
+    until(seen, lambda: time.sleep(0.005), "the process")
     process.kill()
     process.wait()
     killed, there = time.monotonic(), servers(node, "/busy/serve")
@@ -137,10 +134,8 @@ def test_nodes_of_one_process_do_not_miss_each_other_and_nobody_is_never_gone(no
     other = rclpy.create_node("other")
     be_alive(other)
     other.create_service(Trigger, "~/serve", lambda request, response: response)
-    until = time.monotonic() + LIMIT
-    while not (there := servers(node, "/other/serve")):
-        assert time.monotonic() < until
-        time.sleep(0.05)
+    until(lambda: servers(node, "/other/serve"), what="the other")
+    there = servers(node, "/other/serve")
     assert not there.gone
     other.destroy_node()
     wait_until_gone(there)

@@ -2,35 +2,31 @@
 cannot be heard is named.
 """
 
-import time
-
 import pytest
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import Int32, String
 
-from dart_skill_nodes.comms.raw_batches import RawBatches, _Numbering
+from dart_skill_nodes.comms.raw_batches import Numbering, RawBatches
+from tests.integration.conftest import until
 
 ONE, TWO = frozenset({b"a"}), frozenset({b"a", b"b"})
 
 
 @pytest.fixture
 def node(ros):
-    """A node that is spun by `until`."""
+    """A node that is spun by `spin`."""
     node = rclpy.create_node("ears")
     yield node
     node.destroy_node()
 
 
-def until(node: Node, condition, what):
-    limit = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < limit, f"{what} did not come true in 60 s"
-        rclpy.spin_once(node, timeout_sec=0.01)
+def spin(node: Node, condition, what):
+    until(condition, lambda: rclpy.spin_once(node, timeout_sec=0.01), what)
 
 
 def test_gaps_in_the_numbers_of_one_publisher_are_losses():
-    numbering = _Numbering(publishers=ONE)
+    numbering = Numbering(publishers=ONE)
     numbering.count([5, 6, 9], publishers=1)
     assert numbering.lost == 0, "not before it is known that nobody else joined"
     numbering.look(ONE)
@@ -40,7 +36,7 @@ def test_gaps_in_the_numbers_of_one_publisher_are_losses():
 
 
 def test_the_numbers_of_several_publishers_are_no_losses():
-    numbering = _Numbering(publishers=ONE)
+    numbering = Numbering(publishers=ONE)
     for numbers, there, seen in (
         ([500, 501, 7, 502, 8], 1, TWO),  # one has joined, unseen as yet
         ([503, 9, 700], 2, TWO),
@@ -69,14 +65,14 @@ def test_a_publisher_that_joins_and_leaves_makes_no_loss(node):
             say(*publishers) or node.count_publishers("/said") == count and len(heard) > 20
         )
 
-    until(node, said_by(1, first), "one that is heard")
+    spin(node, said_by(1, first), "one that is heard")
     second = node.create_publisher(String, "/said", 100)
     for publishers in ((first, second), (second,), (first, second)):
         heard.clear()
-        until(node, said_by(2, *publishers), "two that are heard")
+        spin(node, said_by(2, *publishers), "two that are heard")
     node.destroy_publisher(second)
     heard.clear()
-    until(node, said_by(1, first), "one alone")
+    spin(node, said_by(1, first), "one alone")
     ears.close()
     assert ears.lost == {} and ears.strange == {}
 
@@ -94,10 +90,10 @@ def test_a_topic_that_changes_its_type_is_named(node, stranger):
     ears = RawBatches(node)
     ears.listen("/said")
     text = node.create_publisher(String, "/said", 10)
-    until(node, lambda: not ears.missing, "the text")
+    spin(node, lambda: not ears.missing, "the text")
     node.destroy_publisher(text)
     stranger.create_publisher(Int32, "/said", 10)
-    until(node, lambda: ears.strange, "the number")
+    spin(node, lambda: ears.strange, "the number")
     assert ears.strange == {
         "/said": (
             "stranger publishes /said as std_msgs/msg/Int32, which is not the std_msgs/msg/String"

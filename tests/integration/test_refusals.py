@@ -3,7 +3,6 @@ lost. Nodes in this process, no graph.
 """
 
 import importlib
-import time
 
 import pytest
 import rclpy
@@ -20,6 +19,7 @@ from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, R
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.graph_processes import NODES
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, make_executor
+from tests.integration.conftest import until
 
 GIGA = 1_000_000_000
 
@@ -29,16 +29,13 @@ def spin(ros):
     """Spins nodes until a condition holds."""
     executor, nodes = make_executor(), []
 
-    def until(condition, *more):
+    def spin(condition, *more):
         for node in set(more) - set(nodes):
             executor.add_node(node)
             nodes.append(node)
-        limit = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < limit, "it did not come true in 60 s"
-            executor.spin_once(timeout_sec=0.05)
+        until(condition, lambda: executor.spin_once(timeout_sec=0.05))
 
-    yield until
+    yield spin
     executor.shutdown()
     for node in nodes:
         node.destroy_node()

@@ -18,10 +18,9 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.common.configuration import load_yaml
 from dart_skill.common.regions import targets_for
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.process.graph_processes import NODES
-from dart_skill_nodes.verbs._trials import throw_at
+from dart_skill_nodes.process.graph_processes import NODES, GraphFailure
+from dart_skill_nodes.verbs.trials import throw_at
 from tests.integration.conftest import (
     Diagnoses,
     Joints,
@@ -300,7 +299,8 @@ def test_what_is_learned_with_can_be_changed_while_the_learner_runs(client):
         other = client.learn()
         assert (
             other.model_id != usual.model_id
-            and "with components 8, stiffness 300.0, stiffness_range (50.0, 800.0)" in other.message
+            and "with components 8, stiffness 300.0, stiffness_range (50.0, 800.0)"
+            in other.message
         )
         with pytest.raises(GraphFailure, match="stiffness_range"):
             client.set_parameters("/skill_learner", {"least_stiffness": 900.0})

@@ -19,9 +19,9 @@ from std_srvs.srv import SetBool
 from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.skills.learning import LearnedSkill
 from dart_skill.skills.protocol import load_skill
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED
+from dart_skill_nodes.process.graph_processes import GraphFailure
 from tests.example import install_example
 from tests.integration.conftest import graphs, wait_for
 

@@ -8,7 +8,7 @@ import pytest
 from dart_skill_msgs.action import Practice
 from dart_skill_msgs.msg import Outcome
 
-from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.process.graph_processes import GraphFailure
 from tests.benches import soak
 from tests.benches.soak.samples import Sample, Usage, changes
 

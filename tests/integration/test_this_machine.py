@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from dart_skill_nodes.comms.this_machine import SystemProcess, _state
+from dart_skill_nodes.comms.this_machine import SystemProcess
 
 PATIENCE = 0.2
 
@@ -17,7 +17,7 @@ PATIENCE = 0.2
 def other():
     """A process that does nothing, and what is known of it."""
     process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"])
-    yield process, SystemProcess(process.pid, _state(process.pid)[1])
+    yield process, SystemProcess.of(process.pid)
     process.kill()
     process.wait()
 

@@ -22,10 +22,10 @@ from dart_skill.common import palette
 from dart_skill.common.regions import targets_for
 from dart_skill.common.world import ROLES
 from dart_skill.view._scene import EYE, LOOK_AT
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.markers import ellipsoids
+from dart_skill_nodes.comms.for_viewers import ellipsoids
 from dart_skill_nodes.comms.raw_batches import poses_of
+from dart_skill_nodes.process.graph_processes import GraphFailure
 from dart_skill_nodes.process.node_base import make_executor
 from tests.integration.browser import SMALL, Page, needs_chromium, project
 from tests.integration.conftest import teach_and_learn, wait_for

@@ -1,4 +1,4 @@
-"""The commands that a world holds which does not wait for them, and when it is held back."""
+"""The commands that a simulated world holds which does not wait for them, and when it is held back."""
 
 import time
 from types import SimpleNamespace
@@ -6,7 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from dart_skill.arm import Command
-from dart_skill_nodes.arm.world_pace import HeldAnswers, WorldPace
+from dart_skill_nodes.arm import answers
+from dart_skill_nodes.arm.answers import TOPICS, Answers
+from dart_skill_nodes.arm.simulated_arm import WorldPace
+from dart_skill_nodes.comms.commands import CommandWriter
 
 MS = 1_000_000
 
@@ -18,39 +21,80 @@ def plant():
     return SimpleNamespace(state_stamp_ns=0, settings=settings, braking=lambda: "brakes")
 
 
-def test_a_command_holds_until_it_is_too_old_and_then_the_arm_is_braked(plant):
-    complaints = []
-    held = HeldAnswers(plant, ("commander", "teacher"), 0.010, complaints.append)
-    assert held.now(("commander",)) == ("brakes", None, False) and not complaints
-    held.take("commander", Command(0))
+class Node:
+    """Has parameters of time, and hands on commands; everyone is obeyed."""
+
+    def __init__(self, monkeypatch, factor=0.0):
+        obeyed = SimpleNamespace(accepts=lambda sender: True, forget=lambda: None, others=[])
+        monkeypatch.setattr(answers, "ObeyedPublisher", lambda node, topic: obeyed)
+        monkeypatch.setattr(answers, "publishers", lambda node, topic: None)
+        self.values, self.callbacks = {"speed_factor": factor, "rest_after": 0.0}, {}
+
+    def create_subscription(self, kind, topic, callback, qos, **_):
+        self.callbacks[topic] = callback
+
+    def get_parameter(self, name):
+        return SimpleNamespace(value=self.values[name])
+
+    def add_post_set_parameters_callback(self, callback):
+        pass
+
+    def say(self, who, stamp_ns):
+        """A command of commander or teacher comes."""
+        writer = CommandWriter(1, "world")
+        self.callbacks[TOPICS[who]](writer.write(Command(stamp_ns)))
+
+
+@pytest.fixture
+def held(plant, monkeypatch):
+    """Answers in real time, what came, and complaints."""
+    complaints, came, node = [], [], Node(monkeypatch)
+    parameters = {"lockstep": False, "frame_id": "world", "command_timeout": 0.010}
+    made = Answers(node, plant, parameters, came.append, complaints.append)
+    return made, node, came, complaints
+
+
+def test_a_command_holds_until_it_is_too_old_and_then_the_arm_is_braked(plant, held):
+    made, node, came, complaints = held
+    assert made.newest() == ("brakes", None, False) and not complaints
+    node.say("commander", 0)
     plant.state_stamp_ns = 10 * MS
-    command, push, are_fresh = held.now(("commander",))
-    assert command.stamp_ns == 10 * MS and push is None and are_fresh
+    command, push, are_fresh = made.newest()
+    assert command.stamp_ns == 10 * MS and push is None and are_fresh and came == ["commander"]
     plant.state_stamp_ns = 12 * MS
-    assert held.now(("commander",)) == ("brakes", None, False)
+    assert made.newest() == ("brakes", None, False)
     assert complaints == ["no command of the commander for more than 0.01 s: the arm is braked"]
 
 
-def test_a_teacher_who_is_late_brakes_the_arm_and_one_who_has_pushed_is_awaited(plant):
-    held = HeldAnswers(plant, ("commander", "teacher"), 0.010, lambda text: None)
-    assert not held.awaits("teacher"), "who has not pushed yet"
-    held.take("teacher", Command(0))
-    assert not held.awaits("teacher"), "the push for this state is there"
+def test_a_teacher_who_is_late_brakes_the_arm_and_one_who_has_pushed_is_awaited(plant, held):
+    made, node, *_ = held
+    made.begin(guided=True)
+    assert not made.awaits_teacher(), "who has not pushed yet"
+    node.say("teacher", 0)
+    assert not made.awaits_teacher(), "the push for this state is there"
     plant.state_stamp_ns = 12 * MS
-    assert held.awaits("teacher")
-    held.take("commander", Command(12 * MS))
-    assert held.now(("commander", "teacher"))[0] == "brakes"
-    assert held.now(("commander",))[2], "nobody guides the arm any more"
+    assert made.awaits_teacher()
+    node.say("commander", 12 * MS)
+    assert made.newest()[0] == "brakes"
+    made.guided = False
+    assert made.newest()[2], "nobody guides the arm any more"
+
+
+def test_a_command_in_another_frame_is_complained_of_and_not_taken(held):
+    made, node, came, complaints = held
+    node.callbacks[TOPICS["commander"]](CommandWriter(1, "moon").write(Command(0)))
+    assert complaints == ["a command of the commander is in frame 'moon', not 'world': ignored"]
+    assert not came and made.newest()[0] == "brakes"
 
 
 @pytest.mark.parametrize(
     ("factor", "watched", "least"), [(0.0, False, 0.0), (0.1, False, 0.035), (0.0, True, 0.003)]
 )
 def test_steps_are_held_back_to_the_factor_and_to_real_time_for_who_watches(
-    plant, factor, watched, least
+    plant, monkeypatch, factor, watched, least
 ):
-    pace = WorldPace(plant)
-    pace.speed_factor, pace.watched = factor, watched
+    pace = WorldPace(Node(monkeypatch, factor), plant)
+    pace.watched = watched
     begun = time.monotonic()
     for _ in range(2):
         pace.hold_back()

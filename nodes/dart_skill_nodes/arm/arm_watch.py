@@ -5,8 +5,7 @@ DDS says of them.
 from rclpy.node import Node
 
 from dart_skill.arm import ArmState
-from dart_skill_nodes.comms.arm_time import TimeOfTheArm
-from dart_skill_nodes.comms.joint_states import JointStates, Rivals
+from dart_skill_nodes.comms.joint_states import JointStates, Rivals, TimeOfTheArm
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name
 from dart_skill_nodes.comms.presence import Cameras, Presence, others, publishers
 
@@ -14,6 +13,14 @@ QUIET = 0.5
 """No state for so long: time stands still, or none are published [s, wall clock]."""
 SIMULATED = "simulation/state"
 """Only a simulator publishes it."""
+
+
+NOT_FOR_AN_ARM = (
+    "tracking is 'hand', which makes an arm with motors and cables oscillate, and no simulator"
+    " runs: start the commander with tracking:=joints and friction_compensation:=1.0, as the"
+    " layout hardware does"
+)
+"""What is said of a commander that starts with the parameters of a simulated arm beside a real one."""
 
 
 class ArmWatch:
@@ -100,13 +107,19 @@ class ArmWatch:
             return ""
         return f"{self._guide} has gone while it guided the arm: the arm is braked and held"
 
-    def missing(self, outcome: str) -> str:
-        """What speaks against a trial; empty if nothing. outcome: that would not be seen."""
+    def missing(self, outcome: str, fault: str) -> str:
+        """What speaks against a trial; empty if nothing. outcome: that would not be seen; fault: why
+        the arm's own safety module has stopped it.
+        """
         if self.rivals:
             return self.rivals
         if self.strangers:
             return (
                 f"{', '.join(self.strangers)} publishes /wam/command, too: end it, one commands"
                 " an arm"
+            )
+        if fault:
+            return (
+                f"the arm's safety module has stopped it ({fault}): look at the arm, and reset it"
             )
         return f"{self.unseen}; nobody would see {outcome}" if self.unseen else ""

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 
 from dart_skill.arm.check import Endpoint, Heard, HeardJoints, HeardPoses
 from dart_skill.common.world import joint_order
-from dart_skill_nodes.client.live_arm import NO_DRIVERS
+from dart_skill_nodes.client.playing import NO_DRIVERS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import OfTheArm
 from dart_skill_nodes.comms.names import CLOCK, COMMANDS, JOINT_STATES, pose_topics

@@ -36,7 +36,7 @@ from dart_skill_nodes.comms.names import (
 from dart_skill_nodes.comms.presence import UNKNOWN
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.comms.raw_batches import RawBatches
-from dart_skill_nodes.process.parameters import LIMITS
+from dart_skill_nodes.process.parameters import described
 
 SAFETY = "wam/safety"
 STATES = (READY, WARNING, ERROR, SILENT)
@@ -137,7 +137,7 @@ class GraphListener:
             if client is not None and answer is None and client.service_is_ready():
                 self._asked[name] = (
                     client,
-                    client.call_async(GetParameters.Request(names=[row.name for row in LIMITS])),
+                    client.call_async(GetParameters.Request(names=list(described("limits")))),
                 )
 
     # what was found
@@ -204,8 +204,8 @@ class GraphListener:
             return {}
         values = [parameter_value_to_python(value) for value in answer.result().values]
         return {
-            row.name: list(value) if hasattr(value, "tolist") else value
-            for row, value in zip(LIMITS, values, strict=True)
+            name: list(value) if hasattr(value, "tolist") else value
+            for name, value in zip(described("limits"), values, strict=True)
         }
 
 

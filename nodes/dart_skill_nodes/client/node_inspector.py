@@ -13,23 +13,18 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from dart_skill.simulation import Camera, MotionCaptureConfig
 from dart_skill.view import Knob, NodeStatus
-from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.comms.coroutines import answer
-
-PATIENCE = 2.0
-"""For each answer [s, wall clock]."""
-TRIES = 5
-"""How often a question is asked: one that got lost is asked again."""
+from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.process.graph_processes import GraphFailure
 
 
 class NodeInspector:
     """Questions of one node to others; clients are kept."""
 
-    def __init__(self, node: Node):
-        self._node, self._clients = node, {}
+    def __init__(self, node: Node, calls: ServiceCalls):
+        self._node, self._calls, self._clients = node, calls, {}
 
     async def values(self, other: str, names: list[str]) -> dict:
-        """Parameters of another node by name; CallFailed if it does not answer."""
+        """Parameters of another node by name; GraphFailure if it does not answer."""
         response = await self._ask(
             GetParameters, f"{other}/get_parameters", GetParameters.Request(names=names)
         )
@@ -71,23 +66,18 @@ class NodeInspector:
         return [_knob(one, values[one.name]) for one in free]
 
     async def set(self, other: str, name: str, value: float) -> None:
-        """Change a number of another node; CallFailed with its reason if it refuses."""
+        """Change a number of another node; GraphFailure with its reason if it refuses."""
         request = SetParameters.Request(
             parameters=[Parameter(name, value=float(value)).to_parameter_msg()]
         )
         result = (await self._ask(SetParameters, f"{other}/set_parameters", request)).results[0]
         if not result.successful:
-            raise CallFailed(f"{other} does not take {name} = {value}: {result.reason}")
+            raise GraphFailure(f"{other} does not take {name} = {value}: {result.reason}")
 
     async def _ask(self, kind, service: str, request):
         if service not in self._clients:
             self._clients[service] = self._node.create_client(kind, service)
-        client = self._clients[service]
-        for _ in range(TRIES):
-            response = await answer(self._node, client, request, PATIENCE)
-            if response is not None:
-                return response
-        raise CallFailed(f"no answer from {service} in {TRIES * PATIENCE:.0f} s")
+        return await self._calls.call(self._clients[service], request)
 
 
 class NodeStatuses:

@@ -8,7 +8,6 @@ which a commander refuses whose arm a person may hold.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from dart_skill_msgs.srv import MoveArm
@@ -21,14 +20,14 @@ from std_srvs.srv import Trigger
 from dart_skill.arm import ArmState, Mode
 from dart_skill.common.world import ROLES
 from dart_skill.skills.observation import basket_at_rest, check_ball_in_hand
-from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import pause
 from dart_skill_nodes.comms.joint_states import hear_joint_states
-from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, pose_topic
+from dart_skill_nodes.comms.qos import MatchingSubscriptions
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
+from dart_skill_nodes.process.graph_processes import GraphFailure
 
 LOOK = 0.05
 """What the cameras see is looked at so often [s, wall clock]."""
@@ -46,37 +45,24 @@ HELD, MOVES = Mode.HOLDING.value, Mode.MOVING.value
 """What the commander says of an arm that it holds, and of one on its way to a posture."""
 
 
-@dataclass(frozen=True)
-class Patience:
-    """longest_wait: for the person [s, wall clock]; stand_back: between the ball that rests in the
-    hand and the throw [s, by the stamps of the cameras]; seat_tolerance: of the ball from its
-    place in the hand [m]; basket_tolerance: of the basket from where it shall be [m].
-    """
-
-    longest_wait: float
-    stand_back: float
-    seat_tolerance: float
-    basket_tolerance: float
-
-
 class PersonAtTheArm:
-    """What `node` asks of the person, as coroutines; each raises CallFailed when it takes too
+    """What `node` asks of the person, as coroutines; each raises GraphFailure when it takes too
     long, or when `withdrawn` gives a reason.
 
-    frame_id: of the poses. bodies: names of the tracked bodies by role. ask: called with what the
-    person should do now.
+    bodies: names of the tracked bodies by role. parameters: of the node, in force: frame_id,
+    longest_wait, stand_back, seat_tolerance, basket_tolerance. ask: called with what the person
+    should do now.
     """
 
     def __init__(
         self,
         node: Node,
         calls: ServiceCalls,
-        frame_id: str,
         bodies: dict[str, str],
-        patience: Patience,
+        parameters: dict,
     ):
-        self._node, self._calls, self._patience = node, calls, patience
-        self._tracked = TrackedBodies(frame_id, node.get_logger().error)
+        self._node, self._calls, self._p = node, calls, parameters
+        self._tracked = TrackedBodies(parameters["frame_id"], node.get_logger().error)
         self._cameras = MatchingSubscriptions(node)
         for role in ROLES:
             self._cameras.subscribe(
@@ -156,7 +142,7 @@ class PersonAtTheArm:
                 and self._has_heard(self._mode_ns)
                 and not self._is_at(posture)
             ):
-                raise CallFailed(
+                raise GraphFailure(
                     "the arm stopped on its way to where the throw begins:"
                     f" {self._last or 'the commander says no reason'}"
                 )
@@ -164,7 +150,7 @@ class PersonAtTheArm:
 
         try:
             await self._until("", arrived, conversions.seconds(begun.duration) + COME_TO_REST)
-        except CallFailed:
+        except GraphFailure:
             await self._calls.call(self._stop, Trigger.Request())
             raise
 
@@ -175,7 +161,7 @@ class PersonAtTheArm:
         False as soon as the basket rests elsewhere than at a place (3,): what was planned for it
         is not thrown.
         """
-        seconds = self._patience.stand_back
+        seconds = self._p["stand_back"]
         text = "put the ball into the hand, then stand back"
         if not await self._until(
             text, lambda: self._rests_at(basket) is not False and self._check_ball(seat)
@@ -209,7 +195,7 @@ class PersonAtTheArm:
             return None
 
     def _is_near(self, place: np.ndarray, seen: np.ndarray) -> bool:
-        return float(np.linalg.norm(place - seen)) <= self._patience.basket_tolerance
+        return float(np.linalg.norm(place - seen)) <= self._p["basket_tolerance"]
 
     # conditions: each returns what was waited for, or raises ValueError with what is missing
 
@@ -228,7 +214,7 @@ class PersonAtTheArm:
     def _check_ball(self, seat: np.ndarray) -> bool:
         self._check_held()
         check_ball_in_hand(
-            self._tracked.log, self._tracked.newest_ns, seat, self._patience.seat_tolerance
+            self._tracked.log, self._tracked.newest_ns, seat, self._p["seat_tolerance"]
         )
         return True
 
@@ -276,12 +262,12 @@ class PersonAtTheArm:
         """
         if text:
             self.ask(text)
-        limit = self._patience.longest_wait if limit is None else limit
+        limit = self._p["longest_wait"] if limit is None else limit
         since_ns, begun, told = self._tracked.newest_ns, time.monotonic(), ""
         while True:
             await pause(self._node, LOOK)
             if reason := self.withdrawn():
-                raise CallFailed(reason)
+                raise GraphFailure(reason)
             try:
                 result = condition()
                 if self._tracked.newest_ns > since_ns:
@@ -291,7 +277,7 @@ class PersonAtTheArm:
                 why = str(error)
             waited = time.monotonic() - begun
             if waited > limit:
-                raise CallFailed(f"gave up after {waited:.0f} s: {why or text}")
+                raise GraphFailure(f"gave up after {waited:.0f} s: {why or text}")
             if why and why != told and waited > HINT:
                 told = why
                 self.ask(f"{text}: {why}" if text else why)

@@ -15,11 +15,11 @@ from dart_skill.common.situation import Pose, Situation
 from dart_skill.recording import HAND
 from dart_skill.skills.protocol import Skill
 from dart_skill.view import DemonstrationRow, HeldHand, Panel, Request, how_far, turned
-from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.client.viewer_jobs import ViewerJobs
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import pause, start
+from dart_skill_nodes.process.graph_processes import GraphFailure
 
 LOOKS = 30
 """Times that the learner is asked for the newest demonstration."""
@@ -121,7 +121,7 @@ class PulledLesson:
             "teach", Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True)
         )
         if not result.success:
-            raise CallFailed(f"not kept: {result.message}")
+            raise GraphFailure(f"not kept: {result.message}")
         return f"kept: {1e3 * result.outcome.error:.1f} mm off"
 
     def _goal_of(self, situation: Situation) -> Pose | None:
@@ -148,7 +148,7 @@ class PulledLesson:
         """The newest demonstration that counts is left out."""
         counting = [one for one in await self._demonstrations(compare=False) if not one.dropped]
         if not counting:
-            raise CallFailed("there is no demonstration to undo")
+            raise GraphFailure("there is no demonstration to undo")
         answer = await self._calls.call(self._drop, DropDemonstration.Request(id=counting[-1].id))
         await self._show()
         return str(answer.message)

@@ -18,12 +18,12 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from dart_skill.skills.observation import ARRIVAL_NS
-from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import BodyLocator, ServiceCalls
+from dart_skill_nodes.client.service_calls import RecorderCalls, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise
+from dart_skill_nodes.process.graph_processes import GraphFailure
 
-LONGEST_TRIAL = 120.0
+LONGEST_TRIAL = 180.0
 """Longest wait for the answer to a goal [s, wall clock]."""
 LOOK_STEPS = 100
 """Steps of a held world in which the cameras see all bodies [2 ms]."""
@@ -59,7 +59,7 @@ class TrialSequence:
         self.pause_client = node.create_client(SetBool, "simulation/pause")
         self.action_client = ActionClient(node, Execute, "execute")
         self._step = node.create_client(Step, "simulation/step")
-        self._eyes = BodyLocator(node, calls)
+        self._recorder = RecorderCalls(node, calls)
         self._under_way: TrialUnderWay | None = None
 
     async def reset(self, situation: Situation | None = None) -> Time:
@@ -71,10 +71,10 @@ class TrialSequence:
         request = Reset.Request(paused=True, situation=situation or Situation())
         try:
             return (await self._calls.call(self.reset_client, request)).stamp
-        except CallFailed as failure:
+        except GraphFailure as failure:
             if self._calls.has_reached(self.reset_client):
                 raise
-            raise CallFailed(
+            raise GraphFailure(
                 f"{failure}; with a real arm start the coach with simulated:=false, as the layout"
                 " hardware does"
             ) from failure
@@ -87,7 +87,7 @@ class TrialSequence:
         if self._simulated():
             stamp = (await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS))).stamp
         until_ns = max(0, conversions.stamp_ns(stamp) - ARRIVAL_NS)
-        return await self._eyes.look(until_ns), stamp
+        return await self._recorder.look(until_ns), stamp
 
     async def begin(
         self,
@@ -123,7 +123,7 @@ class TrialSequence:
         return trial
 
     async def end(self, trial: TrialUnderWay) -> Execute.Result:
-        """Result of a trial that has begun, and hold the world again; CallFailed if it takes too
+        """Result of a trial that has begun, and hold the world again; GraphFailure if it takes too
         long, or the commander has gone.
         """
         try:

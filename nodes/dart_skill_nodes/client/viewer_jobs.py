@@ -15,13 +15,13 @@ from std_srvs.srv import Trigger
 
 from dart_skill.common.regions import Region
 from dart_skill.skills.protocol import Skill, SkillWords
-from dart_skill.view import Request
-from dart_skill_nodes.client.failures import CallFailed
+from dart_skill.view import Panel, Request
 from dart_skill_nodes.client.node_inspector import NodeInspector
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.coroutines import Promise, pause, start
+from dart_skill_nodes.comms.coroutines import pause, start
+from dart_skill_nodes.process.graph_processes import GraphFailure
 
 LONGEST_JOB = 86_400.0
 """Longest practice or lesson [s, wall clock]."""
@@ -43,9 +43,8 @@ clock].
 class ViewerJobs:
     """Obeys requests of the panel as routines of `node`.
 
-    say: called with what goes on, and whether it is an error; busy: with whether a job is under
-    way; threw: with the landing error [m] and whether the ball went in; seen: gives where the
-    basket is seen (3,), or None; heard: number of demonstrations that were published. skill: in
+    panel: says what goes on, and shows whether a job is under way; seen: gives where the basket is
+    seen (3,), or None; heard: number of demonstrations that were published. skill: in
     whose situations something is taught and tried. job: name of the one under way, empty: none;
     progress: how far it is, such as "lesson 3 of 5".
     """
@@ -56,9 +55,7 @@ class ViewerJobs:
         region: Region,
         seed: int,
         frame_id: str,
-        say: Callable[[str, bool], None],
-        busy: Callable[[bool], None],
-        threw: Callable[[float, bool], None],
+        panel: Panel,
         seen: Callable[[], np.ndarray | None],
         heard: Callable[[], int],
         skill: Skill,
@@ -69,9 +66,10 @@ class ViewerJobs:
             skill,
             conversions.BASKET in skill.bodies,
         )
-        self.say, self._show_busy, self._threw = say, busy, threw
+        self.say, self._show_busy, self._threw = panel.say, panel.set_busy, panel.add_throw
         self._seen, self.heard = seen, heard
-        self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
+        self._calls = ServiceCalls(node)
+        self.inspector = NodeInspector(node, self._calls)
         self.job, self._handle, self._stopping, self._said = "", None, False, ""
         self.progress, self._wanted_trials = "", 0
         self._wanted, self._placing, self._placed_at = None, False, None
@@ -115,11 +113,11 @@ class ViewerJobs:
                 self._placing = True
                 start(self._node, self._place_basket(), self._placed)
         elif what == "stop":
-            start(self._node, self._stop_all(), self._ended_aside)
+            start(self._node, self._stop_all(), self.tell)
         elif what == "reset":
-            start(self._node, self._free_arm(), self._ended_aside)
+            start(self._node, self._free_arm(), self.tell)
         elif what == "set":
-            start(self._node, self._set(**values), self._ended_aside)
+            start(self._node, self._set(**values), self.tell)
         elif self.job:
             self.say(f"{what} has to wait: {self.job} is under way", True)
         else:
@@ -146,12 +144,9 @@ class ViewerJobs:
             self._said = text
             self.say(text, False)
 
-    def _ended_aside(self, text, error: Exception | None) -> None:
-        self.tell(text, error)
-
     def tell(self, text, error: Exception | None) -> None:
         """What came of a routine, on the page."""
-        if error is not None and not isinstance(error, CallFailed | ValueError):
+        if error is not None and not isinstance(error, GraphFailure | ValueError):
             self._node.get_logger().error(f"{type(error).__name__}: {error}")
         if error is not None or text:
             self.say(_to_press(str(error)) if error is not None else text, error is not None)
@@ -188,7 +183,7 @@ class ViewerJobs:
                 break
             await pause(self._node, 0.1)
         if not response.success:
-            raise CallFailed(response.message)
+            raise GraphFailure(response.message)
         return f"{response.message}. Next: press {self._skill.words.do}"
 
     async def _throw(self) -> str:
@@ -212,7 +207,7 @@ class ViewerJobs:
         )
         result = await self._sequence.end(under_way)
         if result.code != Execute.Goal.OUTCOME_EXECUTED:
-            raise CallFailed(f"no throw: {result.message}")
+            raise GraphFailure(f"no throw: {result.message}")
         return self._judge(result.outcome)
 
     def _judge(self, outcome) -> str:
@@ -229,7 +224,7 @@ class ViewerJobs:
         goal = Practice.Goal(trials=throws, follow_bodies=follow_basket, only_execute=only_throw)
         result = await self.carry_out("practice", goal)
         if not result.success and not self._stopping:
-            raise CallFailed(result.message)
+            raise GraphFailure(result.message)
         return result
 
     # the basket
@@ -239,7 +234,7 @@ class ViewerJobs:
             place = self._wanted
             self._wanted = None
             if not self._place.service_is_ready():
-                raise CallFailed(
+                raise GraphFailure(
                     "the basket is not moved from here: nobody serves /simulation/place_body"
                 )
             await self._calls.call(
@@ -270,7 +265,7 @@ class ViewerJobs:
             await pause(self._node, 0.02)
         self._placed_at = None
         if seen is None:
-            raise CallFailed(
+            raise GraphFailure(
                 "no basket is seen: is the motion capture running, and is a basket tracked?"
             )
         return seen
@@ -282,7 +277,7 @@ class ViewerJobs:
         self._sequence.cancel()
         self.cancel()
         if not self._stop.service_is_ready():
-            raise CallFailed("nobody serves /commander/stop: is the commander running?")
+            raise GraphFailure("nobody serves /commander/stop: is the commander running?")
         await self._calls.call(self._stop, Trigger.Request())
         return "stopped. Look at the arm, then press Reset after a stop"
 
@@ -291,18 +286,17 @@ class ViewerJobs:
         return "the arm may move again"
 
     async def _set(self, node: str, name: str, value: float) -> str:
-        await self._inspector.set(node, name, value)
+        await self.inspector.set(node, name, value)
         return f"{name} = {value:g}"
 
-    async def carry_out(self, name: str, goal, on_feedback=lambda feedback: None):
-        """Result of an action's goal; CallFailed if its server goes away."""
-        client, over = self._actions[name], Promise()
+    async def carry_out(self, name: str, goal):
+        """Result of an action's goal; GraphFailure if its server goes away."""
+
+        def sent(handle) -> None:
+            self._handle = handle
+
         try:
-            self._handle = await self._calls.send(client, name, goal, on_feedback)
-            self._handle.get_result_async().add_done_callback(
-                lambda done: over.keep(done.result().result)
-            )
-            return await self._calls.kept(name, over, LONGEST_JOB)
+            return await self._calls.act(self._actions[name], name, goal, LONGEST_JOB, sent)
         finally:
             self._handle = None
 

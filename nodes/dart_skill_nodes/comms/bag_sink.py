@@ -4,15 +4,30 @@ with what was lost written into it.
 
 from pathlib import Path
 
+from dart_skill_msgs.msg import DemonstrationMark
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, type_hash, types_for
+from dart_skill.recording import (
+    DEMONSTRATION_TYPE,
+    MARK_TYPE,
+    BagWriter,
+    Demonstration,
+    definition,
+    demonstration_message,
+    encoded,
+    is_stamped,
+    qos_yaml,
+    type_hash,
+    types_for,
+)
 from dart_skill.skills.observation import attach_arm
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
+from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.refusals import NOT_RECORDED, GuardedLifecycleNode
 
 FLUSH = 1.0
@@ -73,7 +88,7 @@ class BagSink:
     def _add(self, topic, type_name, profiles):
         types = types_for(type_name)
         self._stamped[topic] = is_stamped(types, type_name)
-        texts = [
+        texts = {
             qos_yaml(
                 p.reliability.name.lower(),
                 p.durability.name.lower(),
@@ -81,16 +96,15 @@ class BagSink:
                 p.depth,
             )
             for p in profiles
-        ]
-        profile, digest = "".join(sorted(set(texts))), type_hash(types, type_name)
+        }
         self._names[topic] = self._node.resolve_topic_name(topic)
         self._try(
             self.writer.add_topic,
             self._names[topic],
             type_name,
             definition(types, type_name),
-            profile,
-            digest,
+            "".join(sorted(texts)),
+            type_hash(types, type_name),
         )
 
     def _try(self, write, *arguments) -> None:
@@ -100,6 +114,29 @@ class BagSink:
             if not self.failure:
                 self._node.get_logger().error(f"{NOT_RECORDED}: {error}")
             self.failure = str(error)
+
+
+class DemonstrationBag(BagSink):
+    """A bag of demonstrations, and of marks of those that were dropped or restored."""
+
+    _has_marks = False
+
+    def keep(self, one: Demonstration, log_ns: int, until_ns: int) -> None:
+        """Append a demonstration that was watched up to a stamp."""
+        # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty
+        # sequences.
+        types = types_for(DEMONSTRATION_TYPE)
+        content = encoded(types, DEMONSTRATION_TYPE, demonstration_message(types, one))
+        self.write(DEMONSTRATIONS, log_ns, until_ns, content)
+
+    def mark(self, marks: list[DemonstrationMark], log_ns: int) -> None:
+        """Append marks."""
+        if not self._has_marks:
+            self.add_own(MARKS, MARK_TYPE, LATCHED)
+        self._has_marks = True
+        for mark in marks:
+            self.write(MARKS, log_ns, log_ns, serialize_message(mark))
+        self.flush()
 
 
 class BagKeeper(GuardedLifecycleNode):

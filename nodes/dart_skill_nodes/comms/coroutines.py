@@ -15,9 +15,9 @@ from rclpy.action import ActionServer
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
-from dart_skill_nodes.comms.in_process import has_called
-from dart_skill_nodes.comms.presence import LOOK, Presence
+from dart_skill_nodes.comms.presence import Presence
 from dart_skill_nodes.comms.qos import WAITS
+from dart_skill_nodes.comms.this_machine import LOOK
 
 RESULT_KEPT = 60
 """The result of a goal is kept so long [s]. The 900 s that rclpy has for this let a graph that
@@ -39,7 +39,6 @@ class Promise:
         """Resume the routine that waits, with a value."""
         if self.kept:
             return
-        has_called()
         self._value, self.kept = value, True
         if self._waiting is not None:
             self._waiting()
@@ -65,7 +64,6 @@ def start(
     """
 
     def advance() -> None:
-        has_called()
         try:
             promise = routine.send(None)
         except StopIteration as stop:
@@ -92,42 +90,50 @@ async def within(node: Node, promise: Promise, limit: float, *needed: Presence):
     return await promise if promise.kept else None
 
 
-class _Deadlines:
+class Deadlines:
     """Whom a node has to resume when, by one timer. Timers that come and go make rclpy look
     through all that a process has, and it warns on the terminal of more than a few at once.
+
+    by_hand: there is no timer, and `resume` is called after each turn of the executor: that of a
+    node which has other things to do between two turns would call the timer more often each time.
     """
 
-    def __init__(self, node: Node):
+    def __init__(self, node: Node, by_hand: bool = False):
         self._waiting: list[tuple[float, int, Promise]] = []
         self._numbers = count()
-        self._timer = node.create_timer(NEVER, self._resume, clock=WAITS)
+        self._timer = None if by_hand else node.create_timer(NEVER, self.resume, clock=WAITS)
+        _DEADLINES[node] = self
 
     def keep_after(self, seconds: float, promise: Promise) -> None:
         """Keep a promise when so much time has passed, unless it is kept by then."""
         heapq.heappush(self._waiting, (time.monotonic() + seconds, next(self._numbers), promise))
         self._set()
 
-    def _resume(self) -> None:
+    @property
+    def left(self) -> float:
+        """Time until the next one [s]."""
+        return self._waiting[0][0] - time.monotonic() if self._waiting else NEVER
+
+    def resume(self) -> None:
+        """Keep the promises whose time has come."""
         now = time.monotonic()
         while self._waiting and (self._waiting[0][0] <= now or self._waiting[0][2].kept):
             heapq.heappop(self._waiting)[2].keep()
         self._set()
 
     def _set(self) -> None:
-        left = self._waiting[0][0] - time.monotonic() if self._waiting else NEVER
-        self._timer.timer_period_ns = max(1, round(1e9 * left))
-        self._timer.reset()
+        if self._timer is not None:
+            self._timer.timer_period_ns = max(1, round(1e9 * self.left))
+            self._timer.reset()
 
 
-_DEADLINES: WeakKeyDictionary[Node, _Deadlines] = WeakKeyDictionary()
+_DEADLINES: WeakKeyDictionary[Node, Deadlines] = WeakKeyDictionary()
 
 
 async def _kept_or_over(node: Node, promise: Promise, seconds: float) -> None:
-    if node not in _DEADLINES:
-        _DEADLINES[node] = _Deadlines(node)
-    either = Promise()
+    deadlines, either = _DEADLINES.get(node) or Deadlines(node), Promise()
     promise.when_kept(either.keep)
-    _DEADLINES[node].keep_after(seconds, either)
+    deadlines.keep_after(seconds, either)
     await either
 
 

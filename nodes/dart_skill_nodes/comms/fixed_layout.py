@@ -8,6 +8,8 @@ are decoded once, and after that only the stamp and the numbers.
 
 import re
 import struct
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from rclpy.serialization import serialize_message
@@ -36,6 +38,12 @@ BYTES = {
 """Sizes of the plain fields that are no numbers here; those of 8 bytes are none that such messages
 have.
 """
+NUMBER = "number"
+"""A float64."""
+COUNTED = "counted"
+"""One of the uint32 that differ."""
+MEANT = "meant"
+"""What is the same in all messages."""
 SEVERAL = re.compile(r"sequence<(?P<one>.+?)(, \d+)?>|(?P<each>.+)\[\d+\]")
 
 
@@ -50,19 +58,25 @@ class FixedLayout:
     """
 
     def __init__(self, example, counters: tuple[str, ...] = ()):
-        self.example = example
-        cdr = _Cdr(counters)
-        cdr.message(example)
-        self._counters = cdr.counters
+        self.example, self._counters = example, []
+        at, places, values, meant = BODY, [], [], []
+        for kind, size, length, value in _parts(example, counters):
+            at += -(at - BODY) % size
+            if kind == NUMBER:
+                places.append(at)
+                values.append(value)
+            else:
+                (self._counters if kind == COUNTED else meant).append((at, at + length))
+            at += length
         data = serialize_message(example)
-        if cdr.at > len(data):
-            raise ValueError(f"{type(example).__name__} takes {len(data)} bytes, not {cdr.at}")
-        self.count, self.numbers = len(cdr.numbers), np.array(cdr.values, dtype=float)
-        self._at = (np.array(cdr.numbers, dtype=int) - BODY) // 8
+        if at > len(data):
+            raise ValueError(f"{type(example).__name__} takes {len(data)} bytes, not {at}")
+        self.count, self.numbers = len(values), np.array(values, dtype=float)
+        self._at = (np.array(places, dtype=int) - BODY) // 8
         self._words = int(self._at.max(initial=-1)) + 1
         # behind the two parts of the stamp
-        self._fixed = [(start, end, data[start:end]) for start, end in _joined(cdr.meant[2:])]
-        self._bytes = bytearray(cdr.at)  # what lies between aligned fields is 0
+        self._fixed = [(start, end, data[start:end]) for start, end in _joined(meant[2:])]
+        self._bytes = bytearray(at)  # what lies between aligned fields is 0
         for start, end, fixed in [(0, BODY, data[:BODY]), *self._fixed]:
             self._bytes[start:end] = fixed
         self._view = np.frombuffer(self._bytes, dtype="<f8", count=self._words, offset=BODY)
@@ -73,7 +87,7 @@ class FixedLayout:
         """
         TIME.pack_into(self._bytes, BODY, *divmod(stamp_ns, NS_PER_S))
         self._view[self._at] = values
-        for at, counter in zip(self._counters, counters, strict=True):
+        for (at, _), counter in zip(self._counters, counters, strict=True):
             COUNTER.pack_into(self._bytes, at, counter)
         return bytes(self._bytes)
 
@@ -84,11 +98,7 @@ class FixedLayout:
         if len(data) < len(self._bytes) or data[:2] != self._bytes[:2]:
             return False
         # not all(...): this is asked of every message of the arm
-        for (
-            start,
-            end,
-            fixed,
-        ) in self._fixed:
+        for start, end, fixed in self._fixed:
             if data[start:end] != fixed:
                 return False
         return True
@@ -99,7 +109,7 @@ class FixedLayout:
 
     def counters(self, data: bytes) -> list[int]:
         """The counters in the bytes of such a message."""
-        return [COUNTER.unpack_from(data, at)[0] for at in self._counters]
+        return [COUNTER.unpack_from(data, at)[0] for at, _ in self._counters]
 
 
 class LayoutReader:
@@ -125,28 +135,14 @@ class LayoutReader:
         """What `read` gives, and the counters."""
         for layout in self._layouts:
             if layout.fits(data):
-                return (
-                    layout.example,
-                    leading_stamp_ns(data),
-                    layout.values(data),
-                    layout.counters(data),
-                )
-        return self._first_of_its_kind(data)
-
-    def _first_of_its_kind(self, data: bytes) -> tuple[object, int, np.ndarray, list[int]]:
+                ns, numbers = leading_stamp_ns(data), layout.values(data)
+                return layout.example, ns, numbers, layout.counters(data)
         message = decoded(data, self._type)
-        stamp_ns, layout = (
-            checked_stamp_ns(message.header.stamp),
-            FixedLayout(message, self._counters),
-        )
+        ns = checked_stamp_ns(message.header.stamp)
+        layout = FixedLayout(message, self._counters)
         if layout.fits(data):  # not those of a machine with another order of bytes
             self._layouts = [layout, *self._layouts[: LAYOUTS - 1]]
-        return (
-            message,
-            stamp_ns,
-            layout.numbers,
-            [getattr(message, name) for name in self._counters],
-        )
+        return message, ns, layout.numbers, [getattr(message, one) for one in self._counters]
 
 
 def _joined(stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -160,66 +156,33 @@ def _joined(stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return joined
 
 
-class _Cdr:
-    """Goes through a message's fields as the serialisation of ROS does (CDR, version 1, as
-    rmw_fastrtps and others write it).
-
-    at: where the next byte stands. numbers, values: where each float64 stands, and what it is.
-    counters: where those stand that are named. meant: stretches of what else is said.
+def _parts(message, counters: tuple[str, ...] = ()) -> Iterator[tuple[str, int, int, Any]]:
+    """What the serialisation of ROS makes of a message, in order (CDR, version 1, as rmw_fastrtps
+    and others write it): whether it is a NUMBER, COUNTED or MEANT, to how many bytes it is aligned,
+    its length in bytes, and its value.
     """
-
-    def __init__(self, counters: tuple[str, ...] = ()) -> None:
-        self.at, self._names = BODY, counters
-        self.counters: list[int] = []
-        self.numbers: list[int] = []
-        self.values: list[float] = []
-        self.meant: list[tuple[int, int]] = []
-
-    def message(self, message) -> None:
-        for name, kind in message.get_fields_and_field_types().items():
-            if name in self._names:
-                self._align(COUNTER.size)
-                self.counters.append(self.at)
-                self.at += COUNTER.size
-            else:
-                self._field(kind, getattr(message, name))
-
-    def _field(self, kind: str, value) -> None:
-        if several := SEVERAL.fullmatch(kind):
-            if several["one"]:
-                self._mean(4, 4)
-            self._several(several["one"] or several["each"], value)
-        elif kind == "double":
-            self._doubles([value])
-        elif kind == "string":
-            self._mean(4, 4)
-            self._mean(len(value.encode()) + 1, 1)
-        elif kind in BYTES:
-            self._mean(BYTES[kind], BYTES[kind])
-        elif "/" in kind:
-            self.message(value)
+    for name, kind in message.get_fields_and_field_types().items():
+        if name in counters:
+            yield COUNTED, COUNTER.size, COUNTER.size, None
         else:
-            raise ValueError(f"{kind}: no field of a message with a fixed layout")
+            yield from _parts_of(kind, getattr(message, name))
 
-    def _several(self, kind: str, values) -> None:
-        if kind == "double":
-            self._doubles(values)
-        else:
-            for one in values:
-                self._field(kind, one)
 
-    def _doubles(self, values) -> None:
-        """Numbers in a row; no number is not aligned either."""
-        if len(values):
-            self._align(8)
-            self.numbers.extend(range(self.at, self.at + 8 * len(values), 8))
-            self.values.extend(values)
-            self.at += 8 * len(values)
-
-    def _align(self, size: int) -> None:
-        self.at += -(self.at - BODY) % size
-
-    def _mean(self, count: int, size: int) -> None:
-        self._align(size)
-        self.meant.append((self.at, self.at + count))
-        self.at += count
+def _parts_of(kind: str, value) -> Iterator[tuple[str, int, int, Any]]:
+    """The same of a field."""
+    if several := SEVERAL.fullmatch(kind):
+        if several["one"]:
+            yield MEANT, 4, 4, None
+        for one in value:
+            yield from _parts_of(several["one"] or several["each"], one)
+    elif kind == "double":
+        yield NUMBER, 8, 8, value
+    elif kind == "string":
+        yield MEANT, 4, 4, None
+        yield MEANT, 1, len(value.encode()) + 1, None
+    elif kind in BYTES:
+        yield MEANT, BYTES[kind], BYTES[kind], None
+    elif "/" in kind:
+        yield from _parts(value)
+    else:
+        raise ValueError(f"{kind}: no field of a message with a fixed layout")

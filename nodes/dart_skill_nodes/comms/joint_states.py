@@ -1,9 +1,13 @@
 """/joint_states as every node hears them that answers them: with what the driver offers, in the
-order of the arm's joints by their names.
+order of the arm's joints by their names; and whether the arm's time goes on.
 
 Others may publish on the topic, too, as a gripper's driver does: messages that name none of the
 arm's joints are not heard. One that was late on its way is left out. Names are looked at where a
 message becomes a state of the arm (`conversions.arm_state`).
+
+The arm's time is that of the stamps of its states, against the clock of the wall. A simulator that
+waits for an answer, or for a state to arrive, stands still for ever; one that is held says so on
+HELD.
 """
 
 import time
@@ -12,15 +16,24 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 
 from dart_skill.arm import ArmState
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns, state_of_joints
 from dart_skill_nodes.comms.fixed_layout import LayoutReader
-from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.names import JOINT_STATES
-from dart_skill_nodes.comms.qos import LOOP
+from dart_skill_nodes.comms.qos import LATCHED, LOOP, MatchingSubscriptions
+from dart_skill_nodes.comms.this_machine import LEASE, LOOK
 
+HELD = "simulation/held"
+"""Topic that says whether the time of a simulated world is held."""
+STANDS = LEASE + 0.9
+"""Time that stands still for so long goes on no more: dead processes are known by then, and a
+process may be held up [s, wall clock].
+"""
+HELD_LONG = 1.0
+"""Who holds a world for a trial lets it run sooner [s, wall clock]."""
 OF_LATE = 5.0
 """Who was heard within this time is there [s, wall clock]."""
 LEAP = 0.05
@@ -31,6 +44,59 @@ SEVERAL = 3
 """Leaps that are no accident."""
 FORGET = 100
 """States after which earlier leaps are forgotten."""
+
+
+class TimeOfTheArm:
+    """silence: for how long no new state has come [s, wall clock]; the time is left out for which
+    this process was held up itself.
+    """
+
+    def __init__(self, node: Node):
+        self.silence, self._looked, self._held = 0.0, time.monotonic(), None
+        node.create_subscription(Bool, HELD, self._on_held, LATCHED)
+
+    def _on_held(self, message: Bool) -> None:
+        self._held, self.silence = message.data, 0.0
+
+    def goes_on(self) -> None:
+        """A new state has come, or time has a reason to begin anew."""
+        self.silence = 0.0
+
+    def look(self) -> None:
+        """To be called every LOOK."""
+        now = time.monotonic()
+        gap = now - self._looked
+        self._looked = now
+        self.silence += min(gap, 2 * LOOK)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the time of a simulated arm is held."""
+        return bool(self._held)
+
+    @property
+    def held(self) -> str:
+        """What lets the time of a simulated arm go on, when it has been held for long; empty
+        otherwise.
+        """
+        if not self._held or self.silence <= HELD_LONG:
+            return ""
+        return (
+            "the simulated world is held: /simulation/pause with data: false lets it run,"
+            " /simulation/reset begins it anew"
+        )
+
+    @property
+    def stalled(self) -> str:
+        """What to say when the time of a simulated arm stands still, and is not held; empty
+        otherwise.
+        """
+        if self._held is not False or self.silence <= STANDS:
+            return ""
+        return (
+            f"the arm's time has stood still for {self.silence:.1f} s: /joint_states, or an answer"
+            " to them, gets lost (see /diagnostics)"
+        )
 
 
 class InOrder:

@@ -1,90 +1,254 @@
-"""What the demonstration recorder makes of what it sees: a skill's own words, between messages."""
+"""What the demonstration recorder makes of what it sees: demonstrations that are cut out of it, what
+became of a movement, and where bodies are; a skill's own words, between messages.
+"""
 
 from __future__ import annotations
 
-from dart_skill_msgs.msg import Outcome as OutcomeMsg
-from dart_skill_msgs.msg import Situation as SituationMsg
-from dart_skill_msgs.srv import Judge
+import time
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
 
-from dart_skill.arm import Grip
+from dart_skill_msgs.srv import Judge
+from rclpy.node import Node
+
+from dart_skill.arm import ArmState, Grip
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import HAND, Demonstration, read_command
-from dart_skill.skills.practice import Learner
+from dart_skill.skills.observation import FoundThrow, ThrowFinder
 from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
+from dart_skill_nodes.comms.joint_states import StateReader
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
+from dart_skill_nodes.comms.presence import Cameras
+from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, Arrivals, TrackedBodies
+
+STREAM = 25
+"""Messages since the beginning that make a topic a stream, which is waited for."""
 
 
 class Observer:
-    """Cuts demonstrations of a skill out of what is seen, and judges movements.
+    """What is seen of the arm and of the bodies of a skill, for a node.
 
-    * skill: whose movements they are; learner: that says what can be learned from.
-    * thresholds: of the speed of the hand.
-    * frame_id: of the poses.
+    * name_of: names of the tracked bodies by role.
+    * parameters: of the node, in force: frame_id, automatic, and the thresholds of the speed of the
+      hand.
+    * take_all: takes all that has come.
 
-    Attributes: roles, of the bodies that are tracked; log, what was seen of them.
+    Attributes: needed, topics that it must be told of; silent, those without which nothing is
+    recorded, and that have said nothing yet; recording, whether a demonstration is; up_to_ns, where
+    it ends; fault, what is wrong with the arm's states.
     """
 
     def __init__(
-        self, skill: Skill, learner: Learner, thresholds: VelocityThreshold, frame_id: str
+        self,
+        node: Node,
+        skill: Skill,
+        name_of: dict[str, str],
+        parameters: dict,
+        take_all: Callable[[], None],
     ):
-        self._skill, self._learner, self._frame_id = skill, learner, frame_id
-        self._thresholds = thresholds
-        self.roles, self.log = (HAND, *skill.bodies), skill.sensor_log()
-
-    def hear_command(self, stamp_ns: int, data: bytes) -> None:
-        """A serialised command: what the fingers are told."""
-        self.log.add_told(stamp_ns, Grip(read_command(data)[2]))
-
-    def cut(self, up_to_ns: int) -> Demonstration:
-        """What was recorded, up to a stamp; ValueError says what is missing."""
-        return self._skill.record(self.log, up_to_ns, self._thresholds)
-
-    def lags(self, tracked: TrackedBodies, one: Demonstration, up_to_ns: int) -> bool:
-        """Whether poses may be on their way that decide what became of a demonstration."""
-        late = any(
-            tracked.is_late(role, up_to_ns)
-            for role in self._skill.decisive
-            if role not in self._skill.awaited
+        self._node, self._skill, p = node, skill, parameters
+        self._thresholds = thresholds = VelocityThreshold(
+            start=p["start_threshold"],
+            stop=p["stop_threshold"],
+            window=p["speed_window"],
+            **{name: p[name] for name in ("min_duration", "max_pause", "run_up", "settle")},
         )
-        opened = one.stamp_ns + round(1e9 * one.opened) if one.opened == one.opened else 0
-        return late and not self._skill.is_decided(self.log, one.situation, opened, up_to_ns)
+        self._frame_id = frame_id = p["frame_id"]
+        self._take_all, self.log = take_all, skill.sensor_log()
+        self.tracked = TrackedBodies(frame_id, node.get_logger().error, log=self.log)
+        self.role_of = {pose_topic(name_of[role]): role for role in (HAND, *skill.bodies)}
+        self._cameras = [Cameras(node, topic) for topic in sorted(self.role_of)]
+        self._finder = ThrowFinder(self.log, thresholds) if p["automatic"] else None
+        self._arrivals = Arrivals()
+        self.needed = {JOINT_STATES, COMMANDS, GUIDING, *self.role_of}
+        self.silent = {JOINT_STATES, COMMANDS, pose_topic(name_of[HAND])}
+        self.recording, self.up_to_ns, self.fault = False, 0, ""
+        self._reader, self._joints = StateReader(), b""  # the newest state, serialised
+        self._newest: dict[str, int] = {}
+        self._heard: Counter[str] = Counter()
 
-    def check(self, one: Demonstration) -> None:
-        """ValueError says why it cannot be learned from."""
-        self._learner.finding(one)
+    # what comes
 
-    def late(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> bool:
-        """Whether poses may be on their way that decide what is asked for."""
-        if not any(tracked.is_late(role, until_ns) for role in self._skill.decisive):
-            return False
-        asked, told = self._asked(request), conversions.stamp_ns(request.told)
-        return not self._skill.is_decided(self.log, asked, told, until_ns)
+    def take(self, topic: str, ns: int, data: bytes) -> None:
+        """A serialised message, with its stamp; ValueError for one that cannot be used."""
+        if role := self.role_of.get(topic):
+            self.tracked.take(role, data)
+        elif topic == JOINT_STATES:
+            self._joints = data
+            if (self.recording or self._finder) and self.log.wants_joints(ns):
+                if (state := self.arm_state()) is not None:
+                    self.log.add_joints(ns, state.position, state.velocity)
+        elif topic in (COMMANDS, GUIDING) and self._finder:
+            self._finder.add_command(data, guiding=topic == GUIDING)
+        elif topic in (COMMANDS, GUIDING):
+            self.log.add_told(ns, Grip(read_command(data)[2]))  # what the fingers are told
+        self._newest[topic] = ns
+        self._heard[topic] += 1
+        self.silent.discard(topic)
 
-    def _asked(self, request: Judge.Request):
-        return conversions.asked(request.situation, self._skill)
+    def heard(self, topic: str) -> int:
+        """How many messages have come on a topic since the last beginning."""
+        return self._heard[topic]
 
-    def judge(self, tracked: TrackedBodies, request: Judge.Request, until_ns: int) -> OutcomeMsg:
-        """What became of a movement; ValueError says why that cannot be told."""
-        asked, told = self._asked(request), conversions.stamp_ns(request.told)
-        begun = conversions.stamp_ns(request.begun) or told
-        if not begun or not tracked.remembers(self._skill.judged_since(begun, told)):
+    def arm_state(self) -> ArmState | None:
+        """The newest state of the arm; None if it is not one, and what is wrong with it is kept."""
+        try:
+            state = self._reader.read(self._joints)
+            self.fault = ""
+            return state
+        except ValueError as error:
+            if str(error) != self.fault:
+                self._node.get_logger().error(str(error))
+            self.fault = str(error)
+            return None
+
+    def found(self) -> list[FoundThrow]:
+        """Throws that are over, where they are found; else what is old is forgotten."""
+        if self._finder is None:
+            if not self.recording:
+                self.tracked.forget_old()
+            return []
+        sensors = [self._newest.get(topic, 0) for topic in (JOINT_STATES, *self.role_of)]
+        return list(self._finder.until(self._arrivals.until(sensors, time.monotonic())))
+
+    # a demonstration
+
+    def check_heard(self, missing: list[str], others: str) -> None:
+        """ValueError says what has not been heard of, without which nothing can be recorded.
+
+        * missing: topics without a publisher. others: what those of others than the arm name on its
+          topic, if they do.
+        """
+        if self._finder:
             raise ValueError(
-                f"the movement that began at {begun} ns is too long ago, or never began: it was"
+                "throws are cut automatically here: ~/start needs 'automatic' to be false"
+            )
+        if self.cameras_gone:
+            raise ValueError(self.cameras_gone)
+        if silent := self.silent | (set(self.role_of) & set(missing)):
+            full = self._node.resolve_topic_name
+            strange = (
+                f" {full(JOINT_STATES)} {others}" if others and JOINT_STATES in silent else ""
+            )
+            raise ValueError(
+                f"nothing has come on {', '.join(sorted(map(full, silent)))} yet: is the node"
+                f" running that publishes it?{strange}"
+            )
+
+    def begin(self) -> None:
+        """From now on what is seen may become a demonstration; ValueError says what is missing."""
+        state = self.arm_state()
+        if fault := self.tracked.hidden(HAND) or ("" if state is not None else self.fault):
+            raise ValueError(fault)
+        self.tracked.clear()
+        # of this world, in case it is set anew at once
+        self.log.add_joints(state.stamp_ns, state.position, state.velocity)
+        self._newest.clear()
+        self._heard.clear()
+        self.recording, self.up_to_ns = True, 0
+
+    def cut(self, until_ns: int, now_ns: int) -> Demonstration | None:
+        """What was recorded up to a stamp, or for 0 up to now; None while messages are on their
+        way that decide it. ValueError says what is missing.
+        """
+        # who gives no stamp asks for what there is, and again for the same
+        self.up_to_ns = until_ns or self.up_to_ns or now_ns
+        is_late = partial(self.tracked.is_late, ns=self.up_to_ns)
+        waits, skill = not self.cameras_gone, self._skill
+        if waits and (
+            (until_ns and self._streams_lag(until_ns)) or any(map(is_late, skill.awaited))
+        ):
+            return None
+        try:
+            one = skill.record(self.log, self.up_to_ns, self._thresholds)
+            opened_ns = one.stamp_ns + round(1e9 * one.opened) if one.opened == one.opened else 0
+            late = any(is_late(role) for role in skill.decisive if role not in skill.awaited)
+            if (
+                waits
+                and late
+                and not skill.is_decided(self.log, one.situation, opened_ns, self.up_to_ns)
+            ):
+                return None
+        except ValueError as error:
+            if waits and is_late(skill.moves):
+                return None
+            self.recording = False
+            gone = f"not seen: {self.cameras_gone}; " if self.cameras_gone else ""
+            raise ValueError(f"{gone}{error}") from error
+        self.recording = False
+        return one
+
+    def _streams_lag(self, until_ns: int) -> bool:
+        """Whether messages up to a stamp are still on their way: a stream that was heard since
+        the beginning may lag behind the others. A button that was pressed is no stream.
+        """
+        steps = [
+            self._newest[topic]
+            for topic, heard in self._heard.items()
+            if heard >= STREAM and topic in self.needed and topic not in self.role_of
+        ]
+        return min(steps, default=0) < until_ns or not self.tracked.has_frames_until(until_ns)
+
+    @property
+    def cameras_gone(self) -> str:
+        """What to say when poses have come, and nothing publishes any more; empty else."""
+        gone = [one.missing for one in self._cameras]
+        return gone[0] if self.tracked.newest_ns and all(gone) else ""
+
+    def come(self, ns: int) -> str:
+        """In words, up to when poses have come, for a client that waits for more."""
+        role, behind_ns = self.tracked.farthest_behind
+        return (
+            f"poses have come up to {self.tracked.newest_ns} ns, of the {role or HAND} up to"
+            f" {behind_ns} ns only, not {ns} ns"
+        )
+
+    # what is asked
+
+    def judge(self, request: Judge.Request, response: Judge.Response) -> None:
+        """What became of a movement, or that it is pending; ValueError says why it cannot be told."""
+        until_ns, skill = conversions.stamp_ns(request.until), self._skill
+        asked = conversions.asked(request.situation, skill)
+        begun_ns, told_ns = map(conversions.stamp_ns, (request.begun, request.told))
+        come = self.tracked.has_frames_until(until_ns) and (
+            not any(self.tracked.is_late(role, until_ns) for role in skill.decisive)
+            or skill.is_decided(self.log, asked, told_ns, until_ns)
+        )
+        if not come and not self.cameras_gone:
+            response.pending, response.message = True, self.come(until_ns)
+            return
+        self._take_all()  # what was sent before the newest pose
+        begun_ns = begun_ns or told_ns
+        if not begun_ns or not self.tracked.remembers(skill.judged_since(begun_ns, told_ns)):
+            raise ValueError(
+                f"the movement that began at {begun_ns} ns is too long ago, or never began: it was"
                 " forgotten"
             )
-        until = until_ns or tracked.newest_ns
-        outcome, situation = self._skill.outcome(self.log, asked, begun, told, until)
-        return conversions.task_outcome_msg(
+        until_ns = until_ns or self.tracked.newest_ns
+        outcome, situation = skill.outcome(self.log, asked, begun_ns, told_ns, until_ns)
+        response.outcome = conversions.task_outcome_msg(
             outcome,
             conversions.situation_msg(situation),
-            self._skill.name,
+            skill.name,
             self._frame_id,
-            told or begun,
+            told_ns or begun_ns,
         )
 
-    def look(self, until_ns: int) -> SituationMsg:
-        """Where the bodies beside the hand were seen just before a stamp; ValueError says which
-        one was not.
+    def look(self, until_ns: int, response) -> None:
+        """Where the bodies beside the hand were seen just before a stamp, or that it is pending;
+        ValueError says which one was not.
         """
-        return conversions.situation_msg(self.log.situation_at(until_ns))
+        until_ns = until_ns or self.tracked.newest_ns
+        late = not self.tracked.has_frames_until(until_ns - FRAME_NS) or any(
+            self.tracked.is_late(role, until_ns) for role in self.role_of.values()
+        )
+        if late and not self.cameras_gone:
+            response.pending, response.message = True, self.come(until_ns)
+            return
+        try:
+            response.situation = conversions.situation_msg(self.log.situation_at(until_ns))
+        except ValueError as error:
+            raise ValueError(self.cameras_gone or str(error)) from error
+        response.stamp = conversions.time_msg(until_ns)

@@ -28,12 +28,8 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Empty, String
 
-from dart_skill_nodes.comms.this_machine import LOW_NUMBER, SystemProcess, runs
+from dart_skill_nodes.comms.this_machine import LEASE, LOOK, LOW_NUMBER, SystemProcess, runs
 
-LEASE = 3.5
-"""A node that is not heard of for so long is taken for dead; a process may be held up for 3 s [s,
-wall clock].
-"""
 PULSE = 0.5
 """Fast DDS asserts all topics of a process as often as the shortest of their leases needs it; this
 one is there for that [s].
@@ -44,8 +40,6 @@ LEAVES = 30.0
 """A process that died has left the graph: the lease of a participant of Fast DDS is 20 s [s, wall
 clock].
 """
-LOOK = 0.2
-"""Time between two looks at whether nodes are still there [s, wall clock]."""
 FAST_DDS = b"\x01\x0f"
 """Vendor of a GUID of DDS."""
 NO_CAMERAS = "no cameras"
@@ -284,6 +278,11 @@ class Presence:
 
     def __bool__(self) -> bool:
         return bool(self._known)
+
+    @property
+    def count(self) -> int:
+        """How many there were."""
+        return sum(self._endpoints.values())
 
     def __str__(self) -> str:
         return ", ".join(sorted(name.rsplit("/", 1)[1] for name in self._endpoints)) or "a node"

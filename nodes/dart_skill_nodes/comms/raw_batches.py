@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -17,8 +18,7 @@ from rclpy.subscription import Subscription
 
 from dart_skill.common.checks import FARTHEST
 from dart_skill_nodes.comms.fixed_layout import LayoutReader
-from dart_skill_nodes.comms.in_process import UnspunNode, kept_for
-from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.comms.qos import MatchingSubscriptions
 
 TAKE = 0.01
 """Usual time between two calls of `RawBatches.take` [s, wall clock]."""
@@ -37,7 +37,7 @@ class RawMessage(NamedTuple):
 
 
 @dataclass
-class _Numbering:
+class Numbering:
     """What is known of the numbers that the publisher of a topic gives its messages, which each
     publisher counts for itself.
 
@@ -52,14 +52,12 @@ class _Numbering:
     mixed: bool = False
     publishers: frozenset[bytes] = frozenset()
 
-    def count(self, numbers: list[int | None], publishers: int) -> None:
+    def count(self, numbers: list[int], publishers: int) -> None:
         """Take in the numbers of messages that came while so many published the topic; one that
         was started again begins anew.
         """
         self.mixed |= publishers != 1
         for number in numbers:
-            if number is None:  # handed over within the process
-                continue
             if self.expected and number > self.expected:
                 self.open += number - self.expected
             self.expected = number + 1
@@ -78,14 +76,14 @@ class RawBatches:
 
     def __init__(self, node: Node):
         self._unspun = unspun_node(node, "raw_batches")
-        self._numbering: dict[str, _Numbering] = {}
+        self._numbering: dict[str, Numbering] = {}
         self._offered = MatchingSubscriptions(node, self._unspun, self._on_look)
 
     def listen(self, topic: str, on_offer=lambda offers: None) -> None:
         """Hear a topic from its first publisher on; on_offer is called with what its publishers
         say, before anything is heard.
         """
-        self._numbering[topic] = _Numbering()
+        self._numbering[topic] = Numbering()
         self._offered.subscribe(topic, never_called, depth=DEPTH, raw=True, on_offer=on_offer)
 
     @property
@@ -186,18 +184,15 @@ def unspun_node(node: Node, purpose: str) -> Node:
     leading underscore hides it from `ros2 node list`.
     """
     name = f"_{node.get_name()}_{purpose}"
-    return UnspunNode(
+    return rclpy.create_node(
         name, namespace=node.get_namespace(), start_parameter_services=False, enable_rosout=False
     )
 
 
-def taken(subscription: Subscription) -> Iterator[tuple[bytes, int, int | None]]:
+def taken(subscription: Subscription) -> Iterator[tuple[bytes, int, int]]:
     """Serialised messages of a subscription that have come since the last time, MOST at a time:
-    when each came on the wall clock [ns], and the number that its publisher gave it; None where it
-    was handed over within the process, so that it cannot get lost.
+    when each came on the wall clock [ns], and the number that its publisher gave it.
     """
-    for received_ns, data in kept_for(subscription):
-        yield data, received_ns, None
     with subscription.handle:
         for _ in range(MOST):
             message = subscription.handle.take_message(subscription.msg_type, True)

@@ -13,7 +13,6 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
-from dart_skill_nodes.comms.in_process import ExchangingNode, has_called
 from dart_skill_nodes.comms.qos import CALLS, WALL
 from dart_skill_nodes.comms.this_machine import hold
 
@@ -88,7 +87,7 @@ def in_a_line(error: Exception) -> str:
     return f"{type(error).__name__}{where}: {text}"
 
 
-class _Guarded(ExchangingNode):
+class _Guarded:
     """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the
     node.
 
@@ -114,12 +113,21 @@ class _Guarded(ExchangingNode):
         return super().create_subscription(msg_type, topic, hear, qos_profile, **options)
 
     def create_service(self, srv_type, srv_name, callback, **options):
+        """As of Node; a callback that returns nothing has done what it was asked to, and one that
+        raises a ValueError or OSError refuses it with that reason.
+        """
+
         def answer(request, response):
-            has_called()
             try:
-                return callback(request, response)
+                if callback(request, response) is None:
+                    response.success = True
+                return response
+            except (ValueError, OSError) as error:
+                response.success, response.message = False, str(error)
             except Exception as error:  # a request may hold anything
-                return _refusing(srv_type.Response(), self.refusals.add(srv_name, error))
+                response = srv_type.Response()
+                response.success, response.message = False, self.refusals.add(srv_name, error)
+            return response
 
         return super().create_service(
             srv_type, srv_name, answer, **{"qos_profile": CALLS, **options}
@@ -134,7 +142,6 @@ class _Guarded(ExchangingNode):
         """
 
         def tick() -> None:
-            has_called()
             self.refusals.accepts(f"timer {getattr(callback, '__name__', '')}".strip(), callback)
 
         own = self._wall if clock is WALL else clock
@@ -171,11 +178,3 @@ class GuardedLifecycleNode(_Guarded, LifecycleNode):
                 return TransitionCallbackReturn.FAILURE
 
         return change
-
-
-def _refusing(response, text: str):
-    """An empty response that says no, where its type has fields for that."""
-    for name, value in (("success", False), ("message", text)):
-        if hasattr(response, name):
-            setattr(response, name, value)
-    return response

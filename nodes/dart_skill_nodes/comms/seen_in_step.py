@@ -19,10 +19,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.names import pose_topic
-from dart_skill_nodes.comms.presence import LOOK
-from dart_skill_nodes.comms.qos import FRAMES, WALL
+from dart_skill_nodes.comms.qos import FRAMES, WALL, MatchingSubscriptions
+from dart_skill_nodes.comms.this_machine import LOOK
 
 DELIVERED = "simulation/delivered"
 PATIENCE = 3.0

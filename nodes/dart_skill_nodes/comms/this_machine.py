@@ -1,5 +1,5 @@
 """What the system of this machine knows at once, and DDS after a while: whether a process runs, was
-stopped or is gone, and which nodes run.
+stopped or is gone, which nodes run, and for how long this process was frozen.
 
 Each node holds a socket, with the ROS domain and its full name, in Linux's abstract namespace: the
 socket is gone with its process, however that ended. A second node of the name is refused. Where
@@ -28,6 +28,16 @@ LOOK_FOR_END = 0.02
 """Whether it has ended is asked so often [s, wall clock]."""
 LOW_NUMBER = 0xFFFF
 """The bits of a process's number that DDS tells."""
+LEASE = 3.5
+"""A node that is not heard of for so long is taken for dead; a process may be held up for 3 s [s,
+wall clock].
+"""
+LOOK = 0.2
+"""Time between two looks at whether nodes are still there [s, wall clock]."""
+SCHEDULED = Path("/proc/thread-self/schedstat")
+"""Statistics of its reader: time on a core, and time in which it waited for one [ns] (Linux,
+Documentation/scheduler/sched-stats).
+"""
 
 
 @cache
@@ -58,7 +68,12 @@ class SystemProcess:
     @classmethod
     def this(cls) -> SystemProcess:
         """The one that asks."""
-        return cls(os.getpid(), _state(os.getpid())[1])
+        return cls.of(os.getpid())
+
+    @classmethod
+    def of(cls, pid: int) -> SystemProcess:
+        """The one that has a number now."""
+        return cls(pid, _state(pid)[1])
 
     @classmethod
     def named(cls, name: str) -> SystemProcess | None:
@@ -155,3 +170,34 @@ def _address(name: str) -> bytes:
 
 def _domain() -> str:
     return os.environ.get("ROS_DOMAIN_ID") or "0"
+
+
+class FreezeDetector:
+    """Tells whether this process was frozen: stopped by a signal, or with its whole machine. A
+    process that waited for a core was not. Ask it in one thread, again and again.
+    """
+
+    def __init__(self) -> None:
+        self._asked = self._looked = time.monotonic()
+        self._busy = busy_time()
+
+    def frozen(self) -> float:
+        """Time in which this thread neither ran nor waited for a core since the last call [s]; 0
+        if it is not longer than LEASE.
+        """
+        now = time.monotonic()
+        gap = now - self._asked
+        self._asked = now
+        lost = gap - (busy_time() - self._busy) if gap > LEASE else 0.0
+        if now - self._looked > LOOK:  # so that hardly anything counts that was before the gap
+            self._looked, self._busy = now, busy_time()
+        return lost if lost > LEASE else 0.0
+
+
+def busy_time() -> float:
+    """Time in which this thread has run or waited for a core [s]; 0 where the system does not say."""
+    try:
+        running, waiting, _ = SCHEDULED.read_text().split()
+    except (OSError, ValueError):
+        return 0.0
+    return 1e-9 * (int(running) + int(waiting))

@@ -8,7 +8,6 @@ one, it offers nothing on any topic.
 """
 
 import math
-import re
 import sys
 import threading
 import time
@@ -19,100 +18,52 @@ from dart_skill_msgs.srv import Step
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
-from dart_skill.recording import BagReader, GraphBag, TopicInfo, type_hash, types_for
-from dart_skill.recording.bags import (
-    CLOCK_TOPIC,
-    CLOCK_TYPE,
-    Due,
-    Playback,
-    PlaybackPace,
-    PlaybackSelection,
+from dart_skill.recording import BagReader, GraphBag
+from dart_skill.recording.bags import CLOCK_TOPIC, Due, Playback, PlaybackPace
+from dart_skill_nodes.client.playing import (
+    DEPTH,
+    Hearers,
+    arm_beside,
+    awaited_topics,
+    concern_an_arm,
+    offers,
+    selection,
 )
-from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm, concern_an_arm
-from dart_skill_nodes.client.server_probe import APPEARS
+from dart_skill_nodes.client.service_calls import APPEARS
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.matching_qos import message_class
-from dart_skill_nodes.comms.names import CLOCK, GLOBAL, full_name
-from dart_skill_nodes.comms.presence import LOOK
-from dart_skill_nodes.comms.qos import CLOCK_QOS, WALL
+from dart_skill_nodes.comms.names import CLOCK, full_name
+from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.node_base import ERROR, OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.comms.this_machine import LOOK
+from dart_skill_nodes.process.node_base import ERROR, OK, Diagnostics, run
+from dart_skill_nodes.process.parameters import declare
 
-TABLE = [
-    Parameter("bag", "folder or .mcap file"),
-    Parameter(
-        "rate", "seconds of the bag per second; 0: as fast as can be", 0.0, 1e6, read_only=False
-    ),
-    Parameter(
-        "topics", "regular expressions; a topic is played that one of them matches as a whole"
-    ),
-    Parameter(
-        "exclude", "regular expressions; a topic that one of them matches as a whole is not played"
-    ),
-    Parameter(
-        "commands",
-        "play topics on which an arm takes commands, too; never beside an arm that is there",
-    ),
-    Parameter(
-        "graph",
-        "of one graph: play it in the namespace of this node, whichever it was recorded in",
-    ),
-    Parameter("remap", "recorded=published name; '=': none"),
-    Parameter("start", "begin so long after the bag's first message [s]", 0.0, 1e9),
-    Parameter("duration", "end so long after that [s]; 0: with the bag", 0.0, 1e9),
-    Parameter("loop", "begin again at the end"),
-    Parameter("start_paused", "wait for ~/pause or ~/step"),
-    Parameter(
-        "clock_rate",
-        "of /clock, unless the bag has one [1/s of the bag's time]; 0: none",
-        0.0,
-        10_000.0,
-    ),
-    Parameter(
-        "awaited",
-        "regular expressions: topics, as published, that must have a subscriber before playing"
-        " begins; '': none",
-    ),
-]
-DEPTH = 10_000
-"""Least depth of publishers, whatever was recorded, so that what is lost on the way can be
-repeated; no subscriber sees it.
-"""
 PATIENCE = Duration(seconds=10)
-"""At the end, for reliable subscribers to acknowledge everything; Fast DDS asks them every 3 s."""
+"""Longest wait, at the end, for reliable subscribers to acknowledge everything; Fast DDS asks them
+every 3 s.
+"""
 
 
 class BagPlayer(GuardedNode):
     """Publishes from a thread of its own, so that no callback delays a message.
 
-    * tell: called, in that thread, with "playing" when that begins, and before with what it waits
-      for.
-
-    Attributes:
-
-    * finished: whether everything was published.
-    * refusal: why not everything was: an arm is there. Empty without one.
+    tell: called, in that thread, with "playing" when that begins, and before with what it waits
+    for. finished: whether everything was published. refusal: why not: an arm is there.
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda state: None):
         super().__init__("bag_player")
-        self.p = declare(self, "bag_player.yaml", TABLE)
+        self.p = declare(self, "bag_player")
         self.refusal, self._made, self._tell = "", time.monotonic(), tell
         self.finished, self._stopping = False, False
         self._steps, self._published, self._position_ns = 0, 0, 0
         self._bag = GraphBag(self.p["bag"]) if self.p["graph"] else BagReader(self.p["bag"])
-        self._playback = Playback(self._bag, self._selection())
-        self._offers = {
-            topic: (message_class(info.type_name), _quality(info))
-            for topic, info in self._playback.topics.items()
-        }
+        self._playback = Playback(self._bag, selection(self, self._bag, self.p))
+        self._offers = offers(self._playback)
         self._publishers_of: dict[str, Publisher] = {}
-        if self._playback.makes_clock:
-            self._offers[CLOCK_TOPIC] = (message_class(CLOCK_TYPE), CLOCK_QOS)
-        self._awaited = self._awaited_topics()
+        self._awaited = awaited_topics(self.p["awaited"], self._offers)
         self._sent: Counter[str] = Counter()  # since everything was last acknowledged
         self._changed = threading.Condition()
         self._pace = PlaybackPace(self.p["rate"], time.monotonic(), self.p["start_paused"])
@@ -133,77 +84,6 @@ class BagPlayer(GuardedNode):
         self._thread.join()
         self._bag.close()
         super().destroy_node()
-
-    # what is played
-
-    def _selection(self) -> PlaybackSelection:
-        played = PlaybackSelection(self.p["topics"], self.p["exclude"])
-        own = [
-            name
-            for name in self._bag.topics
-            if self.p["graph"] and name not in (CLOCK_TOPIC, *GLOBAL)
-        ]
-        remap = {name: full_name(self, name.removeprefix("/")) for name in own}
-        remap |= dict(text.split("=", 1) for text in self.p["remap"] if text.strip("="))
-        chosen = {name: info for name, info in self._bag.topics.items() if played.matches(name)}
-        unknown = [
-            name
-            for name, info in chosen.items()
-            if self._would_command(remap.get(name, name)) or not self._is_known(info)
-        ]
-        return PlaybackSelection(
-            topics=self.p["topics"],
-            exclude=[*self.p["exclude"], *map(re.escape, unknown)],
-            remap=remap,
-            start=self.p["start"],
-            duration=self.p["duration"] or math.inf,
-            loop=self.p["loop"],
-            clock_rate=self.p["clock_rate"],
-        )
-
-    def _would_command(self, topic: str) -> bool:
-        """Whether a topic is left out because it moves arms, and that was not asked for; says so."""
-        if self.p["commands"] or not commands_an_arm(topic):
-            return False
-        self.get_logger().info(
-            f"{topic} is not played: it would command an arm (parameter commands)"
-        )
-        return True
-
-    def _is_known(self, info: TopicInfo) -> bool:
-        """Whether a topic's type is installed here, in the version that the bag has; says why not."""
-        try:
-            message_class(info.type_name)
-            here = type_hash(types_for(info.type_name), info.type_name)
-        except (ImportError, AttributeError, ValueError) as error:
-            self.get_logger().warning(f"{info.name} is not played: {error}")
-            return False
-        if info.type_hash not in ("", here):
-            self.get_logger().warning(
-                f"{info.name} is not played: its {info.type_name} differs from the one that is"
-                " installed here"
-            )
-            return False
-        return True
-
-    def _in_full(self, topic: str) -> str:
-        """The time of a graph goes with it into its namespace."""
-        return full_name(self, CLOCK) if self.p["graph"] and topic == CLOCK_TOPIC else topic
-
-    def _awaited_topics(self) -> list[str]:
-        """Those of `awaited`; ValueError if one of its expressions matches nothing that is played."""
-        patterns = list(filter(None, self.p["awaited"]))
-        if unknown := [
-            pattern
-            for pattern in patterns
-            if not any(re.fullmatch(pattern, topic) for topic in self._offers)
-        ]:
-            raise ValueError(f"awaited: {unknown} are not played, only {sorted(self._offers)}")
-        return [
-            topic
-            for topic in self._offers
-            if any(re.fullmatch(pattern, topic) for pattern in patterns)
-        ]
 
     @property
     def _waiting(self) -> str:
@@ -254,9 +134,11 @@ class BagPlayer(GuardedNode):
         with self._changed:
             self.refusal, self._stopping = reason, self._stopping or bool(reason)
             if has_looked and not self._stopping and not self._publishers_of:
+                # the time of a graph goes with it into its namespace
+                moved = {CLOCK_TOPIC: full_name(self, CLOCK)} if self.p["graph"] else {}
                 self._publishers_of = {
-                    topic: self.create_publisher(kind, self._in_full(topic), quality)
-                    for topic, (kind, quality) in self._offers.items()
+                    topic: self.create_publisher(kind, moved.get(topic, topic), qos)
+                    for topic, (kind, qos) in self._offers.items()
                 }
             self._changed.notify()
 
@@ -308,21 +190,16 @@ class BagPlayer(GuardedNode):
         with self._changed:
             self._pace.pause(request.data, time.monotonic())
             self._changed.notify()
-        response.success = True
-        return response
 
     def _on_step(self, request, response):
+        response.stamp = conversions.time_msg(self._position_ns)
         with self._changed:
-            response.success = self._pace.paused and request.steps > 0
-            if response.success:
-                self._steps += request.steps
-                self._changed.notify()
-            else:
-                response.message = (
+            if not self._pace.paused or not request.steps:
+                raise ValueError(
                     "messages are stepped while paused (~/pause), at least 1 at a time"
                 )
-        response.stamp = conversions.time_msg(self._position_ns)
-        return response
+            self._steps += request.steps
+            self._changed.notify()
 
     def _on_parameters(self, parameters) -> SetParametersResult:
         for parameter in parameters:
@@ -337,29 +214,9 @@ class BagPlayer(GuardedNode):
             return ERROR, f"not played: {self.refusal}", {"published": self._published}
         if not self._publishers_of:
             return OK, "looking for an arm", {"published": 0}
-        state = "finished" if self.finished else ("paused" if self._pace.paused else "playing")
-        if self._awaited:
-            state = self._waiting
-        return (
-            OK,
-            state,
-            {"published": self._published, "stamp_ns": self._position_ns, "rate": self._pace.rate},
-        )
-
-
-def _quality(info: TopicInfo) -> QoSProfile:
-    """The first recorded quality of service of a topic; late joiners get as many messages of a
-    latched one as they did then.
-    """
-    if not info.qos:
-        return QoSProfile(depth=DEPTH)
-    recorded = info.qos[0]
-    latched = recorded.durability.name == "TRANSIENT_LOCAL"
-    return QoSProfile(
-        depth=recorded.depth if latched and recorded.depth else max(recorded.depth, DEPTH),
-        reliability=ReliabilityPolicy[recorded.reliability.name],
-        durability=DurabilityPolicy[recorded.durability.name],
-    )
+        state = "finished" if self.finished else "paused" if self._pace.paused else "playing"
+        values = {"published": self._published, "stamp_ns": self._position_ns}
+        return OK, self._waiting if self._awaited else state, values | {"rate": self._pace.rate}
 
 
 def play(

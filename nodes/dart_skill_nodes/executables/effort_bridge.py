@@ -20,41 +20,9 @@ from dart_skill_nodes.comms.joint_states import hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS
 from dart_skill_nodes.comms.qos import LOOP, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.node_base import (
-    ERROR,
-    OK,
-    WARN,
-    Diagnostics,
-    Parameter,
-    declare,
-    run,
-)
-from dart_skill_nodes.process.parameters import LIMITS
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, run
+from dart_skill_nodes.process.parameters import declare
 
-TABLE = [
-    Parameter("frame_id", "axes of the wrenches"),
-    Parameter(
-        "controller_joints",
-        "those of config/wam.yaml in the order in which the effort controller takes them",
-    ),
-    Parameter("command_topic", "of the effort controller"),
-    Parameter(
-        "gravity_compensation",
-        "add the torque that holds arm and hand; false: the hardware interface does",
-    ),
-    Parameter("torque_limit", "of each joint, gravity included [N m]"),
-    Parameter("torque_rate", "fastest change of each [N m/s]"),
-    Parameter("damping", "of each joint while the arm is stopped [N m s/rad]"),
-    Parameter("damping_limit", "strongest damping torque of each [N m]"),
-    Parameter(
-        "command_timeout",
-        "the arm is stopped when commands were silent for longer [s]",
-        0.004,
-        5.0,
-    ),
-    Parameter("state_timeout", "the same for states [s]", 0.004, 5.0),
-    *LIMITS,
-]
 WATCH = 0.01
 """Silence is looked for so often [s, wall clock]."""
 EFFORTS = QoSProfile(depth=1)
@@ -66,7 +34,7 @@ class EffortBridgeNode(GuardedNode):
 
     def __init__(self):
         super().__init__("effort_bridge")
-        self.p = declare(self, "effort_bridge.yaml", TABLE)
+        self.p = declare(self, "effort_bridge")
         self._order = conversions.order_of(
             joint_names(), self.p["controller_joints"], "controller_joints"
         )

@@ -11,13 +11,12 @@ from functools import lru_cache
 import numpy as np
 from dart_skill_msgs.msg import FramesDelivered, SimulationState
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
 from dart_skill.arm import Transform
 from dart_skill.common.checks import as_place
-from dart_skill.common.configuration import limit_parameters, node_parameters, world_parameters
+from dart_skill.common.configuration import node_parameters
 from dart_skill.recording import HAND
 from dart_skill.simulation import (
     ArmGeometry,
@@ -29,70 +28,20 @@ from dart_skill.simulation import (
 )
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
+from dart_skill_nodes.comms.for_viewers import LiveTransforms
 from dart_skill_nodes.comms.names import CLOCK, pose_topic
 from dart_skill_nodes.comms.qos import CLOCK_QOS, FRAMES, POSES
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 from dart_skill_nodes.comms.seen_in_step import DELIVERED
-from dart_skill_nodes.comms.tf_messages import LiveTransforms
-from dart_skill_nodes.process.node_base import (
-    OK,
-    WARN,
-    Diagnostics,
-    Parameter,
-    autostart,
-    declare_bodies,
-    declare_row,
-    refuse_what_is_not_finite,
-    run,
-    skill_of,
-)
+from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, autostart, run
+from dart_skill_nodes.process.parameters import declare, declare_bodies, skill_of
 
 STEP_NS = PlantSettings().step_ns
+FIELDS = ("position", "look_at")
+"""What is said of each camera."""
 Capsules = tuple[np.ndarray, ...]
 Bodies = dict[str, tuple[np.ndarray, np.ndarray]]
 """Positions (3,) [m] and quaternions (4,) by role."""
-WORLD = [
-    Parameter("frame_id", "frame of the poses"),
-    Parameter("skill", "whose bodies are tracked"),
-    Parameter(
-        "basket_radius",
-        "free opening of the basket that hides the ball [m]",
-        0.05,
-        1.0,
-        read_only=False,
-    ),
-    Parameter(
-        "basket_depth",
-        "rim to floor of the basket that hides the ball [m]",
-        0.05,
-        1.0,
-        read_only=False,
-    ),
-]
-"""Parameters of config/world.yaml."""
-TEXTS = {
-    "reliability": "of the published poses: reliable, or best_effort as vrpn_mocap publishes",
-    "rate": "frames per second",
-    "min_cameras": "cameras that must see a body",
-    "clearance": "what is nearer to a body than this does not hide it [m]",
-    "noise": "standard deviation of a coordinate [m]",
-    "marker_spread": "extent of a body's markers [m]",
-    "calibration_error": "offset of every body, drawn once for a run [m]",
-    "ball_noise": "standard deviation of a coordinate of the ball on top of noise [m]",
-    "ball_offset": "of the centre of the ball's markers from its own, drawn once for a run [m]",
-    "hand_turn": (
-        "of the axes of the hand's body from those of the hand, drawn once for a run [rad]"
-    ),
-    "registration_turn": "of the cameras' world from that of the arm, drawn once for a run [rad]",
-    "registration_shift": "of the cameras' world from that of the arm, drawn once for a run [m]",
-    "stamp_delay": "stamps are late by so much [s]",
-    "latency": "from the exposure to the message [s]",
-    "latency_jitter": "mean of the exponential delay on top of it [s]",
-    "dropout_rate": "dropouts of a body per second [1/s]",
-    "dropout_frames": "shortest and longest dropout [frames]",
-    "half_angles_deg": "of the field of view, horizontal and vertical [degrees]",
-    "range": "of sight [m]",
-}
 
 
 @lru_cache(maxsize=1)
@@ -107,7 +56,16 @@ class MockOptitrack(GuardedLifecycleNode):
 
     def __init__(self):
         super().__init__("mock_optitrack")
-        self._parameters_in_force = self._declare()
+        for name, default in (("autostart", True), ("seed", 0)):
+            self.declare_parameter(name, default)
+        self.p = declare(self, "mock_optitrack")
+        skill = skill_of(self)
+        self._is_reacted_to = skill.reacts
+        self._name_of = declare_bodies(self, (HAND, *skill.bodies))
+        self._bodies = [
+            role for role in self._name_of if not skill.in_the_open or role in self.p["bodies"]
+        ]
+        self._declare_cameras()
         self._capture, self._queue = None, LatencyQueue()
         self._published, self._lost = {}, {}
         self._active, self._frame_ns, self._episode = False, 0, None
@@ -115,70 +73,43 @@ class MockOptitrack(GuardedLifecycleNode):
         if self.get_parameter("autostart").value:
             autostart(self)
 
-    def _declare(self) -> dict:
-        """Every value of config/optitrack.yaml as a parameter, nested ones with dots in their
-        names, and those of the world that matter.
-        """
-        refuse_what_is_not_finite(self)
-        for name, default in (("autostart", True), ("seed", 0)):
-            self.declare_parameter(name, default)
-        values = node_parameters("optitrack.yaml", "mock_optitrack")
-        for row in WORLD:
-            declare_row(self, row, values[row.name])
-        skill = skill_of(self)
-        self._is_reacted_to = skill.reacts
-        self._name_of = declare_bodies(self, (HAND, *skill.bodies))
-        shared = {**world_parameters(), **limit_parameters()}
-        values = {name: value for name, value in values.items() if name not in shared}
-        cameras = values.pop("cameras")
-        for name, default in values.items():
-            self.declare_parameter(
-                name,
-                default,
-                ParameterDescriptor(description=TEXTS.get(name, name), read_only=True),
-            )
-        for name in self.get_parameter("camera_names").value:
-            for field in ("position", "look_at"):
-                default = cameras.get(name, {}).get(field, [0.0, 0.0, 1.0])
+    def _declare_cameras(self) -> None:
+        """The places of the cameras as parameters, with dots in their names."""
+        known = node_parameters("optitrack.yaml", "mock_optitrack")["cameras"]
+        for name in self.p["camera_names"]:
+            for field in FIELDS:
+                default = known.get(name, {}).get(field, [0.0, 0.0, 1.0])
                 self.declare_parameter(f"cameras.{name}.{field}", default)
-        bodies = [
-            role
-            for role in self._name_of
-            if not skill.in_the_open or role in self.get_parameter("bodies").value
-        ]
-        return {name: self.get_parameter(name).value for name in values} | {
-            "cameras": self._cameras(),
-            "bodies": bodies,
-        }
 
     def _cameras(self) -> dict:
-        names = self.get_parameter("camera_names").value
-        fields = ("position", "look_at")
         return {
-            n: {f: list(self.get_parameter(f"cameras.{n}.{f}").value) for f in fields}
-            for n in names
+            name: {
+                field: list(self.get_parameter(f"cameras.{name}.{field}").value)
+                for field in FIELDS
+            }
+            for name in self.p["camera_names"]
         }
 
     # life cycle
 
     def on_configure(self, state) -> TransitionCallbackReturn:
-        self._capture = MotionCapture(self._parameters_in_force, self.get_parameter("seed").value)
-        if (reliability := self.get_parameter("reliability").value) not in POSES:
+        parameters = {**self.p, "cameras": self._cameras(), "bodies": self._bodies}
+        self._capture = MotionCapture(parameters, self.get_parameter("seed").value)
+        if (reliability := self.p["reliability"]) not in POSES:
             raise ValueError(f"reliability = '{reliability}': give one of {', '.join(POSES)}")
-        self._geometry = ArmGeometry()
-        names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
+        self._geometry, names = ArmGeometry(), self._capture.config.bodies
         self._publishers_of = {
-            n: self.create_publisher(PoseStamped, pose_topic(self._name_of[n]), qos) for n in names
+            name: self.create_publisher(
+                PoseStamped, pose_topic(self._name_of[name]), POSES[reliability]
+            )
+            for name in names
         }
-        self._published, self._lost, self._newest = (
-            dict.fromkeys(names, 0),
-            dict.fromkeys(names, 0),
-            dict.fromkeys(names, 0),
-        )
+        self._published, self._lost = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+        self._newest = dict.fromkeys(names, 0)
         if self._is_reacted_to:
             self._delivered = self.create_publisher(FramesDelivered, DELIVERED, FRAMES)
         like = PoseStamped()
-        like.header.frame_id = self._frame_id = self.get_parameter("frame_id").value
+        like.header.frame_id = self._frame_id = self.p["frame_id"]
         self._layout = FixedLayout(like)
         self._transforms = LiveTransforms(self, self._frame_id)
         self._reader = LayoutReader(SimulationState, conversions.EPISODE_AND_STEP)

@@ -16,42 +16,13 @@ from dart_skill.recording import LogTime, types_for
 from dart_skill.recording.bags import PlaybackSelection
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.conversions import leading_stamp_ns
-from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.for_viewers import TfMessages
 from dart_skill_nodes.comms.names import CLOCK, namespace_of
-from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.qos import WALL, message_class
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
-from dart_skill_nodes.comms.tf_messages import TfMessages
-from dart_skill_nodes.process.node_base import (
-    ERROR,
-    OK,
-    WARN,
-    Diagnostics,
-    Parameter,
-    autostart,
-    declare,
-    run,
-)
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, autostart, run
+from dart_skill_nodes.process.parameters import declare
 
-TABLE = [
-    Parameter("bag", "folder of the bag; empty: recording_<date> in the working directory"),
-    Parameter(
-        "topics", "regular expressions; a topic is recorded that one of them matches as a whole"
-    ),
-    Parameter(
-        "exclude",
-        "regular expressions; a topic that one of them matches as a whole is not recorded",
-    ),
-    Parameter("notes", "name=text, kept in the bag's metadata"),
-    Parameter("max_megabytes", "a new file of the bag begins at this size; 0: never", 0.0, 1e6),
-    Parameter(
-        "max_minutes", "a new file of the bag begins after so much time; 0: never", 0.0, 1e6
-    ),
-    Parameter(
-        "transforms", "add /robot_description, /tf and /tf_static where nobody publishes them"
-    ),
-    Parameter("transform_rate", "of /tf then [1/s]", 1.0, 500.0),
-    Parameter("frame_id", "frame in which the arm stands and bodies are tracked"),
-]
 LOOK = 0.5
 """New topics are looked for so often [s, wall clock]."""
 
@@ -66,7 +37,7 @@ class Recorder(BagKeeper):
 
     def __init__(self):
         super().__init__("recorder")
-        self.p = declare(self, "recorder.yaml", TABLE)
+        self.p = declare(self, "recorder")
         self.declare_parameter("autostart", True)
         self._bag, self._messages, self._tf, self._active = None, None, None, False
         self._diagnostics = Diagnostics(self, self._describe)

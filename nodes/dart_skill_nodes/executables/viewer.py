@@ -14,8 +14,6 @@ import numpy as np
 from dart_skill_msgs.action import Practice, Teach
 from dart_skill_msgs.msg import Demonstration
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.common.regions import Region
@@ -23,62 +21,25 @@ from dart_skill.recording import HAND, demonstration_from_message
 from dart_skill.simulation import Basket
 from dart_skill.skills.protocol import Skill
 from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
-from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
+from dart_skill_nodes.client.live_scene import LiveScene
+from dart_skill_nodes.client.node_inspector import NodeStatuses
 from dart_skill_nodes.client.pulled_lesson import PulledLesson
 from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
-from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
-from dart_skill_nodes.comms.joint_states import OfTheArm
-from dart_skill_nodes.comms.markers import ellipsoids
+from dart_skill_nodes.comms.for_viewers import ellipsoids
 from dart_skill_nodes.comms.names import (
     DEMONSTRATIONS,
     DIAGNOSTICS,
-    JOINT_STATES,
     in_graph,
-    pose_topic,
 )
 from dart_skill_nodes.comms.qos import LATCHED, WALL
-from dart_skill_nodes.comms.raw_batches import LatestMessages, poses_of
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.graph_processes import TOKEN
-from dart_skill_nodes.process.node_base import (
-    OK,
-    Diagnostics,
-    Parameter,
-    declare,
-    declare_bodies,
-    run,
-    skill_of,
-)
+from dart_skill_nodes.process.graph_processes import TOKEN, GraphFailure
+from dart_skill_nodes.process.node_base import OK, Diagnostics, run
+from dart_skill_nodes.process.parameters import declare, declare_bodies, skill_of
 
-TABLE = [
-    Parameter(
-        "host",
-        "address to listen on; whoever has the address of the page, with its token, moves the arm",
-    ),
-    Parameter("port", "of the page; 0: any free one, which is printed", 0, 65535),
-    Parameter("rate", "of the pictures [1/s, wall clock]", 1.0, 100.0),
-    Parameter(
-        "rate_held",
-        "the same while somebody holds the hand with the mouse [1/s, wall clock]",
-        1.0,
-        100.0,
-    ),
-    Parameter("frame_id", "frame of all positions; others are not shown"),
-    Parameter("skill", "whose bodies it shows, and what its controls let be done"),
-    Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
-    Parameter("basket_depth", "rim to floor of the basket [m]", 0.05, 1.0),
-    Parameter("seed", "of the baskets at which it lets demonstrate", 0, 2**31 - 1),
-    Parameter("near", "nearest place of the basket, from the base axis [m]", 0.5, 5.0),
-    Parameter("far", "farthest place [m]", 0.5, 5.0),
-    Parameter("side", "largest azimuth to either side [rad]", 0.0, 1.57),
-    Parameter("rim", "height of the rim [m]", 0.0, 2.0),
-]
-ATTRACTOR = "commander/attractor"
 CAMERAS = "mock_optitrack"
 """The node whose parameters say where the cameras stand."""
-PICTURES_PER_PATH = 3
 
 
 def _shown(skill: Skill, message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
@@ -96,7 +57,7 @@ class Viewer(GuardedNode):
 
     def __init__(self):
         super().__init__("viewer")
-        self.p = declare(self, "viewer.yaml", TABLE)
+        self.p = declare(self, "viewer")
         region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         given = os.environ.get(TOKEN, "")
         token = given or new_token()
@@ -108,30 +69,29 @@ class Viewer(GuardedNode):
         self._scene = Scene(self._server, region=region, basket=basket, skill=other)
         self._demonstrated = partial(_shown, skill)
         self._panel = Panel(self._server, self._scene, self._requests.put, skill)
-        self._demonstrations, self._new_demonstration, self._basket, self._fault = (
-            {},
-            False,
-            None,
-            "",
-        )
+        self._demonstrations, self._new_demonstration, self._fault = {}, False, ""
         self._status, self._phase = NodeStatuses(lambda name: in_graph(self, name) is not None), ""
-        self._inspector = NodeInspector(self)
-        self._path_ends, self._pictures = (
-            {name: [] for name in (*self._scene.bodies[:1], "hand", "attractor")},
-            0,
-        )
+        frame_id = self.p["frame_id"]
+        name_of = declare_bodies(self, (HAND, *skill.bodies))
+        self._live = LiveScene(self, self._scene, name_of, frame_id)
         self._controls = ViewerJobs(
-            self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
-            seen=lambda: self._basket, heard=lambda: len(self._demonstrations), skill=skill,
-        )  # fmt: skip
+            self,
+            region,
+            self.p["seed"],
+            frame_id,
+            panel=self._panel,
+            seen=lambda: self._live.basket,
+            heard=lambda: len(self._demonstrations),
+            skill=skill,
+        )
         self._lesson = None
         if self._scene.held_hand is not None and self._panel.holding is not None:
             held = self._scene.held_hand
             self._lesson = PulledLesson(
-                self, self._controls, held, self._panel, skill, self.p["frame_id"], self._hurry
+                self, self._controls, held, self._panel, skill, frame_id, self._hurry
             )
             held.on_drag(lambda place: self._requests.put(Request("pull", {"place": place})))
-        self._subscribe(declare_bodies(self, (HAND, *skill.bodies)))
+        self._subscribe()
         self._diagnostics = Diagnostics(self, self._describe)
         self._pictures_timer = None
         self._hurry(False)
@@ -140,15 +100,7 @@ class Viewer(GuardedNode):
         url = url_of(self._server)
         self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
 
-    def _subscribe(self, name_of: dict[str, str]) -> None:
-        self._latest = LatestMessages(self)
-        self._of_the_arm = OfTheArm()
-        self._latest.watch(JOINT_STATES, JointState)
-        self._pose_topics = {role: pose_topic(name) for role, name in name_of.items()} | {
-            "attractor": ATTRACTOR
-        }
-        for topic in self._pose_topics.values():
-            self._latest.watch(topic, PoseStamped, depth=200)
+    def _subscribe(self) -> None:
         self.create_subscription(Demonstration, DEMONSTRATIONS, self._on_demonstration, LATCHED)
         self.create_subscription(MarkerArray, "skill_learner/model", self._on_markers, LATCHED)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 50)
@@ -176,10 +128,9 @@ class Viewer(GuardedNode):
             if self._lesson is None or not self._lesson.obeys(request):
                 self._controls.obey(request)
         try:
-            self._show(
-                self._latest.take(JOINT_STATES),
-                {name: self._poses(topic) for name, topic in self._pose_topics.items()},
-            )
+            newest = self._live.show()
+            if self._lesson is not None and newest:
+                self._lesson.see(newest)
             self._fault = ""
         except ValueError as error:
             if str(error) != self._fault:
@@ -189,59 +140,6 @@ class Viewer(GuardedNode):
             self._new_demonstration = False
             ways, places = zip(*self._demonstrations.values(), strict=True)
             self._scene.show_ways(ways, np.concatenate(places))
-
-    def _show(self, states: list[bytes], poses: dict[str, np.ndarray]) -> None:
-        """New joint states, serialised, and new poses (n, 7) of each body."""
-        if not states and not any(map(len, poses.values())):
-            self._send_paths()
-            return
-        states = [data for data in states if self._of_the_arm(data)]
-        if states:
-            self._scene.move_arm(
-                conversions.arm_state(conversions.decoded(states[-1], JointState)).position
-            )
-        if len(poses["hand"]):
-            self._scene.move_hand(poses["hand"][-1, :3], poses["hand"][-1, 3:])
-        if len(poses["attractor"]):
-            self._scene.move_attractor(poses["attractor"][-1, :3])
-        for role in self._scene.bodies:
-            if len(poses[role]):
-                self._move_body(role, poses[role][-1])
-        if self._lesson is not None:
-            self._lesson.see(
-                {role: poses[role][-1] for role in (HAND, *self._scene.bodies) if len(poses[role])}
-            )
-        self._extend_paths(poses)
-
-    def _move_body(self, role: str, pose: np.ndarray) -> None:
-        """A body as it was seen last (7,). How ball and basket are turned is of no use."""
-        if role == conversions.BASKET:
-            self._basket = pose[:3]
-            self._scene.move_basket(self._basket)
-        elif role == "ball":
-            self._scene.move_ball(pose[:3])
-        else:
-            self._scene.move_body(role, pose[:3], pose[3:])
-
-    def _extend_paths(self, poses: dict[str, np.ndarray]) -> None:
-        """Paths are sent as a whole, so not with every picture."""
-        for name, points in self._path_ends.items():
-            points.extend(poses[name][:, :3])
-        self._pictures += 1
-        if self._pictures % PICTURES_PER_PATH == 0:
-            self._send_paths()
-
-    def _send_paths(self) -> None:
-        for name, points in self._path_ends.items():
-            if points:
-                self._scene.extend_path(name, np.array(points))
-                points.clear()
-
-    def _poses(self, topic: str) -> np.ndarray:
-        try:
-            return poses_of(self._latest.take(topic), self.p["frame_id"])
-        except ValueError as error:
-            raise ValueError(f"{topic}: {error}") from error
 
     # what is learned
 
@@ -303,12 +201,12 @@ class Viewer(GuardedNode):
             start(self, self._inspect(name), self._inspected)
 
     async def _inspect(self, name: str) -> None:
-        self._panel.add_knobs(f"/{name}", await self._inspector.knobs(f"/{name}"))
+        self._panel.add_knobs(f"/{name}", await self._controls.inspector.knobs(f"/{name}"))
         if in_graph(self, name) == CAMERAS:
-            self._scene.show_cameras(await self._inspector.cameras(f"/{name}"))
+            self._scene.show_cameras(await self._controls.inspector.cameras(f"/{name}"))
 
     def _inspected(self, _, error: Exception | None) -> None:
-        if isinstance(error, CallFailed | KeyError):
+        if isinstance(error, GraphFailure | KeyError):
             self.get_logger().warning(f"not shown: {error}")
         elif error is not None:
             self.refusals.add(DIAGNOSTICS, error)
@@ -324,7 +222,7 @@ class Viewer(GuardedNode):
         )
 
     def destroy_node(self) -> None:
-        self._latest.close()
+        self._live.close()
         self._server.stop()
         super().destroy_node()
 

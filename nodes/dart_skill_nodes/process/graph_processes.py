@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dart_skill.common.permissions import enclave_of
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, in_namespace, pose_topics
-from dart_skill_nodes.process.signals import ENDS_WITH
+from dart_skill_nodes.process.environment import ENDS_WITH
 
 LAYOUTS = {
     "composed": ("composed", "skill_learner"),
@@ -64,6 +64,10 @@ SEEDED = (
     "teacher",
     "coach",
 )
+
+
+class GraphFailure(RuntimeError):
+    """The graph did not do its job: a node died, is missing, did not answer, or said no."""
 
 
 def cut_out_of() -> str:

@@ -1,138 +1,32 @@
-"""What all nodes share: the spin loop, parameters from config/ with their descriptions,
-diagnostics.
-"""
+"""What all nodes share: how they start, spin and end, and diagnostics."""
 
 import atexit
 import gc
-import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import rclpy
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from dart_skill.common.configuration import node_parameters
-from dart_skill.common.world import the_world
-from dart_skill_nodes.comms.in_process import exchanging, spin_once
 from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name, in_namespace
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
-from dart_skill_nodes.process.discovery import find_log_folder, hear_loopback_alone
-from dart_skill_nodes.process.parameters import Parameter, heed_arguments, unknown_parameters
-from dart_skill_nodes.process.signals import Interrupts
-
-if TYPE_CHECKING:
-    from dart_skill.skills.protocol import Skill
+from dart_skill_nodes.process.environment import Interrupts, find_log_folder, hear_loopback_alone
+from dart_skill_nodes.process.parameters import heed_arguments, unknown_parameters
 
 ENDS_WITHIN = 0.1
 """Whether it was told to end, a process looks so often [s, wall clock]: not after each of
 thousands of messages a second.
 """
-
-
-def declare(node: Node, file: str, table: list[Parameter]) -> dict:
-    """Declare a node's parameters with the values of config/`file` as defaults; returns what is in
-    force.
-    """
-    refuse_what_is_not_finite(node)
-    defaults = _defaults(file, node.get_name())
-    for row in table:
-        declare_row(node, row, defaults[row.name])
-    return {row.name: node.get_parameter(row.name).value for row in table}
-
-
-def skill_of(node: Node) -> "Skill":
-    """The skill that the parameter `skill` names, with the changes of its settings that the
-    parameter `skill_settings` holds, a YAML mapping.
-
-    Raises
-    ------
-    ValueError
-        For a skill, a setting or a part that there is not.
-    """
-    text = "changes of the settings of the skill, as YAML: {representation: pose}; empty: none"
-    about = ParameterDescriptor(description=text, read_only=True)
-    given = node.declare_parameter("skill_settings", "", about).value
-    changes = yaml.safe_load(given) if given else {}
-    if not isinstance(changes, dict):
-        raise ValueError(f"skill_settings is '{given}': give a YAML mapping, {{components: 16}}")
-    from dart_skill.skills.protocol import load_skill  # not every node knows a skill
-
-    return load_skill(node.get_parameter("skill").value, changes=changes)
-
-
-def declare_row(node: Node, row: Parameter, default) -> None:
-    """Declare one parameter with its description and range."""
-    node.declare_parameter(row.name, default, _descriptor(row, default))
-
-
-def declare_bodies(node: Node, roles: Iterable[str]) -> dict[str, str]:
-    """A parameter for the name of each tracked body, by its role in the skill; the names that are
-    in force.
-    """
-    for role in roles:
-        declare_row(
-            node,
-            Parameter(f"{role}_body", f"tracked body that is the {role}"),
-            the_world().body(role),
-        )
-    return {role: node.get_parameter(f"{role}_body").value for role in roles}
-
-
-def refuse_what_is_not_finite(node: Node) -> None:
-    """From now on a parameter that is NaN or infinite is refused: NaN lies inside every range."""
-
-    def check(parameters) -> SetParametersResult:
-        for parameter in parameters:
-            values = (
-                parameter.value if isinstance(parameter.value, list | tuple) else [parameter.value]
-            )
-            if any(isinstance(value, float) and not math.isfinite(value) for value in values):
-                return SetParametersResult(
-                    successful=False,
-                    reason=f"{parameter.name} = {parameter.value}: give finite numbers",
-                )
-        return SetParametersResult(successful=True)
-
-    node.add_on_set_parameters_callback(check)
-
-
-def _defaults(file: str, name: str) -> dict:
-    """Defaults of a node by its name; one that was given another name has those of the file's own
-    section.
-    """
-    try:
-        return node_parameters(file, name)
-    except KeyError:
-        return node_parameters(file, file.removesuffix(".yaml"))
-
-
-def _descriptor(row: Parameter, default) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=row.description, read_only=row.read_only)
-    if row.low is not None and isinstance(default, float):
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(row.low), to_value=float(row.high))
-        ]
-    elif row.low is not None and isinstance(default, int) and not isinstance(default, bool):
-        descriptor.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
-    return descriptor
 
 
 class Diagnostics:
@@ -176,7 +70,7 @@ class Diagnostics:
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
-def make_executor():
+def make_executor() -> Executor:
     """The EventsExecutor where this rclpy has one (several times faster), else the single-threaded
     one.
     """
@@ -208,25 +102,29 @@ def run(
     find_log_folder()
     interrupts = Interrupts()
     nodes: list[Node] = []
-    with exchanging() as exchange:
-        try:
-            nodes = _started(make_nodes, args, program)
-            gc.freeze()  # what was imported stays: no later search for garbage looks through it
-            gc.enable()
-            executor = make_executor()
-            for node in nodes:
-                be_alive(node)
-                executor.add_node(node)
-            while rclpy.ok() and not (interrupts or over(nodes)):
-                until = time.monotonic() + ENDS_WITHIN
-                while time.monotonic() < until:
-                    spin_once(executor, exchange, ENDS_WITHIN)
-        except (KeyboardInterrupt, ExternalShutdownException):
-            pass
-        finally:
-            for node in nodes:
-                node.destroy_node()
-            rclpy.try_shutdown()
+    try:
+        nodes = _started(make_nodes, args, program)
+        gc.freeze()  # what was imported stays: no later search for garbage looks through it
+        gc.enable()
+        executor = make_executor()
+        for node in nodes:
+            be_alive(node)
+            executor.add_node(node)
+        spin_until(executor, lambda: bool(interrupts or over(nodes)))
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def spin_until(executor: Executor, is_over: Callable[[], bool]) -> None:
+    """Let nodes work until it is over, or ROS was shut down."""
+    while rclpy.ok() and not is_over():
+        until = time.monotonic() + ENDS_WITHIN
+        while time.monotonic() < until:
+            executor.spin_once(timeout_sec=ENDS_WITHIN)
 
 
 @contextmanager

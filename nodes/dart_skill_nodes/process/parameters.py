@@ -1,80 +1,124 @@
-"""Parameters of the nodes: a row of the table in which a node says what they are, those that several
-nodes share, and what may be typed behind the name of a node.
+"""Parameters of the nodes: what they are stands in config/parameters.yaml, their values in the file of
+each node; and what may be typed behind the name of a node.
 """
 
 import inspect
+import math
 import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from functools import cache
 from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
+import yaml
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
+from dart_skill.common.configuration import load_yaml, node_parameters
+from dart_skill.common.world import the_world
 
-@dataclass(frozen=True)
-class Parameter:
-    """One row of a node's parameter table; the value stands in config/. low and high bound
-    numbers.
+if TYPE_CHECKING:
+    from dart_skill.skills.protocol import Skill
+
+TABLES = "parameters.yaml"
+"""File of config/ with a table of parameters for each node."""
+FILES = {"mock_optitrack": "optitrack.yaml"}
+"""Files of values that are not called as their node."""
+
+
+@cache
+def described(section: str) -> dict[str, dict[str, Any]]:
+    """By name, what each parameter of a node is: `about`, a description; where it has one, the
+    `range` of a number; `changes`, if it may be changed while the node runs. Empty for a node
+    without parameters of its own.
+
+    section: name of the executable; "limits": those that several nodes share.
     """
-
-    name: str
-    description: str
-    low: float | None = None
-    high: float | None = None
-    read_only: bool = True
+    rows = load_yaml(TABLES).get(section, {})
+    return {name: {"about": row} if isinstance(row, str) else row for name, row in rows.items()}
 
 
-LIMITS = [
-    Parameter("careful_elbow", "fastest elbow where nothing is thrown [m/s]", 0.05, 10.0),
-    Parameter("careful_hand", "fastest hand where nothing is thrown [m/s]", 0.05, 10.0),
-    Parameter("fastest_elbow", "of a throw, and of an arm that a person guides [m/s]", 0.1, 10.0),
-    Parameter(
-        "fastest_hand",
-        "of a throw, and of an arm that a person guides; plans beyond it are refused [m/s]",
-        0.1,
-        8.0,
-    ),
-    Parameter(
-        "torque_share", "of the peak torque of a joint, gravity compensation included", 0.01, 1.5
-    ),
-    Parameter(
-        "joint_margin",
-        "to the end of a joint's range, at which a throw is stopped [rad]",
-        0.0,
-        0.5,
-    ),
-    Parameter("joint_overrun", "beyond the end of a joint's range [rad]", 0.001, 1.0),
-    Parameter("workspace_low", "lower corner of the box in which the hand stays [m]"),
-    Parameter("workspace_high", "its upper corner [m]"),
-    Parameter("strongest_force", "wrenches of the commander are cut there [N]", 1.0, 500.0),
-    Parameter("strongest_moment", "wrenches of the commander are cut there [N m]", 1.0, 200.0),
-    Parameter(
-        "human_force", "a person who guides a simulated arm does not push harder [N]", 1.0, 2000.0
-    ),
-    Parameter(
-        "human_moment",
-        "a person who guides a simulated arm does not turn harder [N m]",
-        1.0,
-        500.0,
-    ),
-    Parameter("warning_share", "of a limit, from which it is warned of", 0.1, 1.0),
-    Parameter(
-        "patience", "limits of the arm's own safety module, as shares of the commander's", 1.0, 2.0
-    ),
-]
-"""The limits of the arm, for the nodes that enforce them."""
+def declare(node: Node, section: str) -> dict[str, Any]:
+    """Declare the parameters of a node with the values of its file in config/ as defaults; the
+    values in force. A node that was given another name has those of the file's own section.
+    """
+    node.add_on_set_parameters_callback(_refuse_what_is_not_finite)
+    file = FILES.get(section, f"{section}.yaml")
+    try:
+        defaults = node_parameters(file, node.get_name())
+    except KeyError:
+        defaults = node_parameters(file, section)
+    rows = described(section)
+    for name, row in rows.items():
+        _declare_row(node, name, row, defaults[name])
+    return {name: node.get_parameter(name).value for name in rows}
+
+
+def declare_bodies(node: Node, roles: Iterable[str]) -> dict[str, str]:
+    """A parameter for the name of each tracked body, by its role in the skill; the names that are
+    in force.
+    """
+    for role in roles:
+        row = {"about": f"tracked body that is the {role}"}
+        _declare_row(node, f"{role}_body", row, the_world().body(role))
+    return {role: node.get_parameter(f"{role}_body").value for role in roles}
+
+
+def skill_of(node: Node) -> "Skill":
+    """The skill that the parameter `skill` names, with the changes of its settings that the
+    parameter `skill_settings` holds, a YAML mapping; ValueError for a skill, a setting or a part
+    that there is not.
+    """
+    (row,) = described("skill").items()
+    _declare_row(node, *row, "")
+    given = node.get_parameter(row[0]).value
+    changes = yaml.safe_load(given) if given else {}
+    if not isinstance(changes, dict):
+        raise ValueError(f"{row[0]} is '{given}': give a YAML mapping, {{components: 16}}")
+    from dart_skill.skills.protocol import load_skill  # not every node knows a skill
+
+    return load_skill(node.get_parameter("skill").value, changes=changes)
+
+
+def _declare_row(node: Node, name: str, row: dict[str, Any], default) -> None:
+    descriptor = ParameterDescriptor(description=row["about"], read_only=not row.get("changes"))
+    low, high = row.get("range", (None, None))
+    if low is not None and isinstance(default, float):
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high))
+        ]
+    elif low is not None:
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    node.declare_parameter(name, default, descriptor)
+
+
+def _refuse_what_is_not_finite(parameters) -> SetParametersResult:
+    """A parameter that is NaN or infinite is refused: NaN lies inside every range."""
+    for parameter in parameters:
+        values = (
+            parameter.value if isinstance(parameter.value, list | tuple) else [parameter.value]
+        )
+        if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+            reason = f"{parameter.name} = {parameter.value}: give finite numbers"
+            return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)
 
 
 def heed_arguments(make_nodes: Callable[[], list[Node]], program: str) -> None:
     """Print the help of a program and end it, where it is asked for; end it with status 2 and a
     line for what it does not take.
 
-    make_nodes: of the module whose text and parameters the help has.
+    make_nodes: of the module whose text the help has.
     """
     given = remove_ros_args(sys.argv)[1:]
     if {"-h", "--help"} & set(given):
-        print(help_text(program, inspect.getmodule(make_nodes)))
+        print(_help_text(program, inspect.getmodule(make_nodes)))
         raise SystemExit(0)
     if given:
         print(
@@ -85,14 +129,11 @@ def heed_arguments(make_nodes: Callable[[], list[Node]], program: str) -> None:
         raise SystemExit(2)
 
 
-def help_text(program: str, module: ModuleType | None) -> str:
+def _help_text(program: str, module: ModuleType | None) -> str:
     """Usage, the first lines of a module, and its table of parameters."""
     about = (inspect.getdoc(module) or "").partition("\n\n")[0]
-    tables = (
-        [value for value in vars(module).values() if isinstance(value, list)] if module else []
-    )
-    rows = [row for table in tables for row in table if isinstance(row, Parameter)]
-    width = max((len(row.name) for row in rows), default=0)
+    rows = described(program)
+    width = max(map(len, rows), default=0)
     lines = [
         f"usage: ros2 run dart_skill {program} [--ros-args -p NAME:=VALUE ...]",
         "",
@@ -100,7 +141,8 @@ def help_text(program: str, module: ModuleType | None) -> str:
         "",
     ]
     if rows:
-        lines += ["parameters:", *(f"  {row.name:{width}}  {row.description}" for row in rows), ""]
+        lines += ["parameters:"]
+        lines += [*(f"  {name:{width}}  {row['about']}" for name, row in rows.items()), ""]
     lines.append(
         "docs/reference.md has the topics, services, actions, and parameters of every node with"
         " their defaults."

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_namespace
-from dart_skill_nodes.process.discovery import stay_on_this_machine
-from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs._run import say
+from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
+from dart_skill_nodes.verbs.on_graph import say
 from dart_skill_nodes.verbs.status import table
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.process.graph_processes import Graph
-from dart_skill_nodes.verbs._run import carried_out, say, started
-from dart_skill_nodes.verbs._trials import practise_darts, show_all, try_all
+from dart_skill_nodes.verbs.on_graph import carried_out, say, started
+from dart_skill_nodes.verbs.trials import practise_darts, show_all, try_all
 
 if TYPE_CHECKING:
     from dart_skill.session import RunSummary

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_namespace
-from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
+from dart_skill_nodes.verbs.on_graph import PATIENCE, on_running_graph
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -51,22 +51,10 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         if options.task == "list":
             return _listed(client, options.compare)
         text = client.drop(options.id, restore=options.task == "restore")
-        return {
-            "text": text,
-            "message": text,
-            "id": options.id,
-            "ok": True,
-            "next": "dart-skill learn",
-        }
+        told = {"text": text, "message": text, "id": options.id, "ok": True}
+        return {**told, "next": "dart-skill learn"}
 
-    namespace = options.namespace
-    return print_result(
-        lambda: on_running_graph(
-            lambda client: client.wait_for_learner(PATIENCE), task, namespace
-        ),
-        options.json,
-        namespace,
-    )
+    return on_running_graph(options, lambda client: client.wait_for_learner(PATIENCE), task)
 
 
 def _listed(client: "GraphClient", compare: bool) -> dict:

@@ -6,8 +6,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_model, add_namespace, check_model
-from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
-from dart_skill_nodes.verbs._trials import try_all
+from dart_skill_nodes.verbs.on_graph import PATIENCE, on_running_graph
+from dart_skill_nodes.verbs.trials import try_all
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -43,26 +43,20 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             raise ValueError("there is no simulator: send /execute a goal without a situation")
         client.wait_until_ready(PATIENCE, teacher=False)
 
-    namespace = options.namespace
-    return print_result(
-        lambda: on_running_graph(wait, lambda client: _execute(client, options), namespace),
-        options.json,
-        namespace,
-    )
+    def execute(client: "GraphClient") -> dict:
+        from dart_skill.skills.protocol import load_skill
 
+        skill = load_skill(client.skill(PATIENCE))
+        if options.model:
+            client.load(options.model)
+        _, situations = skill.situations(options.seed, 0, options.count)
+        trials = try_all(client, skill, situations, options.count)
+        done = sum(one.success for one in trials)
+        return {
+            "text": f"{skill.name}: {done} of {len(trials)} succeeded",
+            "trials": [one.to_json() for one in trials],
+            "ok": all(not one.message for one in trials),
+            "next": "dart-skill execute --count 10",
+        }
 
-def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:
-    from dart_skill.skills.protocol import load_skill
-
-    skill = load_skill(client.skill(PATIENCE))
-    if options.model:
-        client.load(options.model)
-    _, situations = skill.situations(options.seed, 0, options.count)
-    trials = try_all(client, skill, situations, options.count)
-    done = sum(one.success for one in trials)
-    return {
-        "text": f"{skill.name}: {done} of {len(trials)} succeeded",
-        "trials": [one.to_json() for one in trials],
-        "ok": all(not one.message for one in trials),
-        "next": "dart-skill execute --count 10",
-    }
+    return on_running_graph(options, wait, execute)

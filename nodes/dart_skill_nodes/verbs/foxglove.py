@@ -13,8 +13,7 @@ from functools import partial
 from dart_skill.common.world import the_world
 from dart_skill.recording import definition, types_for
 from dart_skill.view import FoxgloveServer
-from dart_skill_nodes.process.discovery import stay_on_this_machine
-from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
 
 LOOK = 0.5
 """New topics are looked for so often [s, wall clock]."""
@@ -79,7 +78,7 @@ class GraphView:
         self._batches.close()
 
     def _look(self) -> None:
-        from dart_skill_nodes.comms.matching_qos import message_class
+        from dart_skill_nodes.comms.qos import message_class
 
         for topic, types in self._node.get_topic_names_and_types():
             # what passes between actions, and signs of life, as `ros2 topic list` hides them
@@ -103,7 +102,7 @@ class GraphView:
             self._server.add_topic(topic, offers[0].topic_type, text, lasting)
 
     def _show_arm(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        from dart_skill_nodes.comms.tf_messages import TfMessages
+        from dart_skill_nodes.comms.for_viewers import TfMessages
 
         if self._tf is None:
             there = {

@@ -7,7 +7,7 @@ Its options stand in `dart_skill.cli.learn`, which learns from bags without ROS.
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
+from dart_skill_nodes.verbs.on_graph import PATIENCE, on_running_graph
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -22,19 +22,12 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             at_least=options.at_least or 0,
             without=options.without,
         )
-        told = {"demonstrations": int(learned.demonstrations), "model_id": learned.model_id}
         return {
             "text": f"{learned.message}; model {learned.model_id}",
-            **told,
+            "demonstrations": int(learned.demonstrations),
+            "model_id": learned.model_id,
             "ok": True,
             "next": "dart-skill throw",
         }
 
-    namespace = options.namespace
-    return print_result(
-        lambda: on_running_graph(
-            lambda client: client.wait_for_learner(PATIENCE), learn, namespace
-        ),
-        options.json,
-        namespace,
-    )
+    return on_running_graph(options, lambda client: client.wait_for_learner(PATIENCE), learn)

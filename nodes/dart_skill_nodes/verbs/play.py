@@ -9,8 +9,8 @@ from pathlib import Path
 
 from dart_skill.cli.run_options import add_namespace
 from dart_skill_nodes.comms.names import in_namespace
-from dart_skill_nodes.process.discovery import stay_on_this_machine
-from dart_skill_nodes.verbs._run import say
+from dart_skill_nodes.process.environment import stay_on_this_machine
+from dart_skill_nodes.verbs.on_graph import say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,7 +11,7 @@ import json
 import shlex
 import time
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
 from dart_skill.cli.run_options import (
@@ -24,26 +24,26 @@ from dart_skill.cli.run_options import (
     parameter_texts,
 )
 from dart_skill.common.world import THROW
-from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.process.graph_processes import Graph
-from dart_skill_nodes.verbs._run import (
+from dart_skill_nodes.process.graph_processes import Graph, GraphFailure
+from dart_skill_nodes.verbs.on_graph import (
     PATIENCE,
     carried_out,
     on_running_graph,
-    print_result,
     say,
     started,
 )
-from dart_skill_nodes.verbs._trials import practise, teach
+from dart_skill_nodes.verbs.trials import practise, teach
 
 if TYPE_CHECKING:
     import numpy as np
+    from dart_skill_msgs.action import Practice
 
     from dart_skill.report import RunPhase
     from dart_skill.session import TrialResult
-    from dart_skill.skills.protocol import Skill
     from dart_skill_nodes.client.graph_client import GraphClient
 
+OF_A_NEW_GRAPH = ("seed", "demonstrations", "output", "layout", "arm", "set", "method", "change", "change_after")  # fmt: skip
+"""Options that are for a graph which the command starts."""
 BLOCK = 5
 """Throws per line of the table."""
 TESTS = 10
@@ -120,13 +120,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         parser.error(f"--tests is {options.tests}; it must be at least 0")
     if options.running:
         _refuse_what_starts_a_graph(options, parser)
-        task, namespace = partial(_practise_there, options=options), options.namespace
-
-        def practise_there() -> dict:
-            """Once the coach answers."""
-            return on_running_graph(lambda client: client.is_simulated(PATIENCE), task, namespace)
-
-        return print_result(practise_there, options.json, namespace)
+        task = partial(practise_there, options=options)
+        return on_running_graph(options, lambda client: client.is_simulated(PATIENCE), task)
     if options.at is not None or options.choose or options.namespace:
         parser.error("--at, --choose and --namespace are for a graph that runs: add --running")
     if options.model is not None and options.demonstrations != parser.get_default(
@@ -169,17 +164,7 @@ def _refuse_what_starts_a_graph(
     options: argparse.Namespace, parser: argparse.ArgumentParser
 ) -> None:
     """A usage error for options that say something of a graph which is not started."""
-    for name in (
-        "seed",
-        "demonstrations",
-        "output",
-        "layout",
-        "arm",
-        "set",
-        "method",
-        "change",
-        "change_after",
-    ):
+    for name in OF_A_NEW_GRAPH:
         if getattr(options, name) != parser.get_default(name):
             parser.error(
                 f"--{name.replace('_', '-')} is for a graph that is started: leave out --running,"
@@ -189,7 +174,7 @@ def _refuse_what_starts_a_graph(
         parser.error(f"--throws is {options.throws}; it must be at least 1")
 
 
-def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
+def practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
     """Own throws on a graph that runs, each of which is learned from, between two tests if they
     were asked for.
     """
@@ -199,7 +184,15 @@ def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
     if options.model is not None:
         say(f"model {client.load(options.model)}: practice goes on with it")
     if skill.told_by != "landings":
-        return _practise_skill(client, options, skill)
+        if options.at is not None or options.tests:
+            name = "tests" if options.at is None else "at"
+            raise ValueError(
+                f"--{name} is for throws: the graph practises '{skill.name}', whose situations the"
+                " coach draws"
+            )
+        result, made = practise(client, skill, options.throws)
+        trials = {"executed": int(result.executed), "trials": [one.to_json() for one in made]}
+        return _told(result, result.message, "dart-skill execute", **trials)
     where = (
         {}
         if options.choose
@@ -213,14 +206,14 @@ def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
     throws = [_as_row(one) for one in made]
     if tests and result.success:
         tests.append(_test(client, AFTER, len(throws), options.tests, fixed))
-    told = {
-        "thrown": int(result.executed),
-        "learned": int(result.learned),
-        "throws": throws,
-        "tests": tests,
-    }
     text = "\n".join([result.message, *tests_table(tests)])
-    return {"text": text, **told, "ok": bool(result.success), "next": "dart-skill throw"}
+    thrown = {"thrown": int(result.executed), "throws": throws, "tests": tests}
+    return _told(result, text, "dart-skill throw", **thrown)
+
+
+def _told(result: "Practice.Result", text: str, then: str, **more: Any) -> dict:
+    told = {"text": text, "learned": int(result.learned), **more}
+    return {**told, "ok": bool(result.success), "next": then}
 
 
 def _test_baskets(seed: int, count: int) -> "np.ndarray":
@@ -247,28 +240,6 @@ def _test(client: "GraphClient", when: str, after: int, throws: int, where: dict
             f"the test {when} ended after {len(made)} of {throws} throws: {result.message}"
         )
     return {"when": when, "after_throws": after, "throws": [_as_row(one) for one in made]}
-
-
-def _practise_skill(client: "GraphClient", options: argparse.Namespace, skill: "Skill") -> dict:
-    """Own trials of another skill, where the coach lets it be tried."""
-    if options.at is not None or options.tests:
-        name = "tests" if options.at is None else "at"
-        raise ValueError(
-            f"--{name} is for throws: the graph practises '{skill.name}', whose situations the coach"
-            " draws"
-        )
-    result, trials = practise(client, skill, options.throws)
-    told = {
-        "executed": int(result.executed),
-        "learned": int(result.learned),
-        "trials": [one.to_json() for one in trials],
-    }
-    return {
-        "text": result.message,
-        **told,
-        "ok": bool(result.success),
-        "next": "dart-skill execute",
-    }
 
 
 def run(options: argparse.Namespace) -> dict:
@@ -325,7 +296,6 @@ def run(options: argparse.Namespace) -> dict:
         "learned": sum(result.learned for result in results),
         "change": options.change,
         "change_after": options.change_after,
-        "seconds": round(took, 1),
         "message": results[-1].message,
         "bag": str(options.output / "bag"),
         "throws": [_as_row(one) for one in throws],
@@ -367,7 +337,7 @@ def table(summary: dict) -> str:
         )
     done = (
         f"{summary['thrown']} throws made, {summary['learned']} learned from, in"
-        f" {summary['seconds']:.0f} s"
+        f" {summary['wall_seconds']:.0f} s"
     )
     return "\n".join([*lines, done])
 
@@ -450,7 +420,7 @@ def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tup
         ),
         "Learned from": f"{summary['learned']} of {summary['thrown']} own throws, besides {begun}",
         "Time": (
-            f"{summary['seconds']:.0f} s for the practised throws"
+            f"{summary['wall_seconds']:.0f} s for the practised throws"
             + (" and a test" if changed and summary["tests"] else "")
         ),
     }

@@ -11,9 +11,8 @@ from dart_skill.cli.printable import printable
 from dart_skill.cli.run_options import add_namespace
 from dart_skill_nodes.client.graph_report import GraphReport
 from dart_skill_nodes.comms.names import GUIDING
-from dart_skill_nodes.process.discovery import stay_on_this_machine
-from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs._run import say
+from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
+from dart_skill_nodes.verbs.on_graph import say
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -86,7 +85,7 @@ def look(seconds: float, namespace: str = "") -> GraphReport | None:
 
 def _look(node: "Node", spin, seconds: float) -> GraphReport | None:
     from dart_skill_nodes.client.graph_listener import GraphListener, this_domain
-    from dart_skill_nodes.client.server_probe import APPEARS
+    from dart_skill_nodes.client.service_calls import APPEARS
 
     listener = GraphListener(node, spin)
     try:

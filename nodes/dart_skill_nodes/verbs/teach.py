@@ -4,8 +4,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_namespace
-from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, say
-from dart_skill_nodes.verbs._trials import how_it_went, show_all, teach_by_hand
+from dart_skill_nodes.verbs.on_graph import PATIENCE, baskets, on_running_graph, say
+from dart_skill_nodes.verbs.trials import how_it_went, show_all, teach_by_hand
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,45 +31,31 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Teach; returns the exit status."""
 
     def wait(client: "GraphClient") -> None:
+        options.targets = baskets(options, stream=1)
         options.simulated = client.is_simulated(PATIENCE)
         if options.simulated:
             client.wait_until_ready(PATIENCE)
 
-    def run() -> dict:
+    def teach(client: "GraphClient") -> dict:
         from dart_skill.skills.protocol import load_skill
 
-        targets = baskets(options, stream=1)
+        skill = load_skill(client.skill(PATIENCE))
+        if not options.simulated:
+            return _teach_by_hand(client, options, skill)
+        if skill.told_by == "landings":
+            return _teach_throws(client, skill, options.targets)
+        if options.at is not None:
+            raise ValueError(
+                f"--at is for throws: the graph teaches '{skill.name}', whose situations are drawn"
+                " (--seed)"
+            )
+        count = options.count
+        attempts = show_all(client, skill, skill.situations(options.seed, count, 0)[0], count)
+        text = f"{count} of {count} movements shown, in {attempts} attempts"
+        told = {"text": text, "shown": count, "attempts": attempts, "ok": True}
+        return {**told, "next": "dart-skill learn"}
 
-        def task(client: "GraphClient") -> dict:
-            skill = load_skill(client.skill(PATIENCE))
-            if not options.simulated:
-                return _teach_by_hand(client, options, skill)
-            if skill.told_by == "landings":
-                return _teach(client, skill, targets)
-            return _show(client, options, skill)
-
-        return on_running_graph(wait, task, options.namespace)
-
-    return print_result(run, options.json, options.namespace)
-
-
-def _show(client: "GraphClient", options: argparse.Namespace, skill: "Skill") -> dict:
-    """Lessons in another skill than throwing at baskets."""
-    if options.at is not None:
-        raise ValueError(
-            f"--at is for throws: the graph teaches '{skill.name}', whose situations are drawn"
-            " (--seed)"
-        )
-    lessons, _ = skill.situations(options.seed, options.count, 0)
-    attempts = show_all(client, skill, lessons, options.count)
-    text = f"{options.count} of {options.count} movements shown, in {attempts} attempts"
-    return {
-        "text": text,
-        "shown": options.count,
-        "attempts": attempts,
-        "ok": True,
-        "next": "dart-skill learn",
-    }
+    return on_running_graph(options, wait, teach)
 
 
 def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: "Skill") -> dict:
@@ -80,27 +66,18 @@ def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: "S
         )
     shown = teach_by_hand(client, options.count, skill.words)
     text = f"{shown} of {options.count} {skill.words.trials} shown"
-    return {
-        "text": text,
-        "shown": shown,
-        "ok": shown == options.count,
-        "next": "dart-skill demonstrations",
-    }
+    told = {"text": text, "shown": shown, "ok": shown == options.count}
+    return {**told, "next": "dart-skill demonstrations"}
 
 
-def _teach(client: "GraphClient", skill: "Throw", targets: "np.ndarray") -> dict:
+def _teach_throws(client: "GraphClient", skill: "Throw", targets: "np.ndarray") -> dict:
     """One lesson at each basket."""
     lessons = []
     for target in targets:
         result = client.teach(target)
         say(f"{skill.in_words(skill.at(target))}: {how_it_went(skill, result)}")
-        lessons.append(
-            {
-                "target": target.tolist(),
-                "success": bool(result.success),
-                "attempts": int(result.attempts),
-            }
-        )
+        told = {"success": bool(result.success), "attempts": int(result.attempts)}
+        lessons.append({"target": target.tolist(), **told})
     shown = sum(lesson["success"] for lesson in lessons)
     return {
         "text": f"{shown} of {len(lessons)} throws shown",

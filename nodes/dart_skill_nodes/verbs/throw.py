@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_model, add_namespace, check_model
 from dart_skill.common.world import THROW
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import full_name
-from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result
-from dart_skill_nodes.verbs._trials import practise, throw_at
+from dart_skill_nodes.process.graph_processes import GraphFailure
+from dart_skill_nodes.verbs.on_graph import PATIENCE, baskets, on_running_graph
+from dart_skill_nodes.verbs.trials import practise, throw_at
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,51 +36,36 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Throw; returns the exit status."""
     check_model(parser, options)
 
+    places = options.at is not None or options.count is not None
+    options.count = 1 if options.count is None else options.count
+
     def wait(client: "GraphClient") -> None:
+        options.targets = baskets(options, stream=2)
         options.simulated = client.is_simulated(PATIENCE)
         if options.simulated:
             client.wait_until_ready(PATIENCE, teacher=False)
 
-    def run() -> dict:
-        places = options.at is not None or options.count is not None
-        options.count = 1 if options.count is None else options.count
-        targets = baskets(options, stream=2)
+    def throw(client: "GraphClient") -> dict:
+        if (skill := client.skill(PATIENCE)) != THROW:
+            raise ValueError(f"the graph has learned '{skill}', not to throw: dart-skill execute")
+        if options.model:
+            client.load(options.model)
+        if options.simulated:
+            results = throw_at(client, options.targets)
+        else:
+            results = _throw_with_person(client, options.targets if places else None)
+        hits, thrown = sum(one.success for one in results), all(not one.message for one in results)
+        rows = [one.to_json_of_throw() for one in results]
+        unlearned = any("nothing is learned yet" in one.message for one in results)
+        remedy = "dart-skill learn" if unlearned else "dart-skill status"
+        return {
+            "text": f"{hits} of {len(results)} in the basket",
+            "throws": [{**row, "in_basket": row.pop("in")} for row in rows],
+            "ok": thrown,
+            "next": "dart-skill throw --count 10" if thrown else remedy,
+        }
 
-        def task(client: "GraphClient") -> dict:
-            if (skill := client.skill(PATIENCE)) != THROW:
-                raise ValueError(
-                    f"the graph has learned '{skill}', not to throw: dart-skill execute"
-                )
-            if options.model:
-                client.load(options.model)
-            return _throw(client, targets, options.simulated, places)
-
-        return on_running_graph(wait, task, options.namespace)
-
-    return print_result(run, options.json, options.namespace)
-
-
-def _throw(client: "GraphClient", targets: "np.ndarray", simulated: bool, places: bool) -> dict:
-    """places: whether the options say where the baskets are; else a real arm throws where the
-    cameras see one.
-    """
-    if simulated:
-        results = throw_at(client, targets)
-    else:
-        results = _throw_with_person(client, targets if places else None)
-    hits = sum(result.success for result in results)
-    thrown = all(not result.message for result in results)
-    return {
-        "text": f"{hits} of {len(results)} in the basket",
-        "throws": [_row(result) for result in results],
-        "ok": thrown,
-        "next": "dart-skill throw --count 10" if thrown else _remedy(results),
-    }
-
-
-def _row(result: "TrialResult") -> dict:
-    row = result.to_json_of_throw()
-    return {**row, "in_basket": row.pop("in")}
+    return on_running_graph(options, wait, throw)
 
 
 def _throw_with_person(client: "GraphClient", targets: "np.ndarray | None") -> "list[TrialResult]":
@@ -95,9 +80,3 @@ def _throw_with_person(client: "GraphClient", targets: "np.ndarray | None") -> "
     if len(made) < (1 if targets is None else len(targets)):
         raise GraphFailure(f"{full_name(client.node, 'practice')}: {result.message}")
     return made
-
-
-def _remedy(results: "list[TrialResult]") -> str:
-    """What to type next, where not every throw was made."""
-    unlearned = any("nothing is learned yet" in result.message for result in results)
-    return "dart-skill learn" if unlearned else "dart-skill status"

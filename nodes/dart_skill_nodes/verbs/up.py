@@ -20,21 +20,20 @@ from dart_skill.cli.run_options import (
     output_folder,
 )
 from dart_skill.common.world import THROW
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, in_namespace
-from dart_skill_nodes.process.discovery import stay_on_this_machine
+from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
 from dart_skill_nodes.process.graph_processes import (
     LAYOUTS,
     SIMULATED,
     START,
     TOKEN,
     Graph,
+    GraphFailure,
     nodes_of,
     of_executables,
     parameters_of,
 )
-from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs._run import of_graph
+from dart_skill_nodes.verbs.on_graph import of_graph
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient

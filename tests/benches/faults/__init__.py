@@ -8,9 +8,9 @@ import tempfile
 from pathlib import Path
 
 from dart_skill.cli.run_options import folder
-from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.process.discovery import choose_domain
-from dart_skill_nodes.verbs._run import say
+from dart_skill_nodes.process.environment import choose_domain
+from dart_skill_nodes.process.graph_processes import GraphFailure
+from dart_skill_nodes.verbs.on_graph import say
 from tests.benches.faults.cases import named
 
 

@@ -21,10 +21,14 @@ from dart_skill.arm import wam_description
 from dart_skill.cli.graph_verbs import CHECKOUT
 from dart_skill.common.regions import targets_for
 from dart_skill.recording.bags import check_bag, recover
-from dart_skill_nodes.client.failures import CallFailed, GraphFailure
 from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms.qos import LATCHED
-from dart_skill_nodes.process.graph_processes import LAYOUTS, Graph, parameters_of
+from dart_skill_nodes.process.graph_processes import (
+    LAYOUTS,
+    Graph,
+    GraphFailure,
+    parameters_of,
+)
 from tests.benches.faults.arm_meter import ArmMeter
 from tests.benches.faults.cases import (
     ATTACK,
@@ -72,7 +76,7 @@ KNOWN = 1.0
 REPLAYED = LAYOUTS["replay"]
 UNDECODABLE = "messages are no "
 """In a finding of `check_bag`: bytes that are not of their topic's type."""
-FAILURES = (GraphFailure, CallFailed, ValueError)
+FAILURES = (GraphFailure, ValueError)
 BEHIND = "_behind_the_stranger"
 """What a topic is called by its publisher when the stranger stands before it."""
 

@@ -33,13 +33,18 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.common.world import joint_names
 from dart_skill_nodes.comms.commands import new_sender
 from dart_skill_nodes.comms.conversions import at_place, set_stamp, stamp_ns
-from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions, message_class
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, pose_topic
 from dart_skill_nodes.comms.presence import be_alive
-from dart_skill_nodes.comms.qos import COMPLETE, LATCHED, WALL
+from dart_skill_nodes.comms.qos import (
+    COMPLETE,
+    LATCHED,
+    WALL,
+    MatchingSubscriptions,
+    message_class,
+)
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.process.environment import Interrupts
 from dart_skill_nodes.process.node_base import make_executor
-from dart_skill_nodes.process.signals import Interrupts
 from tests.benches.faults.cases import GARBAGE
 
 NAME = "stranger"

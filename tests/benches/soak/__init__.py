@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_arm, differences, folder, output_folder
 from dart_skill.common.files import new_file
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import COMMANDS
-from dart_skill_nodes.process.graph_processes import SIMULATED, Graph
-from dart_skill_nodes.verbs._run import carried_out, say, started
-from dart_skill_nodes.verbs._trials import teach
+from dart_skill_nodes.process.graph_processes import SIMULATED, Graph, GraphFailure
+from dart_skill_nodes.verbs.on_graph import carried_out, say, started
+from dart_skill_nodes.verbs.trials import teach
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient

@@ -13,8 +13,8 @@ draw_flame = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(draw_flame)
 
 BELOW = (
-    "thread (1): MainThread;run (dart_skill_nodes/process/node_base.py:148);spin_once"
-    " (dart_skill_nodes/comms/in_process.py:189)"
+    "thread (1): MainThread;run (dart_skill_nodes/process/node_base.py:148);spin_until"
+    " (dart_skill_nodes/process/node_base.py:163)"
 )
 STEP = (
     f"{BELOW};WamSimulator._step (dart_skill_nodes/executables/wam_simulator.py:200);Plant.step"
@@ -58,5 +58,5 @@ def test_the_key_says_the_share_of_each_node_and_leaves_the_rest_to_the_executor
 
 
 def test_samples_of_another_process_are_refused():
-    with pytest.raises(SystemExit, match="no stack holds 'spin_once"):
+    with pytest.raises(SystemExit, match="no stack holds 'spin_until"):
         draw_flame.stacks_of("thread (1): MainThread;main (other.py:3) 7\n")

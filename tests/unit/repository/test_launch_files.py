@@ -3,7 +3,6 @@ for `launch`, which is not on PyPI.
 """
 
 import importlib.util
-import re
 import runpy
 import sys
 import types
@@ -99,15 +98,11 @@ class Launched:
 
 def parameters_there_are(executable):
     """Names of the parameters that an executable's nodes declare."""
+    of_all = {"use_sim_time", "autostart", "seed"}
     from dart_skill_nodes.process.graph_processes import nodes_of
+    from dart_skill_nodes.process.parameters import described
 
-    sources = [
-        (ROOT / "nodes" / "dart_skill_nodes" / "executables" / f"{node}.py").read_text()
-        for node in nodes_of([executable])
-    ]
-    return {name for source in sources for name in re.findall(r"\(\s*\"(\w+)\",\s", source)} | {
-        "use_sim_time"
-    }
+    return {name for node in nodes_of([executable]) for name in described(node)} | of_all
 
 
 def test_nodes_and_their_parameters_exist(launched):

@@ -11,14 +11,19 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import in_namespace
-from dart_skill_nodes.process.discovery import (
+from dart_skill_nodes.process.environment import (
     choose_domain,
     has_own_domain,
     stay_on_this_machine,
 )
-from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
+from dart_skill_nodes.process.graph_processes import (
+    LAYOUTS,
+    NODES,
+    Graph,
+    GraphFailure,
+    of_executables,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -101,18 +106,21 @@ def started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "Grap
 
 
 def on_running_graph(
+    options: argparse.Namespace,
     wait: Callable[["GraphClient"], None],
     task: Callable[["GraphClient"], dict],
-    namespace: str = "",
-) -> dict:
-    """Result of a task on the graph that runs in a namespace, after waiting for what it needs;
-    GraphFailure if there is none.
+) -> int:
+    """Carry out a task on the graph that runs in a namespace, after waiting for what it needs, and
+    print what came of it as text or as JSON; the exit status.
     """
     stay_on_this_machine()
+    import json
+
     import rclpy
 
     from dart_skill_nodes.client.graph_client import GraphClient
 
+    namespace = options.namespace
     rclpy.init(args=in_namespace(namespace))
     client = GraphClient(name="verb", appears=PATIENCE)
     try:
@@ -122,28 +130,18 @@ def on_running_graph(
             raise GraphFailure(
                 f"{failure}: does the graph run? 'dart-skill up' starts it, in another terminal"
             ) from failure
-        return task(client)
+        result = task(client)
+    except (GraphFailure, ValueError) as failure:
+        print(f"dart-skill: {failure}", file=sys.stderr)
+        return 1
     finally:
         client.close()
         rclpy.try_shutdown()
+    text = f"{result.pop('text')}\nnext: {of_graph(result.pop('next'), namespace)}"
+    print(json.dumps(result) if options.json else text)
+    return 0 if result["ok"] else 1
 
 
 def of_graph(command: str, namespace: str) -> str:
     """A command of `dart-skill` for the graph of a namespace."""
     return f"{command} --namespace {namespace}" if namespace else command
-
-
-def print_result(run: Callable[[], dict], as_json: bool, namespace: str = "") -> int:
-    """Carry out one thing on a graph, print what came of it as text or as JSON, and give the exit
-    status.
-    """
-    import json
-
-    try:
-        result = run()
-    except (GraphFailure, ValueError) as failure:
-        print(f"dart-skill: {failure}", file=sys.stderr)
-        return 1
-    text = f"{result.pop('text')}\nnext: {of_graph(result.pop('next'), namespace)}"
-    print(json.dumps(result) if as_json else text)
-    return 0 if result["ok"] else 1

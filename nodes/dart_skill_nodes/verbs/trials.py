@@ -10,8 +10,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.verbs._run import say
+from dart_skill_nodes.process.graph_processes import GraphFailure
+from dart_skill_nodes.verbs.on_graph import say
 
 if TYPE_CHECKING:
     from dart_skill_msgs.action import Practice
@@ -75,9 +75,9 @@ def teach_by_hand(client: "GraphClient", wanted: int, words: "SkillWords") -> in
     shown = 0
     try:
         while shown < wanted:
-            ask(words.begin)
+            _ask(words.begin)
             client.start_demonstration()
-            ask(words.show)
+            _ask(words.show)
             stopped = client.stop_demonstration()
             shown += bool(stopped.success and stopped.readable)
             what = f"{stopped.demonstration.id} is kept" if stopped.success else "not kept"
@@ -89,7 +89,7 @@ def teach_by_hand(client: "GraphClient", wanted: int, words: "SkillWords") -> in
     return shown
 
 
-def ask(text: str) -> None:
+def _ask(text: str) -> None:
     """Wait for the Enter key; EOFError if there is no more input."""
     say(text)
     input()
@@ -148,7 +148,7 @@ def practise(
     **where: Any,
 ) -> tuple["Practice.Result", list["TrialResult"]]:
     """Own trials, each learned from unless it is only executed: what the coach says, and what
-    became of each.
+    became of each; a line is said for each, and what a person should do.
 
     Parameters:
 
@@ -158,30 +158,23 @@ def practise(
     """
     messages: dict[int, str] = {}
     what = what or _one(skill)
-    tell = partial(tell_trial, skill=skill, messages=messages, what=what, before=before)
+
+    def tell(feedback: Any) -> None:
+        name = f"{what} {before + feedback.number}"
+        if feedback.phase == "waiting":
+            say(f"{name}: {feedback.message}")
+        if feedback.phase == "done":
+            messages[feedback.number] = feedback.message
+            said = feedback.message.removeprefix(EXECUTED)
+            result = trial_result(skill, feedback.outcome, said)
+            say(f"{name}: {skill.in_words(result.situation)}: {result.in_words(skill.words)}")
+
     result = client.practise(trials, **where, on_feedback=tell)
     made = [
         trial_result(skill, outcome, messages.get(number, ""))
         for number, outcome in enumerate(result.outcomes, start=1)
     ]
     return result, made
-
-
-def tell_trial(
-    feedback: Any, skill: "Skill", messages: dict[int, str], what: str, before: int = 0
-) -> None:
-    """What a person should do, and a line for each trial, whose message is kept under its number.
-
-    * what: a trial is called.
-    * before: trials of earlier goals.
-    """
-    name = f"{what} {before + feedback.number}"
-    if feedback.phase == "waiting":
-        say(f"{name}: {feedback.message}")
-    if feedback.phase == "done":
-        messages[feedback.number] = feedback.message
-        result = trial_result(skill, feedback.outcome, feedback.message.removeprefix(EXECUTED))
-        say(f"{name}: {skill.in_words(result.situation)}: {result.in_words(skill.words)}")
 
 
 def _one(skill: "Skill") -> str:
@@ -214,26 +207,25 @@ def own_darts(
     """Own darts whose aims the coach chooses: what it says of them, the darts, and an agent that
     knows as much of the thrower as that of the coach.
     """
+    from dart_skill.darts import place_of
+    from dart_skill_nodes.comms import conversions
+
     messages: dict[int, str] = {}
-    tell = partial(_tell_dart, skill=skill, messages=messages)
+
+    def tell(feedback: Any) -> None:
+        if feedback.phase == "done":
+            messages[feedback.number] = feedback.message
+            aimed = conversions.aimed(feedback.outcome.situation, skill)
+            at, error = place_of(skill.aim(aimed)), feedback.outcome.error
+            off = f"{1e3 * error:.0f} mm off" if math.isfinite(error) else "not seen"
+            say(f"dart {feedback.number} at {at}: {off}; {feedback.message}")
+
     result, agent = client.practise(throws, on_feedback=tell), skill.agent()
     darts = [
         _dart(skill, agent, outcome, messages.get(number, ""))
         for number, outcome in enumerate(result.outcomes, start=1)
     ]
     return result, darts, agent
-
-
-def _tell_dart(feedback: Any, skill: Any, messages: dict[int, str]) -> None:
-    from dart_skill.darts import place_of
-    from dart_skill_nodes.comms import conversions
-
-    if feedback.phase == "done":
-        messages[feedback.number] = feedback.message
-        at = place_of(skill.aim(conversions.aimed(feedback.outcome.situation, skill)))
-        error = feedback.outcome.error
-        off = f"{1e3 * error:.0f} mm off" if math.isfinite(error) else "not seen"
-        say(f"dart {feedback.number} at {at}: {off}; {feedback.message}")
 
 
 def _dart(skill: Any, agent: "ModelBasedAgent", outcome: "Outcome", message: str) -> "Dart":

@@ -1,5 +1,6 @@
-"""What a viewer needs to show the arm and the tracked bodies: robot_description, /tf, /tf_static.
-Live where they are heard, and in a bag made of what the graph publishes anyway.
+"""What a viewer needs: markers and their colours; and to show the arm and the tracked bodies,
+robot_description, /tf and /tf_static, live where they are heard, and in a bag made of what the graph
+publishes anyway.
 
 All graphs share /tf: the frames of one that lives in a namespace begin with it, as in
 arm1/wam_base, but for the world, in which all stand.
@@ -9,10 +10,13 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.arm import (
     Transform,
@@ -22,6 +26,7 @@ from dart_skill.arm import (
     write_urdf,
 )
 from dart_skill.common.constants import NS_PER_S
+from dart_skill.common.palette import Colour, unit
 from dart_skill.recording import serialize, types_for
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import OfTheArm
@@ -172,3 +177,37 @@ def _tf(transforms: list[Transform], ns: int) -> bytes:
         for one in transforms
     ]
     return serialize(types_for(TF), TF, {"transforms": content})
+
+
+def marker_colour(colour: Colour, opacity: float = 1.0) -> ColorRGBA:
+    """A colour of the palette as markers have it; opacity: from 0 to 1."""
+    red, green, blue = unit(colour)
+    return ColorRGBA(r=red, g=green, b=blue, a=opacity)
+
+
+def ellipsoids(
+    message: MarkerArray, frame_id: str
+) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Spheres in a frame by namespace: centres (K, 3), quaternions x, y, z, w (K, 4), diameters
+    (K, 3). The rest is left out.
+
+    ValueError for a sphere that is nowhere.
+    """
+    groups: dict[str, list[Marker]] = {}
+    for marker in message.markers:
+        if (
+            marker.type == Marker.SPHERE
+            and marker.action == Marker.ADD
+            and marker.header.frame_id == frame_id
+        ):
+            groups.setdefault(marker.ns, []).append(marker)
+    return {name: _arrays(markers) for name, markers in groups.items()}
+
+
+def _arrays(markers: list[Marker]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    centres = [conversions.place(one.pose.position, f"marker {one.id}") for one in markers]
+    quaternions = [
+        conversions.unit_quaternion(one.pose.orientation, f"marker {one.id}") for one in markers
+    ]
+    scales = [conversions.place(one.scale, f"the end of marker {one.id}") for one in markers]
+    return np.array(centres), np.array(quaternions), np.array(scales)
