@@ -12,6 +12,7 @@ from dart_skill_msgs.msg import WamCommand
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from dart_skill.arm import ArmState
@@ -263,6 +264,14 @@ def test_a_gripper_on_the_same_topic_is_not_heard(beside):
         and max(np.diff(stamps)) <= 4_000_000
     ), "no state was lost"
     assert not driver.beside.refusals.counts and not driver.beside._rivals
+
+
+def test_whose_states_they_are_is_told_by_their_names_of_messages_and_of_their_bytes():
+    for read in (lambda message: message, serialize_message):
+        of_the_arm = OfTheArm()
+        assert of_the_arm(read(state())) and of_the_arm(read(state(REORDERED)))
+        assert not of_the_arm.others and not of_the_arm(read(state(["finger_1"])))
+        assert "finger_1" in of_the_arm.others and of_the_arm.voices == 1
 
 
 def test_who_hears_a_gripper_only_says_whose_joints_come(beside):

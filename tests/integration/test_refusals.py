@@ -9,6 +9,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -19,6 +20,7 @@ from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, R
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.graph_processes import NODES
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, make_executor
+from dart_skill_nodes.process.parameters import declare
 from tests.integration.conftest import until
 
 GIGA = 1_000_000_000
@@ -79,6 +81,31 @@ def test_what_a_callback_refuses_is_counted_and_shown(spin):
     (said,) = (one for one in heard if one != 1)
     assert said.level == WARN and said.message == "well; refused on /words: the last word"
     assert int({pair.key: pair.value for pair in said.values}["/words refused"]) > 3
+
+
+def test_a_service_refuses_with_the_reason_that_is_raised_and_succeeds_where_nothing_is(spin):
+    node, reasons = GuardedNode("fussy"), [ValueError("too far"), OSError("no file"), None]
+
+    def answer(request, response):
+        if (reason := reasons.pop(0)) is not None:
+            raise reason
+
+    node.create_service(Trigger, "~/ask", answer)
+    client, said = node.create_client(Trigger, "~/ask"), []
+    for _ in range(len(reasons)):
+        asked = client.call_async(Trigger.Request())
+        spin(asked.done, node)
+        said.append((asked.result().success, asked.result().message))
+    assert said == [(False, "too far"), (False, "no file"), (True, "")]
+    assert not node.refusals.counts, "a refusal is no fault of the node"
+
+
+def test_a_parameter_that_is_no_number_is_refused(ros):
+    node = GuardedNode("numbers")
+    declare(node, "skill_learner")
+    (result,) = node.set_parameters([Parameter("stiffness", value=float("nan"))])
+    assert not result.successful and "give finite numbers" in result.reason
+    node.destroy_node()
 
 
 def test_every_node_of_the_package_survives_what_it_is_sent():

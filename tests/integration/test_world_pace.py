@@ -3,12 +3,13 @@
 import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from dart_skill.arm import Command
-from dart_skill_nodes.arm import answers
+from dart_skill_nodes.arm import answers, simulated_arm
 from dart_skill_nodes.arm.answers import TOPICS, Answers
-from dart_skill_nodes.arm.simulated_arm import WorldPace
+from dart_skill_nodes.arm.simulated_arm import BEHIND, WorldPace
 from dart_skill_nodes.comms.commands import CommandWriter
 
 MS = 1_000_000
@@ -99,3 +100,28 @@ def test_steps_are_held_back_to_the_factor_and_to_real_time_for_who_watches(
     for _ in range(2):
         pace.hold_back()
     assert time.monotonic() - begun >= least
+
+
+def test_lost_time_is_made_up_for_by_little(plant, monkeypatch):
+    clock, slept = [100.0], []
+    monkeypatch.setattr(simulated_arm.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(simulated_arm.time, "sleep", slept.append)
+    pace = WorldPace(Node(monkeypatch, factor=1.0), plant)
+    clock[0] += 10.0  # the machine was asleep
+    for _ in range(50):
+        pace.hold_back()
+    assert len(slept) == 50 - round(BEHIND / plant.settings.step)
+
+
+def test_a_world_rests_when_nothing_moves_and_nobody_waits_for_steps(plant, monkeypatch):
+    node = Node(monkeypatch)
+    node.values["rest_after"] = 1.0
+    plant.joint_velocity, plant.bodies = np.zeros(7), {}
+    pace = WorldPace(node, plant)
+    pace.wake()
+    for seconds, waits, rests in ((0.9, False, False), (2.0, True, False), (2.1, False, True)):
+        plant.state_stamp_ns = round(1e9 * seconds)
+        pace.look_for_rest(waits)
+        assert pace.rests == rests, seconds
+    pace.wake()
+    assert not pace.rests

@@ -95,7 +95,8 @@ class Answers:
 
     def take(self) -> tuple[Command, Command | None]:
         """Command and push as answers to the present state, once nobody is silent."""
-        answers, self._answers = self._answers, {}
+        answers = self._answers
+        self._answers = {}
         return answers["commander"], answers.get("teacher")
 
     def awaits_teacher(self) -> bool:
@@ -128,7 +129,9 @@ class Answers:
             one.look()
         if self._guide is None or not self._guide.gone:
             return ""
-        gone, self.guided, self._guide = self._guide, False, None
+        gone = self._guide
+        self.guided = False
+        self._guide = None
         return f"{gone} has gone: guiding ends, the arm is braked"
 
     @property

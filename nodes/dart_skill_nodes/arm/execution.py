@@ -238,10 +238,12 @@ class Execution:
         """What a goal under way needs after the control step has answered a state: feedback, and
         its end.
         """
-        self.state, goal = state, self.goal
+        goal = self.goal
+        self.state = state
         if goal is None or not goal.armed:
             return
-        goal.newest_ns, executing = state.stamp_ns, self._commander.executing
+        executing = self._commander.executing
+        goal.newest_ns = state.stamp_ns
         if state.stamp_ns - goal.fed_ns >= FEEDBACK_NS:
             goal.fed_ns = state.stamp_ns
             self._feed(self._commander.mode.value if executing else "watching")

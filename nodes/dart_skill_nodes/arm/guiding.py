@@ -271,7 +271,8 @@ class Hands:
         """
         try:
             if self._begin is not None:
-                (situation, again), self._begin = self._begin, None
+                situation, again = self._begin
+                self._begin = None
                 self.showing.begin(situation, state, again)
                 self.guiding, self.begun_ns = True, state.stamp_ns
             if not self.guiding:

@@ -71,7 +71,8 @@ class Lesson:
         showing = self._hands.showing = self._pointer if request.by_pointer else self._person
         attempts = 1 if request.by_pointer else request.max_attempts or self._most
         for attempt in range(1, attempts + 1):
-            result.attempts, feed = attempt, partial(_feed, goal_handle, attempt)
+            feed = partial(_feed, goal_handle, attempt)
+            result.attempts = attempt
             await self._need_cameras()
             feed("preparing")
             showing.check(situation, attempt > 1)

@@ -48,7 +48,8 @@ class Observer:
         parameters: dict,
         take_all: Callable[[], None],
     ):
-        self._node, self._skill, p = node, skill, parameters
+        self._node, self._skill = node, skill
+        p = parameters
         self._thresholds = thresholds = VelocityThreshold(
             start=p["start_threshold"],
             stop=p["stop_threshold"],

@@ -97,7 +97,8 @@ class MockOptitrack(GuardedLifecycleNode):
         self._capture = MotionCapture(parameters, self.get_parameter("seed").value)
         if (reliability := self.p["reliability"]) not in POSES:
             raise ValueError(f"reliability = '{reliability}': give one of {', '.join(POSES)}")
-        self._geometry, names = ArmGeometry(), self._capture.config.bodies
+        names = self._capture.config.bodies
+        self._geometry = ArmGeometry()
         self._publishers_of = {
             name: self.create_publisher(
                 PoseStamped, pose_topic(self._name_of[name]), POSES[reliability]

@@ -119,7 +119,8 @@ class TeacherNode(GuardedNode):
         """The lesson under way goes on no more: the hands let go of the arm."""
         if self._goal is None or self._withdrawn:
             return
-        self._withdrawn, over = reason, self._hands.over
+        over = self._hands.over
+        self._withdrawn = reason
         self._hands.let_go()
         if over is not None:
             over.keep()
