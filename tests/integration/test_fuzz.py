@@ -28,7 +28,6 @@ from visualization_msgs.msg import MarkerArray
 
 from dart_skill.common.world import ROLES, joint_names, pose_topic
 from dart_skill.recording import read_command, read_demonstrations
-from dart_skill.skills.learning import DEFAULT
 from dart_skill_nodes.client.node_inspector import NodeStatuses
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.for_viewers import TfMessages, ellipsoids
@@ -45,6 +44,8 @@ from dart_skill_nodes.executables.wam_simulator import WamSimulator
 from tests.integration.conftest import plan_request
 from tests.integration.nasty import NUMBERS, nasty, spoil
 from tests.paths import BAGS
+
+SHOWN = read_demonstrations(BAGS / "demonstrations")[:4]
 
 randoms = st.randoms(use_true_random=False)
 few = settings(max_examples=40 if settings.default.derandomize else settings.default.max_examples)
@@ -118,9 +119,7 @@ def nodes(ros, tmp_path_factory):
         )
         made += [kind() for kind in kinds]
         named = {node.get_name(): node for node in made}
-        named["skill_learner"]._learner.take(
-            read_demonstrations(BAGS / "demonstrations")[:4], DEFAULT
-        )
+        named["skill_learner"]._learner.learn(SHOWN)
         yield named
         for node in made:
             node.destroy_node()
@@ -216,7 +215,7 @@ def test_every_service_answers(nodes, random):
 def thrown(nodes):
     """A demonstration and a plan as messages, both as good as can be."""
     one = replace(read_demonstrations(BAGS / "demonstrations")[4], id="trial")
-    return one, nodes["skill_learner"]._learner.practising.plan(one.target)
+    return one, nodes["skill_learner"]._learner.plan(one.situation).plan
 
 
 @given(random=randoms)
@@ -246,9 +245,7 @@ def test_a_demonstration_with_a_few_wrong_numbers_does_not_keep_the_others_from_
         spoil(conversions.demonstration_msg(thrown[0]), random),
     )
     message.id = "spoiled"
-    learner._heard = {
-        one.id: one for one in learner._learner.practising.practice.demonstrations[:4]
-    }
+    learner._heard = {one.id: one for one in SHOWN}
     with contextlib.suppress(ValueError):
         learner._on_demonstration(message)
     _, learned = called(learner, "/skill_learner/learn", lambda kind: kind.Request())

@@ -102,8 +102,8 @@ def test_a_service_refuses_with_the_reason_that_is_raised_and_succeeds_where_not
 
 def test_a_parameter_that_is_no_number_is_refused(ros):
     node = GuardedNode("numbers")
-    declare(node, "skill_learner")
-    (result,) = node.set_parameters([Parameter("stiffness", value=float("nan"))])
+    declare(node, "wam_simulator")
+    (result,) = node.set_parameters([Parameter("mass_scale", value=[float("nan")] * 7)])
     assert not result.successful and "give finite numbers" in result.reason
     node.destroy_node()
 

@@ -121,7 +121,10 @@ def test_a_recording_is_replayed_into_a_model(start):
     """Without an arm, real or simulated: the demonstrations are cut out of what is played."""
     process = start("--play", str(BAG), "--rate", "0")
     events_until(process, "up")
-    learned, (_, lesson) = told_by("learn", "--at-least", "13"), learn_skill(BAG, load_skill("throw"))
+    learned, (_, lesson) = (
+        told_by("learn", "--at-least", "13"),
+        learn_skill(BAG, load_skill("throw")),
+    )
     assert learned == {"demonstrations": 13, "model_id": lesson.model_id, "ok": True}
     end(process)
 
