@@ -3,7 +3,6 @@ say. No ROS.
 """
 
 import dataclasses
-import time
 
 import numpy as np
 import pytest
@@ -284,15 +283,3 @@ def test_the_same_seed_is_the_same_laboratory_and_another_is_not():
     one, again, other = (dataclasses.astuple(Laboratory.drawn(seed)) for seed in (1, 1, 2))
     assert all(np.array_equal(left, right) for left, right in zip(one, again, strict=True))
     assert not all(np.array_equal(left, right) for left, right in zip(one, other, strict=True))
-
-
-def test_a_step_leaves_time_for_real_time(nominal):
-    """CPU time of a step with gravity compensation, the best of some runs: others compute on the
-    machine, too.
-    """
-    plant, best = Plant(Laboratory.drawn(7), COCKED), np.inf
-    for _ in range(5):
-        begin = time.process_time()
-        hold(plant, nominal, 0.1)
-        best = min(best, (time.process_time() - begin) / 50)
-    assert best < 0.0005
