@@ -70,7 +70,7 @@ NEW = {
     "geometry_msgs/msg/PoseStamped": PoseStamped,
     "sensor_msgs/msg/JointState": JointState,
 }
-"""The skill whose target is a basket."""
+"""What makes the messages inside a demonstration."""
 BASKET, BOARD, MISS = "basket", "board", "miss"
 """Names in messages: the bodies at which a throw is aimed, the instants that its outcome tells of,
 and the miss of another skill.
@@ -106,12 +106,16 @@ def stamp_ns(stamp: Time | Duration) -> int:
 
 def checked_stamp_ns(stamp: Time, what: str = "it") -> int:
     """A stamp as nanoseconds; ValueError, with `what` it is of, for one before time began."""
-    if stamp.sec < 0 or stamp.nanosec >= NS_PER_S:
+    return _checked_ns(stamp.sec, stamp.nanosec, what)
+
+
+def _checked_ns(sec: int, nanosec: int, what: str) -> int:
+    if sec < 0 or nanosec >= NS_PER_S:
         raise ValueError(
-            f"{what} is stamped {stamp.sec} s and {stamp.nanosec} ns: stamps are not negative, and"
-            " below 1 s of nanoseconds"
+            f"{what} is stamped {sec} s and {nanosec} ns: stamps are not negative, and below 1 s of"
+            " nanoseconds"
         )
-    return stamp.sec * NS_PER_S + stamp.nanosec
+    return sec * NS_PER_S + nanosec
 
 
 def leading_stamp_ns(data: bytes) -> int:
@@ -120,13 +124,7 @@ def leading_stamp_ns(data: bytes) -> int:
     """
     if len(data) < LEADING_STAMP.size:
         raise ValueError(f"{len(data)} bytes are no message that begins with a stamp")
-    sec, nanosec = LEADING_STAMP.unpack_from(data)
-    if sec < 0 or nanosec >= NS_PER_S:
-        raise ValueError(
-            f"it is stamped {sec} s and {nanosec} ns: stamps are not negative, and below 1 s of"
-            " nanoseconds"
-        )
-    return sec * NS_PER_S + nanosec
+    return _checked_ns(*LEADING_STAMP.unpack_from(data), "it")
 
 
 class GroundTruth(NamedTuple):
@@ -407,9 +405,7 @@ def body_state(name: str, position, velocity=(0.0, 0.0, 0.0)) -> BodyState:
     """A body that is not turned, at a place (3,), with a velocity (3,)."""
     message = BodyState(name=name)
     message.pose.position = point(position)
-    message.twist.linear.x, message.twist.linear.y, message.twist.linear.z = (
-        float(v) for v in velocity
-    )
+    set_vector(message.twist.linear, np.asarray(velocity, dtype=float))
     return message
 
 
@@ -552,8 +548,8 @@ def policy_msg(policy: "Policy", frame_id: str) -> PlanMsg:
 
 def _say_registration(message: PlanMsg, seen: Registration) -> None:
     message.base, message.body = (
-        _rigid(seen.turn, seen.shift),
-        _rigid(seen.hand_turn, seen.hand_shift),
+        _transform(seen.shift, seen.turn),
+        _transform(seen.hand_shift, seen.hand_turn),
     )
     message.camera_delay = duration_msg(seen.delay)
 
@@ -606,17 +602,10 @@ def path_msg(plan: PlanMsg) -> Path:
     path = Path(header=plan.header)
     for sample in plan.trajectory.points:
         pose = PoseStamped(header=Header(frame_id=plan.header.frame_id))
-        pose.header.stamp.sec, pose.header.stamp.nanosec = (
-            sample.time_from_start.sec,
-            sample.time_from_start.nanosec,
-        )
+        pose.header.stamp = time_msg(stamp_ns(sample.time_from_start))
         hand = sample.transforms[1]
         pose.pose.orientation = hand.rotation
-        pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = (
-            hand.translation.x,
-            hand.translation.y,
-            hand.translation.z,
-        )
+        set_vector(pose.pose.position, vector(hand.translation))
         path.poses.append(pose)
     return path
 
@@ -697,27 +686,13 @@ def _checked_points(trajectory: MultiDOFJointTrajectory) -> Sequence[MultiDOFJoi
     return trajectory.points
 
 
-def _rigid(turn: Sequence[float], shift: Sequence[float]) -> Transform:
-    """A quaternion (4,) and a shift (3,) [m] as a transform."""
-    transform = Transform()
-    rotation, translation = transform.rotation, transform.translation
-    rotation.x, rotation.y, rotation.z, rotation.w = turn
-    translation.x, translation.y, translation.z = shift
-    return transform
-
-
 def _registration(message: PlanMsg) -> Registration:
     """Registration of a plan, that of a client which sets none is none; ValueError if its
     transforms are no transforms.
     """
-    base, body = (
-        (
-            (one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w),
-            (one.translation.x, one.translation.y, one.translation.z),
-        )
-        for one in (message.base, message.body)
-    )
-    return Registration(*base, *body, delay=seconds(message.camera_delay))
+    base, body = (_pose(one).tolist() for one in (message.base, message.body))
+    parts = map(tuple, (base[3:], base[:3], body[3:], body[:3]))
+    return Registration(*parts, delay=seconds(message.camera_delay))
 
 
 def _trajectory(plan: MotionPlan, frame_id: str) -> MultiDOFJointTrajectory:
@@ -739,17 +714,16 @@ def _trajectory(plan: MotionPlan, frame_id: str) -> MultiDOFJointTrajectory:
     return trajectory
 
 
-def _transform(position: np.ndarray, orientation: np.ndarray) -> Transform:
+def _transform(position: Sequence[float], orientation: Sequence[float]) -> Transform:
     message = Transform()
     set_vector(message.translation, position)
     target = message.rotation
-    target.x, target.y, target.z, target.w = orientation.tolist()
+    target.x, target.y, target.z, target.w = map(float, orientation)
     return message
 
 
 def _pose(transform: Transform) -> np.ndarray:
-    t, r = transform.translation, transform.rotation
-    return np.array([t.x, t.y, t.z, r.x, r.y, r.z, r.w])
+    return np.concatenate([vector(transform.translation), quaternion(transform.rotation)])
 
 
 def _twist(message: Twist) -> np.ndarray:
