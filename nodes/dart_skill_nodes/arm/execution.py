@@ -89,7 +89,7 @@ class Execution:
         self.state: ArmState | None = None
         self.reacting: ReactiveGuide | None = None
         self._calls = ServiceCalls(node)
-        self._recorder = RecorderCalls(node, self._calls)
+        self._recorder = RecorderCalls(node, self._calls, "judge", "look")
         self._planner = node.create_client(Plan, "skill_learner/plan")
         self._path = node.create_publisher(Path, "~/plan", NEWEST)
         self._attractor = node.create_publisher(PoseStamped, "~/attractor", FRAMES)

@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool
 from dart_skill.skills.observation import ARRIVAL_NS
 from dart_skill.skills.protocol import Skill
 from dart_skill_nodes.arm.guiding import Hands, PointerShowing, Showing
-from dart_skill_nodes.client.service_calls import RecorderCalls, ServiceCalls
+from dart_skill_nodes.client.service_calls import OF_THE_RECORDER, RecorderCalls, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import pause
@@ -55,7 +55,7 @@ class Lesson:
         self._hands, self._seen, self._cameras = hands, seen, cameras
         self._person, self._pointer = showings
         self._most, self._go_on = most, go_on
-        self._recorder, self._unseen = RecorderCalls(node, calls), ""
+        self._recorder, self._unseen = RecorderCalls(node, calls, *OF_THE_RECORDER), ""
         self._step = node.create_client(Step, "simulation/step")
         self._reset = node.create_client(Reset, "simulation/reset")
         self._pause = node.create_client(SetBool, "simulation/pause")

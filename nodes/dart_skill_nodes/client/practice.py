@@ -49,7 +49,7 @@ class Practising:
         self._node, self._skill, self._calls, self._person = node, skill, calls, person
         self._check, self._unseen, self._p = check, unseen, parameters
         self._choice = target_choice_of(skill, parameters["candidates"], parameters["seed"])
-        self._recorder = RecorderCalls(node, calls)
+        self._recorder = RecorderCalls(node, calls, "start", "stop")
         self.sequence = TrialSequence(
             node, calls, parameters["frame_id"], lambda: parameters["simulated"]
         )

@@ -254,17 +254,28 @@ def _unanswered(name: str, asked: Presence, limit: float) -> str:
     )
 
 
+OF_THE_RECORDER = {
+    "start": Trigger,
+    "stop": StopDemonstration,
+    "judge": JudgeService,
+    "look": Look,
+}
+"""Services of the demonstration recorder."""
+
+
 class RecorderCalls:
     """The demonstration recorder, which sees the poses, for a node that lets something be recorded,
     that lets the arm move, or that needs to know where bodies are.
+
+    services: those of OF_THE_RECORDER that the node needs; it has the permission for no others.
     """
 
-    def __init__(self, node: Node, calls: ServiceCalls):
+    def __init__(self, node: Node, calls: ServiceCalls, *services: str):
         self._node, self._calls = node, calls
-        self._start = node.create_client(Trigger, "demonstration_recorder/start")
-        self._stop = node.create_client(StopDemonstration, "demonstration_recorder/stop")
-        self._judge = node.create_client(JudgeService, "demonstration_recorder/judge")
-        self._look = node.create_client(Look, "demonstration_recorder/look")
+        self._of = {
+            name: node.create_client(OF_THE_RECORDER[name], f"demonstration_recorder/{name}")
+            for name in services
+        }
 
     async def start(self, let_run: Callable[[], Awaitable] | None = None) -> None:
         """From now on a throw is looked at. In a graph that has just been started every topic must
@@ -274,7 +285,9 @@ class RecorderCalls:
         was started meanwhile.
         """
         for attempt in range(100):
-            response = await self._calls.call(self._start, Trigger.Request(), may_refuse=True)
+            response = await self._calls.call(
+                self._of["start"], Trigger.Request(), may_refuse=True
+            )
             if response.success:
                 return
             if response.message.startswith((NO_CAMERAS, NOT_RECORDED)):
@@ -282,7 +295,7 @@ class RecorderCalls:
             if attempt == 0 and let_run is not None:
                 await let_run()
             await pause(self._node, 0.1)
-        raise GraphFailure(f"{self._start.service_name}: {response.message}")
+        raise GraphFailure(f"{self._of['start'].service_name}: {response.message}")
 
     async def stop(
         self, until_ns: int, keep: bool, reason: str = ""
@@ -294,7 +307,7 @@ class RecorderCalls:
             keep=keep, reason=reason, until=conversions.time_msg(until_ns)
         )
         for _ in range(100):
-            response = await self._calls.call(self._stop, request, may_refuse=True)
+            response = await self._calls.call(self._of["stop"], request, may_refuse=True)
             if not response.pending:
                 return response
             await pause(self._node, 0.05)
@@ -319,14 +332,14 @@ class RecorderCalls:
         def is_late() -> None:
             request.until = conversions.time_msg(0)
 
-        return (await self._once_it_has_come(self._judge, request, is_late)).outcome
+        return (await self._once_it_has_come(self._of["judge"], request, is_late)).outcome
 
     async def look(self, until_ns: int = 0) -> Situation:
         """Where the bodies of the skill are just before a stamp; 0: now. GraphFailure says which one
         is not seen.
         """
         request = Look.Request(until=conversions.time_msg(until_ns))
-        return (await self._once_it_has_come(self._look, request)).situation
+        return (await self._once_it_has_come(self._of["look"], request)).situation
 
     async def _once_it_has_come(self, client, request, is_late=None):
         """Response of a service that waits for poses. is_late: called when nothing more has come

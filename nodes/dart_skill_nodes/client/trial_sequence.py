@@ -59,7 +59,7 @@ class TrialSequence:
         self.pause_client = node.create_client(SetBool, "simulation/pause")
         self.action_client = ActionClient(node, Execute, "execute")
         self._step = node.create_client(Step, "simulation/step")
-        self._recorder = RecorderCalls(node, calls)
+        self._recorder = RecorderCalls(node, calls, "look")
         self._under_way: TrialUnderWay | None = None
 
     async def reset(self, situation: Situation | None = None) -> Time:

@@ -251,4 +251,6 @@ def throw_dart(client: "GraphClient", skill: Any, aim: Any) -> "Hit":
     made = client.practise(situations=[conversions.situation_msg(skill.aimed(aim))])
     if made.outcomes and made.outcomes[0].seen:
         return Hit(skill.face.on_board(conversions.seen_at(made.outcomes[0], conversions.LANDING)))
-    return Hit(None, "the cameras did not see where the dart went" if made.success else made.message)
+    return Hit(
+        None, "the cameras did not see where the dart went" if made.success else made.message
+    )
