@@ -246,15 +246,16 @@ def test_a_lesson_ends_at_once_when_it_is_stopped_or_cancelled(graph, stranger, 
     handle = client.wait(
         teach.send_goal_async(Teach.Goal(situation=conversions.at_place(SHOWN[0]))), "/teach"
     )
-    stranger.fastest = 0.0
-    wait_for(client, lambda: stranger.fastest > 0.5, what="the arm is guided")
+    ended, stranger.fastest = handle.get_result_async(), 0.0
+    wait_for(client, lambda: stranger.fastest > 0.5 or ended.done(), what="the arm is guided")
+    assert not ended.done(), ended.result().result.message
     client.wait(
         handle.cancel_goal_async()
         if how == "cancel"
         else stranger.stop.call_async(Trigger.Request()),
         how,
     )
-    lesson = client.wait(handle.get_result_async(), "the lesson")
+    lesson = client.wait(ended, "the lesson")
     assert (
         not lesson.result.success
         and {"stop": "stopped by", "cancel": "cancelled"}[how] in lesson.result.message
