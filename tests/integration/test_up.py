@@ -141,7 +141,7 @@ def test_a_model_that_was_learned_from_a_bag_throws_at_once(start, tmp_path):
     assert (demo["in"], demo["thrown"]) == (1, 1) and (tmp_path / "demo" / "report.html").is_file()
     process = start("--model", model["model"])
     up = events_until(process, "up")[-1]
-    assert model["model_id"] in up["message"] and up["next"] == "dart-skill throw"
+    assert model["model_id"] in up["message"] and up["next"] == "dart-skill execute"
     listed = subprocess.run(
         ["dart-skill", "demonstrations"], capture_output=True, text=True, timeout=PATIENCE
     )

@@ -27,7 +27,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             "demonstrations": int(learned.demonstrations),
             "model_id": learned.model_id,
             "ok": True,
-            "next": "dart-skill throw",
+            "next": "dart-skill execute",
         }
 
     return on_running_graph(options, lambda client: client.wait_for_learner(PATIENCE), learn)

@@ -19,7 +19,6 @@ from dart_skill.cli.run_options import (
     folder,
     output_folder,
 )
-from dart_skill.common.world import THROW
 from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, in_namespace
 from dart_skill_nodes.process.environment import Interrupts, stay_on_this_machine
 from dart_skill_nodes.process.graph_processes import (
@@ -259,7 +258,7 @@ def _tell_up(client: "GraphClient", options: argparse.Namespace, graph: Graph, t
     model = f"model {client.load(options.model)}; " if options.model else ""
     then = NEXT[options.layout]
     if options.model and options.layout in SIMULATED:
-        then = "dart-skill execute" if options.skill not in ("", THROW) else "dart-skill throw"
+        then = "dart-skill execute"
     then = of_graph(then, options.namespace)
     tell(
         "up",
