@@ -24,12 +24,16 @@ import numpy as np
 from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES
 
 _RESULTS, RESULT_OF_BED = np.unique(2 * BED_SCORES + BED_IS_DOUBLE, return_inverse=True)
-POINTS, IS_DOUBLE = _RESULTS // 2, _RESULTS % 2 == 1
-"""The distinct results of a dart (57,): its points, and whether it is a double."""
+POINTS = _RESULTS // 2
+"""Points of each distinct result of a dart (57,)."""
+IS_DOUBLE = _RESULTS % 2 == 1
+"""Whether each distinct result of a dart (57,) is a double."""
 LARGEST_SCORE = 60
+"""Most points of a dart."""
 SAFE = LARGEST_SCORE + 2
 """From this score on no dart can bust."""
 MAX_ROUNDS = 50
+"""Largest number of steps of policy iteration."""
 ACCURACY = 1e-6
 """Relative step after which the aims are not chosen again: better ones would cost less by a small
 share of it.
@@ -81,14 +85,6 @@ class Everywhere:
         """The same of several values (m, 57) of the results in a single state, (m, n)."""
         return values @ self._transposed
 
-    def turn(
-        self, remaining: int, values: np.ndarray
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Means (n,) of values (3, 57) in a state with one, two and three darts left, and the
-        chances (n,) of a miss, the first result.
-        """
-        return list(values @ self._transposed), [self._transposed[0]] * 3
-
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """Index (m,) of the aims in those columns of means."""
         return chosen
@@ -132,21 +128,8 @@ class Nearby:
 
     def means_at(self, darts: int, remaining: int, values: np.ndarray) -> np.ndarray:
         """As of Everywhere, (m, k)."""
-        return values @ self._block_at(darts, remaining).T
-
-    def turn(
-        self, remaining: int, values: np.ndarray
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """As of Everywhere, (k,) each."""
-        blocks = [self._block_at(darts, remaining) for darts in (1, 2, 3)]
-        return [block @ row for block, row in zip(blocks, values, strict=True)], [
-            block[:, 0] for block in blocks
-        ]
-
-    def _block_at(self, darts: int, remaining: int) -> np.ndarray:
-        """Probabilities of the results (k, 57) of the aims that may be chosen in a state."""
         part = int(remaining >= safe_from(darts))
-        return self._blocks[darts - 1][part][remaining - part * safe_from(darts)]
+        return values @ self._blocks[darts - 1][part][remaining - part * safe_from(darts)].T
 
     def allowed(self, darts: int, remaining: int) -> np.ndarray:
         """Index (k,) of the aims that may be chosen in a state."""
@@ -246,15 +229,11 @@ def solve(
     """
     leg = _Leg(choice, start, costs.dart)
     for score in range(2, start + 1):
-        guess = (
-            guesses[score]
-            if guesses is not None
-            else leg.expected[score - 1]
-            if score > 2
-            else 1.0
+        guess = leg.expected[score - 1] if score > 2 else 1.0
+        this = _Turn(leg, score)
+        leg.expected[score] = _root(
+            this, float(guess if guesses is None else guesses[score]), costs
         )
-        this = (_Turn if score < safe_from(3) else _SafeTurn)(leg, score)
-        leg.expected[score] = _root(this, float(guess), costs)
         leg.keep(score, this)
     return Solution(leg.expected, leg.choices)
 
@@ -266,13 +245,13 @@ def solve_turn(choice: Everywhere | Nearby, after: np.ndarray) -> Solution:
     leg, costs = _Leg(choice, len(after) - 1, 0.0), after.copy()
     for score in range(2, len(after)):
         leg.expected[score] = after[score]
-        this = (_Turn if score < safe_from(3) else _SafeTurn)(leg, score)
+        this = _Turn(leg, score)
         costs[score], _ = this.value(float(after[score]))
         leg.keep(score, this)
     return Solution(costs, leg.choices)
 
 
-def _root(turn: _Turn | _SafeTurn, guess: float, costs: Costs) -> float:
+def _root(turn: _Turn, guess: float, costs: Costs) -> float:
     """The V(s) that a turn from s costs with it, and the aims of that turn."""
     for _ in range(MAX_ROUNDS):
         value, slope = turn.value(guess)
@@ -311,7 +290,7 @@ class _Leg:
         self.last_cost = np.full_like(self.bust_chance, np.inf)
         self.safe_aim = np.full((2, start + 1), -1)
 
-    def keep(self, score: int, turn: _Turn | _SafeTurn) -> None:
+    def keep(self, score: int, turn: _Turn) -> None:
         """V of this score is known now: what turns from higher scores need of it, and those aims
         of this turn that do not depend on V.
         """
@@ -337,37 +316,6 @@ class _Leg:
         """The least of costs (n,) for a single score, and its aim."""
         chosen = int(costs.argmin())
         return float(costs[chosen]), self.choice.aim(darts, score, chosen)
-
-
-class _SafeTurn:
-    """The turn from a score from which no three darts can bust: only misses lead back to it."""
-
-    def __init__(self, leg: _Leg, score: int):
-        self._leg, self.score = leg, score
-        after = leg.known.take(leg.left[score], axis=1)
-        after[:, 0] = 0.0  # of a miss, which is the first result
-        means, self._misses = leg.choice.turn(score, after)
-        self._costs = [leg.dart + mean for mean in means]
-
-    def value(self, guess: float) -> tuple[float, float]:
-        """W_3(s) and its derivative, if V(s) is a guess."""
-        leg, score, slope = self._leg, self.score, 1.0
-        for darts, (costs, miss) in enumerate(
-            zip(self._costs, self._misses, strict=True), start=1
-        ):
-            guess, aim = leg.best_of(darts, score, costs + guess * miss)
-            slope *= leg.choice.results[aim, 0]
-            leg.choices[3 - darts][score, 0] = aim
-        return guess, float(slope)
-
-    def safe(self, darts: int) -> tuple[float, int]:
-        """W_k of the score in a turn that starts higher, and its aim: a miss leads to what is
-        known now.
-        """
-        after = float(self._leg.known[darts - 1, self.score])
-        return self._leg.best_of(
-            darts, self.score, self._costs[darts - 1] + after * self._misses[darts - 1]
-        )
 
 
 class _Turn:

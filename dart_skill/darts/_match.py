@@ -17,15 +17,18 @@ from numpy.typing import ArrayLike
 
 from dart_skill.common.checks import as_count, as_number
 from dart_skill.darts._board import place_of
-from dart_skill.darts._leg import LegPolicy, as_remaining, as_start
+from dart_skill.darts._leg import as_remaining, as_start
 from dart_skill.darts._leg_solver import LARGEST_SCORE, Nearby, after_dart
 from dart_skill.darts._match_players import MatchPlayer, match_player
-from dart_skill.darts._match_solver import Best, Fixed, Side, solve_game
+from dart_skill.darts._match_solver import Best, Fixed, solve_game
 from dart_skill.darts._spread import Spread, SpreadByTarget, as_spread
 
 PLAYS = ("best", "turns")
+"""How a player can choose: the best answer to the other, or the fewest turns on average."""
 PLAYERS = ("me", "them")
+"""Who can begin a match."""
 MOST_LEGS = 999
+"""Largest number of legs of a match."""
 
 Player = MatchPlayer | Spread | SpreadByTarget | float | ArrayLike
 
@@ -82,16 +85,12 @@ class MatchSide:
     @property
     def aims(self) -> np.ndarray:
         """Between which this side chooses, (n, 2) [mm]."""
-        return self._source.aims
+        return (self.player.leg if self.play == "turns" else self.player).aims
 
     @property
     def which(self) -> np.ndarray:
         """Index (n,) of the spread of each aim."""
-        return self._source.which
-
-    @property
-    def _source(self) -> LegPolicy | MatchPlayer:
-        return self.player.leg if self.play == "turns" else self.player
+        return (self.player.leg if self.play == "turns" else self.player).which
 
     def choices(self, begun: int, against: int) -> tuple[np.ndarray, ...]:
         """Index of the aims of a turn from the score `begun`, when the other player has `against`
@@ -159,26 +158,24 @@ def solve_match(
         fewest if tuple(plays) == ("turns", "turns") else _solved(me, them, plays, fewest[0].left)
     )
     return MatchPolicy(
-        _read(me, plays[0], mine.left, theirs.left), _read(them, plays[1], theirs.left, mine.left)
+        MatchSide(me, plays[0], _by_scores(1.0 - theirs.left), _by_scores(mine.left.T)),
+        MatchSide(them, plays[1], _by_scores(1.0 - mine.left), _by_scores(theirs.left.T)),
     )
 
 
 def _solved(
     me: MatchPlayer, them: MatchPlayer, plays: tuple[str, str], guess: np.ndarray | None = None
-) -> tuple[Side, Side]:
+) -> tuple[Fixed | Best, Fixed | Best]:
     """The game, solved."""
-    mine = _side(me, plays[0])
-    theirs = mine if me is them and plays[0] == plays[1] else _side(them, plays[1])
-    solve_game(mine, theirs, guess)
-    return mine, theirs
-
-
-def _side(player: MatchPlayer, play: str) -> Side:
-    return (
+    mine, theirs = (
         Fixed(player.outcomes)
         if play == "turns"
         else Best(player.choice, np.diag(player.outcomes))
+        for player, play in zip((me, them), plays, strict=True)
     )
+    theirs = mine if me is them and plays[0] == plays[1] else theirs
+    solve_game(mine, theirs, guess)
+    return mine, theirs
 
 
 class AimsApart(NamedTuple):
@@ -269,7 +266,9 @@ def match_chance(first: float, second: float, legs: int, begins: str = "me") -> 
     ValueError
         For an even number of legs or too many, no chance, or another player.
     """
-    first, second = _as_chance(first, "first"), _as_chance(second, "second")
+    for name, chance in (("first", first), ("second", second)):
+        if as_number(chance, name, strict=False) > 1.0:
+            raise ValueError(f"{name} must be a chance from 0 to 1, got {chance:g}")
     legs = as_count(legs, "legs", 1)
     if legs % 2 == 0 or legs > MOST_LEGS:
         raise ValueError(
@@ -332,11 +331,6 @@ def _is_same(one: Player, other: Player) -> bool:
     )
 
 
-def _read(player: MatchPlayer, play: str, left: np.ndarray, others: np.ndarray) -> MatchSide:
-    """A side from the L of both players."""
-    return MatchSide(player, play, _by_scores(1.0 - others), _by_scores(left.T))
-
-
 def _by_scores(chances: np.ndarray) -> np.ndarray:
     """Chances by the own score and that of the other: who has nothing left has won."""
     chances = chances.copy()
@@ -344,13 +338,6 @@ def _by_scores(chances: np.ndarray) -> np.ndarray:
     chances[0], chances[1], chances[:, 1] = 1.0, np.nan, np.nan
     chances.flags.writeable = False
     return chances
-
-
-def _as_chance(value: float, name: str) -> float:
-    chance = as_number(value, name, strict=False)
-    if chance > 1.0:
-        raise ValueError(f"{name} must be a chance from 0 to 1, got {chance:g}")
-    return chance
 
 
 def _binomial(n: int, chance: float) -> np.ndarray:

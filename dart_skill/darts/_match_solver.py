@@ -17,7 +17,6 @@ between two bounds.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
@@ -34,6 +33,7 @@ from dart_skill.darts._leg_solver import (
 )
 
 MAX_ROUNDS = 100
+"""Largest number of steps of the secant method."""
 ACCURACY = 1e-7
 """Accuracy of chances to win at which the secant method ends; its next step would be shorter by a
 factor of ten at least.
@@ -43,6 +43,7 @@ NO_BUST_TWO = safe_from(2)
 NO_BUST_THREE = safe_from(3)
 """Score from which three darts cannot bust."""
 PER_DART = LARGEST_SCORE + 1
+"""Number of different points that a dart can take off, from 0 on."""
 LAST_PARTS = (2, 32, SAFE)
 """Limits of the ranges of scores that are computed together, from which the last dart may bust."""
 SECOND_PARTS = (2, 32, SAFE, NO_BUST_TWO)
@@ -51,36 +52,9 @@ BUST = NO_BUST_THREE
 """Column of the tables of a turn in which a bust finds its value."""
 
 
-class Turns(Protocol):
-    """The turns of one player from the scores low, low + 1, ..., against an opponent who has the
-    rest of a sum left.
-    """
-
-    def value(self, back: np.ndarray) -> np.ndarray:
-        """Chances to win (m,), if they are `back` (m,) after a turn that leads back to its
-        beginning.
-        """
-
-    def keep(self, back: np.ndarray) -> None:
-        """These are known now: what later turns need of them."""
-
-
-class Side(Protocol):
-    """A player: left (start + 1, start + 1) is L, by the score of the other and by the own one.
-
-    Attributes
-    ----------
-    back : (start + 1,)
-        Chance that a turn leads back to its beginning, nearly.
-    """
-
-    left: np.ndarray
-    back: np.ndarray
-
-    def turns(self, low: int, end: int, total: int) -> Turns: ...
-
-
-def solve_game(mine: Side, theirs: Side, guess: np.ndarray | None = None) -> None:
+def solve_game(
+    mine: Fixed | Best, theirs: Fixed | Best, guess: np.ndarray | None = None
+) -> None:
     """Fills `left` of both sides, which may be the same.
 
     Parameters
@@ -111,7 +85,12 @@ def solve_game(mine: Side, theirs: Side, guess: np.ndarray | None = None) -> Non
         second.keep(1.0 - first.value(back)[::-1])
 
 
-def _root(first: Turns, second: Turns, at: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def _root(
+    first: _FixedTurns | _BestTurns,
+    second: _FixedTurns | _BestTurns,
+    at: np.ndarray,
+    slope: np.ndarray,
+) -> np.ndarray:
     """The u (m,) of all pairs of a sum, from a guess; slope (m,): of the right side, about."""
     low, high = np.zeros_like(at), np.ones_like(at)
     fall = np.maximum(1.0 - slope, FEWEST_ENDS)
@@ -138,6 +117,13 @@ class Fixed:
     ----------
     outcomes : (start + 1, start + 1)
         Chances of what is left after a turn, by what was before.
+
+    Attributes
+    ----------
+    left : (start + 1, start + 1)
+        L, by the score of the other player and by the own one.
+    back : (start + 1,)
+        Chance that a turn leads back to its beginning, nearly.
     """
 
     def __init__(self, outcomes: np.ndarray):
@@ -145,11 +131,18 @@ class Fixed:
         self.left = np.zeros_like(outcomes)
         self.left[:, 0] = 1.0
 
-    def turns(self, low: int, end: int, total: int) -> Turns:
+    def turns(self, low: int, end: int, total: int) -> _FixedTurns:
+        """The turns from the scores low, low + 1, ..., against an opponent who has the rest of a
+        sum left.
+        """
         return _FixedTurns(self, low, end, total)
 
 
 class _FixedTurns:
+    """Turns of one player from a range of scores: `value` (m,) is the chance to win, if it is
+    `back` (m,) after a turn that leads back to its beginning; `keep` says what that is.
+    """
+
     def __init__(self, side: Fixed, low: int, end: int, total: int):
         self._left, self._own = side.left, np.arange(low, end)
         self._other = total - self._own
@@ -173,10 +166,12 @@ class Best:
     choice
         Between which aims.
     back : (start + 1,)
-        As of Side.
+        As of Fixed.
 
     Attributes
     ----------
+    left : (start + 1, start + 1)
+        As of Fixed.
     safe : (2, start + 1, start + 1)
         W_1 and W_2 of scores from which no dart can bust, by the score of the other and by what
         remains.
@@ -194,14 +189,14 @@ class Best:
         self.last = [_LastDart(self, *part) for part in _parts(choice.counts[0], LAST_PARTS)]
         self.second = [_SecondDart(self, *part) for part in _parts(choice.counts[1], SECOND_PARTS)]
 
-    def turns(self, low: int, end: int, total: int) -> Turns:
-        parts = (
-            [_RiskyTurns(self, low, min(end, NO_BUST_THREE), total)] if low < NO_BUST_THREE else []
-        )
-        safe = (
-            [_SafeTurns(self, max(low, NO_BUST_THREE), end, total)] if end > NO_BUST_THREE else []
-        )
-        return _TurnsInParts([*parts, *safe])
+    def turns(self, low: int, end: int, total: int) -> _BestTurns:
+        """As of Fixed."""
+        parts: list[_RiskyTurns | _SafeTurns] = []
+        if low < NO_BUST_THREE:
+            parts.append(_RiskyTurns(self, low, min(end, NO_BUST_THREE), total))
+        if end > NO_BUST_THREE:
+            parts.append(_SafeTurns(self, max(low, NO_BUST_THREE), end, total))
+        return _BestTurns(parts)
 
     def best(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
         """The best means (m,) of values (m, 57) of the results of a dart, for the remaining scores
@@ -291,8 +286,8 @@ class _SecondDart:
             two[begun, np.arange(low, end)[:, None]] = means.max(axis=1)
 
 
-class _TurnsInParts:
-    """Turns from a range of scores, of which each part is computed in its own way."""
+class _BestTurns:
+    """Turns from a range of scores as of _FixedTurns; each part is computed in its own way."""
 
     def __init__(self, parts: list[_RiskyTurns | _SafeTurns]):
         self._parts = parts
